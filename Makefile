@@ -1,0 +1,45 @@
+# Two commands do everything on a fresh machine: `make demo` and `make test`.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+DEMO := demo
+
+.PHONY: help install demo test test-long lint types laws clean
+
+help:
+	@echo "make install    the virtual environment in $(VENV)"
+	@echo "make demo       both of the paper's experiments on a virtual rig; report in $(DEMO)/report.html"
+	@echo "make test       lint, types, import laws and the whole suite"
+	@echo "make test-long  campaigns of many minutes"
+
+install: $(STAMP)
+
+$(STAMP): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "offaxis needs Python 3.11 or newer; $(PYTHON) is older. Name another: make PYTHON=python3.12 install" >&2; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	@touch $@
+
+demo: $(STAMP)
+	$(BIN)/rig demo --output $(DEMO)
+
+lint: $(STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(STAMP)
+	$(BIN)/mypy
+
+laws: $(STAMP)
+	$(BIN)/lint-imports
+
+test: lint types laws
+	$(BIN)/pytest -n 2 -m "not long"
+
+test-long: $(STAMP)
+	$(BIN)/pytest -m long
+
+clean:
+	rm -rf $(VENV) $(DEMO) build *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -1,0 +1,1 @@
+"""The measurement: images in, calibrated fields and strains out."""

@@ -1,0 +1,1 @@
+"""Devices: cameras, rotation stage and load frame, behind the interfaces the rig works with."""

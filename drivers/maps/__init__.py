@@ -1,0 +1,1 @@
+"""Register maps of load frames, as TOML data."""

@@ -1,0 +1,63 @@
+"""Files that people write: TOML, strictly checked, all mistakes reported together."""
+
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from drivers.errors import ConfigurationError
+
+
+class Settings(BaseModel):
+    """Base of everything read from TOML: frozen, no unknown keys, no conversion, no NaN or infinity."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+S = TypeVar("S", bound=BaseModel)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return a TOML file's content.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file is missing, unreadable or not TOML; the message names line and column.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigurationError(str(path), [f"cannot be read: {error.strerror or error}"]) from error
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(str(path), ["is not UTF-8 text; save it as UTF-8"]) from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(str(path), [f"is not valid TOML: {error}"]) from error
+
+
+def mistakes_in(error: ValidationError, prefix: str = "") -> list[str]:
+    """Turn pydantic's findings into one sentence each: where, what was expected, what was found."""
+    sentences = []
+    for finding in error.errors(include_url=False):
+        where = ".".join(str(part) for part in finding["loc"])
+        where = ".".join(part for part in (prefix, where) if part) or "(top level)"
+        if finding["type"] == "extra_forbidden":
+            sentences.append(f"{where}: unknown key; remove it or correct its name")
+        elif finding["type"] == "missing":
+            sentences.append(f"{where}: is missing; add it")
+        else:
+            message = finding["msg"].removeprefix("Value error, ")
+            message = message[:1].lower() + message[1:]
+            got = finding["input"]
+            shown = "" if isinstance(got, (dict, list)) else f", got {got!r}"
+            sentences.append(f"{where}: {message}{shown}")
+    return sentences
+
+
+def validate(model: type[S], data: object, source: str) -> S:
+    """Check `data` against `model`; all mistakes are reported together as one `ConfigurationError`."""
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise ConfigurationError(source, mistakes_in(error)) from error

@@ -1,0 +1,1 @@
+"""The experiment: protocol, plan, engine, recorder and commands."""
