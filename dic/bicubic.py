@@ -1,0 +1,102 @@
+"""The paper's calibration function: a sixteen-parameter bicubic surface for X and one for Y."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.errors import CalibrationError
+
+Points = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BicubicMap:
+    """Image px to grid mm, ``X = Σ a_ij ξ^i η^j`` and ``Y = Σ b_ij ξ^i η^j`` with i, j = 0 … 3.
+
+    ξ and η are the pixel coordinates centred and scaled to about ±1. That changes the coefficients but not
+    the surface, and keeps the least squares well conditioned (raw pixels to the sixth power would not be).
+
+    Attributes
+    ----------
+    coefficients : ndarray, shape (4, 4, 2)
+        mm; first index i (power of ξ), second j (power of η), last X or Y.
+    centre_px : ndarray, shape (2,)
+        Pixel at ξ = η = 0.
+    scale_px : float
+        Pixels per unit of ξ and η.
+
+    References
+    ----------
+    Helm and Deaner, *Off-Axis Two-Dimensional Digital Image Correlation*, equations 1 and 2.
+    """
+
+    coefficients: NDArray[np.float64]
+    centre_px: NDArray[np.float64]
+    scale_px: float
+
+    @classmethod
+    def fit(cls, points_px: Points, points_mm: Points) -> "BicubicMap":
+        """Fit both surfaces by least squares.
+
+        Parameters
+        ----------
+        points_px, points_mm : ndarray, shape (n, 2)
+            The same points in the image and on the grid.
+
+        Raises
+        ------
+        CalibrationError
+            If the points do not determine sixteen parameters: fewer than 16, or on fewer than four lines.
+        """
+        if len(points_px) < 16:
+            raise _undetermined(f"{len(points_px)} points")
+        centre_px = (points_px.min(axis=0) + points_px.max(axis=0)) / 2
+        scale_px = float(np.abs(points_px - centre_px).max())
+        design = _monomials((points_px - centre_px) / scale_px)
+        coefficients, _, rank, _ = np.linalg.lstsq(design, points_mm, rcond=1e-10)
+        if rank < 16:
+            raise _undetermined("points on fewer than four lines in one direction")
+        return cls(coefficients.reshape(4, 4, 2).astype(np.float64), centre_px, scale_px)
+
+    def map(self, px: Points) -> Points:
+        """Return the grid coordinates of image points.
+
+        Parameters
+        ----------
+        px : ndarray, shape (n, 2)
+
+        Returns
+        -------
+        ndarray, shape (n, 2)
+            X and Y in mm; NaN where `px` is NaN.
+        """
+        result: Points = _monomials(self._normalised(px)) @ self.coefficients.reshape(16, 2)
+        return result
+
+    def jacobian(self, px: Points) -> NDArray[np.float64]:
+        """Return ``∂(X, Y)/∂(x, y)`` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
+        powers = self._normalised(px)[:, :, None] ** np.arange(4)
+        slopes = np.zeros_like(powers)
+        slopes[:, :, 1:] = powers[:, :, :3] * np.arange(1, 4) / self.scale_px
+        by_x = np.einsum("ni,nj,ijc->nc", slopes[:, 0], powers[:, 1], self.coefficients)
+        by_y = np.einsum("ni,nj,ijc->nc", powers[:, 0], slopes[:, 1], self.coefficients)
+        return np.stack([by_x, by_y], axis=-1)
+
+    def _normalised(self, px: Points) -> Points:
+        return (np.asarray(px, np.float64).reshape(-1, 2) - self.centre_px) / self.scale_px
+
+
+def _monomials(points: Points) -> NDArray[np.float64]:
+    powers = points[:, :, None] ** np.arange(4)
+    return (powers[:, 0, :, None] * powers[:, 1, None, :]).reshape(-1, 16)
+
+
+def _undetermined(got: str) -> CalibrationError:
+    return CalibrationError(
+        "bicubic map",
+        "fit sixteen parameters",
+        expected="at least 4 × 4 grid points in general position",
+        got=got,
+        remedy="use a grid with more lines in view",
+    )

@@ -1,0 +1,51 @@
+"""What can go wrong with a measurement, said in one sentence that says what to do."""
+
+
+class MeasurementError(Exception):
+    """Images, grid or points could not give what was asked.
+
+    Parameters
+    ----------
+    source : str
+        The file, image or point the sentence is about.
+    step : str
+        What was being done.
+    expected, got : str
+        What should have been there, and what was.
+    remedy : str
+        What to do about it.
+    """
+
+    def __init__(self, source: str, step: str, *, expected: str, got: str, remedy: str) -> None:
+        self.source = source
+        self.step = step
+        self.expected = expected
+        self.got = got
+        self.remedy = remedy
+        super().__init__(f"{source}: {step}: expected {expected}, got {got}; {remedy}")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Survive the way back from a worker process, which keyword-only arguments otherwise do not."""
+        return _rebuild, (type(self), self.source, self.step, self.expected, self.got, self.remedy)
+
+
+def _rebuild(
+    kind: type[MeasurementError], source: str, step: str, expected: str, got: str, remedy: str
+) -> MeasurementError:
+    return kind(source, step, expected=expected, got=got, remedy=remedy)
+
+
+class ImageError(MeasurementError):
+    """An image file is missing, damaged, or no image that can be measured."""
+
+
+class CalibrationError(MeasurementError):
+    """No grid was found, or a calibration could not be computed, read or applied."""
+
+
+class CorrelationError(MeasurementError):
+    """Images could not be correlated."""
+
+
+class RunFileError(MeasurementError):
+    """A run file or result file is missing, damaged, or lacks what is needed."""
