@@ -55,8 +55,8 @@ class Calibration:
     def inside(self, px: Points) -> NDArray[np.bool_]:
         """Tell which image points (n, 2) lie within the calibrated area; NaN is outside.
 
-        The area is the polygon of the outermost grid points. Outside it the bicubic map "quickly deviates from
-        the desired values" (Helm and Deaner), so such points are flagged wherever they occur.
+        The area is the polygon of the outermost grid points. Outside it the bicubic map "quickly deviates
+        from the desired values" (Helm and Deaner), so such points are flagged wherever they occur.
         """
         points = np.asarray(px, np.float64).reshape(-1, 2)
         outline = self.outline_px

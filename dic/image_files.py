@@ -27,8 +27,8 @@ def damage_in(content: bytes) -> str | None:
 
     Notes
     -----
-    PNG: chunks, their check sums and the end chunk (ISO/IEC 15948, clause 5). TIFF and BigTIFF: every strip or
-    tile of the first page lies within the file (TIFF 6.0, section 3). BMP: the size in the header.
+    PNG: chunks, their check sums and the end chunk (ISO/IEC 15948, clause 5). TIFF and BigTIFF: every strip
+    or tile of the first page lies within the file (TIFF 6.0, section 3). BMP: the size in the header.
     """
     if not content:
         return "an empty file"

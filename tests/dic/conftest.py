@@ -1,0 +1,126 @@
+"""Pictures of calibration grids whose intersections are known exactly, drawn without the code under test."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.special import erf
+
+
+@dataclass(frozen=True)
+class GridPicture:
+    image: np.ndarray
+    xy_mm: np.ndarray
+    uv_px: np.ndarray
+
+
+@dataclass(frozen=True)
+class GridView:
+    """A pinhole at `distance_mm`, swung by pan and tilt about the grid's centre, rolled in its image plane."""
+
+    size_px: tuple[int, int] = (450, 450)
+    pan_deg: float = 0.0
+    tilt_deg: float = 0.0
+    roll_deg: float = 0.0
+    focal_px: float = 1400.0
+    distance_mm: float = 40.0
+    k1_per_px2: float = 0.0
+    lines: tuple[int, int] = (21, 21)
+    pitch_mm: float = 0.5
+    line_mm: float = 0.06
+    overhang_mm: float = 0.0
+    blur_px: float = 0.7
+    noise: float = 2.0
+    dark: float = 50.0
+    bright: float = 200.0
+    gradient: float = 0.0
+    dark_lines: bool = True
+    outside: str = "plain"
+
+    def homography(self) -> np.ndarray:
+        pan, tilt, roll = np.radians([self.pan_deg, self.tilt_deg, self.roll_deg])
+        about_y = np.array([[np.cos(pan), 0, np.sin(pan)], [0, 1, 0], [-np.sin(pan), 0, np.cos(pan)]])
+        about_x = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
+        about_z = np.array([[np.cos(roll), np.sin(roll), 0], [-np.sin(roll), np.cos(roll), 0], [0, 0, 1]])
+        rotation = about_z @ about_x @ about_y
+        pose = np.column_stack([rotation[:, 0], rotation[:, 1], [0, 0, self.distance_mm]])
+        # Y up on the grid, y down in the image
+        return np.diag([self.focal_px, -self.focal_px, 1.0]) @ pose
+
+    def centre_px(self) -> np.ndarray:
+        return np.array([(self.size_px[1] - 1) / 2 + 0.3, (self.size_px[0] - 1) / 2 - 0.2])
+
+    def project(self, xy_mm: np.ndarray) -> np.ndarray:
+        at = np.column_stack([xy_mm, np.ones(len(xy_mm))]) @ self.homography().T
+        ideal = at[:, :2] / at[:, 2:]
+        return ideal * (1 + self.k1_per_px2 * (ideal**2).sum(axis=1, keepdims=True)) + self.centre_px()
+
+    def unproject(self, uv_px: np.ndarray) -> np.ndarray:
+        distorted = uv_px - self.centre_px()
+        ideal = distorted
+        for _ in range(6 if self.k1_per_px2 else 0):
+            ideal = distorted / (1 + self.k1_per_px2 * (ideal**2).sum(axis=-1, keepdims=True))
+        at = np.concatenate([ideal, np.ones_like(ideal[..., :1])], axis=-1) @ np.linalg.inv(self.homography()).T
+        return at[..., :2] / at[..., 2:]
+
+    def render(self, rng: np.random.Generator) -> GridPicture:
+        height, width = self.size_px
+        brightness = np.zeros(self.size_px)
+        # 3-point Gauss-Legendre over the pixel's area: exact to far below the noise for lines with any blur
+        nodes, weights = np.array([-0.5, 0, 0.5]) * np.sqrt(0.6), np.array([5, 8, 5]) / 18
+        rows, columns = np.mgrid[:height, :width].astype(float)
+        for dx, wx in zip(nodes, weights, strict=True):
+            for dy, wy in zip(nodes, weights, strict=True):
+                samples = self.unproject(np.stack([columns + dx, rows + dy], axis=-1))
+                brightness += wx * wy * (1 - self._ink(samples))
+        if not self.dark_lines:
+            brightness = 1 - brightness
+        if self.outside == "speckle":
+            brightness = self._with_clutter(brightness, rows, columns, rng)
+        grey = self.dark + (self.bright - self.dark) * brightness
+        grey = grey * (1 + self.gradient * (columns / width - 0.5 + 0.6 * (rows / height - 0.5)))
+        grey = grey + rng.normal(0, self.noise, grey.shape)
+        counts = [(np.arange(n) - (n - 1) / 2) * self.pitch_mm for n in self.lines]
+        xy_mm = np.stack(np.meshgrid(*counts, indexing="ij"), axis=-1).reshape(-1, 2)
+        image = np.clip(np.rint(grey), 0, 255).astype(np.float32)
+        return GridPicture(image, xy_mm, self.project(xy_mm))
+
+    def _ink(self, xy_mm: np.ndarray) -> np.ndarray:
+        blur_mm = max(self.blur_px, 0.05) * self.distance_mm / self.focal_px * np.sqrt(2)
+        ends = [(n - 1) / 2 * self.pitch_mm for n in self.lines]
+        bare = np.ones(xy_mm.shape[:-1])
+        for axis in (0, 1):
+            across, along = xy_mm[..., axis], xy_mm[..., 1 - axis]
+            phase = across / self.pitch_mm + (self.lines[axis] - 1) / 2
+            nearest = np.clip(np.rint(phase), 0, self.lines[axis] - 1)
+            offset = (phase - nearest) * self.pitch_mm
+            half = self.line_mm / 2
+            ink = (erf((offset + half) / blur_mm) - erf((offset - half) / blur_mm)) / 2
+            stop = ends[1 - axis] + half + self.overhang_mm
+            ink *= (erf((along + stop) / blur_mm) - erf((along - stop) / blur_mm)) / 2
+            bare *= 1 - ink
+        return 1 - bare
+
+    def _with_clutter(
+        self, brightness: np.ndarray, rows: np.ndarray, columns: np.ndarray, rng: np.random.Generator
+    ) -> np.ndarray:
+        from scipy.ndimage import gaussian_filter
+
+        speckle = gaussian_filter(rng.normal(size=brightness.shape), 2.5)
+        speckle = np.clip(0.5 + speckle / speckle.std() * 0.35, 0, 1)
+        xy = np.abs(self.unproject(np.stack([columns, rows], axis=-1)))
+        ends = [(n - 1) / 2 * self.pitch_mm + 0.6 * self.pitch_mm for n in self.lines]
+        outside = (xy[..., 0] > ends[0]) | (xy[..., 1] > ends[1])
+        return np.where(outside, speckle, brightness)
+
+
+@pytest.fixture(scope="session")
+def draw_grid() -> Callable[..., GridPicture]:
+    """Return ``draw(seed=0, **view)``: a picture of a grid as `GridView` describes it, with the truth."""
+
+    def draw(seed: int = 0, **view: Any) -> GridPicture:
+        return GridView(**view).render(np.random.default_rng(seed))
+
+    return draw
