@@ -1,0 +1,129 @@
+"""Zaber ASCII protocol, version 3: messages, checksums, flags and reject reasons; bytes only, no port.
+
+Every message goes out with an id and a checksum, so every answer must carry the same id and a checksum of its own.
+Source: Zaber ASCII Protocol Manual (https://www.zaber.com/protocol-manual), chapters Message Format, Warning Flags
+and Rejection Reasons.
+"""
+
+import re
+from dataclasses import dataclass
+
+# The data value of a speed is microsteps per second times this.
+SPEED_UNIT = 1.6384
+IDS = range(100)
+
+_REPLY = re.compile(
+    r"@(?P<address>\d\d) (?P<axis>\d+) (?P<id>\d\d) (?P<outcome>OK|RJ) (?P<status>BUSY|IDLE) "
+    r"(?P<flag>--|[A-Z0-9]{2}) (?P<data>.*)"
+)
+
+# Flags after which the last motion has failed; all others warn.
+MOTION_FAILED = frozenset({"FS", "FD", "FO", "FH", "FE", "WL", "FF"})
+# Flags that say that the position counter does not belong to a reference.
+NOT_REFERENCED = frozenset({"WR", "WH"})
+
+FLAGS = {
+    "FD": "the motor driver switched itself off",
+    "FO": "the motor driver is switched off",
+    "FH": "the hardware emergency stop is pressed",
+    "FS": "the stage stalled",
+    "FE": "a limit error",
+    "FF": "a system error",
+    "WL": "an unexpected limit switch",
+    "WR": "no reference position",
+    "WH": "the stage was not homed",
+    "NI": "the motion was interrupted",
+    "NC": "the knob was turned by hand",
+}
+
+REJECTIONS = {
+    "BADDATA": "the value is out of range or beyond the stage's own limits",
+    "BADCOMMAND": "the stage does not know the command",
+    "BADAXIS": "the stage has no such axis",
+    "DRIVERDISABLED": "the motor driver is off",
+    "PARKED": "the axis is parked",
+    "STATUSBUSY": "the axis is busy",
+    "AGAIN": "the stage cannot do it right now",
+    "REMOTE": "the stage is under remote control",
+}
+
+
+class DamagedLineError(ValueError):
+    """A line that is no reply, or whose checksum is missing or wrong."""
+
+
+@dataclass(frozen=True)
+class Reply:
+    """An answer of the stage.
+
+    Attributes
+    ----------
+    address, axis, id : int
+        Whose answer it is, and to which request.
+    accepted : bool
+        OK or RJ.
+    busy : bool
+        True while the axis moves.
+    flag : str
+        The gravest warning flag, or ``--``.
+    data : str
+        The value asked for, or the reason of a rejection.
+    """
+
+    address: int
+    axis: int
+    id: int
+    accepted: bool
+    busy: bool
+    flag: str
+    data: str
+
+
+def lrc(text: str) -> str:
+    """Longitudinal redundancy check, two hexadecimal digits.
+
+    Parameters
+    ----------
+    text : str
+        What stands between the message's first character and its colon.
+    """
+    return f"{-sum(text.encode('ascii')) & 0xFF:02X}"
+
+
+def encode(address: int, axis: int, id: int, command: str) -> bytes:
+    """Return the bytes of a request; an empty command asks for the status."""
+    body = f"{address} {axis} {id:02d}"
+    if command:
+        body += f" {command}"
+    return f"/{body}:{lrc(body)}\n".encode("ascii")
+
+
+def decode(line: bytes) -> Reply | None:
+    """Read one line from the stage, without its line end.
+
+    Returns
+    -------
+    Reply or None
+        None for alerts (``!``) and information (``#``), which answer nothing.
+
+    Raises
+    ------
+    DamagedLineError
+        If it is no reply or its checksum is missing or wrong.
+    """
+    text = line.decode("ascii", "replace")
+    if re.match(r"[!#]\d\d ", text):
+        return None
+    body, colon, received = text.rpartition(":")
+    match = _REPLY.fullmatch(body)
+    if not colon or match is None or received != lrc(body[1:]):
+        raise DamagedLineError(text)
+    return Reply(
+        address=int(match["address"]),
+        axis=int(match["axis"]),
+        id=int(match["id"]),
+        accepted=match["outcome"] == "OK",
+        busy=match["status"] == "BUSY",
+        flag=match["flag"],
+        data=match["data"],
+    )

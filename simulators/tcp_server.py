@@ -1,0 +1,80 @@
+"""A TCP port that answers any number of clients and leaves nothing behind when closed."""
+
+import contextlib
+import socket
+import threading
+from collections.abc import Callable
+
+
+class TcpServer:
+    """Accept connections and run a conversation with each, every one in its own daemon thread.
+
+    Parameters
+    ----------
+    converse : callable
+        ``converse(connection)`` talks to one client until it leaves; it returns when `recv` gives nothing or
+        raises OSError. The connection is closed for it.
+    host : str
+    port : int
+        0 takes any free port.
+
+    Raises
+    ------
+    OSError
+        If the port is taken.
+    """
+
+    def __init__(self, converse: Callable[[socket.socket], None], host: str, port: int) -> None:
+        self._converse = converse
+        self._listener = socket.create_server((host, port))
+        bound_host, bound_port = self._listener.getsockname()[:2]
+        self.address = f"{bound_host}:{bound_port}"
+        self._lock = threading.Lock()
+        self._closing = False
+        self._talks: dict[socket.socket, threading.Thread] = {}
+        self._accepting = threading.Thread(target=self._accept, name=f"accept {self.address}", daemon=True)
+        self._accepting.start()
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                connection, _ = self._listener.accept()
+            except OSError:
+                return
+            with self._lock:
+                if self._closing:
+                    connection.close()
+                    return
+                talk = threading.Thread(
+                    target=self._talk, args=(connection,), name=f"serve {self.address}", daemon=True
+                )
+                self._talks[connection] = talk
+                talk.start()
+
+    def _talk(self, connection: socket.socket) -> None:
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        with connection, contextlib.suppress(OSError):
+            self._converse(connection)
+        with self._lock:
+            self._talks.pop(connection, None)
+
+    def drop_clients(self) -> None:
+        """Cut every connection, as a cable or a switch would; new ones are accepted."""
+        with self._lock:
+            talks = dict(self._talks)
+        for connection in talks:
+            with contextlib.suppress(OSError):
+                connection.shutdown(socket.SHUT_RDWR)
+        for talk in talks.values():
+            talk.join()
+
+    def close(self) -> None:
+        """Stop listening, cut every connection and wait for the threads; harmless when repeated."""
+        with self._lock:
+            self._closing = True
+        # closing alone does not wake a thread that waits in accept
+        with contextlib.suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._accepting.join()
+        self._listener.close()
+        self.drop_clients()
