@@ -108,8 +108,8 @@ class ZaberStage:
         DeviceFault
             If the angle is out of limits, or the stage moves, has no reference, has a fault or refuses.
         DeviceTimeout
-            If the stage did not take the command. A command whose answer was lost is never sent again: the stage is
-            asked what it does instead.
+            If the stage did not take the command. A command whose answer was lost is never sent again: the
+            stage is asked what it does instead.
         """
         step = f"move to {angle_deg:g}°"
         low, high = self._settings.angle_min_deg, self._settings.angle_max_deg

@@ -136,7 +136,7 @@ class ZaberPort:
         try:
             reply = decode(line)
         except DamagedLineError as damage:
-            # its id cannot be trusted either: everybody who waits must know that this may have been the answer
+            # its id cannot be trusted either: it may have been the answer to anybody who waits
             self._tell_all(damage)
             return
         if reply is not None and (answers := self._waiting.get(reply.id)) is not None:
@@ -174,5 +174,5 @@ class ZaberPort:
 
 
 def _after(id: int) -> list[int]:
-    """All ids, beginning with the one after `id`: a late answer meets its old id only after a hundred requests."""
+    """All ids, from the one after `id` on: a late answer meets its id again only after a hundred requests."""
     return [*IDS[id + 1 :], *IDS[: id + 1]]

@@ -158,7 +158,7 @@ class StageDevice:
         return now_s
 
     def _start(self, plan: list[float]) -> None:
-        """Begin to visit shaft angles one after the other; a motion under way is pre-empted and braked first."""
+        """Begin to visit shaft angles in turn; a motion under way is pre-empted and braked first."""
         if self._disabled:
             raise RefusedError("DRIVERDISABLED")
         speed = self.speed_microsteps_s / self.microsteps_per_deg

@@ -89,7 +89,7 @@ class StageServer:
             os.close(descriptor)
 
     def answer(self, line: bytes) -> bytes:
-        """Act on one line and return the bytes to send back: empty when the line is not for this stage or damaged."""
+        """Act on one line and return the bytes to send back: none when it is damaged or for somebody else."""
         text = line.decode("ascii", "replace").strip()
         text, colon, lrc = text.partition(":")
         if colon and lrc.upper() != checksum(text[1:]):
