@@ -1,0 +1,150 @@
+"""A camera that shows what the specimen of a simulated rig looks like from where it stands."""
+
+from typing import Literal
+from zlib import crc32
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from drivers.clock import Clock
+from drivers.errors import DeviceError, DeviceTimeout
+from drivers.interfaces import CameraInfo, Frame, OpenContext
+from drivers.registry import DriverSpec
+from drivers.settings import Settings
+from simulators.optics import PinholeCamera
+from simulators.render import render
+from simulators.scene import Scene, scene_of
+from simulators.sensor import Sensor
+
+
+class CameraSettings(Settings):
+    """Where the camera stands, its lens and its sensor."""
+
+    width_px: int = Field(900, ge=16, le=8192)
+    height_px: int = Field(900, ge=16, le=8192)
+    bits: Literal[8, 12] = Field(8, description="significant bits of a pixel")
+    focal_px: float = Field(2800.0, gt=0, description="distance from pinhole to sensor in px")
+    distance_mm: float = Field(40.0, gt=0, description="distance from pinhole to the middle of the grid")
+    pan_deg: float = Field(0.0, ge=-60, le=60, description="positive swings the camera to +X")
+    tilt_deg: float = Field(0.0, ge=-60, le=60, description="positive raises the camera to +Y")
+    k1_per_px2: float = Field(0.0, description="radial distortion: x (1 + k1 r²), px from the image's middle")
+    exposure_us: float = Field(10_000.0, gt=0)
+    gain: float = Field(1.0, gt=0)
+    readout_us: float = Field(20_000.0, ge=0, description="from the end of exposure to the frame's arrival")
+    # 32 500 electrons give a noise of one grey level (8 bit) in mid-grey.
+    full_well_e: float = Field(32_500.0, gt=0, description="electrons that give the highest grey level")
+    read_noise_e: float = Field(20.0, ge=0, description="dark noise in electrons")
+    saturation_exposure_us: float = Field(12_000.0, gt=0, description="exposure that saturates on white")
+
+    def optics(self) -> PinholeCamera:
+        """Return the lens and its place."""
+        return PinholeCamera(
+            self.width_px,
+            self.height_px,
+            self.focal_px,
+            self.distance_mm,
+            self.pan_deg,
+            self.tilt_deg,
+            self.k1_per_px2,
+        )
+
+    def sensor(self) -> Sensor:
+        """Return the sensor."""
+        return Sensor(self.bits, self.full_well_e, self.read_noise_e, self.saturation_exposure_us)
+
+    @model_validator(mode="after")
+    def _can_see_its_corners(self) -> "CameraSettings":
+        self.optics()
+        return self
+
+
+class SimulatedCamera:
+    """Renders the scene as it is in the middle of each exposure.
+
+    Noise depends on nothing but the scene's seed, the camera's name and the frame's number, so a run repeats
+    bit by bit.
+    """
+
+    def __init__(self, name: str, settings: CameraSettings, scene: Scene, clock: Clock) -> None:
+        self.info = CameraInfo(
+            vendor="offaxis",
+            model="simulated camera",
+            serial=name,
+            simulated=True,
+            width_px=settings.width_px,
+            height_px=settings.height_px,
+            bits=settings.bits,
+        )
+        self.optics = settings.optics()
+        self._settings = settings
+        self._sensor = settings.sensor()
+        self._scene = scene
+        self._clock = clock
+        self._sequence = 0
+        self._open = True
+
+    def grab(self, timeout_s: float) -> Frame:
+        """Expose and return one frame.
+
+        Raises
+        ------
+        DeviceTimeout
+            If exposure and readout take longer than `timeout_s`.
+        DeviceError
+            If the camera was closed.
+        """
+        self._require_open()
+        exposure_s = self._settings.exposure_us * 1e-6
+        readout_s = self._settings.readout_us * 1e-6
+        if exposure_s + readout_s > timeout_s:
+            self._clock.sleep(timeout_s)
+            raise DeviceTimeout(
+                self.info.serial,
+                "grab",
+                expected=f"a frame within {timeout_s:g} s",
+                got=f"none, since exposure and readout take {exposure_s + readout_s:g} s",
+                remedy="shorten the exposure or allow more time",
+            )
+        exposed_s, utc = self._clock.now_s(), self._clock.utc()
+        self._clock.sleep(exposure_s / 2)
+        reflectance = render(self.optics, self._scene.surface())
+        self._clock.sleep(exposure_s / 2 + readout_s)
+        image = self._sensor.expose(
+            reflectance, self._settings.exposure_us, self._settings.gain, self._noise_of(self._sequence)
+        )
+        frame = Frame(
+            image=image,
+            exposed_s=exposed_s,
+            received_s=self._clock.now_s(),
+            utc=utc,
+            sequence=self._sequence,
+            flags=0,
+            exposure_us=self._settings.exposure_us,
+            gain=self._settings.gain,
+        )
+        self._sequence += 1
+        return frame
+
+    def close(self) -> None:
+        """Release the camera; harmless when repeated."""
+        self._open = False
+
+    def _noise_of(self, sequence: int) -> np.random.Generator:
+        return np.random.default_rng([self._scene.seed, crc32(self.info.serial.encode()), sequence])
+
+    def _require_open(self) -> None:
+        if not self._open:
+            raise DeviceError(
+                self.info.serial,
+                "grab",
+                expected="an open camera",
+                got="a closed one",
+                remedy="open it again",
+            )
+
+
+def _open(settings: CameraSettings, context: OpenContext) -> SimulatedCamera:
+    return SimulatedCamera(context.name, settings, scene_of(context), context.clock)
+
+
+SPEC = DriverSpec("camera", CameraSettings, _open)

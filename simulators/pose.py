@@ -1,0 +1,64 @@
+"""Rigid motions of a surface in the world."""
+
+from dataclasses import dataclass, field
+from math import radians, tan
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A rigid motion ``p -> rotation · p + translation_mm``; the default leaves everything in place.
+
+    Attributes
+    ----------
+    rotation : ndarray, shape (3, 3)
+    translation_mm : ndarray, shape (3,)
+    """
+
+    rotation: Array = field(default_factory=lambda: np.eye(3))
+    translation_mm: Array = field(default_factory=lambda: np.zeros(3))
+
+    def apply(self, points_mm: Array) -> Array:
+        """Move points (n, 3) in mm."""
+        return points_mm @ self.rotation.T + self.translation_mm
+
+    def after(self, first: "Pose") -> "Pose":
+        """Return the motion that does `first`, then this one."""
+        return Pose(
+            self.rotation @ first.rotation, self.rotation @ first.translation_mm + self.translation_mm
+        )
+
+    def inverse(self) -> "Pose":
+        """Return the motion back."""
+        return Pose(self.rotation.T, -self.rotation.T @ self.translation_mm)
+
+    @classmethod
+    def turned(cls, axis: Array, angle_deg: float, through_mm: Array) -> "Pose":
+        """Turn right-handed about an axis (a direction (3,) of any length) through a point (3,) in mm."""
+        rotation = _rotation(axis / np.linalg.norm(axis), radians(angle_deg))
+        return cls(rotation, through_mm - rotation @ through_mm)
+
+    @classmethod
+    def sloped(cls, slope_x_deg: float, slope_y_deg: float, shift_z_mm: float = 0.0) -> "Pose":
+        """Tip the plane z = 0 onto ``z = tan(slope_x) X + tan(slope_y) Y + shift_z`` by the shortest way."""
+        axis = np.cross([0.0, 0.0, 1.0], plane_normal(slope_x_deg, slope_y_deg))
+        sine = float(np.linalg.norm(axis))
+        rotation = _rotation(axis / sine, float(np.arcsin(sine))) if sine > 0.0 else np.eye(3)
+        return cls(rotation, np.array([0.0, 0.0, shift_z_mm]))
+
+
+def plane_normal(slope_x_deg: float, slope_y_deg: float) -> Array:
+    """Return the unit normal (3,) of the plane ``z = tan(slope_x) X + tan(slope_y) Y``, towards +Z."""
+    normal = np.array([-tan(radians(slope_x_deg)), -tan(radians(slope_y_deg)), 1.0])
+    return np.asarray(normal / np.linalg.norm(normal))
+
+
+def _rotation(axis: Array, angle: float) -> Array:
+    """Rodrigues' formula for a unit axis and an angle in radians."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)

@@ -1,0 +1,143 @@
+"""A dog bone of 2024-T3 sheet between grips: the load a displacement costs, and the strain it leaves."""
+
+from dataclasses import dataclass
+from math import exp, log
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from drivers.settings import Settings
+
+
+class SpecimenSettings(Settings):
+    """Dimensions, material and grips.
+
+    Material: typical values of 2024-T3 (Aluminum Association, as in MatWeb's sheet "Aluminum 2024-T3"):
+    modulus 73.1 GPa, Poisson's ratio 0.33, yield 345 MPa, ultimate strength 483 MPa, elongation 18 %.
+    The load string's numbers are a plausible mechanical test frame with wedge grips.
+    """
+
+    width_mm: float = Field(25.0, gt=0, description="width of the gauge section")
+    thickness_mm: float = Field(1.0, gt=0, description="thickness of the sheet")
+    parallel_length_mm: float = Field(60.0, gt=0, description="length that stretches uniformly")
+    youngs_modulus_mpa: float = Field(73_100.0, gt=0)
+    poisson_ratio: float = Field(0.33, ge=0, lt=0.5)
+    yield_stress_mpa: float = Field(345.0, gt=0, description="stress at 0.2 % plastic strain")
+    ultimate_stress_mpa: float = Field(483.0, gt=0)
+    ultimate_strain: float = Field(
+        0.15, gt=0.01, description="strain at which the ultimate stress is reached"
+    )
+    fracture_strain: float = Field(0.18, gt=0.01)
+    grip_slip_mm: float = Field(0.5, ge=0, description="how far the grips bite in, in total")
+    grip_slip_load_n: float = Field(1500.0, gt=0, description="load at which 63 % of the slip is over")
+    machine_stiffness_n_mm: float = Field(15_000.0, gt=0, description="grips and frame in series")
+    centre_travel: float = Field(
+        0.0, ge=0, le=1, description="part of the displacement by which the specimen's middle moves"
+    )
+
+    @model_validator(mode="after")
+    def _hardens(self) -> "SpecimenSettings":
+        if self.ultimate_stress_mpa <= self.yield_stress_mpa:
+            raise ValueError("ultimate_stress_mpa must exceed yield_stress_mpa")
+        return self
+
+    @property
+    def area_mm2(self) -> float:
+        """Cross section of the gauge section."""
+        return self.width_mm * self.thickness_mm
+
+
+@dataclass(frozen=True)
+class SpecimenState:
+    """One moment of a test; strains are engineering strains of the gauge section, along Y and X."""
+
+    displacement_mm: float = 0.0
+    load_n: float = 0.0
+    axial_strain: float = 0.0
+    transverse_strain: float = 0.0
+    broken: bool = False
+
+    def deformation_gradient(self) -> NDArray[np.float64]:
+        """Return F (2, 2) of the gauge section in X and Y."""
+        return np.diag([1.0 + self.transverse_strain, 1.0 + self.axial_strain])
+
+
+class Specimen:
+    """Specimen, grips and frame in series, with a memory: the highest load it has carried.
+
+    Virgin loading follows Ramberg and Osgood, ``strain = s/E + 0.002 (s/yield)^n`` with n such that the
+    ultimate stress is reached at the ultimate strain; frame and grips add their elastic compliance and a slip
+    ``slip (1 - exp(-load / slip load))``. Plastic strain and slip stay on unloading, which is elastic.
+    A slack sheet carries no compression. Beyond the fracture strain the specimen is broken and stays so.
+    """
+
+    def __init__(self, settings: SpecimenSettings) -> None:
+        self.settings = settings
+        self.state = SpecimenState()
+        s = settings
+        self._elastic_n = s.youngs_modulus_mpa * s.area_mm2
+        self._elastic_mm_per_n = s.parallel_length_mm / self._elastic_n + 1.0 / s.machine_stiffness_n_mm
+        plastic_at_ultimate = s.ultimate_strain - s.ultimate_stress_mpa / s.youngs_modulus_mpa
+        self._exponent = log(plastic_at_ultimate / 0.002) / log(s.ultimate_stress_mpa / s.yield_stress_mpa)
+        self._highest_n = 0.0
+
+    @property
+    def axial_strain(self) -> float:
+        """Engineering strain along Y, the loading axis."""
+        return self.state.axial_strain
+
+    @property
+    def transverse_strain(self) -> float:
+        """Engineering strain along X."""
+        return self.state.transverse_strain
+
+    def deformation_gradient(self) -> NDArray[np.float64]:
+        """Return F (2, 2) of the gauge section in X and Y."""
+        return self.state.deformation_gradient()
+
+    def stretch_to(self, displacement_mm: float) -> float:
+        """Bring the grips to a displacement from the start of the test and return the load in N."""
+        if self.state.broken:
+            load_n = 0.0
+        else:
+            beyond_mm = displacement_mm - self._virgin_displacement_mm(self._highest_n)
+            if beyond_mm > 0.0:
+                self._highest_n = self._virgin_load_n(displacement_mm, beyond_mm)
+                load_n = self._highest_n
+            else:
+                load_n = max(0.0, self._highest_n + beyond_mm / self._elastic_mm_per_n)
+        broken = self.state.broken or self._total_strain(self._highest_n) > self.settings.fracture_strain
+        self.state = self._state_at(displacement_mm, 0.0 if broken else load_n, broken)
+        return self.state.load_n
+
+    def _state_at(self, displacement_mm: float, load_n: float, broken: bool) -> SpecimenState:
+        elastic = load_n / self._elastic_n
+        plastic = self._plastic_strain(self._highest_n)
+        # Plastic flow keeps the volume: both transverse stretches are (1 + plastic)^-1/2.
+        transverse = -self.settings.poisson_ratio * elastic + (1.0 + plastic) ** -0.5 - 1.0
+        return SpecimenState(displacement_mm, load_n, elastic + plastic, transverse, broken)
+
+    def _plastic_strain(self, load_n: float) -> float:
+        stress_mpa = load_n / self.settings.area_mm2
+        return float(0.002 * (stress_mpa / self.settings.yield_stress_mpa) ** self._exponent)
+
+    def _total_strain(self, load_n: float) -> float:
+        return load_n / self._elastic_n + self._plastic_strain(load_n)
+
+    def _virgin_displacement_mm(self, load_n: float) -> float:
+        s = self.settings
+        slip_mm = s.grip_slip_mm * (1.0 - exp(-load_n / s.grip_slip_load_n))
+        return load_n * self._elastic_mm_per_n + slip_mm + self._plastic_strain(load_n) * s.parallel_length_mm
+
+    def _virgin_load_n(self, displacement_mm: float, beyond_mm: float) -> float:
+        """Load on the virgin curve, by bisection; no compliance is less than the elastic, which bounds it."""
+        low, high = self._highest_n, self._highest_n + beyond_mm / self._elastic_mm_per_n
+        while True:
+            middle = 0.5 * (low + high)
+            if not low < middle < high:
+                return middle
+            if self._virgin_displacement_mm(middle) < displacement_mm:
+                low = middle
+            else:
+                high = middle

@@ -1,0 +1,164 @@
+"""What is printed on a surface, as formulas: a speckle pattern and a calibration grid.
+
+Both can be evaluated at any material position, so an image of them is exact at every sub-pixel displacement.
+Reflectance runs from 0 (black) to 1 (white); positions are material coordinates in mm.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulators.jit import compiled
+
+Array = NDArray[np.float64]
+
+DARK = 0.08
+BRIGHT = 0.92
+
+
+class Texture(Protocol):
+    """A reflectance that is known at every material point.
+
+    `quadrature_order` is the number of Gauss points per pixel and direction that integrate it to well below a
+    camera's noise at 70 px/mm.
+    """
+
+    @property
+    def quadrature_order(self) -> int:
+        """Gauss points per pixel and direction."""
+
+    def reflectance(self, points_mm: Array) -> Array:
+        """Return the reflectance (n,) at material points (n, 2) in mm."""
+
+
+@dataclass(frozen=True)
+class Speckle:
+    """Dark dots of smooth compact support on white, about half of the surface covered.
+
+    Every cell of a square lattice holds one dot, anywhere in it, so the pattern is dense without holes and,
+    the position being uniform over the cell, without a trace of the lattice in its spectrum. Dots overlap
+    as paint does: darkness s leaves exp(-s) of the light.
+
+    Attributes
+    ----------
+    dots : ndarray, shape (n, n, 3)
+        Position of the dot within its cell (two numbers of 0 to 1) and one over its radius squared, in cells;
+        radii are at most 1, so only neighbours matter. The lattice repeats after n cells, a power of two.
+    cell_mm : float
+    """
+
+    dots: Array
+    cell_mm: float
+    quadrature_order: ClassVar[int] = 2
+
+    # At 70 px/mm the autocorrelation is 5 px wide at half height.
+    CELL_MM: ClassVar[float] = 0.1
+    SMALLEST_RADIUS: ClassVar[float] = 0.75
+    # 51 mm, more than any camera of the rig sees at once; a power of two, so that wrapping is a mask.
+    CELLS: ClassVar[int] = 512
+
+    @classmethod
+    def sprayed(cls, seed: int) -> "Speckle":
+        """Return the pattern that belongs to `seed`."""
+        rng = np.random.default_rng(seed)
+        position = rng.random((cls.CELLS, cls.CELLS, 2))
+        radius = rng.uniform(cls.SMALLEST_RADIUS, 1.0, (cls.CELLS, cls.CELLS, 1))
+        return cls(np.concatenate([position, radius**-2], axis=2), cls.CELL_MM)
+
+    def reflectance(self, points_mm: Array) -> Array:
+        """Return the reflectance (n,) at material points (n, 2) in mm."""
+        return _speckle(np.ascontiguousarray(points_mm), self.dots, self.cell_mm)
+
+
+@dataclass(frozen=True)
+class LineGrid:
+    """Calibration grid: dark lines on a bright plate, centred on the origin, parallel to X and Y.
+
+    Attributes
+    ----------
+    lines : int
+        Number of lines in either direction.
+    pitch_mm, line_width_mm : float
+    edge_mm : float
+        Width over which a line's edge goes from dark to bright.
+    overhang_mm : float
+        How far lines go on beyond the outermost crossing.
+    plate_half_mm : float
+        The plate ends here; beyond it lies a surface half as bright.
+    """
+
+    lines: int = 21
+    pitch_mm: float = 0.5
+    line_width_mm: float = 0.08
+    edge_mm: float = 0.03
+    overhang_mm: float = 0.1
+    plate_half_mm: float = 6.0
+    quadrature_order: ClassVar[int] = 3
+
+    def reflectance(self, points_mm: Array) -> Array:
+        """Return the reflectance (n,) at material points (n, 2) in mm."""
+        return _line_grid(
+            np.ascontiguousarray(points_mm),
+            self.lines,
+            self.pitch_mm,
+            self.line_width_mm,
+            self.edge_mm,
+            self.overhang_mm,
+            self.plate_half_mm,
+        )
+
+
+@compiled
+def _speckle(points_mm: Array, dots: Array, cell_mm: float) -> Array:
+    darkness_of_a_dot = 1.7
+    wrap = len(dots) - 1
+    reflectance = np.empty(len(points_mm))
+    for k in range(len(points_mm)):
+        x, y = points_mm[k, 0] / cell_mm, points_mm[k, 1] / cell_mm
+        column, row = int(np.floor(x)), int(np.floor(y))
+        darkness = 0.0
+        for j in range(row - 1, row + 2):
+            for i in range(column - 1, column + 2):
+                dot = dots[j & wrap, i & wrap]
+                dx, dy = x - i - dot[0], y - j - dot[1]
+                q = max(0.0, 1.0 - (dx * dx + dy * dy) * dot[2])
+                darkness += darkness_of_a_dot * (q * q) * (q * q)
+        reflectance[k] = DARK + (BRIGHT - DARK) * np.exp(-darkness)
+    return reflectance
+
+
+@compiled
+def _rise(t: float) -> float:
+    """Rise from 0 at t = -1/2 to 1 at t = 1/2, twice continuously differentiable."""
+    t = min(max(t + 0.5, 0.0), 1.0)
+    return t * t * t * (10.0 + t * (6.0 * t - 15.0))
+
+
+@compiled
+def _line_coverage(
+    across: float, along: float, lines: int, pitch: float, width: float, edge: float, end: float
+) -> float:
+    """How much of a line of one direction covers a point, 0 to 1."""
+    middle = (lines - 1) / 2
+    nearest = min(max(np.round(across / pitch + middle), 0.0), lines - 1.0)
+    off_centre = abs(across - (nearest - middle) * pitch)
+    return _rise((width / 2 - off_centre) / edge) * _rise((end - abs(along)) / edge)
+
+
+@compiled
+def _line_grid(
+    points_mm: Array, lines: int, pitch: float, width: float, edge: float, overhang: float, plate_half: float
+) -> Array:
+    end = (lines - 1) / 2 * pitch + overhang
+    beyond_the_plate = BRIGHT / 2
+    reflectance = np.empty(len(points_mm))
+    for k in range(len(points_mm)):
+        x, y = points_mm[k, 0], points_mm[k, 1]
+        upright = _line_coverage(x, y, lines, pitch, width, edge, end)
+        level = _line_coverage(y, x, lines, pitch, width, edge, end)
+        plate = DARK + (BRIGHT - DARK) * (1.0 - upright) * (1.0 - level)
+        on_plate = _rise((plate_half - max(abs(x), abs(y))) / edge)
+        reflectance[k] = beyond_the_plate + (plate - beyond_the_plate) * on_plate
+    return reflectance
