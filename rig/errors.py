@@ -1,0 +1,46 @@
+"""What can end a run, said in one sentence that the person at the rig can act on."""
+
+
+class RigError(Exception):
+    """The experiment cannot go on.
+
+    Parameters
+    ----------
+    step : str
+        The step of the protocol, or the file, that was being worked on.
+    expected, got : str
+        What should have happened, and what did.
+    remedy : str
+        What to do about it.
+    """
+
+    def __init__(self, step: str, *, expected: str, got: str, remedy: str) -> None:
+        self.step = step
+        self.expected = expected
+        self.got = got
+        self.remedy = remedy
+        super().__init__(f"{step}: expected {expected}, got {got}; {remedy}")
+
+
+class ProtocolError(RigError):
+    """The protocol cannot be carried out on this rig or with this specimen."""
+
+
+class LimitViolation(RigError):
+    """Load or displacement left the limits the protocol declares."""
+
+
+class SpecimenBroken(RigError):
+    """The load fell by more than the protocol allows while the specimen was stretched."""
+
+
+class SettleTimeout(RigError):
+    """Load, displacement or angle did not settle before the deadline."""
+
+
+class RunFileError(RigError):
+    """A run file cannot be created, written or read."""
+
+
+class Aborted(RigError):
+    """A person or a signal asked for the end of the run."""

@@ -1,0 +1,145 @@
+"""The rig file: which drivers make up the rig, each with its own settings."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field, ValidationError
+
+from drivers.errors import ConfigurationError
+from drivers.registry import DriverSpec, Kind, find_driver
+from drivers.settings import Settings, mistakes_in, read_toml
+
+_SINGLE: dict[str, Kind] = {
+    "simulation": "environment",
+    "stage": "stage",
+    "load_frame": "load_frame",
+    "operator": "operator",
+}
+
+
+@dataclass(frozen=True)
+class DeviceEntry:
+    """One device of the rig file: its name there, its driver, and the settings the driver accepted."""
+
+    name: str
+    driver: str
+    spec: DriverSpec
+    settings: Settings
+
+    def setting(self, name: str) -> Any:
+        """Return a setting that many drivers have, such as ``load_max_n``; None if this one has not."""
+        return getattr(self.settings, name, None)
+
+
+@dataclass(frozen=True)
+class RigFile:
+    """A rig file that was read and found good.
+
+    Attributes
+    ----------
+    path : Path
+    text : str
+        The file as it was read, for the run file.
+    name : str
+    operator : DeviceEntry
+    cameras : dict of str to DeviceEntry
+        In the order of the file.
+    simulation, stage, load_frame : DeviceEntry or None
+    """
+
+    path: Path
+    text: str
+    name: str
+    operator: DeviceEntry
+    cameras: dict[str, DeviceEntry]
+    simulation: DeviceEntry | None
+    stage: DeviceEntry | None
+    load_frame: DeviceEntry | None
+
+
+class _RigTable(Settings):
+    name: str = Field(min_length=1, max_length=200)
+
+
+def read_rig(path: Path) -> RigFile:
+    """Read a rig file; nothing is opened.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file cannot be read or any table has mistakes; those of all tables are listed together.
+    """
+    data = read_toml(path)
+    mistakes = [f"{key}: unknown key; remove it or correct its name" for key in data if key not in _KNOWN]
+    name = _read_name(data.get("rig"), mistakes)
+    devices = {
+        key: _read_device(key, data[key], kind, mistakes) for key, kind in _SINGLE.items() if key in data
+    }
+    cameras = _read_cameras(data.get("cameras"), mistakes)
+    operator = devices.get("operator")
+    if "operator" not in data:
+        mistakes.append("operator: is missing; add it")
+    if mistakes or operator is None:
+        raise ConfigurationError(str(path), mistakes)
+    return RigFile(
+        path=path,
+        text=path.read_text(encoding="utf-8"),
+        name=name,
+        operator=operator,
+        cameras=cameras,
+        simulation=devices.get("simulation"),
+        stage=devices.get("stage"),
+        load_frame=devices.get("load_frame"),
+    )
+
+
+_KNOWN = {"rig", "cameras", *_SINGLE}
+
+
+def _read_name(table: object, mistakes: list[str]) -> str:
+    try:
+        return _RigTable.model_validate({} if table is None else table).name
+    except ValidationError as error:
+        mistakes += mistakes_in(error, "rig")
+        return ""
+
+
+def _read_cameras(table: object, mistakes: list[str]) -> dict[str, DeviceEntry]:
+    if not isinstance(table, dict) or not table:
+        mistakes.append("cameras: at least one table [cameras.NAME] is expected; add it")
+        return {}
+    cameras = {}
+    for name, settings in table.items():
+        if not name.isidentifier():
+            mistakes.append(f"cameras.{name}: a name of letters, digits and _ is expected; rename it")
+        entry = _read_device(f"cameras.{name}", settings, "camera", mistakes)
+        if entry is not None:
+            cameras[name] = entry
+    return cameras
+
+
+def _read_device(where: str, table: object, kind: Kind, mistakes: list[str]) -> DeviceEntry | None:
+    """Check one table against its driver's settings; add what is wrong to `mistakes`."""
+    if not isinstance(table, dict) or not isinstance(table.get("driver"), str):
+        mistakes.append(f'{where}: a table with driver = "NAME" is expected; add the driver')
+        return None
+    driver = table["driver"]
+    try:
+        spec = find_driver(driver)
+    except (LookupError, ImportError, AttributeError) as error:
+        mistakes.append(f"{where}.driver: {error}")
+        return None
+    if spec.kind != kind:
+        mistakes.append(
+            f"{where}.driver: a driver of kind {kind} is expected, {driver!r} is one of kind {spec.kind}"
+        )
+        return None
+    try:
+        settings = spec.settings.model_validate(
+            {key: value for key, value in table.items() if key != "driver"}
+        )
+    except ValidationError as error:
+        mistakes += mistakes_in(error, where)
+        return None
+    return DeviceEntry(where, driver, spec, settings)

@@ -1,0 +1,32 @@
+"""Signals end a run safely instead of killing it."""
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from rig.engine import Engine
+from rig.errors import Aborted
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+@contextmanager
+def aborting_on_signals(engine: Engine) -> Iterator[None]:
+    """Turn SIGINT, SIGTERM and SIGHUP into `Engine.abort`; only in the main thread, as Python demands."""
+
+    def handle(number: int, _: FrameType | None) -> None:
+        name = signal.Signals(number).name
+        engine.abort(name)
+        if engine.waiting_for_operator:
+            # A read from the terminal is resumed after a signal: only an exception ends it.
+            raise Aborted(
+                "waiting for the operator", expected="an answer", got=name, remedy="start the run again"
+            )
+
+    previous = {number: signal.signal(number, handle) for number in SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)

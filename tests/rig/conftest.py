@@ -1,0 +1,236 @@
+"""A rig of fakes on a virtual clock: small devices that behave well until a test tells them not to."""
+
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.clock import VirtualClock
+from drivers.interfaces import (
+    CameraInfo,
+    DeviceInfo,
+    Frame,
+    FrameLimits,
+    FrameState,
+    OperatorAction,
+    StageState,
+)
+from rig.devices import Rig
+from rig.engine import Engine
+from rig.protocol import Protocol, RotationProtocol, TensionProtocol
+from rig.recorder import Recorder, RunHeader
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+# Grips that seat (soft up to 0.5 kN), 17.8 kN/mm elastic, 1 kN/mm once it yields at 8.5 kN.
+DISPLACEMENTS_MM = np.array([-10.0, 0.0, 0.1, 0.55, 10.05])
+LOADS_N = np.array([0.0, 0.0, 500.0, 8500.0, 18000.0])
+
+FRAME = DeviceInfo("fakes", "frame", "1", simulated=True)
+FRAME_LIMITS = FrameLimits(-100.0, 15000.0, -1.0, 6.0, 0.1, 1000.0)
+STAGE = DeviceInfo("fakes", "stage", "2", simulated=True)
+CAMERA = CameraInfo("fakes", "camera", "3", simulated=True, width_px=8, height_px=6, bits=8)
+
+
+@dataclass
+class FakeLoadFrame:
+    clock: VirtualClock
+    calls: list[str]
+    zero_n: float = 0.0
+    displacement_mm: float = 0.0
+    load_scale: float = 1.0
+    stuck: bool = False
+    on_read: Callable[[int, FrameState], FrameState] = lambda count, state: state
+    on_hold: Callable[[], None] = lambda: None
+    reads: int = 0
+    info: DeviceInfo = FRAME
+    limits: FrameLimits = FRAME_LIMITS
+    _path: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+
+    def _advance(self) -> bool:
+        start_s, start_mm, target_mm, speed_mm_s = self._path
+        travel_mm = speed_mm_s * (self.clock.now_s() - start_s)
+        if self.stuck or travel_mm <= 0.0:
+            return travel_mm > 0.0
+        moving = travel_mm < abs(target_mm - start_mm)
+        self.displacement_mm = start_mm + np.sign(target_mm - start_mm) * travel_mm if moving else target_mm
+        return bool(moving)
+
+    def read(self) -> FrameState:
+        self.reads += 1
+        moving = self._advance()
+        load_n = (
+            float(np.interp(self.displacement_mm, DISPLACEMENTS_MM, LOADS_N)) * self.load_scale + self.zero_n
+        )
+        state = FrameState(
+            load_n, self.displacement_mm, moving, not moving, not moving, self.reads, (), self.clock.now_s()
+        )
+        return self.on_read(self.reads, state)
+
+    def go_to_load(self, load_n: float, rate_n_s: float) -> None:
+        self.calls.append(f"load {load_n:g}")
+        target_mm = float(np.interp(load_n, LOADS_N[1:], DISPLACEMENTS_MM[1:]))
+        duration_s = abs(load_n - self.read().load_n) / rate_n_s
+        self._go(target_mm, abs(target_mm - self.displacement_mm) / duration_s)
+
+    def go_to_displacement(self, displacement_mm: float, speed_mm_s: float) -> None:
+        self.calls.append(f"displacement {displacement_mm:.6f}")
+        self._go(displacement_mm, speed_mm_s)
+
+    def _go(self, target_mm: float, speed_mm_s: float) -> None:
+        self._advance()
+        self._path = (self.clock.now_s(), self.displacement_mm, target_mm, speed_mm_s)
+
+    def hold(self) -> None:
+        self.calls.append("hold")
+        self._advance()
+        self._path = (0.0, 0.0, 0.0, 0.0)
+        self.on_hold()
+
+    def tare(self) -> None:
+        self.calls.append("tare")
+        self.zero_n = 0.0
+        self.displacement_mm = 0.0
+
+    def close(self) -> None:
+        self.calls.append("close load frame")
+
+
+@dataclass
+class FakeStage:
+    clock: VirtualClock
+    calls: list[str]
+    homed: bool = False
+    angle_deg: float = 77.0
+    speed_deg_s: float = 10.0
+    on_read: Callable[[StageState], StageState] = lambda state: state
+    info: DeviceInfo = STAGE
+    _target: tuple[float, float] = (0.0, 77.0)
+
+    def read(self) -> StageState:
+        arrival_s, target_deg = self._target
+        moving = self.clock.now_s() < arrival_s
+        if not moving:
+            self.angle_deg = target_deg
+        return self.on_read(StageState(self.angle_deg, moving, self.homed, (), self.clock.now_s()))
+
+    def home(self) -> None:
+        self.calls.append("home")
+        self.homed = True
+        self._target = (self.clock.now_s() + 5.0, 3.0)
+
+    def move_to(self, angle_deg: float) -> None:
+        self.calls.append(f"angle {angle_deg:g}")
+        travel_s = abs(angle_deg - self.angle_deg) / self.speed_deg_s
+        self._target = (self.clock.now_s() + travel_s, angle_deg)
+
+    def stop(self) -> None:
+        self.calls.append("stop")
+
+    def close(self) -> None:
+        self.calls.append("close stage")
+
+
+@dataclass
+class FakeCamera:
+    clock: VirtualClock
+    on_grab: Callable[[int, Frame], Frame] = lambda count, frame: frame
+    grabs: int = 0
+    info: CameraInfo = CAMERA
+
+    def grab(self, timeout_s: float) -> Frame:
+        self.grabs += 1
+        exposed_s, utc = self.clock.now_s(), self.clock.utc()
+        self.clock.sleep(0.02)
+        image = np.full((6, 8), self.grabs, np.uint8)
+        frame = Frame(image, exposed_s, self.clock.now_s(), utc, self.grabs, 0, 1000.0, 1.0)
+        return self.on_grab(self.grabs, frame)
+
+    def close(self) -> None:
+        pass
+
+
+@dataclass
+class FakeOperator:
+    calls: list[str]
+    on_perform: Callable[[OperatorAction], None] = lambda action: None
+
+    def perform(self, action: OperatorAction) -> None:
+        self.calls.append(action.name)
+        self.on_perform(action)
+
+
+@dataclass
+class FakeRig:
+    """Everything a test needs to run a protocol and to see what happened."""
+
+    protocol: Protocol
+    path: Path
+    calls: list[str] = field(default_factory=list)
+    states: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.clock = VirtualClock()
+        self.cameras = {"on_axis": FakeCamera(self.clock), "off_axis": FakeCamera(self.clock)}
+        self.operator = FakeOperator(self.calls)
+        tension = self.protocol.kind == "tension"
+        self.load_frame = FakeLoadFrame(self.clock, self.calls) if tension else None
+        self.stage = None if tension else FakeStage(self.clock, self.calls)
+
+    def engine(self, **callbacks) -> Engine:
+        rig = Rig(self.clock, self.operator, self.cameras, self.stage, self.load_frame, virtual=True)
+        header = RunHeader(
+            title=self.protocol.title,
+            run_id="test",
+            definition="",
+            configuration="",
+            start=self.clock.utc(),
+            versions="",
+            sample=self.protocol.sample,
+            simulated=True,
+        )
+        recorder = Recorder(
+            self.path,
+            header,
+            {name: camera.info for name, camera in self.cameras.items()},
+            stage=self.stage.info if self.stage else None,
+            load_frame=self.load_frame.info if self.load_frame else None,
+        )
+        return Engine(self.protocol, rig, recorder, **({"on_status": self._note} | callbacks))
+
+    def _note(self, status) -> None:
+        if not self.states or self.states[-1] != status.state.name:
+            self.states.append(status.state.name)
+
+
+@pytest.fixture
+def tension_table() -> dict:
+    return tomllib.loads((EXAMPLES / "tension.toml").read_text())
+
+
+@pytest.fixture
+def rotation_table() -> dict:
+    return tomllib.loads((EXAMPLES / "rotation.toml").read_text())
+
+
+@pytest.fixture
+def tension(tension_table: dict, tmp_path: Path) -> FakeRig:
+    return FakeRig(TensionProtocol.model_validate(tension_table), tmp_path / "run.h5")
+
+
+@pytest.fixture
+def rotation(rotation_table: dict, tmp_path: Path) -> FakeRig:
+    return FakeRig(RotationProtocol.model_validate(rotation_table), tmp_path / "run.h5")
+
+
+@pytest.fixture
+def on_frame_state() -> Callable:
+    """Make a frame report something else from its nth reading on."""
+
+    def script(first: int, **changes) -> Callable[[int, FrameState], FrameState]:
+        return lambda count, state: replace(state, **changes) if count >= first else state
+
+    return script
