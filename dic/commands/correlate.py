@@ -1,0 +1,197 @@
+"""`dic correlate`: image files in, displacements and strains out."""
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from dic.calibration import Calibration
+    from dic.measurement import Measurement
+
+_FILE = click.Path(path_type=Path)
+
+
+@click.command()
+@click.argument("reference", type=_FILE)
+@click.argument("deformed", type=_FILE, nargs=-1, required=True)
+@click.option(
+    "--calibration", "calibration_file", type=_FILE, help="From `dic calibrate`; gives millimetres."
+)
+@click.option("--subset", default=31, show_default=True, help="Width of the subsets, odd, px.")
+@click.option("--step", default=10, show_default=True, help="Distance of the points, px.")
+@click.option("--spline", default=5, show_default=True, help="Order of the interpolation, 3 or 5.")
+@click.option("--min-zncc", default=0.75, show_default=True, help="Points that correlate less are left out.")
+@click.option("--strain-window", default=5, show_default=True, help="Points across a local strain, odd.")
+@click.option(
+    "--roi", type=_FILE, help="Mask image, white where to measure. Default: wherever there is texture."
+)
+@click.option("-o", "--output", type=_FILE, help="Result file, HDF5.")
+@click.option("--csv", "csv_folder", type=_FILE, help="Folder for one CSV per image.")
+@click.option("--maps", "maps_folder", type=_FILE, help="Folder for one PNG with maps per image.")
+@click.option("--json", "json_file", type=_FILE, help="What is printed, for programs.")
+@click.pass_context
+def correlate(
+    context: click.Context,
+    reference: Path,
+    deformed: tuple[Path, ...],
+    calibration_file: Path | None,
+    subset: int,
+    step: int,
+    spline: int,
+    min_zncc: float,
+    strain_window: int,
+    roi: Path | None,
+    output: Path | None,
+    csv_folder: Path | None,
+    maps_folder: Path | None,
+    json_file: Path | None,
+) -> None:
+    """Correlate DEFORMED images with the REFERENCE image.
+
+    An image that cannot be measured is named and left out; the others are measured and kept.
+    Status: 0, 1 if an image was measured badly, 2 if one could not be measured.
+    """
+    from dic.calibration import Calibration
+    from dic.commands.console import fail, progress
+    from dic.correlate import Correlator
+    from dic.errors import MeasurementError
+    from dic.images import read_image
+    from dic.settings import CorrelationSettings
+
+    settings = CorrelationSettings(subset_px=subset, step_px=step, order=spline, min_zncc=min_zncc)
+    calibration = None if calibration_file is None else Calibration.load(calibration_file)
+    image = read_image(reference)
+    if calibration is not None:
+        _require_calibration_fits(calibration, image.shape, str(reference))
+    region = None if roi is None else _read_region(roi)
+    correlator = Correlator(image, region, settings)
+
+    results = _Outputs(image, settings, output, csv_folder, maps_folder, deformed)
+    summaries, failures, previous = [], [], None
+    with results, progress("correlating", len(deformed)) as advance:
+        for path in deformed:
+            try:
+                field = correlator.correlate(read_image(path), previous=previous)
+                measurement = _measure(path, field, calibration, strain_window)
+                results.write(path, measurement)
+            except MeasurementError as error:
+                failures.append({"file": str(path), "error": str(error)})
+                fail(f"{path}: {error}" if str(path) not in str(error) else str(error))
+                continue
+            finally:
+                advance()
+            previous = field
+            summaries.append(measurement.summary() | {"good": measurement.good})
+            click.echo(_line(summaries[-1]))
+    if json_file is not None:
+        content = {"reference": str(reference), "settings": vars(settings), "images": summaries}
+        json_file.write_text(json.dumps(content | {"failures": failures}, indent=1), encoding="utf-8")
+    bad = [s["file"] for s in summaries if not s["good"]]
+    for file in bad:
+        fail(f"{file}: measured, but fewer than half of the points in view converged; see its statuses")
+    context.exit(2 if failures else 1 if bad else 0)
+
+
+def _measure(path: Path, field: Any, calibration: "Calibration | None", window: int) -> "Measurement":
+    from dic.measurement import measure
+
+    return measure(str(path), field, calibration, window)
+
+
+def _read_region(path: Path) -> Any:
+    """Return a mask image as booleans: brighter than half of its brightest grey level."""
+    from dic.errors import CorrelationError
+    from dic.images import read_image
+
+    mask = read_image(path)
+    if mask.max() <= mask.min():
+        raise CorrelationError(
+            str(path),
+            "read region of interest",
+            expected="a mask with white where to measure and black elsewhere",
+            got="one uniform grey",
+            remedy="draw the mask again, or leave --roi out",
+        )
+    return mask > mask.max() / 2
+
+
+def _require_calibration_fits(calibration: "Calibration", shape: tuple[int, ...], source: str) -> None:
+    from dic.errors import CalibrationError
+
+    if tuple(calibration.image_shape) != tuple(shape):
+        height, width = calibration.image_shape
+        raise CalibrationError(
+            source,
+            "apply calibration",
+            expected=f"{width} × {height} px like the grid image",
+            got=f"{shape[1]} × {shape[0]} px",
+            remedy="calibrate with an image of the same camera and format",
+        )
+
+
+class _Outputs:
+    """The files a series leaves behind, each only if it was asked for."""
+
+    def __init__(
+        self,
+        image: Any,
+        settings: Any,
+        output: Path | None,
+        csv_folder: Path | None,
+        maps_folder: Path | None,
+        deformed: tuple[Path, ...],
+    ) -> None:
+        from dic.results import ResultWriter
+
+        self._image, self._settings = image, settings
+        self._csv, self._maps = csv_folder, maps_folder
+        for folder in (csv_folder, maps_folder):
+            if folder is not None:
+                folder.mkdir(parents=True, exist_ok=True)
+        self._writer = None if output is None else ResultWriter(output)
+        twice = {stem for stem, count in Counter(path.stem for path in deformed).items() if count > 1}
+        self._names = {
+            path: f"{number:04d}_{path.stem}" if path.stem in twice else path.stem
+            for number, path in enumerate(deformed, 1)
+        }
+
+    def __enter__(self) -> None:
+        if self._writer is not None:
+            self._writer.__enter__()
+
+    def __exit__(self, *error: Any) -> None:
+        if self._writer is not None:
+            self._writer.__exit__(*error)
+
+    def write(self, path: Path, measurement: "Measurement") -> None:
+        """Write one image's measurement to every file that was asked for."""
+        from dic.csv_files import write_csv
+        from dic.maps import write_maps
+
+        if self._writer is not None:
+            self._writer.add("series", measurement, self._settings)
+        if self._csv is not None:
+            write_csv(self._csv / f"{self._names[path]}.csv", measurement.field, measurement.calibrated)
+        if self._maps is not None:
+            title = f"{path.name}, subset {self._settings.subset_px} px, step {self._settings.step_px} px"
+            write_maps(self._maps / f"{self._names[path]}.png", measurement, self._image, title)
+
+
+def _line(summary: dict[str, Any]) -> str:
+    share = 100.0 * summary["converged"] / max(1, summary["points"])
+    parts = [
+        f"{Path(summary['file']).name}: {summary['converged']} of {summary['points']} points ({share:.1f} %)"
+    ]
+    for kind in ("raw", "calibrated"):
+        if kind in summary:
+            parts.append(f"{kind} " + _strain_text(summary[kind]))
+    parts.append(f"rotation {summary['raw']['rotation_deg'] or 0.0:.3f}°, start from {summary['start']}")
+    return "; ".join(parts)
+
+
+def _strain_text(strain: dict[str, Any]) -> str:
+    values = (strain["exx"], strain["eyy"], strain["exy"])
+    return "exx, eyy, exy " + ", ".join("–" if v is None else f"{1e6 * v:.0f}" for v in values) + " µε"

@@ -1,0 +1,231 @@
+"""Correlate deformed images with their reference: fields of displacements in pixels."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic import kernel
+from dic.errors import CorrelationError
+from dic.field import Field, Status
+from dic.region import checked_region, place_points, textured
+from dic.seeds import SEARCH_RADII_PX, feature_motion, homography_warps, search
+from dic.settings import CorrelationSettings
+from dic.spline import spline_image
+
+Float = NDArray[np.float64]
+Grey = NDArray[np.float32]
+Solved = tuple[Float, Float, NDArray[np.int8], NDArray[np.int16]]
+
+SEEDS = 48
+"""Points tried first; propagation starts from those that converge."""
+
+_ENOUGH_SEEDS = 0.3
+"""Share of the seeds in view that must converge before a way of guessing is believed."""
+
+
+class Correlator:
+    """Correlates a series with one reference, whose preparation is done once.
+
+    Parameters
+    ----------
+    reference : ndarray of float32, shape (height, width)
+        Grey levels.
+    region : ndarray of bool, shape (height, width), optional
+        Region of interest: points lie in it and subsets use only its pixels. Without one, points are put
+        wherever the reference has texture, and subsets use all their pixels.
+    settings : CorrelationSettings
+
+    Raises
+    ------
+    CorrelationError
+        If the region holds no point.
+    """
+
+    def __init__(
+        self,
+        reference: Grey,
+        region: NDArray[np.bool_] | None = None,
+        settings: CorrelationSettings | None = None,
+    ) -> None:
+        self.settings = settings or CorrelationSettings()
+        _refuse_unusable(reference, "reference image", self.settings.subset_px)
+        spline = spline_image(reference, self.settings.order)
+        self._grey = spline.grey
+        self._slopes = spline.gradient()
+        if region is None:
+            self._pixels = np.ones(reference.shape, np.bool_)
+            centres = textured(*self._slopes, self.settings.subset_px)
+        else:
+            self._pixels = centres = checked_region(region, reference.shape)
+        self._x, self._y, self._active = place_points(
+            centres, self._pixels, self.settings.subset_px, self.settings.step_px
+        )
+
+    def correlate(self, deformed: Grey, *, previous: Field | None = None, hint: Float | None = None) -> Field:
+        """Return the displacement field from the reference to `deformed`.
+
+        Parameters
+        ----------
+        deformed : ndarray of float32, of the reference's shape
+        previous : Field, optional
+            The field of the step before, a good start when little happened since.
+        hint : ndarray, shape (3, 3), optional
+            Expected homography from the reference to the deformed image, from the stage's angle for instance.
+
+        Raises
+        ------
+        CorrelationError
+            If the image cannot be used, or shows nothing of the reference's pattern.
+        """
+        if deformed.shape != self._grey.shape:
+            raise CorrelationError(
+                "deformed image",
+                "compare with the reference",
+                expected=f"{self._grey.shape[1]} x {self._grey.shape[0]} px",
+                got=f"{deformed.shape[1]} x {deformed.shape[0]} px",
+                remedy="use images of one camera at one format",
+            )
+        _refuse_unusable(deformed, "deformed image", self.settings.subset_px)
+        coefficients = spline_image(deformed, self.settings.order).coefficients
+        start, seeds, warps = self._first_guess(deformed, coefficients, previous, hint)
+        return self._propagate(coefficients, start, seeds, warps)
+
+    def _arguments(self, coefficients: Grey) -> tuple[Grey, Grey, Grey, NDArray[np.bool_], Grey, int]:
+        return (self._grey, *self._slopes, self._pixels, coefficients, self.settings.order)
+
+    def _limits(self) -> tuple[float, float, int]:
+        return self.settings.min_zncc, self.settings.tolerance_px, self.settings.max_iterations
+
+    def _solve(self, coefficients: Grey, points: NDArray[np.int64], warps: Float) -> Solved:
+        """Run IC-GN on scattered points; return warps (n, 6), ZNCC, status and iterations (n,)."""
+        known = np.asarray(np.isfinite(warps).all(axis=1))
+        solved = np.where(known[:, None], warps, 0.0)
+        status = np.full(len(points), Status.NOT_REACHED, np.int8)
+        zncc, iterations = np.full(len(points), np.nan), np.zeros(len(points), np.int16)
+        part, part_warps = status[known], np.ascontiguousarray(solved[known])
+        part_zncc, part_iterations = zncc[known], iterations[known]
+        kernel.correlate_points(
+            *self._arguments(coefficients), np.ascontiguousarray(points[known]), self.settings.radius_px,
+            part_warps, *self._limits(), part, part_zncc, part_iterations,
+        )  # fmt: skip
+        solved[known], status[known] = part_warps, part
+        zncc[known], iterations[known] = part_zncc, part_iterations
+        return solved, zncc, status, iterations
+
+    def _seed_indices(self) -> NDArray[np.int64]:
+        """Return up to `SEEDS` grid indices (row, column) spread over the active points."""
+        rows, columns = np.nonzero(self._active)
+        stride = max(1, int(np.sqrt(rows.size / SEEDS)))
+        while True:
+            chosen = (rows % stride == stride // 2) & (columns % stride == stride // 2)
+            if chosen.sum() >= min(SEEDS // 2, rows.size) or stride == 1:
+                return np.stack([rows[chosen], columns[chosen]], axis=1)
+            stride -= 1
+
+    def _guesses(
+        self, deformed: Grey, indices: NDArray[np.int64], previous: Field | None, hint: Float | None
+    ) -> Iterator[tuple[str, Float]]:
+        """Yield named guesses at the seeds, the cheapest and most likely first."""
+        points = self._points_at(indices)
+        half = max(self.settings.radius_px, 15)
+        if hint is not None:
+            for radius in SEARCH_RADII_PX:
+                yield "hint", search(self._grey, deformed, points, half, radius, hint)
+        if previous is not None:
+            yield "previous", previous.warps[indices[:, 0], indices[:, 1]]
+        for radius in SEARCH_RADII_PX[:2]:
+            yield "search", search(self._grey, deformed, points, half, radius, np.eye(3))
+        motion = feature_motion(self._grey, deformed, self._pixels)
+        if motion is not None:
+            yield "features", homography_warps(motion, points.astype(np.float64))
+        yield "search", search(self._grey, deformed, points, half, SEARCH_RADII_PX[2], np.eye(3))
+
+    def _points_at(self, indices: NDArray[np.int64]) -> NDArray[np.int64]:
+        return np.stack([self._x[indices[:, 1]], self._y[indices[:, 0]]], axis=1)
+
+    def _first_guess(
+        self, deformed: Grey, coefficients: Grey, previous: Field | None, hint: Float | None
+    ) -> tuple[str, NDArray[np.int64], Float]:
+        """Return the name of the guess that worked, and the seeds (row, column) with their solved warps."""
+        indices = self._seed_indices()
+        points = self._points_at(indices)
+        best: tuple[int, str, NDArray[np.int64], Float] = (0, "", indices[:0], np.empty((0, 6)))
+        for name, guess in self._guesses(deformed, indices, previous, hint):
+            warps, _, status, _ = self._solve(coefficients, points, guess)
+            good = status == Status.CONVERGED
+            if good.sum() > best[0]:
+                best = int(good.sum()), name, indices[good], warps[good]
+            in_view = max(1, int(np.count_nonzero(status != Status.OUT_OF_VIEW)))
+            if best[0] >= 3 and best[0] >= _ENOUGH_SEEDS * in_view:
+                break
+        if best[0] == 0:
+            raise CorrelationError(
+                "deformed image",
+                "find the reference's pattern",
+                expected=f"some of {len(points)} subsets of {self.settings.subset_px} px with ZNCC"
+                f" above {self.settings.min_zncc:g}",
+                got="none",
+                remedy="check that both images show the same textured surface, or choose a larger subset",
+            )
+        return best[1:]
+
+    def _propagate(
+        self, coefficients: Grey, start: str, seeds: NDArray[np.int64], seed_warps: Float
+    ) -> Field:
+        shape = self._active.shape
+        warps = np.zeros((*shape, kernel.PARAMETERS))
+        status = np.full(shape, Status.NOT_REACHED, np.int8)
+        zncc, iterations = np.full(shape, np.nan), np.zeros(shape, np.int16)
+        pending = self._active.copy()
+        rows, columns = seeds.T
+        solved = self._solve(coefficients, self._points_at(seeds), seed_warps)
+        warps[rows, columns], zncc[rows, columns], status[rows, columns], iterations[rows, columns] = solved
+        pending[rows, columns] = status[rows, columns] != Status.CONVERGED
+        while True:
+            kernel.propagate(
+                *self._arguments(coefficients), self._x, self._y, self.settings.radius_px,
+                warps, *self._limits(), status, zncc, iterations, pending,
+            )  # fmt: skip
+            islands = np.argwhere(self._active & (status == Status.NOT_REACHED))
+            if not islands.size:
+                break
+            rows, columns = islands.T
+            guess = self._from_nearest(islands, warps, status)
+            solved = self._solve(coefficients, self._points_at(islands), guess)
+            warps[rows, columns], zncc[rows, columns], status[rows, columns], iterations[rows, columns] = (
+                solved
+            )
+            pending[rows, columns] = status[rows, columns] != Status.CONVERGED
+        failed = status != Status.CONVERGED
+        warps[failed], zncc[failed & ~self._active] = np.nan, np.nan
+        return Field(self._x, self._y, warps, zncc, iterations, status, self._active, start)
+
+    def _from_nearest(self, indices: NDArray[np.int64], warps: Float, status: NDArray[np.int8]) -> Float:
+        """Return guesses (n, 6) at grid `indices`, extrapolated from the nearest converged point."""
+        from scipy.ndimage import distance_transform_edt
+
+        rows, columns = indices.T
+        missing = status != Status.CONVERGED
+        everywhere = distance_transform_edt(missing, return_distances=False, return_indices=True)
+        nearest = np.asarray(everywhere)[:, rows, columns]
+        guess: Float = warps[nearest[0], nearest[1]]
+        dx, dy = self._x[columns] - self._x[nearest[1]], self._y[rows] - self._y[nearest[0]]
+        guess[:, 0] += guess[:, 1] * dx + guess[:, 2] * dy
+        guess[:, 3] += guess[:, 4] * dx + guess[:, 5] * dy
+        return guess
+
+
+def _refuse_unusable(image: Grey, what: str, subset_px: int) -> None:
+    if image.ndim != 2 or min(image.shape) < subset_px:
+        raise CorrelationError(
+            what,
+            "read",
+            expected=f"a grey image wider and higher than a subset of {subset_px} px",
+            got=" x ".join(str(n) for n in image.shape[::-1]),
+            remedy="use a larger image or a smaller subset",
+        )
+    if not np.isfinite(image).all():
+        raise CorrelationError(
+            what, "read", expected="finite grey levels", got="NaN or infinity", remedy="repair the image"
+        )

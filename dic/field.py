@@ -1,0 +1,85 @@
+"""What correlation gives: displacements on a grid of points, each with the reason if it failed."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+
+
+class Status(IntEnum):
+    """Why a point has a value, or none."""
+
+    CONVERGED = 0
+    NOT_REACHED = 1
+    NO_TEXTURE = 2
+    OUT_OF_VIEW = 3
+    NOT_CONVERGED = 4
+    LOW_CORRELATION = 5
+
+    @property
+    def text(self) -> str:
+        """The status as files and tables say it."""
+        return self.name.lower().replace("_", " ")
+
+
+@dataclass(frozen=True)
+class Field:
+    """Displacements on the grid of points of interest, in pixels.
+
+    Attributes
+    ----------
+    x_px, y_px : ndarray of int, shapes (columns,) and (rows,)
+        Where the points are in the reference.
+    warps : ndarray, shape (rows, columns, 6)
+        (u, u_x, u_y, v, v_x, v_y) per point; NaN where the point failed.
+    zncc : ndarray, shape (rows, columns)
+    iterations : ndarray of int, shape (rows, columns)
+    status : ndarray of int8, shape (rows, columns)
+        Values of `Status`.
+    active : ndarray of bool, shape (rows, columns)
+        Which points lie in the region of interest; the others were not tried.
+    start : str
+        Where the first guess came from: "previous", "hint", "search" or "features".
+    """
+
+    x_px: NDArray[np.int64]
+    y_px: NDArray[np.int64]
+    warps: Float
+    zncc: Float
+    iterations: NDArray[np.int16]
+    status: NDArray[np.int8]
+    active: NDArray[np.bool_]
+    start: str
+
+    @property
+    def u_px(self) -> Float:
+        """Displacement to the right, (rows, columns)."""
+        return self.warps[..., 0]
+
+    @property
+    def v_px(self) -> Float:
+        """Displacement downwards, (rows, columns)."""
+        return self.warps[..., 3]
+
+    @property
+    def converged(self) -> NDArray[np.bool_]:
+        """Which points have a value, (rows, columns)."""
+        return np.asarray(self.active & (self.status == Status.CONVERGED), np.bool_)
+
+    @property
+    def points(self) -> Float:
+        """All points (x, y) of the grid in the reference, (rows * columns, 2)."""
+        x, y = np.meshgrid(self.x_px, self.y_px)
+        return np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
+
+    def count(self, status: Status) -> int:
+        """Return how many points of the region have this status."""
+        return int(np.count_nonzero(self.active & (self.status == status)))
+
+    @property
+    def in_view(self) -> int:
+        """Points of the region whose subset stays in the deformed image."""
+        return int(np.count_nonzero(self.active)) - self.count(Status.OUT_OF_VIEW)

@@ -1,0 +1,79 @@
+"""All that one image says: its field, raw and calibrated displacements, and their strains."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from dic.calibration import Calibration
+from dic.displacement import Displacement, calibrated_displacement, raw_displacement
+from dic.field import Field, Status
+from dic.strain import MeanStrain, StrainField, mean_strain, strain_field
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One deformed image, measured against its reference.
+
+    Attributes
+    ----------
+    label : str
+        The image's file, or the step of its run.
+    field : Field
+    raw : Displacement
+        In pixels.
+    calibrated : Displacement or None
+        In millimetres, when there is a calibration.
+    strain_window : int
+        Points across the window of local strain.
+    """
+
+    label: str
+    field: Field
+    raw: Displacement
+    calibrated: Displacement | None
+    strain_window: int = 5
+
+    @cached_property
+    def raw_mean(self) -> MeanStrain:
+        """Mean strain of the displacements in pixels, from the points that `calibrated_mean` uses too."""
+        return mean_strain(self.raw, None if self.calibrated is None else self.calibrated.valid)
+
+    @cached_property
+    def calibrated_mean(self) -> MeanStrain | None:
+        """Mean strain of the calibrated displacements."""
+        return None if self.calibrated is None else mean_strain(self.calibrated)
+
+    @cached_property
+    def strain(self) -> StrainField:
+        """Local strain, calibrated if there is a calibration, raw otherwise."""
+        return strain_field(self.calibrated or self.raw, self.strain_window)
+
+    @property
+    def good(self) -> bool:
+        """Whether at least half of the points in view have a value and the mean strain exists."""
+        return 2 * self.field.count(Status.CONVERGED) >= self.field.in_view and self.raw_mean.points >= 3
+
+    def summary(self) -> dict[str, Any]:
+        """Return the figures that programs read, JSON-ready: see `docs/results.md`."""
+        field = self.field
+        failures = {s.text: field.count(s) for s in Status if s is not Status.CONVERGED and field.count(s)}
+        summary: dict[str, Any] = {
+            "file": self.label,
+            "points": field.in_view,
+            "converged": field.count(Status.CONVERGED),
+            "out_of_view": field.count(Status.OUT_OF_VIEW),
+            "failures": failures,
+            "start": field.start,
+            "raw": self.raw_mean.as_dict(),
+        }
+        if self.calibrated_mean is not None:
+            summary["calibrated"] = self.calibrated_mean.as_dict()
+        return summary
+
+
+def measure(
+    label: str, field: Field, calibration: Calibration | None = None, strain_window: int = 5
+) -> Measurement:
+    """Return the measurement of a correlated image."""
+    calibrated = None if calibration is None else calibrated_displacement(field, calibration)
+    return Measurement(label, field, raw_displacement(field), calibrated, strain_window)

@@ -1,0 +1,109 @@
+"""Where points of interest can be: a region given by a mask, or wherever the reference has texture."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.errors import CorrelationError
+
+Grey = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+MIN_PIXEL_FRACTION = 0.5
+"""Share of a subset's pixels that must lie inside the region of interest."""
+
+_WEAK = 0.02
+"""Texture below this share of the image's strong texture (its 90th percentile) is taken for background."""
+
+
+def textured(fx: Grey, fy: Grey, subset_px: int) -> Mask:
+    """Return where whole subsets have texture in every direction: the largest such part of the image.
+
+    The smaller eigenvalue of the summed gradient products is compared with its upper range over the
+    image; unlit background has only the sensor's noise, far below.
+
+    Parameters
+    ----------
+    fx, fy : ndarray, shape (height, width)
+        Derivatives of the image along x and y.
+    subset_px : int
+
+    Returns
+    -------
+    ndarray of bool, shape (height, width)
+        Possible centres of subsets.
+    """
+    import cv2
+
+    size = (subset_px, subset_px)
+    xx, yy, xy = (cv2.blur(a, size) for a in (fx * fx, fy * fy, fx * fy))
+    weakest = (xx + yy) / 2 - np.sqrt((xx - yy) ** 2 / 4 + xy**2)
+    found = (weakest > _WEAK * np.percentile(weakest, 90)).astype(np.uint8)
+    # A sum over a subset sees texture from one radius outside; another radius keeps the subset whole.
+    found = np.asarray(cv2.erode(found, np.ones((2 * subset_px - 1, 2 * subset_px - 1), np.uint8)))
+    _, labels, statistics, _ = cv2.connectedComponentsWithStats(found)
+    if len(statistics) < 2:
+        return np.zeros(found.shape, np.bool_)
+    largest = 1 + int(np.argmax(statistics[1:, cv2.CC_STAT_AREA]))
+    return np.asarray(labels == largest, np.bool_)
+
+
+def place_points(
+    centres: Mask, pixels: Mask, subset_px: int, step_px: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Mask]:
+    """Lay the grid of points of interest over a region.
+
+    Parameters
+    ----------
+    centres : ndarray of bool, shape (height, width)
+        Where a point may be.
+    pixels : ndarray of bool, shape (height, width)
+        Which pixels subsets may use.
+    subset_px, step_px : int
+
+    Returns
+    -------
+    x, y : ndarray of int, shapes (columns,) and (rows,)
+        The grid's coordinates.
+    active : ndarray of bool, shape (rows, columns)
+        Which of its points are to be measured.
+
+    Raises
+    ------
+    CorrelationError
+        If there is none.
+    """
+    import cv2
+
+    rows, columns = np.nonzero(centres)
+    height, width = centres.shape
+    r = subset_px // 2
+    active = np.zeros((0, 0), np.bool_)
+    if rows.size:
+        x = np.arange(max(r, columns.min()), min(width - r - 1, columns.max()) + 1, step_px)
+        y = np.arange(max(r, rows.min()), min(height - r - 1, rows.max()) + 1, step_px)
+        box = (subset_px, subset_px)
+        share = np.asarray(cv2.blur(pixels.astype(np.float32), box, borderType=cv2.BORDER_CONSTANT))
+        grid = np.ix_(y, x)
+        active = centres[grid] & (share[grid] >= MIN_PIXEL_FRACTION)
+    if not active.any():
+        raise CorrelationError(
+            "region of interest",
+            "place points",
+            expected=f"an area with texture that holds subsets of {subset_px} px",
+            got="none",
+            remedy="enlarge the region or choose a smaller subset",
+        )
+    return x, y, active
+
+
+def checked_region(region: NDArray[np.bool_], shape: tuple[int, ...]) -> Mask:
+    """Return the mask if it has the reference's shape, else raise `CorrelationError`."""
+    if region.shape != shape:
+        raise CorrelationError(
+            "region of interest",
+            "compare with the reference",
+            expected=f"{shape[1]} x {shape[0]} px",
+            got=f"{region.shape[1]} x {region.shape[0]} px",
+            remedy="draw the mask over an image of the series",
+        )
+    return np.ascontiguousarray(region, np.bool_)

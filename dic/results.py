@@ -1,0 +1,125 @@
+"""The result file: fields and strains of whole series, HDF5, layout in `docs/results.md`."""
+
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from dic.errors import RunFileError
+from dic.measurement import Measurement
+from dic.settings import CorrelationSettings
+
+FORMAT = "offaxis-results"
+VERSION = 1
+
+_STRAINS = ("exx", "eyy", "exy")
+
+
+class ResultWriter:
+    """Writes measurements one by one, so that a long series never has to be in memory.
+
+    Parameters
+    ----------
+    path : Path
+        The file to create; an existing one is replaced only when the new one is complete.
+    """
+
+    def __init__(self, path: Path) -> None:
+        import h5py
+
+        self._path = path
+        self._partial = path.with_name(path.name + ".partial")
+        try:
+            self._file = h5py.File(self._partial, "w")
+        except OSError as error:
+            raise RunFileError(
+                str(path),
+                "create results",
+                expected="a folder that can be written to",
+                got=str(error),
+                remedy="name another file",
+            ) from error
+        self._file.attrs.update({"file_format": FORMAT, "file_format_version": VERSION})
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+        if kind is None:
+            self._partial.replace(self._path)
+        else:
+            self._partial.unlink(missing_ok=True)
+
+    def add(self, series: str, measurement: Measurement, settings: CorrelationSettings) -> None:
+        """Append a measurement to a series, which its first measurement creates."""
+        group = self._file.get(series)
+        if group is None:
+            group = self._create(series, measurement, settings)
+        n = len(group["label"])
+        field = measurement.field
+        rows: dict[str, Any] = {
+            "label": measurement.label,
+            "start": field.start,
+            "u_px": field.u_px,
+            "v_px": field.v_px,
+            "zncc": field.zncc,
+            "status": field.status,
+            "iterations": field.iterations,
+        }
+        rows |= {name: getattr(measurement.strain, name) for name in _STRAINS}
+        rows |= {f"raw_mean/{name}": getattr(measurement.raw_mean, name) for name in _STRAINS}
+        if measurement.calibrated is not None and measurement.calibrated_mean is not None:
+            vector = measurement.calibrated.vector
+            rows |= {"U_mm": vector[..., 0], "V_mm": vector[..., 1], "valid": measurement.calibrated.valid}
+            mean = measurement.calibrated_mean
+            rows |= {f"calibrated_mean/{name}": getattr(mean, name) for name in _STRAINS}
+        for name, value in rows.items():
+            dataset = group[name]
+            dataset.resize(n + 1, axis=0)
+            dataset[n] = value
+
+    def _create(self, series: str, measurement: Measurement, settings: CorrelationSettings) -> Any:
+        import h5py
+
+        group = self._file.create_group(series)
+        group.attrs.update(vars(settings))
+        group.attrs["strain_window_points"] = measurement.strain_window
+        field = measurement.field
+        shape = field.status.shape
+
+        def growing(name: str, units: str, dtype: Any, row: tuple[int, ...] = ()) -> None:
+            dataset = group.create_dataset(
+                name, (0, *row), dtype, maxshape=(None, *row), chunks=(1 if row else 256, *row)
+            )
+            if units:
+                dataset.attrs["units"] = units
+
+        def fixed(name: str, units: str, data: Any) -> None:
+            group[name] = data
+            group[name].attrs["units"] = units
+
+        fixed("x_px", "px", field.x_px)
+        fixed("y_px", "px", field.y_px)
+        fixed("active", "1", field.active.astype(np.uint8))
+        for name in ("label", "start"):
+            growing(name, "", h5py.string_dtype())
+        for name, units in (("u_px", "px"), ("v_px", "px"), ("zncc", "1")):
+            growing(name, units, "f8", shape)
+        growing("status", "1", "u1", shape)
+        growing("iterations", "1", "u2", shape)
+        for name in _STRAINS:
+            growing(name, "1", "f8", shape)
+            growing(f"raw_mean/{name}", "1", "f8")
+        if measurement.calibrated is not None:
+            fixed("X_mm", "mm", measurement.calibrated.position[..., 0])
+            fixed("Y_mm", "mm", measurement.calibrated.position[..., 1])
+            growing("U_mm", "mm", "f8", shape)
+            growing("V_mm", "mm", "f8", shape)
+            growing("valid", "1", "u1", shape)
+            for name in _STRAINS:
+                growing(f"calibrated_mean/{name}", "1", "f8")
+        return group

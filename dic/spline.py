@@ -1,0 +1,98 @@
+"""B-spline images: coefficients and exact derivatives at the pixels.
+
+A spline of odd order n interpolates the grey levels exactly; its coefficients come from the image by a
+recursive filter (M. Unser, "Splines: a perfect fit for signal and image processing", IEEE Signal Processing
+Magazine 16(6), 1999), here applied as its truncated impulse response: one separable convolution.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+ORDERS = (3, 5)
+MARGIN = 3
+"""Coefficients kept beyond each edge, so that every tap of the widest spline exists inside the image."""
+
+_TAPS = {3: 12, 5: 18}
+"""Half-lengths at which the impulse response has fallen below 1e-7 of its centre."""
+
+
+@dataclass(frozen=True)
+class SplineImage:
+    """An image as a B-spline.
+
+    Attributes
+    ----------
+    order : int
+        3 (cubic) or 5 (quintic).
+    grey : ndarray of float32, shape (height, width)
+    coefficients : ndarray of float32, shape (height + 2 * MARGIN, width + 2 * MARGIN)
+        The coefficient of pixel (row, column) is at ``[row + MARGIN, column + MARGIN]``.
+    """
+
+    order: int
+    grey: NDArray[np.float32]
+    coefficients: NDArray[np.float32]
+
+    def gradient(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the spline's derivatives along x and y at every pixel, grey levels per pixel."""
+        import cv2
+
+        samples, slopes = _samples(self.order), _slopes(self.order)
+        inner = slice(MARGIN, -MARGIN)
+        along_x = cv2.sepFilter2D(self.coefficients, cv2.CV_32F, slopes, samples)[inner, inner]
+        along_y = cv2.sepFilter2D(self.coefficients, cv2.CV_32F, samples, slopes)[inner, inner]
+        return np.ascontiguousarray(along_x), np.ascontiguousarray(along_y)
+
+
+def spline_image(grey: NDArray[np.float32], order: int) -> SplineImage:
+    """Return the B-spline of `order` that passes through `grey`, mirrored at the edges."""
+    import cv2
+
+    taps = _inverse_filter(order)
+    filtered = cv2.sepFilter2D(grey, cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REFLECT_101)
+    padded = cv2.copyMakeBorder(filtered, MARGIN, MARGIN, MARGIN, MARGIN, cv2.BORDER_REFLECT_101)
+    return SplineImage(
+        order, np.ascontiguousarray(grey, np.float32), np.ascontiguousarray(padded, np.float32)
+    )
+
+
+@cache
+def _samples(order: int) -> NDArray[np.float64]:
+    """Return the B-spline of `order` at the integers of its support."""
+    from scipy.interpolate import BSpline
+
+    half = (order + 1) // 2
+    basis = BSpline.basis_element(np.arange(-half, half + 1), extrapolate=False)
+    return np.nan_to_num(basis(np.arange(-half + 1, half)))
+
+
+@cache
+def _slopes(order: int) -> NDArray[np.float64]:
+    """Return the taps that, correlated with coefficients, give the spline's derivative at the integers.
+
+    The value at 0 of Σ c_k β(x - k) has the derivative Σ c_k β'(-k), hence the reversed sign.
+    """
+    from scipy.interpolate import BSpline
+
+    half = (order + 1) // 2
+    basis = BSpline.basis_element(np.arange(-half, half + 1), extrapolate=False)
+    return -np.nan_to_num(basis.derivative()(np.arange(-half + 1, half)))
+
+
+@cache
+def _inverse_filter(order: int) -> NDArray[np.float64]:
+    """Return the impulse response that turns samples into coefficients of the B-spline of `order`."""
+    if order not in ORDERS:
+        raise ValueError(f"spline order: expected one of {ORDERS}, got {order}")
+    length = 512
+    samples = _samples(order)
+    ring = np.zeros(length)
+    half = samples.size // 2
+    ring[: half + 1] = samples[half:]
+    ring[-half:] = samples[:half]
+    response = np.fft.irfft(1.0 / np.fft.rfft(ring), length)
+    taps = _TAPS[order]
+    return np.concatenate([response[-taps:], response[: taps + 1]])
