@@ -1,8 +1,8 @@
 """Zaber ASCII protocol, version 3: messages, checksums, flags and reject reasons; bytes only, no port.
 
 Every message goes out with an id and a checksum, so every answer must carry the same id and a checksum of its
-own. Source: Zaber ASCII Protocol Manual (https://www.zaber.com/protocol-manual), chapters Message Format, Warning
-Flags and Rejection Reasons.
+own. Source: Zaber ASCII Protocol Manual (https://www.zaber.com/protocol-manual), chapters Message Format,
+Warning Flags and Rejection Reasons.
 """
 
 import re

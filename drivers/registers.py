@@ -1,0 +1,137 @@
+"""Values in Modbus registers: types, word orders, scales, and blocks that go in one request."""
+
+import math
+import struct
+from collections.abc import Mapping, Sequence
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from drivers.settings import Settings
+
+Number = int | float
+WordOrder = Literal["ABCD", "CDAB", "BADC", "DCBA"]
+Unit = Literal["", "N", "mm", "N/s", "mm/s", "s"]
+FORMATS = {"u16": "H", "i16": "h", "u32": "I", "i32": "i", "f32": "f"}
+
+
+class Register(Settings):
+    """One value: where it stands, how it is written, what it may be.
+
+    Attributes
+    ----------
+    address : int
+        As on the wire, from 0.
+    type : str
+    scale : float
+        Value in `unit` = raw value × scale.
+    unit : str
+    invalid : list of int
+        Raw values that mean "no value", such as 0x7FFFFFFF for a broken wire.
+    valid : list of two floats, optional
+        Least and greatest possible value (in `unit`).
+    """
+
+    address: int = Field(ge=0, le=0xFFFF)
+    type: Literal["u16", "i16", "u32", "i32", "f32"]
+    scale: float = Field(default=1.0, gt=0)
+    unit: Unit = ""
+    invalid: list[int] = Field(default_factory=list)
+    valid: list[float] | None = Field(default=None, min_length=2, max_length=2)
+
+    @model_validator(mode="after")
+    def _ordered_range(self) -> Self:
+        if self.valid is not None and self.valid[0] >= self.valid[1]:
+            raise ValueError("valid must be a lower and a higher value")
+        return self
+
+    @property
+    def size(self) -> int:
+        """Length in registers."""
+        return struct.calcsize(">" + FORMATS[self.type]) // 2
+
+    @property
+    def end(self) -> int:
+        """The address after the last one."""
+        return self.address + self.size
+
+    def decode(self, words: Sequence[int], order: WordOrder) -> Number:
+        """Return the value in its unit.
+
+        Raises
+        ------
+        ValueError
+            If the raw value is NaN, infinite, a sentinel, or out of range.
+        """
+        raw: Number = struct.unpack(
+            ">" + FORMATS[self.type], _ordered(struct.pack(f">{self.size}H", *words), order)
+        )[0]
+        if raw in self.invalid or not math.isfinite(raw):
+            raise ValueError(f"no valid value ({raw})")
+        value = raw if self.scale == 1.0 else raw * self.scale
+        if self.valid is not None and not self.valid[0] <= value <= self.valid[1]:
+            raise ValueError(f"{value:g} {self.unit}, outside {self.valid[0]:g} to {self.valid[1]:g}")
+        return value
+
+    def encode(self, value: Number, order: WordOrder) -> list[int]:
+        """Return the words that stand for a value; `ValueError` if the type cannot hold it."""
+        raw = value if self.scale == 1.0 else value / self.scale
+        try:
+            packed = struct.pack(">" + FORMATS[self.type], raw if self.type == "f32" else round(raw))
+        except (struct.error, OverflowError) as error:
+            raise ValueError(
+                f"{value:g} {self.unit} does not fit {self.type} with scale {self.scale:g}"
+            ) from error
+        return list(struct.unpack(f">{self.size}H", _ordered(packed, order)))
+
+
+class Block(Settings):
+    """Registers that are read or written together, without a gap between them.
+
+    Attributes
+    ----------
+    table : str
+        `input`, read by function 4, or `holding`, read by 3 and written by 16.
+    registers : dict of Register
+    """
+
+    table: Literal["input", "holding"]
+    registers: dict[str, Register] = Field(min_length=1)
+
+    @property
+    def address(self) -> int:
+        """Address of the first register."""
+        return min(register.address for register in self.registers.values())
+
+    @property
+    def count(self) -> int:
+        """Length in registers."""
+        return sum(register.size for register in self.registers.values())
+
+    def decode(self, words: Sequence[int], order: WordOrder) -> dict[str, Number]:
+        """Return every value by name; `ValueError` names the register that has none."""
+        values = {}
+        for name, register in self.registers.items():
+            first = register.address - self.address
+            try:
+                values[name] = register.decode(words[first : first + register.size], order)
+            except ValueError as error:
+                raise ValueError(f"{name} is {error}") from error
+        return values
+
+    def encode(self, values: Mapping[str, Number], order: WordOrder) -> list[int]:
+        """Return the block's words; registers without a value are 0."""
+        words = [0] * self.count
+        for name, register in self.registers.items():
+            first = register.address - self.address
+            words[first : first + register.size] = register.encode(values.get(name, 0), order)
+        return words
+
+
+def _ordered(data: bytes, order: WordOrder) -> bytes:
+    """Bring a value's bytes into, or out of, its order in the registers; each order is its own inverse."""
+    if order in ("BADC", "DCBA"):
+        data = b"".join(data[i : i + 2][::-1] for i in range(0, len(data), 2))
+    if order in ("CDAB", "DCBA"):
+        data = b"".join(data[i : i + 2] for i in range(len(data) - 2, -1, -2))
+    return data

@@ -1,0 +1,70 @@
+"""What a load frame knows and says: its limits, its readings, why it stopped and why it refuses."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class Fault(IntEnum):
+    """Why the machine stopped by itself."""
+
+    NONE = 0
+    WATCHDOG = 1
+    LOAD_LIMIT = 2
+    DISPLACEMENT_LIMIT = 3
+    ESTOP = 4
+
+
+class Refusal(IntEnum):
+    """Why the machine does not take a command."""
+
+    BEYOND_LIMITS = 1
+    TOO_FAST = 2
+    NOT_READY = 3
+    UNKNOWN = 4
+
+
+class RefusedError(Exception):
+    """A command was not taken."""
+
+    def __init__(self, reason: Refusal) -> None:
+        self.reason = reason
+        super().__init__(reason.name)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of travel, load and rates; mm, N and seconds."""
+
+    load_min_n: float
+    load_max_n: float
+    displacement_min_mm: float
+    displacement_max_mm: float
+    speed_max_mm_s: float
+    load_rate_max_n_s: float
+
+    def encloses(self, other: "Limits") -> bool:
+        """True when `other` allows nothing that these forbid, and something at all."""
+        return (
+            self.load_min_n <= other.load_min_n < other.load_max_n <= self.load_max_n
+            and self.displacement_min_mm <= other.displacement_min_mm
+            and other.displacement_min_mm < other.displacement_max_mm <= self.displacement_max_mm
+            and 0 < other.speed_max_mm_s <= self.speed_max_mm_s
+            and 0 < other.load_rate_max_n_s <= self.load_rate_max_n_s
+        )
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What the machine indicates at one control period."""
+
+    sample: int
+    time_s: float
+    moving: bool
+    at_target: bool
+    holding: bool
+    fault: Fault
+    estop: bool
+    load_n: float
+    displacement_mm: float
+    speed_mm_s: float
+    target: float
