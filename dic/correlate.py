@@ -32,9 +32,11 @@ class Correlator:
     reference : ndarray of float32, shape (height, width)
         Grey levels.
     region : ndarray of bool, shape (height, width), optional
-        Region of interest: points lie in it and subsets use only its pixels. Without one, points are put
-        wherever the reference has texture, and subsets use all their pixels.
+        Region of interest, where points may lie. Without one, points are put wherever the reference has
+        texture.
     settings : CorrelationSettings
+    clip : bool
+        Whether subsets are clipped at the region's edge, as they must be where the surface ends there.
 
     Raises
     ------
@@ -47,17 +49,20 @@ class Correlator:
         reference: Grey,
         region: NDArray[np.bool_] | None = None,
         settings: CorrelationSettings | None = None,
+        *,
+        clip: bool = True,
     ) -> None:
         self.settings = settings or CorrelationSettings()
         _refuse_unusable(reference, "reference image", self.settings.subset_px)
         spline = spline_image(reference, self.settings.order)
         self._grey = spline.grey
         self._slopes = spline.gradient()
+        self._pixels = np.ones(reference.shape, np.bool_)
         if region is None:
-            self._pixels = np.ones(reference.shape, np.bool_)
             centres = textured(*self._slopes, self.settings.subset_px)
         else:
-            self._pixels = centres = checked_region(region, reference.shape)
+            centres = checked_region(region, reference.shape)
+            self._pixels = centres if clip else self._pixels
         self._x, self._y, self._active = place_points(
             centres, self._pixels, self.settings.subset_px, self.settings.step_px
         )

@@ -1,0 +1,159 @@
+"""A run file in, a result file out: every camera calibrated, every step correlated."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.calibration import Calibration
+from dic.correlate import Correlator
+from dic.errors import CalibrationError, CorrelationError
+from dic.field import Field
+from dic.grid import find_grid
+from dic.measurement import Measurement, measure
+from dic.run_file import RunFile, RunInfo, RunStep
+from dic.settings import CorrelationSettings
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CameraResult:
+    """One camera's part of a run.
+
+    Attributes
+    ----------
+    camera : str
+    calibration : Calibration
+    reference : ndarray of float32, shape (height, width)
+        The image all others are compared with.
+    steps : list of RunStep
+        The steps that could be measured.
+    measurements : list of Measurement
+        One per step.
+    failures : list of str
+        One sentence per step that could not be measured.
+    """
+
+    camera: str
+    calibration: Calibration
+    reference: NDArray[np.float32]
+    steps: list[RunStep]
+    measurements: list[Measurement]
+    failures: list[str]
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """All that was measured in a run; the reference step itself is not among the measurements."""
+
+    source: str
+    info: RunInfo
+    settings: CorrelationSettings
+    cameras: list[CameraResult]
+
+
+def process_run(
+    path: Path,
+    settings: CorrelationSettings | None = None,
+    *,
+    on_image: Callable[[], None] = lambda: None,
+    on_count: Callable[[int], None] = lambda _: None,
+) -> RunResult:
+    """Calibrate and correlate all cameras of a run, side by side.
+
+    Parameters
+    ----------
+    path : Path
+        A run file, of a finished or a killed run.
+    settings : CorrelationSettings, optional
+    on_image : callable, optional
+        Called after each image.
+    on_count : callable, optional
+        Told the number of images before the first.
+
+    Raises
+    ------
+    MeasurementError
+        If the file cannot be read, a grid is not found, or a camera's reference cannot be used. A single step
+        that cannot be correlated is named in `failures` instead.
+    """
+    settings = settings or CorrelationSettings()
+    with RunFile(path) as run:
+        run.step_of_kind("grid")
+        run.step_of_kind("reference")
+        on_count(len(run.cameras) * (len(run.series()) - 1))
+        # The compiled kernel runs without the interpreter's lock, so threads use all cores.
+        with ThreadPoolExecutor() as pool:
+            tasks = [pool.submit(_process_camera, run, name, settings, on_image) for name in run.cameras]
+            cameras = [task.result() for task in tasks]
+        return RunResult(str(path), run.info, settings, cameras)
+
+
+def _process_camera(
+    run: RunFile, camera: str, settings: CorrelationSettings, on_image: Callable[[], None]
+) -> CameraResult:
+    calibration = _calibrate(run, camera)
+    first, *others = run.series()
+    reference = run.image(camera, first)
+    region = _calibrated_region(calibration, reference.shape)
+    correlator = Correlator(reference, region, settings, clip=False)
+    turn = _Turn(calibration, first.angle_deg)
+    steps, measurements, failures = [], [], []
+    previous: Field | None = None
+    for step in others:
+        label = f"step {step.index}"
+        try:
+            image = run.image(camera, step)
+            previous = correlator.correlate(image, previous=previous, hint=turn.hint(step))
+            measurements.append(measure(label, previous, calibration))
+            steps.append(step)
+        except CorrelationError as error:
+            failures.append(f"{run.path}: {camera}, {label}: {error}")
+        on_image()
+    return CameraResult(camera, calibration, reference, steps, measurements, failures)
+
+
+def _calibrate(run: RunFile, camera: str) -> Calibration:
+    image = run.image(camera, run.step_of_kind("grid"))
+    source = f"{run.path}: {camera}"
+    try:
+        grid = find_grid(image, lines=run.grid_lines, pitch_mm=run.grid_pitch_mm)
+    except CalibrationError as error:
+        raise CalibrationError(
+            source, error.step, expected=error.expected, got=error.got, remedy=error.remedy
+        ) from error
+    return Calibration.fit(grid, image.shape, source)
+
+
+def _calibrated_region(calibration: Calibration, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Return the pixels within the calibrated area: where the paper allows points."""
+    height, width = shape
+    x, y = np.meshgrid(np.arange(width), np.arange(height))
+    pixels = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
+    return calibration.inside(pixels).reshape(height, width)
+
+
+class _Turn:
+    """What the stage's angle says about the motion of the image, through the calibration."""
+
+    def __init__(self, calibration: Calibration, start_deg: float) -> None:
+        import cv2
+
+        grid = calibration.grid
+        plane, _ = cv2.findHomography(grid.uv_px, grid.xy_mm)
+        self._to_mm: Float = np.asarray(plane, np.float64)
+        self._start_deg = start_deg
+
+    def hint(self, step: RunStep) -> Float | None:
+        """Return the homography of a turn about the grid's centre, or None without a stage."""
+        turned = np.radians(step.angle_deg - self._start_deg)
+        if not np.isfinite(turned):
+            return None
+        c, s = np.cos(turned), np.sin(turned)
+        rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        motion: Float = np.linalg.inv(self._to_mm) @ rotation @ self._to_mm
+        return np.asarray(motion / motion[2, 2])
