@@ -1,0 +1,164 @@
+"""The cells of a line grid, found in an image and put on a lattice; the rough start of grid finding."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+_MIN_CELL_AREA_PX = 12
+_SEEDS = 12
+# A neighbour lies where it is predicted to within this fraction of the lattice vector.
+_LATTICE_TOLERANCE = 0.3
+
+
+@dataclass(frozen=True)
+class CellLattice:
+    """Cells that form one lattice.
+
+    Attributes
+    ----------
+    index : ndarray of int64, shape (n, 2)
+        Position on the lattice; origin and directions are arbitrary.
+    centre_px : ndarray, shape (n, 2)
+    dark_lines : bool
+        Whether the lines between the cells are darker than the cells.
+    """
+
+    index: NDArray[np.int64]
+    centre_px: NDArray[np.float64]
+    dark_lines: bool
+
+
+def find_cells(grey: NDArray[np.float32], expected: int) -> CellLattice:
+    """Return the largest lattice of cells that the image shows.
+
+    Lines are what a morphological closing fills (a black top-hat): that ignores slow changes of light and steps at
+    the grid's rim. What they enclose are the cells. Line widths from 1 px to a few tens of px are tried in
+    turn, dark and bright lines, until at least 90 % of the `expected` cells agree.
+
+    Parameters
+    ----------
+    grey : ndarray, shape (height, width)
+    expected : int
+        Number of cells of the whole grid; the search ends early when it finds about as many.
+    """
+    best = CellLattice(np.empty((0, 2), np.int64), np.empty((0, 2)), True)
+    for width_px in (21, 11, 41, 81):
+        if width_px > min(grey.shape) // 4:
+            continue
+        for dark_lines in (True, False):
+            centres, areas = _enclosed_regions(grey if dark_lines else -grey, width_px)
+            index, centres = _largest_lattice(centres, areas)
+            if len(index) > len(best.index):
+                best = CellLattice(index, centres, dark_lines)
+            if len(best.index) >= 0.9 * expected:
+                return best
+    return best
+
+
+def _enclosed_regions(
+    grey: NDArray[np.float32], width_px: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return centres (n, 2) and areas (n,) of the regions enclosed by dark lines narrower than `width_px`."""
+    import cv2
+
+    smooth = cv2.GaussianBlur(grey, (0, 0), max(0.7, width_px / 20))
+    square = cv2.getStructuringElement(cv2.MORPH_RECT, (width_px, width_px))
+    depth = cv2.morphologyEx(smooth, cv2.MORPH_BLACKHAT, square)
+    wide = cv2.getStructuringElement(cv2.MORPH_RECT, (2 * width_px + 1, 2 * width_px + 1))
+    contrast = cv2.GaussianBlur(cv2.dilate(depth, wide), (0, 0), width_px)
+    cells = (depth < 0.45 * contrast).astype(np.uint8)
+    _, _, stats, centres = cv2.connectedComponentsWithStats(cells, connectivity=4)
+    stats, centres = stats[1:], centres[1:]
+    area = stats[:, cv2.CC_STAT_AREA]
+    box = stats[:, cv2.CC_STAT_WIDTH] * stats[:, cv2.CC_STAT_HEIGHT]
+    compact = (area >= _MIN_CELL_AREA_PX) & (area > 0.3 * box) & (area < grey.size / 9)
+    return centres[compact].astype(np.float64), area[compact].astype(np.float64)
+
+
+def _largest_lattice(
+    centres: NDArray[np.float64], areas: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return index (m, 2) and centres (m, 2) of the largest subset that forms a lattice."""
+    from scipy.spatial import KDTree
+
+    none = np.empty((0, 2), np.int64), np.empty((0, 2))
+    if len(centres) < 9:
+        return none
+    tree = KDTree(centres)
+    _, neighbours = tree.query(centres, k=9)
+    seeds = {}
+    for cell in range(len(centres)):
+        basis = _local_basis(centres, areas, neighbours[cell])
+        if basis is not None:
+            seeds[cell] = basis
+    if not seeds:
+        return none
+    middle = np.median(centres[list(seeds)], axis=0)
+    nearest_first = sorted(seeds, key=lambda cell: float(np.linalg.norm(centres[cell] - middle)))
+    best: dict[tuple[int, int], int] = {}
+    seen: set[int] = set()
+    tried = 0
+    for seed in nearest_first:
+        if tried == _SEEDS:
+            break
+        if seed not in seen:
+            tried += 1
+            grown = _grow(tree, centres, areas, seed, seeds[seed])
+            seen.update(grown.values())
+            best = max(best, grown, key=len)
+    cells = list(best.values())
+    return np.array(list(best), np.int64).reshape(-1, 2), centres[cells]
+
+
+def _local_basis(
+    centres: NDArray[np.float64], areas: NDArray[np.float64], neighbours: NDArray[Any]
+) -> NDArray[np.float64] | None:
+    """Return two lattice vectors (2, 2) if the cell has like neighbours on opposite sides in two directions."""
+    cell = neighbours[0]
+    alike = [other for other in neighbours[1:] if 0.5 < areas[other] / areas[cell] < 2]
+    steps = centres[alike] - centres[cell]
+    basis: list[NDArray[np.float64]] = []
+    for step in steps:
+        length = np.linalg.norm(step)
+        if np.linalg.norm(steps + step, axis=1).min() > 0.2 * length:
+            continue
+        if all(abs(np.linalg.det([step, other])) > 0.5 * length * np.linalg.norm(other) for other in basis):
+            basis.append(step)
+        if len(basis) == 2:
+            return np.array(basis)
+    return None
+
+
+def _grow(
+    tree: Any,
+    centres: NDArray[np.float64],
+    areas: NDArray[np.float64],
+    seed: int,
+    basis: NDArray[np.float64],
+) -> dict[tuple[int, int], int]:
+    """Walk from neighbour to neighbour, each predicted by the lattice vectors of the cell before."""
+    placed = {(0, 0): seed}
+    taken = {seed}
+    front = [((0, 0), basis)]
+    while front:
+        following = []
+        for at, vectors in front:
+            cell = placed[at]
+            for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
+                there = (at[0] + sign * (axis == 0), at[1] + sign * (axis == 1))
+                if there in placed:
+                    continue
+                step = sign * vectors[axis]
+                miss, other = tree.query(centres[cell] + step)
+                alike = 0.5 < areas[other] / areas[cell] < 2
+                if other in taken or not alike or miss > _LATTICE_TOLERANCE * np.linalg.norm(step):
+                    continue
+                placed[there] = int(other)
+                taken.add(int(other))
+                updated = vectors.copy()
+                updated[axis] += 0.5 * (sign * (centres[other] - centres[cell]) - vectors[axis])
+                following.append((there, updated))
+        front = following
+    return placed

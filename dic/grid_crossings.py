@@ -1,0 +1,100 @@
+"""Intersections of traced lines: a local parabola through each line, and where the two cross."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.grid_trace import LineTrace, median_where
+
+Floats = NDArray[np.float64]
+_SEGMENTS = 4
+_NEWTON_STEPS = 4
+_REJECTIONS = 2
+
+
+@dataclass(frozen=True)
+class _LocalCurve:
+    """``normal·(p − origin) = q0 + q1·s + q2·s²`` with ``s = tangent·(p − origin)/scale``, one per intersection."""
+
+    origin: Floats
+    tangent: Floats
+    normal: Floats
+    scale: Floats
+    coefficients: Floats
+    sound: NDArray[np.bool_]
+
+    def miss(self, points: Floats) -> tuple[Floats, Floats]:
+        """Return the distance of points (n, 2) from the curve (n,) and its gradient (n, 2)."""
+        relative = points - self.origin
+        s = (relative * self.tangent).sum(axis=-1) / self.scale
+        q0, q1, q2 = np.moveaxis(self.coefficients, -1, 0)
+        distance = (relative * self.normal).sum(axis=-1) - (q0 + (q1 + q2 * s) * s)
+        gradient = self.normal - ((q1 + 2 * q2 * s) / self.scale)[..., None] * self.tangent
+        return distance, gradient
+
+
+def intersect(first: LineTrace, second: LineTrace, predicted: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return where the lines of two directions cross.
+
+    Parameters
+    ----------
+    first, second : LineTrace
+        (n0 lines, n1 − 1 segments, …) and (n1 lines, n0 − 1 segments, …).
+    predicted : ndarray, shape (n0, n1, 2)
+        Roughly where, px.
+
+    Returns
+    -------
+    crossing_px : ndarray, shape (n0, n1, 2)
+    sound : ndarray of bool, shape (n0, n1)
+        Whether most stations on the two segments to either side (or, at the ends of a line, on the nearest two)
+        were seen, on both lines.
+    """
+    along = _local_curves(first, predicted)
+    transposed = _local_curves(second, predicted.transpose(1, 0, 2))
+    crossing = _LocalCurve(
+        *(np.swapaxes(getattr(transposed, name), 0, 1) for name in _LocalCurve.__dataclass_fields__)
+    )
+    points = predicted.copy()
+    for _ in range(_NEWTON_STEPS):
+        (miss_a, slope_a), (miss_b, slope_b) = along.miss(points), crossing.miss(points)
+        slopes = np.stack([slope_a, slope_b], axis=-2)
+        misses = np.stack([miss_a, miss_b], axis=-1)
+        points = points - np.linalg.solve(slopes, misses[..., None])[..., 0]
+    return points, along.sound & crossing.sound
+
+
+def _local_curves(trace: LineTrace, predicted: Floats) -> _LocalCurve:
+    lines, segments = trace.valid.shape[:2]
+    used = min(_SEGMENTS, segments)
+    first = np.clip(np.arange(segments + 1) - used // 2, 0, segments - used)
+    nearby = first[:, None] + np.arange(used)
+    stations = trace.station_px[:, nearby].reshape(lines, segments + 1, -1, 2)
+    valid = trace.valid[:, nearby].reshape(lines, segments + 1, -1)
+    chord = stations[:, :, -1] - stations[:, :, 0]
+    scale = np.linalg.norm(chord, axis=-1)
+    tangent = chord / scale[..., None]
+    normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
+    relative = stations - predicted[:, :, None]
+    s = np.einsum("abkc,abc->abk", relative, tangent) / scale[..., None]
+    h = np.einsum("abkc,abc->abk", relative, normal)
+    sound = valid.mean(axis=-1) > 0.6
+    coefficients = _robust_parabolas(s, h, valid)
+    return _LocalCurve(predicted, tangent, normal, scale, coefficients, sound)
+
+
+def _robust_parabolas(s: Floats, h: Floats, valid: NDArray[np.bool_]) -> Floats:
+    """Return least-squares parabolas (…, 3), leaving out stations beyond four times the usual deviation."""
+    design = np.stack([np.ones_like(s), s, s * s], axis=-1)
+    kept = valid
+    for rejection in range(_REJECTIONS + 1):
+        weighted = design * kept[..., None]
+        normal = np.swapaxes(weighted, -1, -2) @ design + 1e-9 * np.eye(3)
+        right = np.swapaxes(weighted, -1, -2) @ h[..., None]
+        coefficients = np.linalg.solve(normal, right)[..., 0]
+        if rejection < _REJECTIONS:
+            deviation = np.abs(h - (design @ coefficients[..., None])[..., 0])
+            # 1.5 times the median deviation is about one standard deviation
+            kept = valid & (deviation <= 6 * median_where(valid, deviation, fallback=0.0) + 0.01)
+    return coefficients

@@ -1,0 +1,178 @@
+"""Sub-pixel centres of grid lines, measured across each line at many stations."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.grid_lines import GridImage, station_index
+from dic.grid_shape import LatticeShape
+
+Floats = NDArray[np.float64]
+_SAMPLE_PX = 0.5
+_PASSES = 3
+
+
+@dataclass(frozen=True)
+class LineTrace:
+    """All lines of one direction, cut into segments between neighbouring intersections.
+
+    Attributes
+    ----------
+    station_px : ndarray, shape (lines, segments, stations, 2)
+        Points on the lines' centres.
+    valid : ndarray of bool, shape (lines, segments, stations)
+        Whether a line of the usual contrast and shape was seen there.
+    """
+
+    station_px: Floats
+    valid: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class _Template:
+    """The mean profile of all lines of one direction: symmetric, 0 beside the line and 1 on it."""
+
+    offsets_px: Floats
+    level: Floats
+
+    @classmethod
+    def of(cls, profiles: Floats, offsets_px: Floats) -> "_Template":
+        mean = np.nanmean(profiles.reshape(-1, len(offsets_px)), axis=0)
+        symmetric = (mean + mean[::-1]) / 2
+        beside = min(symmetric[0], symmetric[1])
+        return cls(offsets_px, (symmetric - beside) / (symmetric.max() - beside))
+
+    @property
+    def half_width_px(self) -> float:
+        """Distance from the middle beyond which the line does not reach."""
+        return float(np.abs(self.offsets_px[self.level > 0.05]).max())
+
+    def offsets(self, profiles: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """Return the lines' offsets c in px and which of them count, both (lines, segments, stations).
+
+        ``I(s) ≈ b + e·S(s) + d·T(s) − d·c·T'(s)`` by least squares. T is the template; S, the running integral
+        of |T'|, is a step that takes up different brightness on the two sides of the outermost lines.
+        """
+        slope = np.gradient(self.level, self.offsets_px)
+        step = np.cumsum(np.abs(slope)) * _SAMPLE_PX
+        design = np.column_stack([np.ones_like(step), step - step.mean(), self.level, slope])
+        coefficients = profiles @ np.linalg.pinv(design).T
+        misfit = np.sqrt(np.mean((profiles - coefficients @ design.T) ** 2, axis=-1))
+        depth = coefficients[..., 2]
+        usual_depth = regional_median(depth)
+        valid = (depth > 0.3 * usual_depth) & (usual_depth > 0) & (misfit < 4 * regional_median(misfit))
+        # one station's depth is noisy, and dividing by it would skew its offset
+        segment_depth = median_where(valid, depth, fallback=np.inf)
+        offsets = -coefficients[..., 3] / segment_depth
+        valid &= np.abs(offsets) < self.half_width_px
+        return np.where(valid, offsets, 0.0), valid
+
+
+def median_where(mask: NDArray[np.bool_], values: Floats, fallback: float) -> Floats:
+    """Return medians over the last axis, kept, of `values` where `mask`; `fallback` where there are none."""
+    some = mask.any(axis=-1, keepdims=True)
+    medians: Floats = np.nanmedian(
+        np.where(some, np.where(mask, values, np.nan), fallback), axis=-1, keepdims=True
+    )
+    return medians
+
+
+def regional_median(values: Floats) -> Floats:
+    """Return what is usual around each segment, (lines, segments, 1): light and focus differ across an image."""
+    from scipy.ndimage import median_filter
+
+    finite = np.isfinite(values)
+    segments = median_where(
+        finite, values, fallback=np.nan if not finite.any() else float(np.median(values[finite]))
+    )
+    return median_filter(segments, size=(7, 7, 1), mode="nearest")
+
+
+def trace_lines(image: GridImage, shape: LatticeShape, axis: int, numbers: range, across: range) -> LineTrace:
+    """Measure the centres of all lines of one direction.
+
+    Parameters
+    ----------
+    image, shape
+        The image and where the lattice lies in it, to about a quarter of the pitch.
+    axis : int
+        0 for the lines of constant first index, 1 for those of constant second index.
+    numbers : range
+        Indices of the lines.
+    across : range
+        Indices of the lines of the other direction, which bound the segments.
+
+    Notes
+    -----
+    Profiles across the predicted lines are compared with the mean profile of all of them; the stations are moved
+    by what the comparison says and measured again until the rest is small against a line's width.
+    """
+    middle = station_index(axis, numbers, across, np.array([0.5]))
+    pitch_px, along_px = (np.linalg.norm(shape.step(middle, k), axis=-1) for k in (axis, 1 - axis))
+    reach_px = 0.45 * float(np.percentile(pitch_px, 5))
+
+    fractions = np.linspace(0.35, 0.65, 9)
+    base, normal = _stations(shape, axis, numbers, across, fractions)
+    wide = _offsets_px(0.67 * reach_px)
+    start = _coarse_offsets(_profiles(image, base, normal, wide), wide)
+    wide = _offsets_px(reach_px)
+    template = _Template.of(_profiles(image, base + start[..., None] * normal, normal, wide), wide)
+
+    clear = min(0.35, (template.half_width_px + 1) / float(np.median(along_px)))
+    count = int(np.clip((1 - 2 * clear) * np.median(along_px), 6, 40))
+    fractions = np.linspace(clear, 1 - clear, count)
+    base, normal = _stations(shape, axis, numbers, across, fractions)
+    moved = np.repeat(start[..., :1], count, axis=-1)
+    near = _offsets_px(min(reach_px, template.half_width_px + 3))
+    for _ in range(_PASSES):
+        profiles = _profiles(image, base + moved[..., None] * normal, normal, near)
+        template = _Template.of(profiles, near)
+        offset, valid = template.offsets(profiles)
+        measured = moved + offset
+        moved = _straightened(measured, valid, fractions, fallback=moved)
+    return LineTrace(base + measured[..., None] * normal, valid)
+
+
+def _offsets_px(reach_px: float) -> Floats:
+    count = max(4, int(reach_px / _SAMPLE_PX))
+    return np.arange(-count, count + 1) * _SAMPLE_PX
+
+
+def _stations(
+    shape: LatticeShape, axis: int, numbers: range, across: range, fractions: Floats
+) -> tuple[Floats, Floats]:
+    """Return predicted stations and unit normals, both (lines, segments, stations, 2), in px."""
+    index = station_index(axis, numbers, across, fractions)
+    tangent = shape.step(index, 1 - axis)
+    normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
+    return shape.map(index), normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+
+
+def _profiles(image: GridImage, base: Floats, normal: Floats, offsets_px: Floats) -> Floats:
+    return image.sample(base[..., None, :] + offsets_px[:, None] * normal[..., None, :])
+
+
+def _coarse_offsets(profiles: Floats, offsets_px: Floats) -> Floats:
+    """Return for each segment the offset of its brightest streak, (lines, segments, 1), px."""
+    from scipy.ndimage import uniform_filter1d
+
+    inside = np.isfinite(profiles)
+    filled = np.where(inside, profiles, profiles[inside].min())
+    # the same streak at all stations of a segment: their mean hides noise and dirt
+    together = uniform_filter1d(np.median(filled, axis=-2), size=5, axis=-1)
+    return offsets_px[np.argmax(together, axis=-1)][..., None]
+
+
+def _straightened(measured: Floats, valid: NDArray[np.bool_], fractions: Floats, fallback: Floats) -> Floats:
+    """Return a straight line through the offsets of each segment; segments with few stations keep `fallback`."""
+    t = fractions - fractions.mean()
+    weight = valid.astype(float)
+    count = weight.sum(axis=-1, keepdims=True)
+    enough = count > len(t) / 2
+    count = np.maximum(count, 1)
+    mean_t = (weight * t).sum(axis=-1, keepdims=True) / count
+    mean = (weight * measured).sum(axis=-1, keepdims=True) / count
+    spread = (weight * (t - mean_t) ** 2).sum(axis=-1, keepdims=True)
+    slope = (weight * (t - mean_t) * measured).sum(axis=-1, keepdims=True) / np.maximum(spread, 1e-9)
+    return np.where(enough, mean + slope * (t - mean_t), fallback)
