@@ -1,13 +1,17 @@
 """Modbus TCP requests with answers that can be believed; the only module that knows pymodbus.
 
-pymodbus repeats what was not answered, writes included, and takes an answer of another kind or length for a good
-one. So here nothing is repeated below, and every answer is compared with its request.
+pymodbus repeats what was not answered, writes included, and takes an answer of another kind or length for a
+good one. So here nothing is repeated below, and every answer is compared with its request.
 """
 
+import logging
 import threading
 from typing import Any
 
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
+
+# a failed connection is raised as our own error: without a handler it would also be printed
+logging.getLogger("pymodbus").addHandler(logging.NullHandler())
 
 READ_ATTEMPTS = 2
 READ_HOLDING, READ_INPUT, WRITE_MANY = 3, 4, 16
@@ -42,11 +46,11 @@ class ModbusLink:
         self.name = name
         self._host, self._port, self._unit = host, port, unit
         self._reply_timeout_s = reply_timeout_s
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._client: Any = None
 
     def read(self, table: str, address: int, count: int) -> list[int]:
-        """Return `count` registers of the `input` or `holding` table; repeated once, as reading changes nothing.
+        """Return `count` registers of the `input` or `holding` table; repeated once, for reading is harmless.
 
         Raises
         ------
@@ -59,15 +63,15 @@ class ModbusLink:
         step = f"read {table} registers {address} to {address + count - 1}"
         for attempt in range(READ_ATTEMPTS):
             try:
-                response = self._exchange(step, function, address=address, count=count)
-                break
+                with self._lock:
+                    registers = list(self._exchange(step, function, address=address, count=count).registers)
+                    if len(registers) != count:
+                        raise self._drop(self._stranger(step, f"{count} registers", f"{len(registers)}"))
+                return registers
             except (DeviceTimeout, LinkLost):
                 if attempt == READ_ATTEMPTS - 1:
                     raise
-        registers = list(response.registers)
-        if len(registers) != count:
-            raise self._drop(self._stranger(step, f"{count} registers", f"{len(registers)}"))
-        return registers
+        raise AssertionError("unreachable")
 
     def write(self, address: int, words: list[int]) -> None:
         """Write holding registers in one request; never repeated.
@@ -80,10 +84,11 @@ class ModbusLink:
             If the device answered with an exception.
         """
         step = f"write holding registers {address} to {address + len(words) - 1}"
-        response = self._exchange(step, WRITE_MANY, address=address, values=words)
-        if (response.address, response.count) != (address, len(words)):
-            got = f"{response.count} from {response.address}"
-            raise self._drop(self._stranger(step, f"{len(words)} registers from {address}", got))
+        with self._lock:
+            response = self._exchange(step, WRITE_MANY, address=address, values=words)
+            if (response.address, response.count) != (address, len(words)):
+                got = f"{response.count} from {response.address}"
+                raise self._drop(self._stranger(step, f"{len(words)} registers from {address}", got))
 
     def close(self) -> None:
         """Close the connection; harmless when repeated."""
@@ -94,27 +99,26 @@ class ModbusLink:
     def _exchange(self, step: str, function: int, **request: Any) -> Any:
         from pymodbus.exceptions import ConnectionException, ModbusException
 
-        with self._lock:
-            client = self._connected(step)
-            send = {
-                READ_HOLDING: client.read_holding_registers,
-                READ_INPUT: client.read_input_registers,
-                WRITE_MANY: client.write_registers,
-            }[function]
-            try:
-                response = send(**request, device_id=self._unit)
-            except (ConnectionException, OSError) as error:
-                raise self._drop(self._lost(step, "an open connection", str(error))) from error
-            except ModbusException:
-                raise self._drop(
-                    DeviceTimeout(
-                        self.name,
-                        step,
-                        expected=f"an answer within {self._reply_timeout_s:g} s",
-                        got="none",
-                        remedy="check that the controller runs and its unit number",
-                    )
-                ) from None
+        client = self._connected(step)
+        send = {
+            READ_HOLDING: client.read_holding_registers,
+            READ_INPUT: client.read_input_registers,
+            WRITE_MANY: client.write_registers,
+        }[function]
+        try:
+            response = send(**request, device_id=self._unit)
+        except (ConnectionException, OSError) as error:
+            raise self._drop(self._lost(step, "an open connection", str(error))) from error
+        except ModbusException:
+            raise self._drop(
+                DeviceTimeout(
+                    self.name,
+                    step,
+                    expected=f"an answer within {self._reply_timeout_s:g} s",
+                    got="none",
+                    remedy="check that the controller runs and its unit number",
+                )
+            ) from None
         return self._genuine(step, function, response)
 
     def _connected(self, step: str) -> Any:

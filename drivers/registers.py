@@ -2,7 +2,7 @@
 
 import math
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Literal, Self
 
 from pydantic import Field, model_validator
@@ -108,10 +108,14 @@ class Block(Settings):
         """Length in registers."""
         return sum(register.size for register in self.registers.values())
 
-    def decode(self, words: Sequence[int], order: WordOrder) -> dict[str, Number]:
-        """Return every value by name; `ValueError` names the register that has none."""
+    def decode(
+        self, words: Sequence[int], order: WordOrder, names: Collection[str] | None = None
+    ) -> dict[str, Number]:
+        """Return every value, or those named, by name; `ValueError` names the register that has none."""
         values = {}
         for name, register in self.registers.items():
+            if names is not None and name not in names:
+                continue
             first = register.address - self.address
             try:
                 values[name] = register.decode(words[first : first + register.size], order)

@@ -17,6 +17,7 @@ CONTROL_PERIOD_S = 0.02
 LOAD_NOISE_N = 2.0
 DISPLACEMENT_NOISE_MM = 0.2e-3
 LOAD_TOLERANCE_N = 1.0
+TRAVEL_TOLERANCE_MM = 1e-4
 # What the load controller believes before it has seen the specimen answer, and what it never falls below:
 # too soft a belief makes the crosshead jump when a slack string tightens.
 STIFFNESS_GUESS_N_MM = 10_000.0
@@ -277,13 +278,15 @@ class FrameDevice:
         """Trip when a limit is passed on the way out; the way back is free."""
         limits = self._limits
         load_n, displacement_mm = self._force_n - self._zero_n, self._position_mm - self._zero_mm
-        pulling = step_mm > 0
-        pushing = step_mm < 0
-        if (pulling and load_n > limits.load_max_n) or (pushing and load_n < limits.load_min_n):
+        if step_mm > 0:
+            overload = load_n > limits.load_max_n + LOAD_TOLERANCE_N
+            overtravel = displacement_mm > limits.displacement_max_mm + TRAVEL_TOLERANCE_MM
+        else:
+            overload = load_n < limits.load_min_n - LOAD_TOLERANCE_N
+            overtravel = displacement_mm < limits.displacement_min_mm - TRAVEL_TOLERANCE_MM
+        if overload:
             self._trip(Fault.LOAD_LIMIT)
-        elif (pulling and displacement_mm > limits.displacement_max_mm) or (
-            pushing and displacement_mm < limits.displacement_min_mm
-        ):
+        elif overtravel:
             self._trip(Fault.DISPLACEMENT_LIMIT)
         return self._control is Control.HOLD
 

@@ -1,0 +1,58 @@
+"""The person at the rig, asked on the terminal."""
+
+import sys
+from collections.abc import Callable
+
+from drivers.errors import DeviceError
+from drivers.interfaces import OpenContext, OperatorAction
+from drivers.registry import DriverSpec
+from drivers.settings import Settings
+
+
+class ConsoleOperatorSettings(Settings):
+    """Nothing to set."""
+
+
+class ConsoleOperator:
+    """An `Operator` who reads what to do and confirms it with Enter.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    ask : callable
+        Shows a text and returns the line typed; raises EOFError when there is nobody.
+    """
+
+    def __init__(self, name: str, ask: Callable[[str], str]) -> None:
+        self._name = name
+        self._ask = ask
+
+    def perform(self, action: OperatorAction) -> None:
+        """Ask, and wait without a deadline; `DeviceError` unless the person confirms."""
+        try:
+            typed = self._ask(f"Please {action.value}, then press Enter (or type no): ").strip()
+        except EOFError:
+            typed = "no answer, the terminal is closed"
+        if typed:
+            raise DeviceError(
+                self._name,
+                action.value,
+                expected="Enter",
+                got=repr(typed),
+                remedy="start the run again from a terminal when the rig is ready",
+            )
+
+
+def _ask_on_terminal(text: str) -> str:
+    # standard output may be piped elsewhere: what a person must read goes where errors go
+    print(text, end="", file=sys.stderr, flush=True)
+    return input()
+
+
+def open_operator(settings: ConsoleOperatorSettings, context: OpenContext) -> ConsoleOperator:
+    """Return an operator on this program's terminal."""
+    return ConsoleOperator(context.name, _ask_on_terminal)
+
+
+SPEC = DriverSpec(kind="operator", settings=ConsoleOperatorSettings, open=open_operator)
