@@ -20,21 +20,31 @@ from simulators.sensor import Sensor
 class CameraSettings(Settings):
     """Where the camera stands, its lens and its sensor."""
 
-    width_px: int = Field(900, ge=16, le=8192)
-    height_px: int = Field(900, ge=16, le=8192)
-    bits: Literal[8, 12] = Field(8, description="significant bits of a pixel")
-    focal_px: float = Field(2800.0, gt=0, description="distance from pinhole to sensor in px")
-    distance_mm: float = Field(40.0, gt=0, description="distance from pinhole to the middle of the grid")
-    pan_deg: float = Field(0.0, ge=-60, le=60, description="positive swings the camera to +X")
-    tilt_deg: float = Field(0.0, ge=-60, le=60, description="positive raises the camera to +Y")
-    k1_per_px2: float = Field(0.0, description="radial distortion: x (1 + k1 r²), px from the image's middle")
-    exposure_us: float = Field(10_000.0, gt=0)
-    gain: float = Field(1.0, gt=0)
-    readout_us: float = Field(20_000.0, ge=0, description="from the end of exposure to the frame's arrival")
+    width_px: int = Field(default=900, ge=16, le=8192)
+    height_px: int = Field(default=900, ge=16, le=8192)
+    bits: Literal[8, 12] = Field(default=8, description="significant bits of a pixel")
+    focal_px: float = Field(default=2800.0, gt=0, description="distance from pinhole to sensor in px")
+    distance_mm: float = Field(
+        default=40.0, gt=0, description="distance from pinhole to the middle of the grid"
+    )
+    pan_deg: float = Field(default=0.0, ge=-60, le=60, description="positive swings the camera to +X")
+    tilt_deg: float = Field(default=0.0, ge=-60, le=60, description="positive raises the camera to +Y")
+    k1_per_px2: float = Field(
+        default=0.0, description="radial distortion: x (1 + k1 r²), px from the image's middle"
+    )
+    exposure_us: float = Field(default=10_000.0, gt=0)
+    gain: float = Field(default=1.0, gt=0)
+    readout_us: float = Field(
+        default=20_000.0, ge=0, description="from the end of exposure to the frame's arrival"
+    )
     # 32 500 electrons give a noise of one grey level (8 bit) in mid-grey.
-    full_well_e: float = Field(32_500.0, gt=0, description="electrons that give the highest grey level")
-    read_noise_e: float = Field(20.0, ge=0, description="dark noise in electrons")
-    saturation_exposure_us: float = Field(12_000.0, gt=0, description="exposure that saturates on white")
+    full_well_e: float = Field(
+        default=32_500.0, gt=0, description="electrons that give the highest grey level"
+    )
+    read_noise_e: float = Field(default=20.0, ge=0, description="dark noise in electrons")
+    saturation_exposure_us: float = Field(
+        default=12_000.0, gt=0, description="exposure that saturates on white"
+    )
 
     def optics(self) -> PinholeCamera:
         """Return the lens and its place."""

@@ -1,7 +1,7 @@
 """Rigid motions of a surface in the world."""
 
 from dataclasses import dataclass, field
-from math import radians, tan
+from math import atan, hypot, radians, tan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,16 +45,10 @@ class Pose:
     @classmethod
     def sloped(cls, slope_x_deg: float, slope_y_deg: float, shift_z_mm: float = 0.0) -> "Pose":
         """Tip the plane z = 0 onto ``z = tan(slope_x) X + tan(slope_y) Y + shift_z`` by the shortest way."""
-        axis = np.cross([0.0, 0.0, 1.0], plane_normal(slope_x_deg, slope_y_deg))
-        sine = float(np.linalg.norm(axis))
-        rotation = _rotation(axis / sine, float(np.arcsin(sine))) if sine > 0.0 else np.eye(3)
-        return cls(rotation, np.array([0.0, 0.0, shift_z_mm]))
-
-
-def plane_normal(slope_x_deg: float, slope_y_deg: float) -> Array:
-    """Return the unit normal (3,) of the plane ``z = tan(slope_x) X + tan(slope_y) Y``, towards +Z."""
-    normal = np.array([-tan(radians(slope_x_deg)), -tan(radians(slope_y_deg)), 1.0])
-    return np.asarray(normal / np.linalg.norm(normal))
+        a, b = tan(radians(slope_x_deg)), tan(radians(slope_y_deg))
+        steepest = hypot(a, b)
+        tip = _rotation(np.array([b, -a, 0.0]) / steepest, atan(steepest)) if steepest > 0.0 else np.eye(3)
+        return cls(tip, np.array([0.0, 0.0, shift_z_mm]))
 
 
 def _rotation(axis: Array, angle: float) -> Array:

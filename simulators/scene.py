@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import exp
+from math import exp, radians, tan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from drivers.errors import DeviceError
 from drivers.interfaces import OpenContext
 from drivers.settings import Settings
 from simulators.jit import compiled
-from simulators.pose import Pose, plane_normal
+from simulators.pose import Pose
 from simulators.specimen import Specimen
 from simulators.texture import LineGrid, Speckle, Texture
 
@@ -23,23 +23,35 @@ STRAIGHTENING_LOAD_N = 2000.0
 
 
 class Misalignment(Settings):
-    """How far the rig is from perfect; slopes a, b of a plane mean z = tan(a) X + tan(b) Y.
+    """How far the rig is from perfect.
 
+    Slopes a, b of a plane mean ``z = tan(a) X + tan(b) Y``; slopes of the axis mean that it runs along
+    ``(tan(a), tan(b), 1)``, so a positive slope leans it to +X or +Y.
     Three causes, which add up: the stage's axis against the specimen's normal makes the specimen wobble as it
     turns; the grid against the specimen lets them lie in two planes all the time; loading tips and shifts the
     specimen as the grips straighten it, approaching the full amount as 1 - exp(-load / 2000 N).
     """
 
-    axis_slope_x_deg: float = Field(0.0, ge=-5, le=5, description="slope of the plane the stage turns in")
-    axis_slope_y_deg: float = Field(0.0, ge=-5, le=5)
-    axis_x_mm: float = Field(0.0, ge=-5, le=5, description="where the axis meets the specimen")
-    axis_y_mm: float = Field(0.0, ge=-5, le=5)
-    grid_slope_x_deg: float = Field(0.0, ge=-5, le=5, description="slope of the specimen against the grid")
-    grid_slope_y_deg: float = Field(0.0, ge=-5, le=5)
-    grid_gap_mm: float = Field(0.0, ge=-5, le=5, description="how far the specimen lies behind the grid")
-    loading_slope_x_deg: float = Field(0.0, ge=-5, le=5, description="slope of the specimen under full load")
-    loading_slope_y_deg: float = Field(0.0, ge=-5, le=5)
-    loading_shift_mm: float = Field(0.0, ge=-5, le=5, description="motion towards the camera under full load")
+    axis_slope_x_deg: float = Field(
+        default=0.0, ge=-5, le=5, description="of the stage's axis against the specimen's normal"
+    )
+    axis_slope_y_deg: float = Field(default=0.0, ge=-5, le=5)
+    axis_x_mm: float = Field(default=0.0, ge=-5, le=5, description="where the axis meets the specimen")
+    axis_y_mm: float = Field(default=0.0, ge=-5, le=5)
+    grid_slope_x_deg: float = Field(
+        default=0.0, ge=-5, le=5, description="slope of the specimen against the grid"
+    )
+    grid_slope_y_deg: float = Field(default=0.0, ge=-5, le=5)
+    grid_gap_mm: float = Field(
+        default=0.0, ge=-5, le=5, description="how far the specimen lies behind the grid"
+    )
+    loading_slope_x_deg: float = Field(
+        default=0.0, ge=-5, le=5, description="slope of the specimen under full load"
+    )
+    loading_slope_y_deg: float = Field(default=0.0, ge=-5, le=5)
+    loading_shift_mm: float = Field(
+        default=0.0, ge=-5, le=5, description="motion towards the camera under full load"
+    )
 
     def mounted(self) -> Pose:
         """Where the specimen lies at rest: tipped against the grid's plane, z = 0, and behind it."""
@@ -54,7 +66,7 @@ class Misalignment(Settings):
 
     def turned(self, angle_deg: float) -> Pose:
         """How the stage turns the specimen, in the specimen's own coordinates."""
-        axis = plane_normal(self.axis_slope_x_deg, self.axis_slope_y_deg)
+        axis = np.array([tan(radians(self.axis_slope_x_deg)), tan(radians(self.axis_slope_y_deg)), 1.0])
         return Pose.turned(axis, angle_deg, np.array([self.axis_x_mm, self.axis_y_mm, 0.0]))
 
 

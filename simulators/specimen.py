@@ -18,22 +18,24 @@ class SpecimenSettings(Settings):
     The load string's numbers are a plausible mechanical test frame with wedge grips.
     """
 
-    width_mm: float = Field(25.0, gt=0, description="width of the gauge section")
-    thickness_mm: float = Field(1.0, gt=0, description="thickness of the sheet")
-    parallel_length_mm: float = Field(60.0, gt=0, description="length that stretches uniformly")
-    youngs_modulus_mpa: float = Field(73_100.0, gt=0)
-    poisson_ratio: float = Field(0.33, ge=0, lt=0.5)
-    yield_stress_mpa: float = Field(345.0, gt=0, description="stress at 0.2 % plastic strain")
-    ultimate_stress_mpa: float = Field(483.0, gt=0)
+    width_mm: float = Field(default=25.0, gt=0, description="width of the gauge section")
+    thickness_mm: float = Field(default=1.0, gt=0, description="thickness of the sheet")
+    parallel_length_mm: float = Field(default=60.0, gt=0, description="length that stretches uniformly")
+    youngs_modulus_mpa: float = Field(default=73_100.0, gt=0)
+    poisson_ratio: float = Field(default=0.33, ge=0, lt=0.5)
+    yield_stress_mpa: float = Field(default=345.0, gt=0, description="stress at 0.2 % plastic strain")
+    ultimate_stress_mpa: float = Field(default=483.0, gt=0)
     ultimate_strain: float = Field(
-        0.15, gt=0.01, description="strain at which the ultimate stress is reached"
+        default=0.15, gt=0.01, description="strain at which the ultimate stress is reached"
     )
-    fracture_strain: float = Field(0.18, gt=0.01)
-    grip_slip_mm: float = Field(0.5, ge=0, description="how far the grips bite in, in total")
-    grip_slip_load_n: float = Field(1500.0, gt=0, description="load at which 63 % of the slip is over")
-    machine_stiffness_n_mm: float = Field(15_000.0, gt=0, description="grips and frame in series")
+    fracture_strain: float = Field(default=0.18, gt=0.01)
+    grip_slip_mm: float = Field(default=0.6, ge=0, description="how far the grips bite in, in total")
+    grip_slip_load_n: float = Field(
+        default=1500.0, gt=0, description="load at which 63 % of the slip is over"
+    )
+    machine_stiffness_n_mm: float = Field(default=15_000.0, gt=0, description="grips and frame in series")
     centre_travel: float = Field(
-        0.0, ge=0, le=1, description="part of the displacement by which the specimen's middle moves"
+        default=0.0, ge=0, le=1, description="part of the displacement by which the specimen's middle moves"
     )
 
     @model_validator(mode="after")

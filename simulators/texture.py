@@ -35,41 +35,45 @@ class Texture(Protocol):
 
 @dataclass(frozen=True)
 class Speckle:
-    """Dark dots of smooth compact support on white, about half of the surface covered.
+    """Dark dots of smooth compact support on white, sprayed at random, about half of the surface covered.
 
-    Every cell of a square lattice holds one dot, anywhere in it, so the pattern is dense without holes and,
-    the position being uniform over the cell, without a trace of the lattice in its spectrum. Dots overlap
-    as paint does: darkness s leaves exp(-s) of the light.
+    Dots overlap as paint does: darkness s leaves exp(-s) of the light. To find those near a point they are
+    kept by the cells of a square lattice, which repeats after n cells, a power of two.
 
     Attributes
     ----------
-    dots : ndarray, shape (n, n, 3)
-        Position of the dot within its cell (two numbers of 0 to 1) and one over its radius squared, in cells;
-        radii are at most 1, so only neighbours matter. The lattice repeats after n cells, a power of two.
+    dots : ndarray, shape (m, 3)
+        Position of a dot within its cell (two numbers of 0 to 1) and one over its radius squared, in cells;
+        radii are at most 1, so only neighbouring cells matter.
+    first : ndarray of int, shape (n * n + 1,)
+        Where the dots of each cell begin, row by row, and where those of the last one end.
     cell_mm : float
     """
 
     dots: Array
+    first: NDArray[np.int64]
     cell_mm: float
     quadrature_order: ClassVar[int] = 2
 
-    # At 70 px/mm the autocorrelation is 5 px wide at half height.
-    CELL_MM: ClassVar[float] = 0.1
-    SMALLEST_RADIUS: ClassVar[float] = 0.75
-    # 51 mm, more than any camera of the rig sees at once; a power of two, so that wrapping is a mask.
+    # With these the autocorrelation is 5 px wide at half height where the camera sees 70 px/mm.
+    CELL_MM: ClassVar[float] = 0.08
+    SMALLEST_RADIUS: ClassVar[float] = 0.7
+    DOTS_PER_CELL: ClassVar[float] = 1.2
+    # 41 mm, more than any camera of the rig sees at once.
     CELLS: ClassVar[int] = 512
 
     @classmethod
     def sprayed(cls, seed: int) -> "Speckle":
         """Return the pattern that belongs to `seed`."""
         rng = np.random.default_rng(seed)
-        position = rng.random((cls.CELLS, cls.CELLS, 2))
-        radius = rng.uniform(cls.SMALLEST_RADIUS, 1.0, (cls.CELLS, cls.CELLS, 1))
-        return cls(np.concatenate([position, radius**-2], axis=2), cls.CELL_MM)
+        first = np.concatenate([[0], np.cumsum(rng.poisson(cls.DOTS_PER_CELL, cls.CELLS**2))])
+        position = rng.random((first[-1], 2))
+        radius = rng.uniform(cls.SMALLEST_RADIUS, 1.0, first[-1])
+        return cls(np.column_stack([position, radius**-2]), first, cls.CELL_MM)
 
     def reflectance(self, points_mm: Array) -> Array:
         """Return the reflectance (n,) at material points (n, 2) in mm."""
-        return _speckle(np.ascontiguousarray(points_mm), self.dots, self.cell_mm)
+        return _speckle(np.ascontiguousarray(points_mm), self.dots, self.first, self.cell_mm)
 
 
 @dataclass(frozen=True)
@@ -111,9 +115,10 @@ class LineGrid:
 
 
 @compiled
-def _speckle(points_mm: Array, dots: Array, cell_mm: float) -> Array:
+def _speckle(points_mm: Array, dots: Array, first: NDArray[np.int64], cell_mm: float) -> Array:
     darkness_of_a_dot = 1.7
-    wrap = len(dots) - 1
+    cells = int(np.sqrt(len(first) - 1))
+    wrap = cells - 1
     reflectance = np.empty(len(points_mm))
     for k in range(len(points_mm)):
         x, y = points_mm[k, 0] / cell_mm, points_mm[k, 1] / cell_mm
@@ -121,10 +126,11 @@ def _speckle(points_mm: Array, dots: Array, cell_mm: float) -> Array:
         darkness = 0.0
         for j in range(row - 1, row + 2):
             for i in range(column - 1, column + 2):
-                dot = dots[j & wrap, i & wrap]
-                dx, dy = x - i - dot[0], y - j - dot[1]
-                q = max(0.0, 1.0 - (dx * dx + dy * dy) * dot[2])
-                darkness += darkness_of_a_dot * (q * q) * (q * q)
+                cell = (j & wrap) * cells + (i & wrap)
+                for d in range(first[cell], first[cell + 1]):
+                    dx, dy = x - i - dots[d, 0], y - j - dots[d, 1]
+                    q = max(0.0, 1.0 - (dx * dx + dy * dy) * dots[d, 2])
+                    darkness += darkness_of_a_dot * (q * q) * (q * q)
         reflectance[k] = DARK + (BRIGHT - DARK) * np.exp(-darkness)
     return reflectance
 

@@ -1,4 +1,4 @@
-"""The whole rig without hardware: stage and load frame as servers on the wire, and the specimen between them."""
+"""The whole rig without hardware: stage and frame as servers on the wire, and the specimen they move."""
 
 from collections.abc import Mapping
 
@@ -20,7 +20,9 @@ from simulators.stage_wire import StageServer
 class VirtualRigSettings(Settings):
     """The table [simulation] of a rig file."""
 
-    seed: int = Field(1, ge=0, description="of speckle and noise; the same seed repeats a run bit by bit")
+    seed: int = Field(
+        default=1, ge=0, description="of speckle and noise; the same seed repeats a run bit by bit"
+    )
     misalignment: Misalignment = Misalignment()
     specimen: SpecimenSettings = SpecimenSettings()
 
@@ -50,13 +52,17 @@ class VirtualRig:
             angle_deg=stage.angle_deg,
             load_n=frame.load_n,
         )
-        self._servers = {"stage": StageServer(stage), "load_frame": FrameServer(frame)}
-        self.addresses: Mapping[str, str] = {name: s.address for name, s in self._servers.items()}
+        self._stage_server = StageServer(stage)
+        self._frame_server = FrameServer(frame)
+        self.addresses: Mapping[str, str] = {
+            "stage": self._stage_server.address,
+            "load_frame": self._frame_server.address,
+        }
 
     def close(self) -> None:
         """Stop both servers; harmless when repeated."""
-        for server in self._servers.values():
-            server.close()
+        self._stage_server.close()
+        self._frame_server.close()
 
 
 def _open(settings: VirtualRigSettings, context: OpenContext) -> VirtualRig:
