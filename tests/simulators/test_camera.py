@@ -1,0 +1,135 @@
+from datetime import timedelta
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from drivers.clock import VirtualClock
+from drivers.errors import ConfigurationError, DeviceError, DeviceTimeout
+from drivers.interfaces import OpenContext
+from drivers.registry import find_driver
+from drivers.settings import validate
+from simulators.camera import SPEC, CameraSettings
+from simulators.render import render
+from simulators.scene import Misalignment, Scene
+from simulators.specimen import Specimen, SpecimenSettings
+
+SMALL = {"width_px": 80, "height_px": 60}
+
+
+class Bench:
+    """A scene whose stage turns steadily, and cameras before it."""
+
+    def __init__(self, speed_deg_s=0.0):
+        self.clock = VirtualClock()
+        specimen = Specimen(SpecimenSettings())
+        self.scene = Scene(
+            seed=1,
+            misalignment=Misalignment(),
+            specimen=specimen,
+            angle_deg=lambda: speed_deg_s * self.clock.now_s(),
+            load_n=lambda: specimen.stretch_to(0.0),
+        )
+
+    def camera(self, name="on_axis", **settings):
+        context = OpenContext(name, self.clock, SimpleNamespace(scene=self.scene))
+        return SPEC.open(CameraSettings(**SMALL, **settings), context)
+
+
+def test_it_is_found_by_its_name():
+    assert find_driver("simulated-camera") is SPEC
+    assert SPEC.kind == "camera"
+
+
+def test_it_says_what_it_is():
+    info = Bench().camera("left", bits=12).info
+    assert (info.serial, info.width_px, info.height_px, info.bits, info.simulated) == (
+        "left",
+        80,
+        60,
+        12,
+        True,
+    )
+
+
+def test_a_frame_is_exposed_after_the_call_and_takes_its_time():
+    bench = Bench()
+    camera = bench.camera(exposure_us=8_000.0, readout_us=15_000.0)
+    bench.clock.sleep(3.0)
+    utc = bench.clock.utc()
+    frame = camera.grab(1.0)
+    assert frame.exposed_s == 3.0
+    assert frame.utc == utc
+    assert frame.received_s == pytest.approx(3.023)
+    assert bench.clock.utc() - utc == timedelta(milliseconds=23)
+    assert (frame.exposure_us, frame.gain, frame.flags) == (8_000.0, 1.0, 0)
+
+
+def test_it_shows_the_scene_in_the_middle_of_the_exposure():
+    bench = Bench(speed_deg_s=10.0)
+    camera = bench.camera(exposure_us=400_000.0, saturation_exposure_us=500_000.0, full_well_e=1e12)
+    frame = camera.grab(1.0)
+    at_the_middle = Bench(speed_deg_s=10.0)
+    at_the_middle.clock.sleep(0.2)
+    expected = render(camera.optics, at_the_middle.scene.surface()) * 0.8 * 255
+    np.testing.assert_allclose(frame.image, expected, atol=0.51)
+
+
+def test_frames_are_counted_and_each_has_its_own_noise():
+    camera = Bench().camera()
+    first, second = camera.grab(1.0), camera.grab(1.0)
+    assert (first.sequence, second.sequence) == (0, 1)
+    assert np.any(first.image != second.image)
+    assert np.std(first.image.astype(float) - second.image) < 2.0
+
+
+def test_the_same_run_repeats_bit_by_bit():
+    first, again = Bench().camera(), Bench().camera()
+    for _ in range(2):
+        np.testing.assert_array_equal(first.grab(1.0).image, again.grab(1.0).image)
+
+
+def test_two_cameras_at_one_place_differ_by_their_noise_only():
+    left, right = (Bench().camera(name).grab(1.0).image.astype(float) for name in ("left", "right"))
+    assert np.any(left != right)
+    assert np.std(left - right) < 2.0
+
+
+def test_twelve_bits_come_in_sixteen():
+    image = Bench().camera(bits=12).grab(1.0).image
+    assert image.dtype == np.uint16
+    assert 255 < image.max() <= 4095
+
+
+def test_a_frame_that_takes_too_long_times_out_at_the_deadline():
+    bench = Bench()
+    camera = bench.camera(exposure_us=2e6)
+    with pytest.raises(DeviceTimeout, match=r"on_axis: grab: expected a frame within 1 s, got none"):
+        camera.grab(1.0)
+    assert bench.clock.now_s() == 1.0
+
+
+def test_a_closed_camera_says_so():
+    camera = Bench().camera()
+    camera.close()
+    camera.close()
+    with pytest.raises(DeviceError, match="expected an open camera"):
+        camera.grab(1.0)
+
+
+def test_it_needs_a_virtual_rig():
+    with pytest.raises(DeviceError, match="expected the scene of a virtual rig") as caught:
+        SPEC.open(CameraSettings(), OpenContext("on_axis", VirtualClock()))
+    assert "on_axis" in str(caught.value)
+
+
+def test_all_mistakes_in_its_settings_are_reported_together():
+    with pytest.raises(ConfigurationError) as caught:
+        validate(CameraSettings, {"bits": 10, "pan_deg": 75.0, "tilt": 3.0}, "rig.toml")
+    assert len(caught.value.mistakes) == 3
+    assert any("tilt: unknown key" in mistake for mistake in caught.value.mistakes)
+
+
+def test_a_lens_that_cannot_see_the_corners_is_refused():
+    with pytest.raises(ConfigurationError, match="folds the image over before its corners"):
+        validate(CameraSettings, {"k1_per_px2": -1e-6}, "rig.toml")
