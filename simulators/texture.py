@@ -38,13 +38,13 @@ class Speckle:
     """Dark dots of smooth compact support on white, sprayed at random, about half of the surface covered.
 
     Dots overlap as paint does: darkness s leaves exp(-s) of the light. To find those near a point they are
-    kept by the cells of a square lattice, which repeats after n cells, a power of two.
+    ordered by the cells of a square lattice centred on the origin; beyond it the surface is white.
 
     Attributes
     ----------
     dots : ndarray, shape (m, 3)
-        Position of a dot within its cell (two numbers of 0 to 1) and one over its radius squared, in cells;
-        radii are at most 1, so only neighbouring cells matter.
+        Position of a dot in the lattice and one over its radius squared, in cells; radii are at most 1, so
+        only neighbouring cells matter.
     first : ndarray of int, shape (n * n + 1,)
         Where the dots of each cell begin, row by row, and where those of the last one end.
     cell_mm : float
@@ -66,10 +66,12 @@ class Speckle:
     def sprayed(cls, seed: int) -> "Speckle":
         """Return the pattern that belongs to `seed`."""
         rng = np.random.default_rng(seed)
-        first = np.concatenate([[0], np.cumsum(rng.poisson(cls.DOTS_PER_CELL, cls.CELLS**2))])
-        position = rng.random((first[-1], 2))
-        radius = rng.uniform(cls.SMALLEST_RADIUS, 1.0, first[-1])
-        return cls(np.column_stack([position, radius**-2]), first, cls.CELL_MM)
+        count = rng.poisson(cls.DOTS_PER_CELL, cls.CELLS**2)
+        row, column = np.divmod(np.repeat(np.arange(cls.CELLS**2), count), cls.CELLS)
+        x, y = column + rng.random(len(column)), row + rng.random(len(row))
+        radius = rng.uniform(cls.SMALLEST_RADIUS, 1.0, len(row))
+        first = np.concatenate([[0], np.cumsum(count)])
+        return cls(np.column_stack([x, y, radius**-2]), first, cls.CELL_MM)
 
     def reflectance(self, points_mm: Array) -> Array:
         """Return the reflectance (n,) at material points (n, 2) in mm."""
@@ -118,19 +120,19 @@ class LineGrid:
 def _speckle(points_mm: Array, dots: Array, first: NDArray[np.int64], cell_mm: float) -> Array:
     darkness_of_a_dot = 1.7
     cells = int(np.sqrt(len(first) - 1))
-    wrap = cells - 1
-    reflectance = np.empty(len(points_mm))
+    reflectance = np.full(len(points_mm), BRIGHT)
     for k in range(len(points_mm)):
-        x, y = points_mm[k, 0] / cell_mm, points_mm[k, 1] / cell_mm
+        x, y = points_mm[k, 0] / cell_mm + cells / 2, points_mm[k, 1] / cell_mm + cells / 2
         column, row = int(np.floor(x)), int(np.floor(y))
+        if min(column, row) < 1 or max(column, row) > cells - 2:
+            continue
         darkness = 0.0
-        for j in range(row - 1, row + 2):
-            for i in range(column - 1, column + 2):
-                cell = (j & wrap) * cells + (i & wrap)
-                for d in range(first[cell], first[cell + 1]):
-                    dx, dy = x - i - dots[d, 0], y - j - dots[d, 1]
-                    q = max(0.0, 1.0 - (dx * dx + dy * dy) * dots[d, 2])
-                    darkness += darkness_of_a_dot * (q * q) * (q * q)
+        for cell in range((row - 1) * cells + column, (row + 2) * cells + column, cells):
+            # the dots of the cells to the left and to the right stand next to this one's
+            for d in range(first[cell - 1], first[cell + 2]):
+                dx, dy = x - dots[d, 0], y - dots[d, 1]
+                q = max(0.0, 1.0 - (dx * dx + dy * dy) * dots[d, 2])
+                darkness += darkness_of_a_dot * (q * q) * (q * q)
         reflectance[k] = DARK + (BRIGHT - DARK) * np.exp(-darkness)
     return reflectance
 

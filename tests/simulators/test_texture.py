@@ -39,15 +39,20 @@ def test_lines_overhang_and_the_plate_ends():
 def test_speckle_is_its_formula_summed_over_every_dot():
     rng = np.random.default_rng(5)
     count = rng.poisson(1.2, 64)
-    dots = np.column_stack([rng.random((count.sum(), 2)), rng.uniform(0.7, 1, count.sum()) ** -2])
-    points_mm = rng.uniform(0.1, 0.7, (300, 2))
     cell = np.repeat(np.arange(64), count)
-    centres = np.column_stack([cell % 8, cell // 8]) + dots[:, :2]
-    distance2 = np.sum((points_mm[:, None] / 0.1 - centres) ** 2, axis=2)
+    centres = np.column_stack([cell % 8, cell // 8]) + rng.random((len(cell), 2))
+    dots = np.column_stack([centres, rng.uniform(0.7, 1, len(cell)) ** -2])
+    points_mm = rng.uniform(-0.3, 0.3, (300, 2))
+    distance2 = np.sum((points_mm[:, None] / 0.1 + 4 - centres) ** 2, axis=2)
     darkness = 1.7 * np.clip(1 - distance2 * dots[:, 2], 0, None) ** 4
     expected = DARK + (BRIGHT - DARK) * np.exp(-darkness.sum(axis=1))
     speckle = Speckle(dots, np.concatenate([[0], np.cumsum(count)]), 0.1)
     np.testing.assert_allclose(speckle.reflectance(points_mm), expected, rtol=1e-12)
+
+
+def test_the_surface_is_white_where_nothing_was_sprayed():
+    far_mm = np.array([[25.0, 0.0], [-25.0, 3.0], [0.0, 21.0], [1e6, -1e6]])
+    np.testing.assert_array_equal(Speckle.sprayed(1).reflectance(far_mm), BRIGHT)
 
 
 def test_speckle_covers_half_of_the_surface_with_good_contrast():
