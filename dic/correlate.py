@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic import kernel
+from dic.agreement import agreeing_field, agreeing_seeds
 from dic.errors import CorrelationError
 from dic.field import Field, Status
 from dic.region import checked_region, place_points, textured
@@ -20,6 +21,7 @@ Solved = tuple[Float, Float, NDArray[np.int8], NDArray[np.int16]]
 SEEDS = 48
 """Points tried first; propagation starts from those that converge."""
 
+_FEWEST_SEEDS = 3
 _ENOUGH_SEEDS = 0.3
 """Share of the seeds in view that must converge before a way of guessing is believed."""
 
@@ -156,21 +158,23 @@ class Correlator:
         indices = self._seed_indices()
         points = self._points_at(indices)
         best: tuple[int, str, NDArray[np.int64], Float] = (0, "", indices[:0], np.empty((0, 6)))
+        fewest = min(_FEWEST_SEEDS, len(points))
         for name, guess in self._guesses(deformed, indices, previous, hint):
             warps, _, status, _ = self._solve(coefficients, points, guess)
             good = status == Status.CONVERGED
+            good[good] = agreeing_seeds(points[good], warps[good])
             if good.sum() > best[0]:
                 best = int(good.sum()), name, indices[good], warps[good]
-            in_view = max(1, int(np.count_nonzero(status != Status.OUT_OF_VIEW)))
-            if best[0] >= 3 and best[0] >= _ENOUGH_SEEDS * in_view:
+            in_view = np.count_nonzero(status != Status.OUT_OF_VIEW)
+            if best[0] >= max(fewest, _ENOUGH_SEEDS * in_view):
                 break
-        if best[0] == 0:
+        if best[0] < fewest:
             raise CorrelationError(
                 "deformed image",
                 "find the reference's pattern",
-                expected=f"some of {len(points)} subsets of {self.settings.subset_px} px with ZNCC"
-                f" above {self.settings.min_zncc:g}",
-                got="none",
+                expected=f"at least {fewest} of {len(points)} subsets of {self.settings.subset_px} px"
+                f" with ZNCC above {self.settings.min_zncc:g}",
+                got=f"{best[0]} that agree",
                 remedy="check that both images show the same textured surface, or choose a larger subset",
             )
         return best[1:]
@@ -202,6 +206,8 @@ class Correlator:
                 solved
             )
             pending[rows, columns] = status[rows, columns] != Status.CONVERGED
+        converged = self._active & (status == Status.CONVERGED)
+        status[converged & ~agreeing_field(self._x, self._y, warps, converged)] = Status.INCONSISTENT
         failed = status != Status.CONVERGED
         warps[failed], zncc[failed & ~self._active] = np.nan, np.nan
         return Field(self._x, self._y, warps, zncc, iterations, status, self._active, start)

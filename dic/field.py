@@ -18,6 +18,7 @@ class Status(IntEnum):
     OUT_OF_VIEW = 3
     NOT_CONVERGED = 4
     LOW_CORRELATION = 5
+    INCONSISTENT = 6
 
     @property
     def text(self) -> str:

@@ -29,6 +29,8 @@ OUT_OF_VIEW, NOT_CONVERGED = int(Status.OUT_OF_VIEW), int(Status.NOT_CONVERGED)
 LOW_CORRELATION = int(Status.LOW_CORRELATION)
 
 PARAMETERS = 6
+EDGE_PX = 2
+"""Pixels along the deformed image's edge that are not used: the spline guesses what follows there."""
 
 
 @compiled
@@ -241,7 +243,7 @@ def _correlate_point(
             dx, dy = offsets[k, 0], offsets[k, 1]
             gx = x + dx + p[0] + p[1] * dx + p[2] * dy
             gy = y + dy + p[3] + p[4] * dx + p[5] * dy
-            if not (0.0 <= gx <= width - 1 and 0.0 <= gy <= height - 1):
+            if not (EDGE_PX <= gx < width - EDGE_PX - 1 and EDGE_PX <= gy < height - EDGE_PX - 1):
                 return OUT_OF_VIEW, np.nan, iteration
             g[k] = _interpolate(c, order, gx, gy)
             g_mean += g[k]

@@ -11,6 +11,9 @@ Mask = NDArray[np.bool_]
 MIN_PIXEL_FRACTION = 0.5
 """Share of a subset's pixels that must lie inside the region of interest."""
 
+EDGE_PX = 4
+"""Distance of subsets from the edge of the reference, so that a small motion does not take them out of view."""
+
 _WEAK = 0.02
 """Texture below this share of the image's strong texture (its 90th percentile) is taken for background."""
 
@@ -79,8 +82,9 @@ def place_points(
     r = subset_px // 2
     active = np.zeros((0, 0), np.bool_)
     if rows.size:
-        x = np.arange(max(r, columns.min()), min(width - r - 1, columns.max()) + 1, step_px)
-        y = np.arange(max(r, rows.min()), min(height - r - 1, rows.max()) + 1, step_px)
+        edge = r + EDGE_PX
+        x = np.arange(max(edge, columns.min()), min(width - edge - 1, columns.max()) + 1, step_px)
+        y = np.arange(max(edge, rows.min()), min(height - edge - 1, rows.max()) + 1, step_px)
         box = (subset_px, subset_px)
         share = np.asarray(cv2.blur(pixels.astype(np.float32), box, borderType=cv2.BORDER_CONSTANT))
         grid = np.ix_(y, x)

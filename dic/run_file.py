@@ -103,7 +103,7 @@ class RunFile:
         )
 
     def image(self, camera: str, step: RunStep) -> NDArray[np.float32]:
-        """Return a camera's image of a step, (height, width) grey levels; the mean where several were taken."""
+        """Return a camera's image of a step, (height, width), grey levels; the mean of several."""
         row = self.steps.index(step)
         table = self._entry["steps"]
         first, count = int(table[f"frames_{camera}"][row]), int(table[f"count_{camera}"][row])

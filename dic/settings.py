@@ -28,7 +28,7 @@ class CorrelationSettings:
     subset_px: int = 31
     step_px: int = 10
     order: int = 5
-    min_zncc: float = 0.75
+    min_zncc: float = 0.8
     tolerance_px: float = 1e-4
     max_iterations: int = 40
 

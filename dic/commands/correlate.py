@@ -23,7 +23,7 @@ _FILE = click.Path(path_type=Path)
 @click.option("--subset", default=31, show_default=True, help="Width of the subsets, odd, px.")
 @click.option("--step", default=10, show_default=True, help="Distance of the points, px.")
 @click.option("--spline", default=5, show_default=True, help="Order of the interpolation, 3 or 5.")
-@click.option("--min-zncc", default=0.75, show_default=True, help="Points that correlate less are left out.")
+@click.option("--min-zncc", default=0.8, show_default=True, help="Points that correlate less are left out.")
 @click.option("--strain-window", default=5, show_default=True, help="Points across a local strain, odd.")
 @click.option(
     "--roi", type=_FILE, help="Mask image, white where to measure. Default: wherever there is texture."

@@ -1,0 +1,86 @@
+"""What tests of more than one package share: real images and speckle pictures with exact truth."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+Warp = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+@pytest.fixture(scope="session")
+def real_images() -> Path:
+    """The folder with other laboratories' images; the test is skipped where it is not at hand."""
+    folder = Path(__file__).parents[2] / "shared" / "data"
+    if not folder.is_dir():
+        pytest.skip("the real image series are not on this machine (expected in ../shared/data)")
+    return folder
+
+
+def unmoved(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return x, y
+
+
+@dataclass(frozen=True)
+class SpecklePattern:
+    """Gaussian dots with a smooth tone curve: a picture can be drawn exactly at any sub-pixel position.
+
+    `draw(back)` shows the pattern moved: `back(x, y)` tells which place of the reference is seen at (x, y).
+    """
+
+    seed: int = 1
+    shape: tuple[int, int] = (160, 180)
+    density: float = 0.02
+    margin: int = 40
+    noise: float = 0.0
+    dots: np.ndarray = field(init=False)
+
+    def __post_init__(self) -> None:
+        rng = np.random.default_rng(self.seed)
+        height, width = self.shape
+        n = int(self.density * (height + 2 * self.margin) * (width + 2 * self.margin))
+        low, high = (
+            [-self.margin, -self.margin, 1.4, 0.5],
+            [width + self.margin, height + self.margin, 2.4, 1.0],
+        )
+        object.__setattr__(self, "dots", rng.uniform(low, high, (n, 4)))
+
+    def draw(self, back: Warp = unmoved, noise_seed: int = 0) -> np.ndarray:
+        rows, columns = np.mgrid[: self.shape[0], : self.shape[1]].astype(float)
+        x, y = back(columns, rows)
+        sum_of_dots = np.zeros(x.size)
+        order = np.argsort(x.ravel())
+        xs, ys = x.ravel()[order], y.ravel()[order]
+        for cx, cy, sigma, weight in self.dots:
+            first, last = np.searchsorted(xs, (cx - 5 * sigma, cx + 5 * sigma))
+            near = first + np.flatnonzero(np.abs(ys[first:last] - cy) < 5 * sigma)
+            squared = (xs[near] - cx) ** 2 + (ys[near] - cy) ** 2
+            sum_of_dots[order[near]] += weight * np.exp(-squared / (2 * sigma**2))
+        grey = (225 - 200 * (1 - np.exp(-1.1 * sum_of_dots))).reshape(self.shape)
+        grey += np.random.default_rng(noise_seed).normal(0, 1, self.shape) * self.noise
+        return grey.astype(np.float32)
+
+
+@pytest.fixture(scope="session")
+def speckle() -> type[SpecklePattern]:
+    """The class of patterns, to be called with `seed`, `shape`, `noise` …"""
+    return SpecklePattern
+
+
+def turned(angle_deg: float, centre: tuple[float, float], scale: float = 1.0) -> Warp:
+    """Return the `back` of a picture turned by `angle_deg` (x towards y up) and enlarged about `centre`."""
+    c, s = np.cos(np.radians(angle_deg)) / scale, np.sin(np.radians(angle_deg)) / scale
+
+    def back(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        dx, dy = x - centre[0], y - centre[1]
+        return centre[0] + c * dx - s * dy, centre[1] + s * dx + c * dy
+
+    return back
+
+
+@pytest.fixture(scope="session")
+def turn() -> Callable[..., Warp]:
+    """`turn(angle_deg, centre, scale=1.0)` gives the `back` of a turned picture."""
+    return turned

@@ -1,0 +1,52 @@
+"""Other laboratories' images: a hole in a plate, a necking specimen, a turn by 170 degrees."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from dic.commands.correlate import correlate
+
+
+def run(tmp_path, *arguments):
+    report = tmp_path / "report.json"
+    result = CliRunner().invoke(correlate, [*map(str, arguments), "--json", str(report)])
+    assert result.exit_code == 0, result.output
+    return json.loads(report.read_text())["images"]
+
+
+def check_converged(images, share):
+    for image in images:
+        assert image["converged"] >= share * image["points"], image
+
+
+def test_the_plate_with_a_hole(real_images, tmp_path):
+    files = sorted((real_images / "ohtcfrp").glob("ohtcfrp_*.png"))
+    images = run(tmp_path, *files, "--roi", real_images / "ohtcfrp" / "roi.png")
+    assert len(images) == 11
+    check_converged(images, 0.97)
+    # Loaded along y in steps: the strain grows and the plate contracts across.
+    eyy = [image["raw"]["eyy"] for image in images]
+    assert eyy == sorted(eyy)
+    assert images[-1]["raw"]["exx"] < 0 < eyy[-1]
+
+
+def test_the_necking_specimen(real_images, tmp_path):
+    files = sorted((real_images / "tension").glob("img_*.tif"))
+    images = run(tmp_path, *files, "--csv", tmp_path / "csv")
+    assert len(images) == 4
+    check_converged(images, 0.97)
+    last = np.genfromtxt(tmp_path / "csv" / "img_4.csv", delimiter=",", skip_header=1, usecols=(2,))
+    assert np.nanmin(last) == pytest.approx(-41, abs=2)
+
+
+def test_the_turn_by_170_degrees(real_images, tmp_path):
+    folder = real_images / "rotation170"
+    images = run(tmp_path, folder / "rotation_000.tif", folder / "rotation_170.tif")
+    check_converged(images, 0.97)
+    assert images[0]["start"] == "features"
+    assert images[0]["raw"]["rotation_deg"] == pytest.approx(170.0, abs=0.05)
+    # The picture was turned by computer: nothing strained it.
+    assert abs(images[0]["raw"]["exx"]) < 20e-6
+    assert abs(images[0]["raw"]["eyy"]) < 20e-6

@@ -1,0 +1,37 @@
+import numpy as np
+import pytest
+from scipy.ndimage import map_coordinates, spline_filter
+
+from dic.spline import MARGIN, spline_image
+
+
+@pytest.fixture(scope="module")
+def noise_image():
+    return np.random.default_rng(3).uniform(0, 255, (90, 110)).astype(np.float32)
+
+
+@pytest.mark.parametrize("order", [3, 5])
+def test_coefficients_are_those_of_scipy(noise_image, order):
+    ours = spline_image(noise_image, order).coefficients[MARGIN:-MARGIN, MARGIN:-MARGIN]
+    theirs = spline_filter(noise_image.astype(float), order, mode="mirror")
+    np.testing.assert_allclose(ours, theirs, atol=3e-3)
+
+
+@pytest.mark.parametrize("order", [3, 5])
+def test_gradient_is_the_slope_of_scipys_spline(noise_image, order):
+    along_x, along_y = spline_image(noise_image, order).gradient()
+    rows, columns = np.mgrid[10:80, 10:100].astype(float)
+    h = 1e-3
+
+    def grey(dy, dx):
+        return map_coordinates(
+            noise_image.astype(float), [rows + dy, columns + dx], order=order, mode="mirror"
+        )
+
+    np.testing.assert_allclose(along_x[10:80, 10:100], (grey(0, h) - grey(0, -h)) / (2 * h), atol=2e-3)
+    np.testing.assert_allclose(along_y[10:80, 10:100], (grey(h, 0) - grey(-h, 0)) / (2 * h), atol=2e-3)
+
+
+def test_other_orders_are_refused(noise_image):
+    with pytest.raises(ValueError, match="expected one of"):
+        spline_image(noise_image, 4)
