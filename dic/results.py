@@ -66,6 +66,7 @@ class ResultWriter:
             "start": field.start,
             "u_px": field.u_px,
             "v_px": field.v_px,
+            "gradient": field.warps[..., [1, 2, 4, 5]],
             "zncc": field.zncc,
             "status": field.status,
             "iterations": field.iterations,
@@ -81,6 +82,10 @@ class ResultWriter:
             dataset = group[name]
             dataset.resize(n + 1, axis=0)
             dataset[n] = value
+
+    def group(self, name: str) -> Any:
+        """Return the group `name` of the open file, made if it does not exist."""
+        return self._file.require_group(name)
 
     def _create(self, series: str, measurement: Measurement, settings: CorrelationSettings) -> Any:
         import h5py
@@ -109,6 +114,7 @@ class ResultWriter:
             growing(name, "", h5py.string_dtype())
         for name, units in (("u_px", "px"), ("v_px", "px"), ("zncc", "1")):
             growing(name, units, "f8", shape)
+        growing("gradient", "1", "f8", (*shape, 4))
         growing("status", "1", "u1", shape)
         growing("iterations", "1", "u2", shape)
         for name in _STRAINS:

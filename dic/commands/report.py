@@ -1,0 +1,19 @@
+"""`dic report`: result files in, one HTML page out."""
+
+from pathlib import Path
+
+import click
+
+_FILE = click.Path(path_type=Path)
+
+
+@click.command()
+@click.argument("results", type=_FILE, nargs=-1, required=True)
+@click.option("-o", "--output", type=_FILE, default=Path("report.html"), show_default=True)
+def report(results: tuple[Path, ...], output: Path) -> None:
+    """Write one self-contained HTML report of the RESULTS of one or more runs, from `dic process`."""
+    from dic.report import write_report
+    from dic.run_results import load_run_result
+
+    write_report([load_run_result(path) for path in results], output)
+    click.echo(f"report: {output}")

@@ -1,0 +1,127 @@
+"""The result file of a run: everything `process_run` found, so that a report needs nothing else."""
+
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dic.calibration_file import read_calibration, write_calibration
+from dic.errors import RunFileError
+from dic.field import Field
+from dic.measurement import measure
+from dic.process import CameraResult, RunResult
+from dic.results import FORMAT, VERSION, ResultWriter
+from dic.run_file import RunInfo, RunStep
+from dic.settings import CorrelationSettings
+
+_STEP_UNITS = {
+    "index": "1", "target": "by kind: N, mm or deg", "load_n": "N", "displacement_mm": "mm",
+    "angle_deg": "deg", "time_s": "s",
+}  # fmt: skip
+
+
+def save_run_result(result: RunResult, path: Path) -> None:
+    """Write the result file of a run; layout in `docs/results.md`.
+
+    Raises
+    ------
+    RunFileError
+        If the file cannot be written.
+    """
+    with ResultWriter(path) as writer:
+        run = writer.group("run")
+        run.attrs.update(asdict(result.info) | {"source": result.source})
+        for camera in result.cameras:
+            name = f"cameras/{camera.camera}"
+            for measurement in camera.measurements:
+                writer.add(f"{name}/series", measurement, result.settings)
+            group = writer.group(name)
+            group.attrs["failures"] = "\n".join(camera.failures)
+            group.create_dataset("reference", data=camera.reference).attrs["units"] = "grey level"
+            write_calibration(group.create_group("calibration"), camera.calibration)
+            _write_steps(group.create_group("steps"), camera.steps)
+        writer.group("settings").attrs.update(vars(result.settings))
+
+
+def load_run_result(path: Path) -> RunResult:
+    """Read the result file of a run.
+
+    Raises
+    ------
+    RunFileError
+        If the file is missing, cut off, or no result file of a run.
+    """
+    import h5py
+
+    if not path.is_file():
+        raise _refusal(path, "no such file")
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs.get("file_format") != FORMAT or "run" not in file:
+                raise _refusal(path, "an HDF5 file of another kind")
+            if file.attrs["file_format_version"] != VERSION:
+                raise _refusal(path, f"version {file.attrs['file_format_version']}, newer than this program")
+            run = dict(file["run"].attrs)
+            info = RunInfo(**{f.name: _plain(run[f.name]) for f in fields(RunInfo)})
+            settings = CorrelationSettings(**{k: _plain(v) for k, v in file["settings"].attrs.items()})
+            cameras = [_read_camera(name, group) for name, group in file["cameras"].items()]
+            return RunResult(str(run["source"]), info, settings, cameras)
+    except (KeyError, TypeError) as error:
+        raise _refusal(path, "a result file that lacks some of its data") from error
+    except OSError as error:
+        raise _refusal(path, "a file that was cut off or is no HDF5") from error
+
+
+def _write_steps(group: Any, steps: list[RunStep]) -> None:
+    group.attrs["kind"] = [step.kind for step in steps]
+    for name, units in _STEP_UNITS.items():
+        group.create_dataset(name, data=[getattr(step, name) for step in steps]).attrs["units"] = units
+
+
+def _read_camera(name: str, group: Any) -> CameraResult:
+    calibration = read_calibration(group["calibration"])
+    columns = {column: group["steps"][column][:] for column in _STEP_UNITS}
+    steps = []
+    for k, kind in enumerate(group["steps"].attrs["kind"]):
+        values = {column: float(values[k]) for column, values in columns.items() if column != "index"}
+        steps.append(RunStep(index=int(columns["index"][k]), kind=str(kind), **values))
+    measurements = []
+    if steps:
+        series = group["series"]
+        window = int(series.attrs["strain_window_points"])
+        for k, label in enumerate(series["label"].asstr()[:]):
+            measurements.append(measure(str(label), _read_field(series, k), calibration, window))
+    failures = [line for line in str(group.attrs["failures"]).split("\n") if line]
+    return CameraResult(name, calibration, group["reference"][:], steps, measurements, failures)
+
+
+def _read_field(series: Any, k: int) -> Field:
+    gradient = series["gradient"][k]
+    parts = [series["u_px"][k], gradient[..., 0], gradient[..., 1]]
+    parts += [series["v_px"][k], gradient[..., 2], gradient[..., 3]]
+    return Field(
+        x_px=series["x_px"][:],
+        y_px=series["y_px"][:],
+        warps=np.stack(parts, axis=-1),
+        zncc=series["zncc"][k],
+        iterations=series["iterations"][k].astype(np.int16),
+        status=series["status"][k].astype(np.int8),
+        active=series["active"][:].astype(np.bool_),
+        start=str(series["start"].asstr()[k]),
+    )
+
+
+def _plain(value: Any) -> Any:
+    """Return an HDF5 attribute as the Python value it was."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _refusal(path: Path, got: str) -> RunFileError:
+    return RunFileError(
+        str(path),
+        "read results",
+        expected=f"a result file of version {VERSION} from `dic process`",
+        got=got,
+        remedy="make it with `dic process RUN.h5`",
+    )
