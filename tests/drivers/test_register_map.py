@@ -1,0 +1,116 @@
+import copy
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drivers.errors import ConfigurationError
+from drivers.register_map import load_map, parse_map, shipped_maps
+from drivers.settings import read_toml
+
+GENERIC = read_toml(Path(__file__).parents[2] / "drivers" / "maps" / "generic.toml")
+
+
+@pytest.fixture
+def table() -> dict[str, Any]:
+    return copy.deepcopy(GENERIC)
+
+
+def mistakes(table: dict[str, Any]) -> list[str]:
+    with pytest.raises(ConfigurationError) as caught:
+        parse_map(table, "map.toml")
+    return caught.value.mistakes
+
+
+@pytest.mark.parametrize("name", shipped_maps())
+def test_every_shipped_map_is_sound(name):
+    assert load_map(name).blocks.state.count >= 8
+
+
+def test_a_map_is_read_by_its_path(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        (Path(__file__).parents[2] / "drivers/maps/generic.toml").read_text().replace("generic", "own")
+    )
+    assert load_map(str(path)).vendor == "own"
+
+
+def test_a_missing_map_is_told():
+    with pytest.raises(ConfigurationError, match="cannot be read"):
+        load_map("/nowhere/map.toml")
+
+
+def test_an_overlap_inside_a_block(table):
+    table["blocks"]["state"]["registers"]["sample"]["address"] = 2
+    found = mistakes(table)
+    assert "blocks.state: status at 3 overlaps sample, to 3" in found
+
+
+def test_a_gap_inside_a_block(table):
+    del table["blocks"]["state"]["registers"]["spare"]
+    assert mistakes(table) == [
+        "blocks.state: 7 to 7, between result and load, are not declared; declare them or make two blocks"
+    ]
+
+
+def test_blocks_that_overlap(table):
+    table["blocks"]["watchdog"]["registers"]["timeout"]["address"] = 65
+    assert mistakes(table) == ["blocks.heartbeat: holding 66 overlaps blocks.watchdog, to 66"]
+
+
+def test_the_same_address_in_two_tables_is_no_overlap(table):
+    assert table["blocks"]["state"]["registers"]["revision"]["address"] == 0
+    assert table["blocks"]["command"]["registers"]["command"]["address"] == 0
+    parse_map(table, "map.toml")
+
+
+def test_a_block_too_long_for_one_request(table):
+    table["request_max"] = 16
+    assert mistakes(table) == ["blocks.state: 18 registers, more than 16 in one request"]
+
+
+def test_a_wrong_unit(table):
+    table["blocks"]["state"]["registers"]["load"]["unit"] = "mm"
+    assert mistakes(table) == [
+        "blocks.state.registers.load.unit: must be 'N', got 'mm'; convert by scale",
+    ]
+
+
+def test_a_written_block_in_the_input_table(table):
+    table["blocks"]["heartbeat"] = {
+        "table": "input",
+        "registers": {"heartbeat": {"address": 66, "type": "u16"}},
+    }
+    assert mistakes(table) == ["blocks.heartbeat.table: must be 'holding', because it is written"]
+
+
+def test_a_counter_that_cannot_count(table):
+    table["blocks"]["heartbeat"]["registers"]["heartbeat"]["type"] = "i16"
+    assert mistakes(table) == ["blocks.heartbeat.registers.heartbeat.type: must be u16, got 'i16'"]
+
+
+def test_two_status_bits_in_one_place(table):
+    table["status"]["hold"] = table["status"]["moving"]
+    assert len(mistakes(table)) == 1
+
+
+def test_all_mistakes_of_a_map_are_reported_together(table):
+    table["colour"] = "red"
+    table["word_order"] = "DBCA"
+    del table["blocks"]["identity"]
+    state = table["blocks"]["state"]["registers"]
+    state["load"]["unit"] = "kN"
+    state["sample"]["address"] = 2
+    del state["executed"]
+    table["blocks"]["watchdog"]["registers"]["timeout"]["address"] = 65
+    found = "\n".join(mistakes(table))
+    for where in (
+        "colour",
+        "word_order",
+        "blocks.identity",
+        "load.unit",
+        "overlaps sample",
+        "executed",
+        "overlaps blocks.watchdog",
+    ):
+        assert where in found

@@ -1,0 +1,395 @@
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+import drivers.zaber
+from drivers.clock import VirtualClock
+from drivers.errors import ConfigurationError, DeviceFault, DeviceTimeout, LinkLost
+from drivers.interfaces import OpenContext
+from drivers.registry import find_driver
+from drivers.settings import validate
+from drivers.zaber import ZaberSettings, ZaberStage, open_stage
+from drivers.zaber_protocol import MOTION_FAILED
+from simulators.stage_device import StageDevice
+from simulators.stage_wire import StageServer, StageTcpServer
+
+Answer = Callable[[bytes], bytes]
+
+
+class Line(StageServer):
+    """A stage on a pty whose every message a test may see, change, lose or delay."""
+
+    def __init__(self, device: StageDevice) -> None:
+        self.received: list[str] = []
+        self.tamper: Callable[[str, Callable[[], bytes]], bytes] = lambda command, answer: answer()
+        super().__init__(device)
+
+    def answer(self, line: bytes) -> bytes:
+        command = line.decode().partition(":")[0].partition(" ")[2].partition(" ")[2].partition(" ")[2]
+        self.received.append(command)
+        return self.tamper(command, lambda: super(Line, self).answer(line))
+
+    def motions(self) -> list[str]:
+        return [command for command in self.received if command.startswith(("move", "home"))]
+
+
+def lose(lost: str) -> Callable[[str, Callable[[], bytes]], bytes]:
+    """The stage acts on commands that begin so, but its answer is lost."""
+
+    def tamper(command: str, answer: Callable[[], bytes]) -> bytes:
+        reply = answer()
+        return b"" if command.startswith(lost) else reply
+
+    return tamper
+
+
+def settings(port: str, **changes: object) -> ZaberSettings:
+    values = {"port": port, "angle_min_deg": -5.0, "angle_max_deg": 725.0, "reply_timeout_s": 5.0}
+    return ZaberSettings.model_validate(values | changes)
+
+
+@pytest.fixture
+def device(clock: VirtualClock) -> StageDevice:
+    return StageDevice(clock, power_up_angle_deg=12.0)
+
+
+@pytest.fixture
+def line(device: StageDevice) -> Iterator[Line]:
+    server = Line(device)
+    yield server
+    server.close()
+
+
+@pytest.fixture
+def stage(line: Line, context: OpenContext) -> Iterator[ZaberStage]:
+    opened = open_stage(settings(line.address, reply_timeout_s=0.2), context)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def homed(stage: ZaberStage, line: Line, clock: VirtualClock) -> ZaberStage:
+    stage.home()
+    arrive(stage, clock)
+    line.received.clear()
+    return stage
+
+
+def arrive(stage: ZaberStage, clock: VirtualClock) -> float:
+    """Wait in simulated time and return the angle."""
+    for _ in range(10_000):
+        state = stage.read()
+        if not state.moving:
+            return state.angle_deg
+        clock.sleep(0.05)
+    raise AssertionError("the stage never arrived")
+
+
+@pytest.mark.parametrize(("server", "url"), [(StageServer, "{}"), (StageTcpServer, "socket://{}")])
+def test_homes_and_turns_on_a_pty_and_on_tcp(server, url, device, clock, context):
+    wire = server(device)
+    try:
+        stage = open_stage(settings(url.format(wire.address)), context)
+        try:
+            assert (stage.info.vendor, stage.info.serial) == ("Zaber", "110001")
+            assert not stage.read().homed
+            stage.home()
+            arrive(stage, clock)
+            assert stage.read().homed
+            assert device.angle_deg() == pytest.approx(0.0, abs=1e-9)
+            stage.move_to(382.5)
+            assert arrive(stage, clock) == 382.5
+            assert device.angle_deg() == pytest.approx(382.5, abs=1e-9)
+        finally:
+            stage.close()
+            stage.close()
+    finally:
+        wire.close()
+        wire.close()
+
+
+def test_a_move_lasts_as_long_as_its_speed_says(homed, clock):
+    start_s = clock.now_s()
+    homed.move_to(90.0)
+    arrive(homed, clock)
+    # 90° at the default 10°/s, and 10/200 s to reach that speed; polled every 0.05 s
+    assert clock.now_s() - start_s == pytest.approx(9.05, abs=0.051)
+
+
+def test_limits_and_speed_are_in_the_stage(stage, device):
+    assert (device.limit_min, device.limit_max) == (-5 * 6400, 725 * 6400)
+    assert device.speed_microsteps_s == pytest.approx(10 * 6400, rel=1e-5)
+
+
+def test_limits_can_be_moved_anywhere_in_the_right_order(device, line, context):
+    for low, high in ((100.0, 110.0), (-20.0, -10.0), (5000.0, 5010.0)):
+        open_stage(settings(line.address, angle_min_deg=low, angle_max_deg=high), context).close()
+        assert (device.limit_min, device.limit_max) == (low * 6400, high * 6400)
+
+
+def test_a_setting_that_the_stage_does_not_take_is_refused(line, context):
+    acknowledge = b"@01 1 %02d OK IDLE -- 0"
+
+    def ignore(command: str, answer: Callable[[], bytes]) -> bytes:
+        if not command.startswith("set maxspeed"):
+            return answer()
+        body = acknowledge % (len(line.received) % 100)
+        return body + b":%02X\r\n" % (-sum(body[1:]) & 0xFF)
+
+    line.tamper = ignore
+    with pytest.raises(DeviceFault, match="set maxspeed: expected 104858, got 209715 on reading back"):
+        open_stage(settings(line.address), context)
+
+
+@pytest.mark.parametrize("angle_deg", [-5.1, 725.1, float("nan"), float("inf")])
+def test_angles_out_of_limits_are_refused_before_anything_is_sent(homed, line, angle_deg):
+    with pytest.raises(DeviceFault, match="from -5° to 725°"):
+        homed.move_to(angle_deg)
+    assert line.received == []
+
+
+def test_the_stages_own_rejection_is_told(homed, device):
+    device.limit_max = 10 * 6400
+    with pytest.raises(DeviceFault, match=r"BADDATA .*out of range"):
+        homed.move_to(20.0)
+
+
+def test_motion_without_a_reference_is_refused(stage, line):
+    with pytest.raises(DeviceFault, match="home the stage first"):
+        stage.move_to(10.0)
+    assert line.motions() == []
+
+
+def test_a_reference_lost_in_a_power_cut_is_noticed(homed, device):
+    device.power_cycle()
+    assert not homed.read().homed
+    with pytest.raises(DeviceFault, match="no reference position"):
+        homed.move_to(10.0)
+
+
+def test_a_second_move_while_moving_is_refused(homed):
+    homed.move_to(90.0)
+    with pytest.raises(DeviceFault, match="a stage in motion"):
+        homed.move_to(10.0)
+
+
+@pytest.mark.parametrize("flag", sorted(MOTION_FAILED))
+def test_a_failed_motion_is_a_fault_until_homing_acknowledges_it(homed, device, clock, flag):
+    homed.move_to(90.0)
+    clock.sleep(1.0)
+    device.fail(flag)
+    for _ in range(2):
+        with pytest.raises(DeviceFault, match=f"read position: expected no fault, got .*{flag}"):
+            homed.read()
+    with pytest.raises(DeviceFault, match=flag):
+        homed.move_to(10.0)
+    device.enable_driver()
+    homed.home()
+    arrive(homed, clock)
+    assert homed.read().warnings == ()
+
+
+def test_an_interruption_warns_and_the_next_move_starts_clean(homed, device, clock):
+    homed.move_to(90.0)
+    clock.sleep(1.0)
+    device.stop()
+    clock.sleep(1.0)
+    assert homed.read().warnings == ("NI",)
+    homed.move_to(10.0)
+    assert arrive(homed, clock) == 10.0
+    assert homed.read().warnings == ()
+
+
+def test_a_move_whose_answer_is_lost_is_never_sent_again(homed, line, device, clock):
+    line.tamper = lose("move abs")
+    homed.move_to(45.0)
+    assert line.motions() == ["move abs 288000"]
+    line.tamper = lambda command, answer: answer()
+    assert arrive(homed, clock) == 45.0
+
+
+def test_a_move_that_never_arrived_is_reported_not_repeated(homed, line, device):
+    line.tamper = lambda command, answer: b"" if command.startswith("move") else answer()
+    with pytest.raises(DeviceTimeout, match="a stage that stands still"):
+        homed.move_to(45.0)
+    assert line.motions() == ["move abs 288000"]
+    assert device.position == 0
+
+
+def test_a_damaged_answer_to_a_move_counts_as_lost(homed, line, clock):
+    line.tamper = lambda command, answer: (
+        answer().replace(b"OK", b"OX") if command.startswith("move") else answer()
+    )
+    homed.move_to(45.0)
+    assert len(line.motions()) == 1
+    assert arrive(homed, clock) == 45.0
+
+
+def test_a_damaged_reading_is_asked_for_again(homed, line):
+    damaged = iter([True])
+
+    def once(command: str, answer: Callable[[], bytes]) -> bytes:
+        return answer().replace(b"IDLE", b"BUSY") if next(damaged, False) else answer()
+
+    line.tamper = once
+    assert not homed.read().moving
+    assert line.received == ["get pos", "get pos"]
+
+
+def test_a_reading_that_is_always_damaged_says_what_came(homed, line):
+    line.tamper = lambda command, answer: answer().replace(b"IDLE", b"BUSY")
+    with pytest.raises(DeviceTimeout, match=r"damaged line '@01 1 .. OK BUSY -- 0:"):
+        homed.read()
+
+
+def test_a_late_answer_is_not_taken_for_the_next_ones(homed, line, clock):
+    late: list[bytes] = []
+
+    def delay(command: str, answer: Callable[[], bytes]) -> bytes:
+        if not late:
+            late.append(answer())
+            clock.sleep(1.0)
+            return b""
+        return late[0] + answer()
+
+    homed.move_to(90.0)
+    line.tamper = delay
+    # at rest for 0 s and 1 s after the start: only the second answer says 9.75°
+    assert homed.read().angle_deg == pytest.approx(10 * (1.0 - 0.025), abs=1e-3)
+
+
+def test_answers_of_another_device_are_refused(homed, line):
+    def foreign(command: str, answer: Callable[[], bytes]) -> bytes:
+        body = answer().partition(b":")[0].replace(b"@01", b"@02")
+        return body + b":%02X\r\n" % (-sum(body[1:]) & 0xFF)
+
+    line.tamper = foreign
+    with pytest.raises(DeviceFault, match="expected device 1, got an answer of device 2"):
+        homed.read()
+
+
+def test_stop_goes_out_while_another_request_waits_for_its_answer(line, device, clock, context):
+    stage = open_stage(settings(line.address, reply_timeout_s=30.0), context)
+    stage.home()
+    arrive(stage, clock)
+    stage.move_to(90.0)
+    clock.sleep(1.0)
+    polled = threading.Event()
+    held: list[bytes] = []
+
+    def hold_back(command: str, answer: Callable[[], bytes]) -> bytes:
+        if command == "get pos":
+            held.append(answer())
+            polled.set()
+            return b""
+        return answer()
+
+    line.tamper = hold_back
+    with ThreadPoolExecutor(1) as pool:
+        reading = pool.submit(stage.read)
+        assert polled.wait(30.0)
+        stage.stop()
+        assert not reading.done()
+        assert not device.moving
+        line.tamper = lambda command, answer: held.pop() + answer()
+        # any further traffic brings the late answer along
+        stage.stop()
+        assert reading.result(30.0).moving
+    stage.close()
+
+
+def test_stop_keeps_back_a_move_that_was_not_sent_yet(line, device, clock, context):
+    stage = open_stage(settings(line.address, reply_timeout_s=30.0), context)
+    stage.home()
+    arrive(stage, clock)
+    polled = threading.Event()
+    held: list[bytes] = []
+
+    def hold_back(command: str, answer: Callable[[], bytes]) -> bytes:
+        if command == "get pos":
+            held.append(answer())
+            polled.set()
+            return b""
+        return (held.pop() if held else b"") + answer()
+
+    line.received.clear()
+    line.tamper = hold_back
+    with ThreadPoolExecutor(1) as pool:
+        moving = pool.submit(stage.move_to, 90.0)
+        assert polled.wait(30.0)
+        stage.stop()
+        with pytest.raises(DeviceFault, match="no stop meanwhile"):
+            moving.result(30.0)
+    assert line.motions() == []
+    stage.close()
+
+
+def test_stop_is_repeated_until_standstill_is_confirmed(homed, line, device, clock):
+    homed.move_to(90.0)
+    clock.sleep(1.0)
+    lost = iter([True, True])
+    line.tamper = lambda command, answer: b"" if next(lost, False) else answer()
+    homed.stop()
+    assert not device.moving
+    # two lost, then at least the one that began to brake and the one that saw the standstill
+    assert line.received.count("stop") >= 4
+
+
+def test_a_stop_that_is_never_confirmed_calls_for_the_emergency_stop(homed, line, monkeypatch):
+    monkeypatch.setattr(drivers.zaber, "STOP_PATIENCE_S", 0.3)
+    line.tamper = lambda command, answer: b""
+    with pytest.raises(DeviceTimeout, match="press the emergency stop"):
+        homed.stop()
+
+
+def test_a_mute_stage_is_a_timeout(line, context):
+    line.tamper = lambda command, answer: b""
+    with pytest.raises(DeviceTimeout, match=r"expected an answer within 0\.05 s, got silence"):
+        open_stage(settings(line.address, reply_timeout_s=0.05), context)
+
+
+def test_a_lost_link_is_told_by_every_call(homed, line):
+    line.close()
+    for call in (homed.read, homed.home, homed.stop, lambda: homed.move_to(1.0)):
+        with pytest.raises(LinkLost, match="check the cable"):
+            call()
+
+
+def test_a_port_that_does_not_exist_is_told(context):
+    with pytest.raises(LinkLost, match="open port: expected a free serial port"):
+        open_stage(settings("/dev/ttyNone"), context)
+
+
+def test_a_port_in_use_is_told(stage, line, context):
+    with pytest.raises(LinkLost, match="no other program"):
+        open_stage(settings(line.address), context)
+
+
+def test_a_simulated_name_without_a_simulated_rig_is_told(context):
+    with pytest.raises(LinkLost, match="no simulated rig"):
+        open_stage(settings("@stage"), context)
+
+
+def test_a_simulated_rigs_stage_is_found_by_name_and_marked(line, clock):
+    class Environment:
+        addresses = {"stage": line.address}  # noqa: RUF012
+
+    stage = open_stage(settings("@stage"), OpenContext("stage", clock, Environment()))
+    assert stage.info.simulated
+    stage.close()
+
+
+def test_mistakes_in_the_rig_file_are_reported_together():
+    spec = find_driver("zaber-ascii")
+    table = {"port": 3, "angle_min_deg": 0.0, "angle_max_deg": float("nan"), "colour": "red"}
+    with pytest.raises(ConfigurationError) as caught:
+        validate(spec.settings, table, "rig.toml")
+    assert len(caught.value.mistakes) == 3
+
+
+def test_crossed_limits_are_a_mistake():
+    table = {"port": "/dev/ttyUSB0", "angle_min_deg": 10.0, "angle_max_deg": 0.0}
+    with pytest.raises(ConfigurationError, match="angle_min_deg must be below angle_max_deg"):
+        validate(ZaberSettings, table, "rig.toml")

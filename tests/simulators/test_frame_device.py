@@ -1,0 +1,167 @@
+import numpy as np
+import pytest
+
+from drivers.clock import VirtualClock
+from simulators.frame_device import CONTROL_PERIOD_S, FrameDevice
+from simulators.frame_state import Fault, Limits, Refusal, RefusedError
+
+STIFFNESS_N_MM = 5000.0
+
+
+class Spring:
+    def stretch_to(self, displacement_mm: float) -> float:
+        return STIFFNESS_N_MM * displacement_mm
+
+
+class Yielding:
+    """Elastic, perfectly plastic: 5 kN/mm up to 4 kN, remembers its permanent stretch."""
+
+    def __init__(self) -> None:
+        self.permanent_mm = 0.0
+
+    def stretch_to(self, displacement_mm: float) -> float:
+        self.permanent_mm = max(self.permanent_mm, displacement_mm - 4000.0 / STIFFNESS_N_MM)
+        return STIFFNESS_N_MM * (displacement_mm - self.permanent_mm)
+
+
+@pytest.fixture
+def clock() -> VirtualClock:
+    return VirtualClock()
+
+
+@pytest.fixture
+def frame(clock: VirtualClock) -> FrameDevice:
+    return FrameDevice(clock, Spring(), load_max_n=20_000.0, displacement_max_mm=50.0)
+
+
+def test_displacement_grows_at_constant_speed(frame, clock):
+    frame.go_to_displacement(1.0, 0.1)
+    for second in range(1, 10):
+        clock.sleep(1.0)
+        assert frame.displacement_mm() == pytest.approx(0.1 * second, abs=0.1 * CONTROL_PERIOD_S)
+    clock.sleep(10.0)
+    assert frame.displacement_mm() == pytest.approx(1.0)
+    assert frame.read().at_target
+
+
+def test_load_follows_its_ramp(frame, clock):
+    frame.go_to_load(4000.0, 400.0)
+    for second in range(1, 10):
+        clock.sleep(1.0)
+        assert frame.load_n() == pytest.approx(400.0 * second, abs=400.0 * CONTROL_PERIOD_S)
+    clock.sleep(10.0)
+    assert frame.load_n() == pytest.approx(4000.0, abs=1.0)
+    frame.go_to_load(1000.0, 400.0)
+    clock.sleep(10.0)
+    assert frame.load_n() == pytest.approx(1000.0, abs=1.0)
+
+
+def test_the_way_does_not_depend_on_how_often_it_is_asked(clock):
+    often = FrameDevice(clock, Yielding())
+    rarely = FrameDevice(clock, Yielding())
+    for device in (often, rarely):
+        device.go_to_load(3900.0, 200.0)
+    for _ in range(500):
+        clock.sleep(0.05)
+        often.read()
+    assert often.load_n() == rarely.load_n()
+    assert often.displacement_mm() == rarely.displacement_mm()
+
+
+def test_a_load_that_a_yielding_specimen_never_carries_ends_at_the_travel_limit(clock):
+    frame = FrameDevice(clock, Yielding(), displacement_max_mm=3.0)
+    frame.go_to_load(5000.0, 200.0)
+    clock.sleep(600.0)
+    state = frame.read()
+    assert state.fault is Fault.DISPLACEMENT_LIMIT
+    assert state.holding
+    # tripped within one control period at the greatest speed
+    assert 3.0 < state.displacement_mm < 3.0 + 5.0 * CONTROL_PERIOD_S + 1e-3
+
+
+def test_the_load_limit_trips_on_the_way_out_and_leaves_the_way_back_free(frame, clock):
+    frame.go_to_displacement(10.0, 1.0)
+    clock.sleep(20.0)
+    assert frame.read().fault is Fault.LOAD_LIMIT
+    assert frame.load_n() == pytest.approx(20_000.0, abs=1.0 * CONTROL_PERIOD_S * STIFFNESS_N_MM + 1.0)
+    frame.go_to_displacement(3.0, 1.0)
+    clock.sleep(20.0)
+    assert frame.read().fault is Fault.NONE
+    assert frame.load_n() == pytest.approx(15_000.0)
+
+
+@pytest.mark.parametrize(
+    ("command", "reason"),
+    [
+        (lambda frame: frame.go_to_load(20_001.0, 1.0), Refusal.BEYOND_LIMITS),
+        (lambda frame: frame.go_to_load(float("nan"), 1.0), Refusal.BEYOND_LIMITS),
+        (lambda frame: frame.go_to_displacement(50.1, 1.0), Refusal.BEYOND_LIMITS),
+        (lambda frame: frame.go_to_displacement(1.0, 5.1), Refusal.TOO_FAST),
+        (lambda frame: frame.go_to_displacement(1.0, 0.0), Refusal.TOO_FAST),
+        (lambda frame: frame.set_limits(Limits(0, 20_001.0, 0, 1, 1, 1)), Refusal.BEYOND_LIMITS),
+        (lambda frame: frame.set_limits(Limits(0, float("nan"), 0, 1, 1, 1)), Refusal.BEYOND_LIMITS),
+        (lambda frame: frame.set_limits(Limits(10, 0, 0, 1, 1, 1)), Refusal.BEYOND_LIMITS),
+        (lambda frame: frame.set_watchdog(float("nan")), Refusal.BEYOND_LIMITS),
+    ],
+)
+def test_commands_beyond_the_limits_are_refused(frame, command, reason):
+    with pytest.raises(RefusedError) as caught:
+        command(frame)
+    assert caught.value.reason is reason
+    assert frame.read().holding
+
+
+def test_the_watchdog_trips_only_while_moving_and_without_new_beats(frame, clock):
+    frame.set_watchdog(1.0)
+    clock.sleep(100.0)
+    assert frame.read().fault is Fault.NONE
+    frame.go_to_displacement(10.0, 0.1)
+    for beat in range(1, 6):
+        clock.sleep(0.9)
+        frame.beat(beat)
+    assert frame.read().moving
+    for _ in range(3):
+        clock.sleep(0.9)
+        frame.beat(5)
+    assert frame.read().fault is Fault.WATCHDOG
+    # 5 × 0.9 s with beats, 1 s without
+    assert frame.displacement_mm() == pytest.approx(0.55, abs=0.1 * 2 * CONTROL_PERIOD_S)
+
+
+def test_an_emergency_stop_stands_until_released_and_commanded(frame, clock):
+    frame.go_to_displacement(10.0, 1.0)
+    clock.sleep(1.0)
+    frame.press_estop()
+    clock.sleep(1.0)
+    assert frame.displacement_mm() == pytest.approx(1.0, abs=CONTROL_PERIOD_S)
+    with pytest.raises(RefusedError, match="NOT_READY"):
+        frame.go_to_displacement(2.0, 1.0)
+    frame.release_estop()
+    clock.sleep(1.0)
+    assert frame.displacement_mm() == pytest.approx(1.0, abs=CONTROL_PERIOD_S)
+    frame.go_to_displacement(2.0, 1.0)
+    assert frame.read().fault is Fault.NONE
+
+
+def test_noise_is_as_large_as_stated_and_once_per_sample(clock):
+    frame = FrameDevice(clock, Spring(), rng=np.random.default_rng(7))
+    loads, displacements = [], []
+    for _ in range(4000):
+        clock.sleep(CONTROL_PERIOD_S * 1.0001)
+        reading = frame.read()
+        assert frame.read() == reading
+        loads.append(reading.load_n)
+        displacements.append(reading.displacement_mm)
+    # the standard deviation of 4000 samples is within 5 standard errors, 1/sqrt(8000) each
+    assert np.std(loads) == pytest.approx(2.0, rel=5 / 8000**0.5)
+    assert np.std(displacements) == pytest.approx(0.2e-3, rel=5 / 8000**0.5)
+    assert frame.load_n() == 0.0
+
+
+def test_tare_sets_both_zeros(frame, clock):
+    frame.go_to_displacement(1.0, 1.0)
+    with pytest.raises(RefusedError, match="NOT_READY"):
+        frame.tare()
+    clock.sleep(2.0)
+    frame.tare()
+    assert (frame.load_n(), frame.displacement_mm()) == (0.0, 0.0)

@@ -1,0 +1,94 @@
+import os
+import select
+import socket
+import threading
+
+import pytest
+
+from drivers.clock import VirtualClock
+from simulators.stage_device import StageDevice
+from simulators.stage_wire import StageServer, StageTcpServer
+
+
+@pytest.fixture
+def clock() -> VirtualClock:
+    return VirtualClock()
+
+
+@pytest.fixture
+def server(clock):
+    opened = StageServer(StageDevice(clock))
+    yield opened
+    opened.close()
+
+
+@pytest.mark.parametrize(
+    ("message", "reply"),
+    [
+        # checksums of the vendor's client; the reply's is the recorded `@01 0 02 OK IDLE WR 0:BC`
+        (b"/1 0 02:FD", b"@01 0 02 OK IDLE WR 0:BC\r\n"),
+        (b"/1 0 00 get pos:2D", b"@01 0 00 OK IDLE WR 0:BE\r\n"),
+        # the dialect without ids and checksums
+        (b"/", b"@01 0 OK IDLE WR 0\r\n"),
+        (b"/get pos", b"@01 0 OK IDLE WR 0\r\n"),
+        (b"/1 1 get maxspeed", b"@01 1 OK IDLE WR 209715\r\n"),
+        (b"/01 1 7 warnings", b"@01 1 07 OK IDLE WR 01 WR\r\n"),
+        # refusals
+        (b"/1 1 07 fly", b"@01 1 07 RJ IDLE WR BADCOMMAND\r\n"),
+        (b"/1 2 07 home", b"@01 2 07 RJ IDLE WR BADAXIS\r\n"),
+        (b"/1 1 07 move abs 99999999", b"@01 1 07 RJ IDLE WR BADDATA\r\n"),
+        (b"/1 1 07 move abs far", b"@01 1 07 RJ IDLE WR BADDATA\r\n"),
+        (b"/1 1 07 set pos 5", b"@01 1 07 RJ IDLE WR BADCOMMAND\r\n"),
+        # not for this stage, damaged, no reply wanted, no message
+        (b"/2 0 07", b""),
+        (b"/1 0 00 get pos:2E", b""),
+        (b"/1 0 -- get pos", b""),
+        (b"hello", b""),
+        (b"\xff\xfe", b""),
+    ],
+)
+def test_answers_as_the_manual_says(server, message, reply):
+    assert server.answer(message) == reply
+
+
+def test_everybody_answers_to_address_0(server):
+    assert server.answer(b"/0 0 05:FB") == server.answer(b"/1 0 05:FA")
+
+
+def test_a_move_is_busy_and_then_idle(server, clock):
+    assert b" OK BUSY " in server.answer(b"/1 1 01 move abs 64000")
+    clock.sleep(1.0)
+    assert server.answer(b"/1 1 02 get pos").split()[4:] == [b"IDLE", b"WR", b"64000"]
+
+
+def test_bytes_may_come_in_pieces_on_the_terminal(server):
+    terminal = os.open(server.address, os.O_RDWR | os.O_NOCTTY)
+    try:
+        for piece in (b"/1 0 0", b"0 get pos:2D\r", b"\n/1 0 01 get pos:2C\n"):
+            os.write(terminal, piece)
+        received = b""
+        while received.count(b"\n") < 2:
+            ready, _, _ = select.select([terminal], [], [], 10.0)
+            assert ready
+            received += os.read(terminal, 100)
+    finally:
+        os.close(terminal)
+    assert received == b"@01 0 00 OK IDLE WR 0:BE\r\n@01 0 01 OK IDLE WR 0:BD\r\n"
+
+
+def test_clients_on_tcp_share_one_stage(clock):
+    server = StageTcpServer(StageDevice(clock))
+    host, _, port = server.address.partition(":")
+    before = threading.active_count()
+    try:
+        with socket.create_connection((host, int(port)), 10.0) as one:
+            with one.makefile("rb") as lines:
+                one.sendall(b"/1 1 01 move abs 6400\n")
+                assert lines.readline() == b"@01 1 01 OK BUSY WR 0\r\n"
+            clock.sleep(1.0)
+            with socket.create_connection((host, int(port)), 10.0) as other:
+                other.sendall(b"/1 1 01 get pos\n")
+                assert other.makefile("rb").readline() == b"@01 1 01 OK IDLE WR 6400\r\n"
+    finally:
+        server.close()
+    assert threading.active_count() < before
