@@ -1,17 +1,18 @@
 """Finding a calibration grid in an image without help.
 
-The way: enclosed cells → a lattice of cells (`dic.grid_cells`) → a smooth map from index to px (`dic.grid_shape`)
-→ how many lines there are (`dic.grid_lines`) → line centres across the lines (`dic.grid_trace`) → intersections
-(`dic.grid_crossings`) → which way is X.
+The way: enclosed cells, on a lattice (`dic.grid_cells`); a smooth map from lattice index to px
+(`dic.grid_shape`); how many lines there are (`dic.grid_extent`); line centres, measured across the
+lines (`dic.grid_trace`); intersections (`dic.grid_crossings`); which way is X.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
-from dic.grid_cells import CellLattice, find_cells
+from dic.grid_cells import find_cells
 from dic.grid_crossings import intersect
-from dic.grid_lines import GridImage, line_evidence, station_index
+from dic.grid_extent import line_extents
+from dic.grid_lines import GridImage
 from dic.grid_points import GridPoints
 from dic.grid_shape import LatticeShape
 from dic.grid_trace import trace_lines
@@ -67,8 +68,10 @@ def find_grid(
     if len(cells.index) < max(9, expected_cells // 10):
         raise _refusal(source, lines, "no line grid")
     sampled = GridImage(np.asarray(image, np.float32), cells.dark_lines)
-    shape = LatticeShape.fit(cells.index + 0.5, cells.centre_px)
-    extents = _line_extents(sampled, shape, cells)
+    shape = LatticeShape.fit(cells.index.astype(np.float64) + 0.5, cells.centre_px)
+    extents = line_extents(sampled, shape, cells)
+    if not extents[0]:
+        raise _refusal(source, lines, "cells without lines between them, such as a checkerboard")
     swap, flip, warnings = _orientation(shape, extents)
     counts = (len(extents[0]), len(extents[1]))
     seen = counts[::-1] if swap else counts
@@ -78,8 +81,9 @@ def find_grid(
     predicted = shape.map(np.stack(np.meshgrid(*extents, indexing="ij"), axis=-1).astype(float))
     traces = [trace_lines(sampled, shape, axis, extents[axis], extents[1 - axis]) for axis in (0, 1)]
     crossing, sound = intersect(traces[0], traces[1], predicted)
-    pitch_px = float(np.sqrt(np.abs(np.linalg.det(_lattice_vectors(shape, extents)))))
+    pitch_px = float(np.sqrt(abs(np.linalg.det(_lattice_vectors(shape, extents)))))
     sound &= np.linalg.norm(crossing - predicted, axis=-1) < 0.3 * pitch_px
+    sound &= _in_line(crossing, sound)
     if np.count_nonzero(sound) < _SUFFICIENT * sound.size:
         raise _refusal(source, lines, f"only {np.count_nonzero(sound)} of {sound.size} intersections")
     index = np.argwhere(sound)
@@ -89,44 +93,15 @@ def find_grid(
     return GridPoints.on_lattice(index.astype(np.int64), crossing[sound], lines, pitch_mm, warnings)
 
 
-def _line_extents(image: GridImage, shape: LatticeShape, cells: CellLattice) -> tuple[range, range]:
-    """Return the indices of the lines that are really there, in both directions.
-
-    Cells at the rim may be missing or, beyond it, spurious; a line counts if most of its segments look like one.
-    """
-    low, high = cells.index.min(axis=0) - 1, cells.index.max(axis=0) + 3
-    spans = (range(low[0], high[0]), range(low[1], high[1]))
-    known = {(int(i), int(j)) for i, j in cells.index}
-    found = []
-    for axis in (0, 1):
-        evidence = line_evidence(image, shape, axis, spans[axis], spans[1 - axis])
-        between = np.zeros(evidence.shape, bool)
-        for i, j in known:
-            if ((i - 1, j) if axis == 0 else (i, j - 1)) in known:
-                at = (i - low[0], j - low[1])
-                between[at if axis == 0 else at[::-1]] = True
-        seen = (evidence > 0.4 * _usual_evidence(evidence, between)).sum(axis=1)
-        present = seen > 0.5 * np.sort(seen)[-max(1, len(seen) // 4)]
-        middle = round(float(np.median(cells.index[:, axis]))) - low[axis]
-        first = last = middle
-        while first > 0 and present[first - 1]:
-            first -= 1
-        while last < len(present) and present[last]:
-            last += 1
-        found.append(range(int(low[axis]) + first, int(low[axis]) + last))
-    return found[0], found[1]
-
-
-def _usual_evidence(evidence: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return for every segment what is usual among the nearest segments that lie between known cells."""
-    from scipy.ndimage import distance_transform_edt, median_filter
-
-    if not between.any():
-        return np.full_like(evidence, np.inf)
-    nearest = distance_transform_edt(~between, return_distances=False, return_indices=True)
-    usual = median_filter(evidence[tuple(nearest)], size=5, mode="nearest")
-    # without contrast between cells there is no line to compare with
-    return np.where(usual > 0, usual, np.inf)
+def _in_line(crossing: NDArray[np.float64], sound: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell which intersections lie where the others say, within eight times the usual: dirt bends lines."""
+    if np.count_nonzero(sound) < 16:
+        return sound
+    index = np.argwhere(sound).astype(float)
+    deviation = np.linalg.norm(crossing[sound] - LatticeShape.fit(index, crossing[sound]).map(index), axis=1)
+    result = sound.copy()
+    result[sound] = deviation < 8 * np.median(deviation) + 0.02
+    return result
 
 
 def _lattice_vectors(shape: LatticeShape, extents: tuple[range, range]) -> NDArray[np.float64]:
@@ -151,8 +126,8 @@ def _orientation(
     if abs(from_right_deg[0] - from_right_deg[1]) < 2 * _AMBIGUOUS_DEG:
         angle = float(min(from_right_deg))
         warnings = (
-            f"the grid is turned by about {angle:.0f}° in the image, so that X and Y could be named the other "
-            "way round; X was taken along the direction closest to the image's right",
+            f"the grid is turned by about {angle:.0f}° in the image, so that X and Y could be named "
+            "the other way round; X was taken along the direction closest to the image's right",
         )
     return swap, np.array([flip_x, flip_y]), warnings
 

@@ -33,8 +33,8 @@ class CellLattice:
 def find_cells(grey: NDArray[np.float32], expected: int) -> CellLattice:
     """Return the largest lattice of cells that the image shows.
 
-    Lines are what a morphological closing fills (a black top-hat): that ignores slow changes of light and steps at
-    the grid's rim. What they enclose are the cells. Line widths from 1 px to a few tens of px are tried in
+    Lines are what a morphological closing fills (a black top-hat): that ignores slow changes of light and
+    steps at the grid's rim. What they enclose are the cells. Line widths from 1 px to a few tens of px are tried in
     turn, dark and bright lines, until at least 90 % of the `expected` cells agree.
 
     Parameters
@@ -51,7 +51,7 @@ def find_cells(grey: NDArray[np.float32], expected: int) -> CellLattice:
             centres, areas = _enclosed_regions(grey if dark_lines else -grey, width_px)
             index, centres = _largest_lattice(centres, areas)
             if len(index) > len(best.index):
-                best = CellLattice(index, centres, dark_lines)
+                best = CellLattice(_along_short_vectors(index, centres), centres, dark_lines)
             if len(best.index) >= 0.9 * expected:
                 return best
     return best
@@ -87,7 +87,7 @@ def _largest_lattice(
     if len(centres) < 9:
         return none
     tree = KDTree(centres)
-    _, neighbours = tree.query(centres, k=9)
+    neighbours: NDArray[Any] = np.asarray(tree.query(centres, k=9)[1])
     seeds = {}
     for cell in range(len(centres)):
         basis = _local_basis(centres, areas, neighbours[cell])
@@ -115,7 +115,7 @@ def _largest_lattice(
 def _local_basis(
     centres: NDArray[np.float64], areas: NDArray[np.float64], neighbours: NDArray[Any]
 ) -> NDArray[np.float64] | None:
-    """Return two lattice vectors (2, 2) if the cell has like neighbours on opposite sides in two directions."""
+    """Return two lattice vectors (2, 2) if like neighbours lie on opposite sides in two directions."""
     cell = neighbours[0]
     alike = [other for other in neighbours[1:] if 0.5 < areas[other] / areas[cell] < 2]
     steps = centres[alike] - centres[cell]
@@ -129,6 +129,23 @@ def _local_basis(
         if len(basis) == 2:
             return np.array(basis)
     return None
+
+
+def _along_short_vectors(index: NDArray[np.int64], centres: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the index along the lattice's shortest vectors (Gauss's reduction).
+
+    Growth that began beside a missing cell may have taken a diagonal for a lattice vector.
+    """
+    index = index.copy()
+    for _ in range(4):
+        affine = np.linalg.lstsq(np.column_stack([index, np.ones(len(index))]), centres, rcond=None)[0]
+        for axis in (0, 1):
+            shorter, longer = affine[axis], affine[1 - axis]
+            shear = round(float(shorter @ longer / (shorter @ shorter)))
+            if shear:
+                index[:, axis] += shear * index[:, 1 - axis]
+                break
+    return index
 
 
 def _grow(

@@ -10,12 +10,12 @@ from dic.grid_trace import LineTrace, median_where
 Floats = NDArray[np.float64]
 _SEGMENTS = 4
 _NEWTON_STEPS = 4
-_REJECTIONS = 2
+_REJECTIONS = 4
 
 
 @dataclass(frozen=True)
 class _LocalCurve:
-    """``normal·(p − origin) = q0 + q1·s + q2·s²`` with ``s = tangent·(p − origin)/scale``, one per intersection."""
+    """``normal·(p − origin) = q0 + q1·s + q2·s²``, ``s = tangent·(p − origin)/scale``, per intersection."""
 
     origin: Floats
     tangent: Floats
@@ -48,8 +48,7 @@ def intersect(first: LineTrace, second: LineTrace, predicted: Floats) -> tuple[F
     -------
     crossing_px : ndarray, shape (n0, n1, 2)
     sound : ndarray of bool, shape (n0, n1)
-        Whether most stations on the two segments to either side (or, at the ends of a line, on the nearest two)
-        were seen, on both lines.
+        Whether most stations on the nearest segments of both lines were seen and lie on a smooth curve.
     """
     along = _local_curves(first, predicted)
     transposed = _local_curves(second, predicted.transpose(1, 0, 2))
@@ -79,13 +78,12 @@ def _local_curves(trace: LineTrace, predicted: Floats) -> _LocalCurve:
     relative = stations - predicted[:, :, None]
     s = np.einsum("abkc,abc->abk", relative, tangent) / scale[..., None]
     h = np.einsum("abkc,abc->abk", relative, normal)
-    sound = valid.mean(axis=-1) > 0.6
-    coefficients = _robust_parabolas(s, h, valid)
-    return _LocalCurve(predicted, tangent, normal, scale, coefficients, sound)
+    coefficients, kept = _robust_parabolas(s, h, valid)
+    return _LocalCurve(predicted, tangent, normal, scale, coefficients, kept.mean(axis=-1) > 0.6)
 
 
-def _robust_parabolas(s: Floats, h: Floats, valid: NDArray[np.bool_]) -> Floats:
-    """Return least-squares parabolas (…, 3), leaving out stations beyond four times the usual deviation."""
+def _robust_parabolas(s: Floats, h: Floats, valid: NDArray[np.bool_]) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return least-squares parabolas (…, 3) and the stations kept, those within four standard deviations."""
     design = np.stack([np.ones_like(s), s, s * s], axis=-1)
     kept = valid
     for rejection in range(_REJECTIONS + 1):
@@ -97,4 +95,4 @@ def _robust_parabolas(s: Floats, h: Floats, valid: NDArray[np.bool_]) -> Floats:
             deviation = np.abs(h - (design @ coefficients[..., None])[..., 0])
             # 1.5 times the median deviation is about one standard deviation
             kept = valid & (deviation <= 6 * median_where(valid, deviation, fallback=0.0) + 0.01)
-    return coefficients
+    return coefficients.astype(np.float64), kept

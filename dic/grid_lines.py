@@ -1,4 +1,4 @@
-"""Where the lines of a grid are in an image: grey levels between pixels, and evidence that a line is there."""
+"""Where the lines of a grid are: grey levels between pixels, and evidence that a line is there."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,6 +6,9 @@ from numpy.typing import NDArray
 from dic.grid_shape import LatticeShape
 
 Floats = NDArray[np.float64]
+
+
+PROFILE_OFFSETS = np.linspace(-0.45, 0.45, 37)
 
 
 class GridImage:
@@ -41,8 +44,10 @@ class GridImage:
         return values
 
 
-def line_evidence(image: GridImage, shape: LatticeShape, axis: int, numbers: range, across: range) -> Floats:
-    """Return how much each segment looks like a line, in grey levels, shape (len(numbers), len(across) − 1).
+def profiles_across(
+    image: GridImage, shape: LatticeShape, axis: int, numbers: range, across: range
+) -> Floats:
+    """Return profiles across the predicted lines at three stations of every segment.
 
     Parameters
     ----------
@@ -51,24 +56,47 @@ def line_evidence(image: GridImage, shape: LatticeShape, axis: int, numbers: ran
     axis : int
         0 for the lines of constant first index, 1 for those of constant second index.
     numbers : range
-        Indices of the lines to look for.
+        Indices of the lines.
     across : range
         Indices of the lines of the other direction, which bound the segments.
 
-    Notes
-    -----
-    A line is brighter in the middle than on *both* sides; the edge of a region is not. The median over three
-    stations counts, so that dirt and speckle do not pass for a line.
+    Returns
+    -------
+    ndarray, shape (lines, segments, 3, 37)
+        Grey levels, lines bright; NaN outside the image. The stations are before, in and after the middle
+        of the segment, the samples at `PROFILE_OFFSETS` pitches from the line.
     """
-    index = station_index(axis, numbers, across, np.array([0.35, 0.5, 0.65]))
+    index = station_index(axis, numbers, across, np.array([0.38, 0.5, 0.62]))
     step = shape.step(index, axis)
-    offsets = np.linspace(-0.45, 0.45, 37)
-    profile = image.sample(shape.map(index)[..., None, :] + offsets[:, None] * step[..., None, :])
-    middle = profile[..., np.abs(offsets) < 0.2]
+    return image.sample(shape.map(index)[..., None, :] + PROFILE_OFFSETS[:, None] * step[..., None, :])
+
+
+def line_evidence(profiles: Floats) -> Floats:
+    """Return how much each segment looks like a line, in grey levels, shape (lines, segments).
+
+    A line is brighter in the middle than on *both* sides; the edge of a region is not. The median over the
+    three stations counts, so that dirt and speckle do not pass for a line.
+    """
+    middle = profiles[..., np.abs(PROFILE_OFFSETS) < 0.2]
     core = np.lib.stride_tricks.sliding_window_view(middle, 3, axis=-1).mean(axis=-1).max(axis=-1)
-    sides = np.stack([profile[..., offsets < -0.3].mean(axis=-1), profile[..., offsets > 0.3].mean(axis=-1)])
-    evidence: Floats = np.median(core - sides.max(axis=0), axis=-1)
-    return np.nan_to_num(evidence, nan=0.0)
+    before, after = PROFILE_OFFSETS < -0.3, PROFILE_OFFSETS > 0.3
+    sides = np.maximum(profiles[..., before].mean(axis=-1), profiles[..., after].mean(axis=-1))
+    evidence: Floats = np.nan_to_num(np.median(core - sides, axis=-1), nan=0.0)
+    return evidence
+
+
+def line_irregularity(profiles: Floats) -> float:
+    """Return how much profiles (n, 3, 37) change along their segments, relative to their height.
+
+    A line looks the same in the middle of a segment and beside it. The diagonals of a checkerboard, which
+    enclose cells just as lines do, shrink to a point there.
+    """
+    whole = profiles[np.isfinite(profiles).all(axis=(1, 2))]
+    if not len(whole):
+        return float("inf")
+    usual = np.median(whole - whole.min(axis=-1, keepdims=True), axis=0)
+    change = usual[1] - (usual[0] + usual[2]) / 2
+    return float(np.sqrt(np.mean(change**2)) / max(float(np.ptp(usual)), 1e-9))
 
 
 def station_index(axis: int, numbers: range, across: range, fractions: Floats) -> Floats:

@@ -29,7 +29,7 @@ class LatticeShape:
 
     @classmethod
     def fit(cls, index: Points, px: Points) -> "LatticeShape":
-        """Fit to index (n, 2) and px (n, 2), n ≥ 9, leaving out points that disagree by a third of the pitch."""
+        """Fit to index (n, 2) and px (n, 2), n ≥ 9, leaving out points off by a third of the pitch."""
         import cv2
 
         centre = (index.min(axis=0) + index.max(axis=0)) / 2

@@ -51,8 +51,8 @@ class _Template:
     def offsets(self, profiles: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """Return the lines' offsets c in px and which of them count, both (lines, segments, stations).
 
-        ``I(s) ≈ b + e·S(s) + d·T(s) − d·c·T'(s)`` by least squares. T is the template; S, the running integral
-        of |T'|, is a step that takes up different brightness on the two sides of the outermost lines.
+        ``I(s) ≈ b + e·S(s) + d·T(s) − d·c·T'(s)`` by least squares. T is the template; S, the running
+        integral of |T'|, is a step for different brightness on the two sides of the outermost lines.
         """
         slope = np.gradient(self.level, self.offsets_px)
         step = np.cumsum(np.abs(slope)) * _SAMPLE_PX
@@ -79,14 +79,15 @@ def median_where(mask: NDArray[np.bool_], values: Floats, fallback: float) -> Fl
 
 
 def regional_median(values: Floats) -> Floats:
-    """Return what is usual around each segment, (lines, segments, 1): light and focus differ across an image."""
+    """Return what is usual around each segment, (lines, segments, 1): light differs across an image."""
     from scipy.ndimage import median_filter
 
     finite = np.isfinite(values)
     segments = median_where(
         finite, values, fallback=np.nan if not finite.any() else float(np.median(values[finite]))
     )
-    return median_filter(segments, size=(7, 7, 1), mode="nearest")
+    usual: Floats = median_filter(segments, size=(7, 7, 1), mode="nearest")
+    return usual
 
 
 def trace_lines(image: GridImage, shape: LatticeShape, axis: int, numbers: range, across: range) -> LineTrace:
@@ -105,8 +106,8 @@ def trace_lines(image: GridImage, shape: LatticeShape, axis: int, numbers: range
 
     Notes
     -----
-    Profiles across the predicted lines are compared with the mean profile of all of them; the stations are moved
-    by what the comparison says and measured again until the rest is small against a line's width.
+    Profiles across the predicted lines are compared with the mean profile of all of them; the stations are
+    moved by what the comparison says and measured again until the rest is small against a line's width.
     """
     middle = station_index(axis, numbers, across, np.array([0.5]))
     pitch_px, along_px = (np.linalg.norm(shape.step(middle, k), axis=-1) for k in (axis, 1 - axis))
@@ -136,7 +137,7 @@ def trace_lines(image: GridImage, shape: LatticeShape, axis: int, numbers: range
 
 def _offsets_px(reach_px: float) -> Floats:
     count = max(4, int(reach_px / _SAMPLE_PX))
-    return np.arange(-count, count + 1) * _SAMPLE_PX
+    return np.arange(-count, count + 1, dtype=np.float64) * _SAMPLE_PX
 
 
 def _stations(
@@ -155,17 +156,20 @@ def _profiles(image: GridImage, base: Floats, normal: Floats, offsets_px: Floats
 
 def _coarse_offsets(profiles: Floats, offsets_px: Floats) -> Floats:
     """Return for each segment the offset of its brightest streak, (lines, segments, 1), px."""
-    from scipy.ndimage import uniform_filter1d
+    from scipy.ndimage import median_filter, uniform_filter1d
 
     inside = np.isfinite(profiles)
     filled = np.where(inside, profiles, profiles[inside].min())
     # the same streak at all stations of a segment: their mean hides noise and dirt
     together = uniform_filter1d(np.median(filled, axis=-2), size=5, axis=-1)
-    return offsets_px[np.argmax(together, axis=-1)][..., None]
+    streak = offsets_px[np.argmax(together, axis=-1)]
+    # the prediction errs smoothly along a line, dirt does not
+    usual: Floats = median_filter(streak, size=(1, 7), mode="nearest")[..., None]
+    return usual
 
 
 def _straightened(measured: Floats, valid: NDArray[np.bool_], fractions: Floats, fallback: Floats) -> Floats:
-    """Return a straight line through the offsets of each segment; segments with few stations keep `fallback`."""
+    """Return a straight line through the offsets of each segment; with few stations, `fallback`."""
     t = fractions - fractions.mean()
     weight = valid.astype(float)
     count = weight.sum(axis=-1, keepdims=True)

@@ -1,0 +1,69 @@
+"""How many lines a grid has: which of the lines that a lattice predicts are really there."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.grid_cells import CellLattice
+from dic.grid_lines import GridImage, line_evidence, line_irregularity, profiles_across
+from dic.grid_shape import LatticeShape
+from dic.grid_trace import median_where
+
+# Fractions of what is usual between the cells that were found.
+_SEGMENT_SEEN = 0.4
+_LINE_SEEN = 0.3
+_IRREGULAR = 0.25
+
+
+def line_extents(image: GridImage, shape: LatticeShape, cells: CellLattice) -> tuple[range, range]:
+    """Return the indices of the lines that are really there, in both directions.
+
+    Cells at the rim may be missing or, beyond it, spurious: a line counts if most of its segments look like
+    one, and if they do so at the same place, which speckle beside the grid does not.
+    Both ranges are empty if what lies between the cells does not look like lines at all.
+    """
+    low, high = cells.index.min(axis=0) - 1, cells.index.max(axis=0) + 3
+    spans = (range(low[0], high[0]), range(low[1], high[1]))
+    found = []
+    for axis in (0, 1):
+        profiles = profiles_across(image, shape, axis, spans[axis], spans[1 - axis])
+        between = _between_cells(cells, axis, low, profiles.shape[:2])
+        if not between.any() or line_irregularity(profiles[between]) > _IRREGULAR:
+            return range(0), range(0)
+        present = np.flatnonzero(_present(profiles, between))
+        found.append(range(int(low[axis] + present[0]), int(low[axis] + present[-1] + 1)))
+    return found[0], found[1]
+
+
+def _between_cells(
+    cells: CellLattice, axis: int, low: NDArray[np.int64], shape: tuple[int, ...]
+) -> NDArray[np.bool_]:
+    """Tell which segments (lines, segments) lie between two cells that were found."""
+    known = {(int(i), int(j)) for i, j in cells.index}
+    between = np.zeros(shape, bool)
+    for i, j in known:
+        if ((i - 1, j) if axis == 0 else (i, j - 1)) in known:
+            at = (i - low[0], j - low[1])
+            between[at if axis == 0 else at[::-1]] = True
+    return between
+
+
+def _present(profiles: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell which lines are there, (lines,), from profiles (lines, segments, stations, offsets)."""
+    usual = _usual_evidence(line_evidence(profiles), between)
+    relative = profiles / usual[..., None, None]
+    segments = (line_evidence(relative) > _SEGMENT_SEEN).sum(axis=1)
+    together = np.moveaxis(relative, 1, -1)
+    whole = median_where(np.isfinite(together), together, fallback=0.0)[..., 0]
+    most = np.sort(segments)[-max(1, len(segments) // 4)]
+    result: NDArray[np.bool_] = (segments > 0.5 * most) & (line_evidence(whole) > _LINE_SEEN)
+    return result if np.any(result) else np.asarray(between.any(axis=1))
+
+
+def _usual_evidence(evidence: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return for every segment what is usual among the nearest segments that lie between known cells."""
+    from scipy.ndimage import distance_transform_edt, median_filter
+
+    nearest = distance_transform_edt(~between, return_distances=False, return_indices=True)
+    usual = median_filter(evidence[tuple(nearest)], size=5, mode="nearest")
+    # without contrast between cells there is no line to compare with
+    return np.where(usual > 0, usual, np.inf)
