@@ -357,6 +357,29 @@ def test_a_lost_link_is_told_by_every_call(homed, line):
             call()
 
 
+@pytest.mark.parametrize(("server", "url"), [(StageServer, "{}"), (StageTcpServer, "socket://{}")])
+def test_whoever_waits_for_an_answer_learns_at_once_that_the_link_is_lost(server, url, device, context):
+    polled = threading.Event()
+
+    class Mute(server):
+        def answer(self, line: bytes) -> bytes:
+            if b"get pos" not in line:
+                return super().answer(line)
+            polled.set()
+            return b""
+
+    wire = Mute(device)
+    stage = open_stage(settings(url.format(wire.address), reply_timeout_s=30.0), context)
+    with ThreadPoolExecutor(1) as pool:
+        reading = pool.submit(stage.read)
+        assert polled.wait(30.0)
+        wire.close()
+        # a timeout would be another error
+        with pytest.raises(LinkLost):
+            reading.result(60.0)
+    stage.close()
+
+
 def test_a_port_that_does_not_exist_is_told(context):
     with pytest.raises(LinkLost, match="open port: expected a free serial port"):
         open_stage(settings("/dev/ttyNone"), context)
