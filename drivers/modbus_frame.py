@@ -143,7 +143,8 @@ class ModbusFrame:
         got = "silence"
         while not patience.exhausted:
             try:
-                self._write_command(self._safety, self._map.commands.hold, {}, self._draw())
+                sequence = self._draw()
+                self._write_command(self._safety, self._map.commands.hold, {}, sequence)
                 values = self._safety.read(
                     # a broken load cell must not keep the machine from confirming
                     self._map.blocks.state,
@@ -152,10 +153,12 @@ class ModbusFrame:
                 )
                 self._follow(int(values["executed"]))
                 status, bits = self._map.status, int(values["status"])
-                if bits >> status.hold & 1 and not bits >> status.moving & 1:
+                # that it holds is not enough: only an executed hold makes a motion command under way too old
+                executed = values["executed"] == sequence
+                if executed and bits >> status.hold & 1 and not bits >> status.moving & 1:
                     self._link_was_lost = False
                     return
-                got = "a crosshead in motion"
+                got = "a crosshead in motion" if executed else "a hold that was not executed"
             except DeviceError as error:
                 got = f"{error.got} instead of {error.expected}"
             self._clock.sleep(HOLD_POLL_S)

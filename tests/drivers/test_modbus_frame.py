@@ -393,6 +393,18 @@ def test_hold_is_repeated_until_it_is_confirmed(frame, port, device):
     assert device.read().holding
 
 
+def test_a_hold_that_is_acknowledged_but_not_executed_is_repeated(frame, port, device):
+    assert device.read().holding
+    ignored = iter([True])
+
+    def ignore(request: bytes, answer: Answer) -> bytes | None:
+        return request[:5] if is_command(request) and next(ignored, False) else answer()
+
+    port.tamper = ignore
+    frame.hold()
+    assert len(port.commands) == 2
+
+
 def test_a_hold_that_is_never_confirmed_calls_for_the_emergency_stop(frame, port, monkeypatch):
     monkeypatch.setattr(drivers.modbus_frame, "HOLD_PATIENCE_S", 0.5)
     port.tamper = lambda request, answer: None
