@@ -4,11 +4,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
-from drivers.settings import Settings, read_toml, validate
+from drivers.errors import ConfigurationError
+from drivers.settings import Settings, mistakes_in, read_toml
 from rig.errors import ProtocolError
 from rig.plasticity import PlasticCriterion
 
@@ -311,9 +312,16 @@ def read_protocol(path: Path) -> Protocol:
     ConfigurationError
         If the file cannot be read or has mistakes; all of them are listed.
     """
-    data = read_toml(path)
-    # An unknown kind must not hide the other mistakes, so the tables tell which model to check against.
-    rotates = data.get("kind") == "rotation" or (data.get("kind") != "tension" and "rotation" in data)
-    if rotates:
-        return validate(RotationProtocol, data, str(path))
-    return validate(TensionProtocol, data, str(path))
+    try:
+        return parse_protocol(read_toml(path))
+    except ValidationError as error:
+        raise ConfigurationError(str(path), mistakes_in(error)) from error
+
+
+def parse_protocol(table: dict[str, Any]) -> Protocol:
+    """Check the content of a protocol file; raises pydantic's `ValidationError` with all mistakes."""
+    # An unknown kind must not hide the other mistakes, so then the tables tell which model to check against.
+    kind = table.get("kind")
+    if kind == "rotation" or (kind != "tension" and "rotation" in table):
+        return RotationProtocol.model_validate(table)
+    return TensionProtocol.model_validate(table)

@@ -184,12 +184,7 @@ class Recorder:
         try:
             yield
         except FileExistsError as error:
-            raise RunFileError(
-                str(self.path),
-                expected="a new file",
-                got="one that exists",
-                remedy="name another with -o, or move it away: a run is never overwritten",
-            ) from error
+            raise run_file_exists(self.path) from error
         except (OSError, RuntimeError) as error:
             # h5py reports a full disk as either, by the call in which it is noticed.
             raise RunFileError(
@@ -198,6 +193,16 @@ class Recorder:
                 got=" ".join(str(error).split()),
                 remedy="check free space and permissions of the folder",
             ) from error
+
+
+def run_file_exists(path: Path) -> RunFileError:
+    """Return the error that says why an existing file is left alone."""
+    return RunFileError(
+        str(path),
+        expected="a new file",
+        got="one that exists",
+        remedy="name another with -o, or move it away: a run is never overwritten",
+    )
 
 
 class _Table:

@@ -208,7 +208,7 @@ class FakeRig:
 
 @pytest.fixture
 def tension_table() -> dict:
-    return tomllib.loads((EXAMPLES / "tension.toml").read_text())
+    return tomllib.loads((EXAMPLES / "tension.toml").read_text().replace("poll_s = 0.1", "poll_s = 0.5"))
 
 
 @pytest.fixture

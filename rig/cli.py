@@ -1,0 +1,174 @@
+"""The command `rig`. Heavy imports wait inside the commands, so that ``--help`` answers at once."""
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from drivers.errors import ConfigurationError, DeviceError
+from rig.errors import RigError
+
+if TYPE_CHECKING:
+    from rig.engine import Outcome
+    from rig.recorder import StepRecord
+
+COULD_NOT = 2
+NOT_GOOD = 1
+
+_EXISTING = click.Path(path_type=Path)
+_JSON = click.option("--json", "json_path", type=_EXISTING, help="Also write what is printed as JSON.")
+
+
+def main() -> None:
+    """Run the command line; an error of ours is one sentence on stderr and status 2."""
+    try:
+        cli()
+    except (RigError, DeviceError, ConfigurationError) as error:
+        click.echo(f"rig: {error}", err=True)
+        sys.exit(COULD_NOT)
+
+
+@click.group()
+@click.version_option(package_name="offaxis")
+def cli() -> None:
+    """Run experiments: plan them, look at the rig, run them, verify the run file.
+
+    Exit status: 0 done, 1 done but not good, 2 could not be done.
+    """
+
+
+@cli.command()
+@click.argument("protocol", type=_EXISTING)
+@click.option(
+    "--rig", "rig_path", type=_EXISTING, help="The rig file: also plan bytes, and check its limits."
+)
+@_JSON
+def plan(protocol: Path, rig_path: Path | None, json_path: Path | None) -> None:
+    """Print every step of PROTOCOL, duration, bytes and worst load. Nothing moves."""
+    from rig.facts import UNKNOWN_RIG, facts_of_file
+    from rig.plan import make_plan, plan_dict, plan_lines
+    from rig.protocol import read_protocol
+    from rig.run import read_both
+
+    if rig_path is None:
+        made = make_plan(read_protocol(protocol), UNKNOWN_RIG)
+    else:
+        declared, rig_file = read_both(protocol, rig_path)
+        made = make_plan(declared, facts_of_file(rig_file))
+    _finish(plan_lines(made), plan_dict(made), json_path, good=not made.objections)
+
+
+@cli.command()
+@click.argument("protocol", type=_EXISTING)
+@click.option("--rig", "rig_path", type=_EXISTING, required=True, help="The rig file.")
+@click.option("-o", "--output", type=_EXISTING, help="The run file; PROTOCOL's name with .h5 by default.")
+@_JSON
+def run(protocol: Path, rig_path: Path, output: Path | None, json_path: Path | None) -> None:
+    """Run PROTOCOL and write one run file. Ctrl-C holds the load frame, stops the stage and ends the run."""
+    from rig.progress import run_progress
+    from rig.run import run_protocol
+
+    run_path = output or Path(f"{protocol.stem}.h5")
+    records: list[StepRecord] = []
+
+    def on_step(record: "StepRecord") -> None:
+        records.append(record)
+        click.echo(_step_line(record))
+
+    with run_progress() as on_status:
+        outcome = run_protocol(protocol, rig_path, run_path, on_status=on_status, on_step=on_step)
+    lines = [f"{outcome.status}: {outcome.steps_done} steps in {run_path}"]
+    if outcome.reason:
+        click.echo(f"rig: {outcome.reason}", err=True)
+    _finish(lines, _run_dict(run_path, outcome, records), json_path, good=outcome.status == "completed")
+
+
+@cli.command()
+@click.argument("rig_path", metavar="RIG", type=_EXISTING)
+@_JSON
+def check(rig_path: Path, json_path: Path | None) -> None:
+    """Open the devices of RIG, read identity, state and limits, take one image each. Nothing moves."""
+    from rig.check import check_rig
+    from rig.devices import open_rig
+    from rig.rigfile import read_rig
+
+    with open_rig(read_rig(rig_path)) as rig:
+        found = check_rig(rig)
+    lines = found.lines + [f"not good: {problem}" for problem in found.problems]
+    table = {"devices": found.devices, "problems": found.problems}
+    _finish(lines, table, json_path, good=not found.problems)
+
+
+@cli.command()
+@click.argument("run_file", metavar="RUN", type=_EXISTING)
+@_JSON
+def verify(run_file: Path, json_path: Path | None) -> None:
+    """Read every image of a run file against its checksum and say what is missing; cut-off runs too."""
+    from dataclasses import asdict
+
+    from rig.verify import verify_run
+
+    found = verify_run(run_file)
+    lines = [f"{found.path}: {found.status}, {found.steps} of {found.planned} planned steps"]
+    lines += [
+        f"{name}: {camera.valid} images, {camera.in_steps} in finished steps, {len(camera.damaged)} damaged"
+        for name, camera in found.cameras.items()
+    ]
+    lines += [f"not good: {problem}" for problem in found.problems]
+    _finish(lines, asdict(found) | {"path": str(found.path)}, json_path, good=not found.problems)
+
+
+def _finish(lines: list[str], table: dict[str, Any], json_path: Path | None, *, good: bool) -> None:
+    for line in lines:
+        click.echo(line)
+    if json_path is not None:
+        try:
+            json_path.write_text(json.dumps(table, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise RigError(
+                str(json_path),
+                expected="a file that can be written",
+                got=error.strerror or str(error),
+                remedy="name another with --json",
+            ) from error
+    if not good:
+        sys.exit(NOT_GOOD)
+
+
+def _step_line(record: "StepRecord") -> str:
+    values = _values(record)
+    images = ", ".join(f"{count} {name}" for name, (_, count) in record.frames.items())
+    shown = ", ".join(f"{value:.6g} {unit}" for unit, value in values.items() if value is not None)
+    return f"{record.step}: settled at {shown}; images: {images}"
+
+
+def _values(record: "StepRecord") -> dict[str, float | None]:
+    reading = record.reading
+    values = {"N": reading.load_n, "mm": reading.displacement_mm, "deg": reading.angle_deg}
+    # NaN is the reading of a device that the rig does not have.
+    return {unit: value if value == value else None for unit, value in values.items()}
+
+
+def _run_dict(run_path: Path, outcome: "Outcome", records: "list[StepRecord]") -> dict[str, Any]:
+    steps = [
+        {
+            "index": record.step.index,
+            "kind": record.step.kind,
+            "target": record.step.target if record.step.target == record.step.target else None,
+            "load_n": _values(record)["N"],
+            "displacement_mm": _values(record)["mm"],
+            "angle_deg": _values(record)["deg"],
+            "time_s": record.reading.time_s,
+            "images": {name: count for name, (_, count) in record.frames.items()},
+        }
+        for record in records
+    ]
+    return {
+        "run_file": str(run_path),
+        "status": outcome.status,
+        "reason": outcome.reason,
+        "unsafe": list(outcome.unsafe),
+        "steps": steps,
+    }

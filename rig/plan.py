@@ -1,0 +1,184 @@
+"""The plan of a run, known before anything moves: steps, duration, bytes and the worst load."""
+
+import math
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rig.errors import ProtocolError
+from rig.facts import UNKNOWN_RIG, RigFacts, objections
+from rig.protocol import UNITS, Protocol, ProtocolStep, TensionProtocol
+
+SECONDS_PER_IMAGE = 0.1
+"""Assumed for exposure, transfer and recording; the rest of the duration follows from the protocol."""
+
+_SPACE_MARGIN = 1.1
+
+
+@dataclass(frozen=True)
+class PlannedStep:
+    """A step with its estimated duration, None if the rig does not tell how fast it moves."""
+
+    step: ProtocolStep
+    duration_s: float | None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The worst case of a run.
+
+    Attributes
+    ----------
+    steps : list of PlannedStep
+        The conditional ones are needed only if the specimen demands them.
+    images : int or None
+        In all, from all cameras; None without a rig.
+    size_bytes : int or None
+        Of all images.
+    worst_load_n, worst_displacement_mm : float
+        The limits of the protocol, NaN for a rotation; the run ends before they are exceeded.
+    objections : list of str
+        Why this rig cannot do it; `rig run` refuses while there is one.
+    """
+
+    title: str
+    kind: str
+    steps: list[PlannedStep]
+    images: int | None
+    size_bytes: int | None
+    worst_load_n: float
+    worst_displacement_mm: float
+    objections: list[str]
+
+    @property
+    def duration_s(self) -> float | None:
+        """Estimated for all steps, without the operator's time; None if unknown for any step."""
+        durations = [planned.duration_s for planned in self.steps]
+        return None if None in durations else math.fsum(d for d in durations if d is not None)
+
+
+def make_plan(protocol: Protocol, facts: RigFacts = UNKNOWN_RIG) -> Plan:
+    """Plan the worst case of `protocol` on the rig of `facts`."""
+    steps = protocol.steps()
+    per_step = protocol.images.per_step
+    still_s = protocol.settle.dwell_s + per_step * (facts.cameras or 0) * SECONDS_PER_IMAGE
+    planned = []
+    before: dict[str, float] = {}
+    for step in steps:
+        motion_s = _motion_s(step, before.get(step.kind, 0.0), facts)
+        before[step.kind] = step.target
+        planned.append(PlannedStep(step, None if motion_s is None else motion_s + still_s))
+    limits = protocol.limits if isinstance(protocol, TensionProtocol) else None
+    return Plan(
+        title=protocol.title,
+        kind=protocol.kind,
+        steps=planned,
+        images=None if facts.cameras is None else len(steps) * per_step * facts.cameras,
+        size_bytes=None if facts.image_bytes is None else len(steps) * per_step * facts.image_bytes,
+        worst_load_n=math.nan if limits is None else limits.load_max_n,
+        worst_displacement_mm=math.nan if limits is None else limits.displacement_max_mm,
+        objections=objections(protocol, facts),
+    )
+
+
+def require_feasible(plan: Plan, folder: Path) -> None:
+    """Refuse a run that the rig does not allow or whose images do not fit on the disk.
+
+    Raises
+    ------
+    ProtocolError
+        With every objection, or with the space that is needed and there.
+    """
+    if plan.objections:
+        raise ProtocolError(
+            plan.title,
+            expected="a protocol within the limits of the rig",
+            got=f"{len(plan.objections)} beyond",
+            remedy="; ".join(plan.objections),
+        )
+    if not folder.is_dir():
+        raise ProtocolError(str(folder), expected="a folder for the run file", got="none", remedy="create it")
+    needed, free = int((plan.size_bytes or 0) * _SPACE_MARGIN), shutil.disk_usage(folder).free
+    if needed > free:
+        raise ProtocolError(
+            str(folder),
+            expected=f"{format_bytes(needed)} of free space for the run",
+            got=format_bytes(free),
+            remedy="free some, or name another place with -o",
+        )
+
+
+def plan_lines(plan: Plan) -> list[str]:
+    """Return the plan as lines of text."""
+    lines = [f"{plan.title} ({plan.kind})", "step  kind          target        about"]
+    for planned in plan.steps:
+        step = planned.step
+        target = "" if math.isnan(step.target) else f"{step.target:g} {UNITS[step.kind]}"
+        note = "  if the specimen demands it" if step.conditional else ""
+        about = _format_s(planned.duration_s)
+        lines.append(f"{step.index:4d}  {step.kind:<12}  {target:<10}  {about:>8}{note}")
+    at_most = " at most" if any(planned.step.conditional for planned in plan.steps) else ""
+    lines.append(
+        f"{len(plan.steps)} steps{at_most}, about {_format_s(plan.duration_s)} without the operator's time; "
+        + (
+            "images: as the rig has cameras"
+            if plan.images is None
+            else f"{plan.images} images, {format_bytes(plan.size_bytes)}"
+        )
+    )
+    if at_most:
+        lines.append(
+            f"worst load {plan.worst_load_n:g} N, worst displacement {plan.worst_displacement_mm:g} mm: "
+            "the limits of the protocol, as the specimen decides how many increments it takes to yield"
+        )
+    return lines + [f"not on this rig: {objection}" for objection in plan.objections]
+
+
+def plan_dict(plan: Plan) -> dict[str, Any]:
+    """Return the plan for JSON: what is unknown or does not apply is None."""
+    return {
+        "title": plan.title,
+        "kind": plan.kind,
+        "steps": [
+            {
+                "index": planned.step.index,
+                "kind": planned.step.kind,
+                "target": _known(planned.step.target),
+                "unit": UNITS[planned.step.kind],
+                "conditional": planned.step.conditional,
+                "duration_s": planned.duration_s,
+            }
+            for planned in plan.steps
+        ],
+        "duration_s": plan.duration_s,
+        "images": plan.images,
+        "size_bytes": plan.size_bytes,
+        "worst_load_n": _known(plan.worst_load_n),
+        "worst_displacement_mm": _known(plan.worst_displacement_mm),
+        "objections": plan.objections,
+    }
+
+
+def format_bytes(size: int | None) -> str:
+    """Return a size as people read it."""
+    if size is None:
+        return "size unknown until the cameras are open"
+    return f"{size / 1e6:.1f} MB" if size < 1e9 else f"{size / 1e9:.1f} GB"
+
+
+def _motion_s(step: ProtocolStep, before: float, facts: RigFacts) -> float | None:
+    if math.isnan(step.target):
+        return 0.0
+    rate = facts.speed_deg_s if step.kind == "rotation" else step.rate
+    return None if rate is None else (step.target - before) / rate
+
+
+def _format_s(duration_s: float | None) -> str:
+    if duration_s is None:
+        return "unknown"
+    return f"{duration_s:.1f} s" if duration_s < 120.0 else f"{duration_s / 60.0:.1f} min"
+
+
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else value

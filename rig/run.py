@@ -1,0 +1,103 @@
+"""One call from two files to a run file: what `rig run` does."""
+
+import hashlib
+import platform
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+
+import h5py
+
+from drivers.errors import ConfigurationError
+from rig.devices import Rig, open_rig
+from rig.engine import Engine, Outcome, Status
+from rig.facts import confirm, facts_of_file
+from rig.plan import make_plan, require_feasible
+from rig.protocol import Protocol, read_protocol
+from rig.recorder import Recorder, RunHeader, StepRecord, run_file_exists
+from rig.rigfile import RigFile, read_rig
+from rig.signals import aborting_on_signals
+
+
+def run_protocol(
+    protocol_path: Path,
+    rig_path: Path,
+    run_path: Path,
+    *,
+    on_status: Callable[[Status], None] = lambda status: None,
+    on_step: Callable[[StepRecord], None] = lambda record: None,
+) -> Outcome:
+    """Run a protocol on a rig and write one run file; signals abort it. Call it from the main thread.
+
+    Parameters
+    ----------
+    protocol_path, rig_path : Path
+        The protocol and the rig file.
+    run_path : Path
+        The run file; it must not exist.
+    on_status, on_step : callable, optional
+        As for `Engine`.
+
+    Raises
+    ------
+    ConfigurationError
+        If one of the two files has mistakes; those of both are listed.
+    ProtocolError, RunFileError, DeviceError
+        If the run cannot begin. Nothing has moved then.
+    """
+    protocol, rig_file = read_both(protocol_path, rig_path)
+    if run_path.exists():
+        raise run_file_exists(run_path)
+    definition = protocol_path.read_text(encoding="utf-8")
+    facts = facts_of_file(rig_file)
+    require_feasible(make_plan(protocol, facts), run_path.parent)
+    with open_rig(rig_file) as rig:
+        require_feasible(make_plan(protocol, confirm(facts, rig)), run_path.parent)
+        recorder = _create_run_file(run_path, definition, protocol, rig_file, rig)
+        engine = Engine(protocol, rig, recorder, on_status=on_status, on_step=on_step)
+        with aborting_on_signals(engine):
+            return engine.run()
+
+
+def read_both(protocol_path: Path, rig_path: Path) -> tuple[Protocol, RigFile]:
+    """Read protocol and rig file; the mistakes of both are reported together as one `ConfigurationError`."""
+    try:
+        protocol = read_protocol(protocol_path)
+    except ConfigurationError as error:
+        try:
+            read_rig(rig_path)
+        except ConfigurationError as other:
+            mistakes = [f"{e.source}: {mistake}" for e in (error, other) for mistake in e.mistakes]
+            raise ConfigurationError(f"{protocol_path} and {rig_path}", mistakes) from other
+        raise
+    return protocol, read_rig(rig_path)
+
+
+def _create_run_file(
+    run_path: Path, definition: str, protocol: Protocol, rig_file: RigFile, rig: Rig
+) -> Recorder:
+    start = rig.clock.utc()
+    digest = hashlib.sha256((definition + rig_file.text).encode()).hexdigest()
+    header = RunHeader(
+        title=protocol.title,
+        run_id=f"{start:%Y%m%dT%H%M%SZ}-{digest[:8]}",
+        definition=definition,
+        configuration=rig_file.text,
+        start=start,
+        versions=_versions(),
+        sample=protocol.sample,
+        simulated=rig.simulated,
+    )
+    return Recorder(
+        run_path,
+        header,
+        {name: camera.info for name, camera in rig.cameras.items()},
+        stage=None if rig.stage is None else rig.stage.info,
+        load_frame=None if rig.load_frame is None else rig.load_frame.info,
+    )
+
+
+def _versions() -> str:
+    packages = {name: version(name) for name in ("offaxis", "numpy", "h5py", "pydantic")}
+    programs = {"python": platform.python_version(), "hdf5": h5py.version.hdf5_version}
+    return "\n".join(f"{name} {number}" for name, number in (packages | programs).items())
