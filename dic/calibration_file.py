@@ -1,5 +1,6 @@
 """Calibrations as HDF5 files."""
 
+import os
 from pathlib import Path
 
 import h5py
@@ -33,7 +34,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
             str(path),
             "write calibration",
             expected="a file that can be written",
-            got=error.strerror or "an error of the file system",
+            got=os.strerror(error.errno) if error.errno else "an error of the file system",
             remedy="choose another folder or make room",
         ) from error
 

@@ -89,8 +89,9 @@ def find_grid(
     index = np.argwhere(sound)
     if swap:
         index = index[:, ::-1]
-    index = np.where(flip, np.array(lines) - 1 - index, index)
-    return GridPoints.on_lattice(index.astype(np.int64), crossing[sound], lines, pitch_mm, warnings)
+    index = np.where(flip, np.array(lines) - 1 - index, index).astype(np.int64)
+    by_row = np.lexsort((index[:, 0], index[:, 1]))
+    return GridPoints.on_lattice(index[by_row], crossing[sound][by_row], lines, pitch_mm, warnings)
 
 
 def _in_line(crossing: NDArray[np.float64], sound: NDArray[np.bool_]) -> NDArray[np.bool_]:

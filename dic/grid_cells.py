@@ -34,8 +34,8 @@ def find_cells(grey: NDArray[np.float32], expected: int) -> CellLattice:
     """Return the largest lattice of cells that the image shows.
 
     Lines are what a morphological closing fills (a black top-hat): that ignores slow changes of light and
-    steps at the grid's rim. What they enclose are the cells. Line widths from 1 px to a few tens of px are tried in
-    turn, dark and bright lines, until at least 90 % of the `expected` cells agree.
+    steps at the grid's rim. What they enclose are the cells. Line widths from 1 px to a few tens of px are
+    tried in turn, dark and bright lines, until at least 90 % of the `expected` cells agree.
 
     Parameters
     ----------

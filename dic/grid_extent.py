@@ -8,9 +8,11 @@ from dic.grid_lines import GridImage, line_evidence, line_irregularity, profiles
 from dic.grid_shape import LatticeShape
 from dic.grid_trace import median_where
 
-# Fractions of what is usual between the cells that were found.
+# Fractions of what is usual between the cells that were found, set between the grid's own outer lines (0.9
+# and more) and speckle one pitch beside them (up to 0.7 of the segments by chance).
 _SEGMENT_SEEN = 0.4
 _LINE_SEEN = 0.3
+_MOST_SEGMENTS = 0.75
 _IRREGULAR = 0.25
 
 
@@ -55,7 +57,7 @@ def _present(profiles: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArr
     together = np.moveaxis(relative, 1, -1)
     whole = median_where(np.isfinite(together), together, fallback=0.0)[..., 0]
     most = np.sort(segments)[-max(1, len(segments) // 4)]
-    result: NDArray[np.bool_] = (segments > 0.5 * most) & (line_evidence(whole) > _LINE_SEEN)
+    result: NDArray[np.bool_] = (segments > _MOST_SEGMENTS * most) & (line_evidence(whole) > _LINE_SEEN)
     return result if np.any(result) else np.asarray(between.any(axis=1))
 
 

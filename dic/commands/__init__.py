@@ -1,0 +1,1 @@
+"""The subcommands of `dic`, one module each."""
