@@ -86,6 +86,14 @@ class Sample(Settings):
     gauge_length_mm: float = Field(gt=0.0)
 
 
+class Grid(Settings):
+    """The calibration grid that the operator attaches; the default is the paper's, 10 mm x 10 mm."""
+
+    lines_x: int = Field(default=21, ge=4, le=1000, description="lines that are crossed going along X")
+    lines_y: int = Field(default=21, ge=4, le=1000, description="lines that are crossed going along Y")
+    pitch_mm: float = Field(default=0.5, gt=0.0, description="distance of neighbouring lines")
+
+
 class Images(Settings):
     """How many images each camera takes per step, and how long one may take."""
 
@@ -149,6 +157,7 @@ class TensionProtocol(Settings):
     loading: Loading
     stretching: Stretching
     settle: TensionSettle
+    grid: Grid = Grid()
     images: Images = Images()
     limits: Limits
 
@@ -256,6 +265,7 @@ class RotationProtocol(Settings):
     sample: Sample
     rotation: Rotation
     settle: RotationSettle
+    grid: Grid = Grid()
     images: Images = Images()
 
     @model_validator(mode="after")

@@ -13,7 +13,7 @@ import numpy as np
 
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame, FrameState, StageState
 from rig.errors import RunFileError
-from rig.protocol import ProtocolStep, Reading, Sample
+from rig.protocol import Grid, ProtocolStep, Reading, Sample
 
 FORMAT_VERSION = 1
 RunStatus = Literal["running", "completed", "aborted", "failed"]
@@ -60,6 +60,7 @@ class RunHeader:
     start: datetime
     versions: str
     sample: Sample
+    grid: Grid
     simulated: bool
 
 
@@ -292,6 +293,9 @@ def _create_entry(file: Any, header: RunHeader) -> Any:
     _text(sample, "name", header.sample.name, len(header.sample.name.encode()))
     for name in ("thickness_mm", "width_mm", "gauge_length_mm"):
         sample.create_dataset(name, data=getattr(header.sample, name)).attrs["units"] = "mm"
+    grid = _group(entry, "grid", "NXcollection")
+    grid.create_dataset("lines", data=(header.grid.lines_x, header.grid.lines_y)).attrs["units"] = "1"
+    grid.create_dataset("pitch_mm", data=header.grid.pitch_mm).attrs["units"] = "mm"
     return entry
 
 

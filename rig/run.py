@@ -86,6 +86,7 @@ def _create_run_file(
         start=start,
         versions=_versions(),
         sample=protocol.sample,
+        grid=protocol.grid,
         simulated=rig.simulated,
     )
     return Recorder(

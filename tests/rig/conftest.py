@@ -190,6 +190,7 @@ class FakeRig:
             start=self.clock.utc(),
             versions="",
             sample=self.protocol.sample,
+            grid=self.protocol.grid,
             simulated=True,
         )
         recorder = Recorder(
@@ -208,7 +209,7 @@ class FakeRig:
 
 @pytest.fixture
 def tension_table() -> dict:
-    return tomllib.loads((EXAMPLES / "tension.toml").read_text().replace("poll_s = 0.1", "poll_s = 0.5"))
+    return tomllib.loads((EXAMPLES / "tension.toml").read_text().replace("poll_s = 0.2", "poll_s = 0.5"))
 
 
 @pytest.fixture

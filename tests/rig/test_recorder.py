@@ -11,7 +11,7 @@ import pytest
 
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame
 from rig.errors import RunFileError
-from rig.protocol import ProtocolStep, Reading, Sample
+from rig.protocol import Grid, ProtocolStep, Reading, Sample
 from rig.recorder import Recorder, RunHeader, StepRecord
 
 START = datetime(2026, 3, 4, 5, 6, 7, 89000, tzinfo=UTC)
@@ -23,6 +23,7 @@ HEADER = RunHeader(
     start=START,
     versions="python 3",
     sample=Sample(name="sheet", thickness_mm=1.0, width_mm=25.0, gauge_length_mm=60.0),
+    grid=Grid(),
     simulated=True,
 )
 CAMERA = CameraInfo("v", "m", "s", width_px=5, height_px=4, bits=12)

@@ -1,0 +1,61 @@
+from pathlib import Path
+
+import pytest
+
+from drivers.errors import ConfigurationError
+from rig.rigfile import read_rig
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("rig-*.toml")), ids=lambda path: path.stem)
+def test_every_example_is_read(path):
+    rig_file = read_rig(path)
+    assert list(rig_file.cameras) == ["on_axis", "off_axis"]
+    assert rig_file.text == path.read_text()
+    assert (rig_file.stage is None) != (rig_file.load_frame is None)
+
+
+def test_mistakes_of_all_tables_are_reported_together(tmp_path):
+    path = tmp_path / "rig.toml"
+    path.write_text(
+        """
+        colour = "red"
+        [rig]
+        nam = "x"
+        [simulation]
+        driver = "virtual-rig"
+        seed = -1
+        [cameras.on_axis]
+        driver = "simulated-camera"
+        tilt_deg = "steep"
+        [cameras.off_axis]
+        driver = "zaber-ascii"
+        [stage]
+        driver = "no-such-driver"
+        [load_frame]
+        address = "@load_frame"
+        """
+    )
+    with pytest.raises(ConfigurationError) as caught:
+        read_rig(path)
+    mistakes = "\n".join(caught.value.mistakes)
+    assert "colour: unknown key" in mistakes
+    assert "rig.nam: unknown key" in mistakes
+    assert "rig.name: is missing" in mistakes
+    assert "simulation.seed: input should be greater than or equal to 0, got -1" in mistakes
+    assert "cameras.on_axis.tilt_deg: input should be a valid number, got 'steep'" in mistakes
+    assert (
+        "cameras.off_axis.driver: a driver of kind camera is expected, 'zaber-ascii' is one of kind stage"
+        in mistakes
+    )
+    assert "stage.driver: no driver 'no-such-driver' is installed; there are " in mistakes
+    assert 'load_frame: a table with driver = "NAME" is expected' in mistakes
+    assert "operator: is missing; add it" in mistakes
+
+
+def test_rig_without_cameras_is_refused(tmp_path):
+    path = tmp_path / "rig.toml"
+    path.write_text('[rig]\nname = "blind"\n[operator]\ndriver = "simulated-operator"\n')
+    with pytest.raises(ConfigurationError, match="at least one table"):
+        read_rig(path)
