@@ -40,7 +40,7 @@ def agreeing_seeds(points: NDArray[np.int64], warps: Float) -> NDArray[np.bool_]
     predicted = place[None, :, :] + np.einsum("jab,ijb->ija", gradients, offset)
     error = np.linalg.norm(place[:, None, :] - predicted, axis=2)
     neighbours = distance <= np.sort(distance, axis=1)[:, [min(3, len(points) - 1)]]
-    agrees = (error < _TOLERANCE_PX + _TOLERANCE * distance) & neighbours
+    agrees = (error < _TOLERANCE_PX + _TOLERANCE * distance) & neighbours & np.isfinite(distance)
     return np.asarray(believed & agrees.any(axis=1))
 
 

@@ -123,7 +123,7 @@ class Correlator:
     def _seed_indices(self) -> NDArray[np.int64]:
         """Return up to `SEEDS` grid indices (row, column) spread over the active points."""
         rows, columns = np.nonzero(self._active)
-        stride = max(1, int(np.sqrt(rows.size / SEEDS)))
+        stride = max(1, round(np.sqrt(rows.size / SEEDS)))
         while True:
             chosen = (rows % stride == stride // 2) & (columns % stride == stride // 2)
             if chosen.sum() >= min(SEEDS // 2, rows.size) or stride == 1:

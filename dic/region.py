@@ -83,8 +83,8 @@ def place_points(
     active = np.zeros((0, 0), np.bool_)
     if rows.size:
         edge = r + EDGE_PX
-        x = np.arange(max(edge, columns.min()), min(width - edge - 1, columns.max()) + 1, step_px)
-        y = np.arange(max(edge, rows.min()), min(height - edge - 1, rows.max()) + 1, step_px)
+        x = _spread(max(edge, columns.min()), min(width - edge - 1, columns.max()), step_px)
+        y = _spread(max(edge, rows.min()), min(height - edge - 1, rows.max()), step_px)
         box = (subset_px, subset_px)
         share = np.asarray(cv2.blur(pixels.astype(np.float32), box, borderType=cv2.BORDER_CONSTANT))
         grid = np.ix_(y, x)
@@ -98,6 +98,15 @@ def place_points(
             remedy="enlarge the region or choose a smaller subset",
         )
     return x, y, active
+
+
+def _spread(first: int, last: int, step: int) -> NDArray[np.int64]:
+    """Return coordinates `step` apart, in the middle between `first` and `last`.
+
+    A mean strain belongs to the middle of its points, which therefore should be that of the region.
+    """
+    spare = max(0, last - first) % step
+    return np.arange(first + spare // 2, last + 1, step, dtype=np.int64)
 
 
 def checked_region(region: NDArray[np.bool_], shape: tuple[int, ...]) -> Mask:

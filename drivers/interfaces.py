@@ -2,7 +2,7 @@
 
 These protocols are the whole contract: a driver implements one of them, a simulated camera does too,
 and third parties' drivers found by entry point (`drivers.registry`) need nothing else.
-Every call returns soon or raises a `DeviceError`; whoever waits for motion does so with a deadline of his own.
+Every call returns soon or raises a `DeviceError`; whoever waits for motion has a deadline of his own.
 """
 
 from collections.abc import Mapping
@@ -84,7 +84,7 @@ class Camera(Protocol):
 class StageState:
     """Where a rotation stage is.
 
-    `warnings` are the device's own flags. A state is read fresh from the device, at `time_s` of the rig's clock.
+    `warnings` are the device's own flags. A state is read fresh from the device, at `time_s` of the clock.
     """
 
     angle_deg: float
@@ -160,7 +160,7 @@ class LoadFrame(Protocol):
     limits: FrameLimits
 
     def read(self) -> FrameState:
-        """Read the state; raises on stale or impossible values and on a lost link. Also keeps its watchdog fed."""
+        """Read the state and feed the watchdog; raises on stale or impossible values and a lost link."""
 
     def go_to_load(self, load_n: float, rate_n_s: float) -> None:
         """Begin to approach a load; refused beyond the limits."""

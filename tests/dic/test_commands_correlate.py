@@ -1,0 +1,122 @@
+"""`dic correlate` as a person or a script uses it."""
+
+import csv
+import json
+
+import cv2
+import h5py
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from dic.cli import main
+from dic.commands.correlate import correlate
+
+P = (2.4, 0.010, 0.0, -1.3, 0.0, -0.004)
+
+
+@pytest.fixture(scope="module")
+def folder(speckle, tmp_path_factory):
+    """ref.png, and moved.png with 10 000 µε in x, -4000 µε in y (y down, displacement down)."""
+    folder = tmp_path_factory.mktemp("images")
+    pattern = speckle(seed=21)
+
+    def back(x, y):
+        return (x - P[0]) / (1 + P[1]), (y - P[3]) / (1 + P[5])
+
+    for name, image in (("ref", pattern.draw()), ("moved", pattern.draw(back)), ("still", pattern.draw())):
+        cv2.imwrite(str(folder / f"{name}.png"), np.rint(image).astype(np.uint8))
+    return folder
+
+
+def run(*arguments):
+    return CliRunner().invoke(correlate, [str(a) for a in arguments])
+
+
+def test_every_output_tells_the_same(folder, tmp_path):
+    result = run(
+        folder / "ref.png", folder / "moved.png", "--subset", 21, "--step", 12, "-o", tmp_path / "r.h5",
+        "--csv", tmp_path / "csv", "--maps", tmp_path / "maps", "--json", tmp_path / "r.json",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    summary = json.loads((tmp_path / "r.json").read_text())["images"][0]
+    assert summary["raw"]["exx"] == pytest.approx((1.010**2 - 1) / 2, abs=50e-6)
+    assert summary["raw"]["eyy"] == pytest.approx((0.996**2 - 1) / 2, abs=50e-6)
+
+    with (tmp_path / "csv" / "moved.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == ["x_px", "y_px", "u_px", "v_px", "zncc", "status"]
+    good = [row for row in rows if row["status"] == "converged"]
+    assert len(good) == summary["converged"]
+    for row in good:
+        assert float(row["u_px"]) == pytest.approx(P[0] + P[1] * float(row["x_px"]), abs=0.02)
+        assert float(row["v_px"]) == pytest.approx(P[3] + P[5] * float(row["y_px"]), abs=0.02)
+
+    with h5py.File(tmp_path / "r.h5") as file:
+        series = file["series"]
+        assert series["label"].asstr()[0].endswith("moved.png")
+        assert series["raw_mean/exx"][0] == summary["raw"]["exx"]
+        values = series["u_px"][0][np.isfinite(series["u_px"][0])]
+        assert sorted(values.round(6)) == sorted(float(row["u_px"]) for row in good)
+    assert cv2.imread(str(tmp_path / "maps" / "moved.png")).shape[1] > 500
+
+
+def test_a_truncated_image_is_named_and_the_others_are_kept(folder, tmp_path):
+    cut = tmp_path / "cut.png"
+    cut.write_bytes((folder / "moved.png").read_bytes()[:-2000])
+    result = run(
+        folder / "ref.png", cut, folder / "still.png", tmp_path / "none.png", "--json", tmp_path / "r.json"
+    )
+    assert result.exit_code == 2
+    complaints = [line for line in result.stderr.splitlines() if line]
+    assert len(complaints) == 2
+    assert "cut.png" in complaints[0]
+    assert "cut off" in complaints[0]
+    assert "none.png" in complaints[1]
+    content = json.loads((tmp_path / "r.json").read_text())
+    assert [image["file"] for image in content["images"]] == [str(folder / "still.png")]
+    assert len(content["failures"]) == 2
+
+
+def test_an_image_of_another_size_is_refused(folder, tmp_path):
+    small = tmp_path / "small.png"
+    cv2.imwrite(str(small), np.zeros((100, 120), np.uint8))
+    result = run(folder / "ref.png", small)
+    assert result.exit_code == 2
+    assert "small.png" in result.stderr
+    assert "expected 180 x 160 px, got 120 x 100 px" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["missing.png", "also.png"], "missing.png"),
+        (["ref.png", "moved.png", "--subset", "20"], "an odd width"),
+        (["ref.png", "moved.png", "--step", "0"], "at least 1 px"),
+        (["ref.png", "moved.png", "--roi", "black.png"], "one uniform grey"),
+        (["flat.png", "moved.png"], "texture"),
+        (["ref.png", "moved.png", "--calibration", "ref.png"], "calibration"),
+    ],
+)
+def test_bad_input_ends_with_one_sentence_and_status_2(folder, monkeypatch, capsys, arguments, sentence):
+    monkeypatch.chdir(folder)
+    cv2.imwrite("black.png", np.zeros((160, 180), np.uint8))
+    cv2.imwrite("flat.png", np.full((160, 180), 77, np.uint8))
+    monkeypatch.setattr("sys.argv", ["dic", "correlate", *arguments])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    printed = capsys.readouterr().err
+    assert sentence in printed
+    assert len(printed.strip().splitlines()) == 1
+    assert "Traceback" not in printed
+
+
+def test_a_badly_measured_image_gives_status_1(folder, speckle, tmp_path):
+    image = cv2.imread(str(folder / "moved.png"), cv2.IMREAD_GRAYSCALE)
+    # Most of the surface has changed beyond recognition.
+    image[:, 70:] = np.rint(speckle(seed=99).draw()).astype(np.uint8)[:, 70:]
+    cv2.imwrite(str(tmp_path / "bad.png"), image)
+    result = run(folder / "ref.png", tmp_path / "bad.png", "--subset", 21, "--step", 8)
+    assert result.exit_code == 1, result.output
+    assert "fewer than half" in result.stderr
