@@ -1,0 +1,32 @@
+"""Pictures of the fields at a few telling steps, over the image that the points come from."""
+
+from dataclasses import dataclass
+
+from dic.maps import draw_maps
+from dic.report import rotation, tension
+from dic.report.series import Run
+from dic.report.style import png_uri
+from dic.run_file import RunStep
+
+
+@dataclass(frozen=True)
+class FieldPicture:
+    """The maps of one camera at one step, as a data URI, and the words for them."""
+
+    camera: str
+    step: RunStep
+    words: str
+    uri: str
+
+
+def field_pictures(run: Run) -> list[FieldPicture]:
+    """Return the maps of every camera at the telling steps of the run's kind."""
+    telling = rotation.telling_steps if run.kind == "rotation" else tension.telling_steps
+    pictures = []
+    for step, words in telling(run.steps):
+        for camera in run.result.cameras:
+            measured = {s.index: m for s, m in zip(camera.steps, camera.measurements, strict=True)}
+            if step.index in measured:
+                figure = draw_maps(measured[step.index], camera.reference, title="")
+                pictures.append(FieldPicture(camera.camera, step, words, png_uri(figure)))
+    return pictures

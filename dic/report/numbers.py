@@ -1,0 +1,49 @@
+"""Numbers and dates as people read them."""
+
+from datetime import datetime
+
+
+def micro(value: float) -> str:
+    """Return a strain in µε without decimals, thousands apart from 10 000 on; a dash for NaN.
+
+    Examples
+    --------
+    >>> micro(-1234.6), micro(float("nan"))
+    ('−1235', '–')
+    """
+    return _signed(value, 0)
+
+
+def fixed(value: float, decimals: int) -> str:
+    """Return a number with a fixed number of decimals; a dash for NaN.
+
+    Examples
+    --------
+    >>> fixed(-0.001, 2), fixed(2.5, 1)
+    ('0.00', '2.5')
+    """
+    return _signed(value, decimals)
+
+
+def date(iso: str) -> str:
+    """Return an ISO 8601 date and time without its T and fractions; any other text as it is.
+
+    Examples
+    --------
+    >>> date("2026-01-01T08:00:00+00:00"), date("")
+    ('2026-01-01 08:00:00 UTC', '')
+    """
+    try:
+        return f"{datetime.fromisoformat(iso):%Y-%m-%d %H:%M:%S %Z}".rstrip()
+    except ValueError:
+        return iso
+
+
+def _signed(value: float, decimals: int) -> str:
+    if value != value:
+        return "–"
+    text = f"{abs(value):.{decimals}f}"
+    if abs(value) >= 10_000:
+        # A thin space that does not break: a comma would be a decimal sign to half of the readers.
+        text = f"{abs(value):,.{decimals}f}".replace(",", "\u202f")
+    return f"−{text}" if value < 0 and float(text.replace("\u202f", "")) else text

@@ -1,0 +1,215 @@
+"""What Helm and Deaner reported, and the same quantities computed from these runs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from dic.report.numbers import fixed, micro
+from dic.report.series import COMPONENTS, CameraSeries, Float, Run, difference
+
+Figure = Literal["differences", "load", "raw rotation", "calibrated rotation", "residuals"]
+
+_HALF_TURN_DEG = 180.0
+_NEAR_DEG = 1.0
+
+
+@dataclass(frozen=True)
+class Entry:
+    """The quantity of one camera of one run, in words."""
+
+    run: int
+    camera: str
+    ours: str
+
+    @property
+    def where(self) -> str:
+        """Run and camera."""
+        return f"run {self.run}, {self.camera}"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One quantity: what the paper says of it, and what these runs say.
+
+    Attributes
+    ----------
+    quantity : str
+    paper : str
+        With the paper's figures.
+    test : str
+        "tension", "rotation" or "calibration".
+    figure : str
+        The report's figure that shows it.
+    entries : list of Entry
+    """
+
+    quantity: str
+    paper: str
+    test: str
+    figure: Figure
+    entries: list[Entry]
+
+
+def compare(runs: Sequence[Run]) -> list[Comparison]:
+    """Return the comparisons that the runs' kinds and cameras allow."""
+    return [
+        row for row in (*_tension(runs), _loading(runs), *_rotation(runs), _calibration(runs)) if row.entries
+    ]
+
+
+def _tension(runs: Sequence[Run]) -> list[Comparison]:
+    pulled = [(run, run.on_axis) for run in runs if run.kind == "tension" and run.on_axis is not None]
+    change = [
+        Entry(
+            run.number,
+            on_axis.label,
+            _means(np.abs(on_axis.calibrated - on_axis.raw), range(3)),
+        )
+        for run, on_axis in pulled
+    ]
+    along, across, before = [], [], []
+    for run, on_axis in pulled:
+        for camera in run.off_axis:
+            others = [component for component in range(3) if component not in camera.swing]
+            raw = difference(camera, camera.raw, on_axis)[1]
+            calibrated = difference(camera, camera.calibrated, on_axis)[1]
+            along.append(Entry(run.number, camera.label, _means(calibrated, camera.swing)))
+            across.append(Entry(run.number, camera.label, _means(calibrated, others)))
+            before.append(Entry(run.number, camera.label, _means(raw, camera.swing)))
+    return [
+        Comparison(
+            "size of what calibration changes on the on-axis camera, mean over the steps",
+            "less than 40 µε on average for all three strains (text, figures 18–20)",
+            "tension",
+            "differences",
+            change,
+        ),
+        Comparison(
+            "difference of the calibrated off-axis camera from the raw on-axis camera "
+            "in the direction of the tilt, mean over the steps",
+            "a bias of about 1000 µε at 30° (text, figures 18–20)",
+            "tension",
+            "differences",
+            along,
+        ),
+        Comparison(
+            "the same difference of the other strains",
+            "comparable with the on-axis camera (text)",
+            "tension",
+            "differences",
+            across,
+        ),
+        Comparison(
+            "difference in the direction of the tilt before calibration",
+            "larger than after calibration (text)",
+            "tension",
+            "differences",
+            before,
+        ),
+    ]
+
+
+def _rotation(runs: Sequence[Run]) -> list[Comparison]:
+    turned = [camera for run in runs if run.kind == "rotation" for camera in run.off_axis]
+    turned.sort(key=lambda camera: camera.off_axis_deg or 0.0, reverse=True)
+    return [
+        Comparison(
+            "largest strain error before calibration",
+            "155 000 µε at 30° (text, figures 21–23)",
+            "rotation",
+            "raw rotation",
+            [Entry(c.run, c.label, _worst_text(c, c.raw)) for c in turned],
+        ),
+        Comparison(
+            "largest strain error after calibration",
+            "4000 µε at 30°, at 180° of rotation, in the direction of the tilt (text, figure 24)",
+            "rotation",
+            "calibrated rotation",
+            [Entry(c.run, c.label, _worst_text(c, c.calibrated)) for c in turned],
+        ),
+        Comparison(
+            "strain in the direction of the tilt after calibration, at 180°",
+            "grows with the angle of the camera (text, figure 24)",
+            "rotation",
+            "calibrated rotation",
+            [
+                Entry(c.run, c.label, _means(values, c.swing))
+                for c in turned
+                if len(values := _at_half_turn(c))
+            ],
+        ),
+        Comparison(
+            "largest error before calibration ÷ largest error after it",
+            "approximately 40 at 30° (abstract)",
+            "rotation",
+            "calibrated rotation",
+            [
+                Entry(c.run, c.label, f"{_worst(c.raw) / after:.0f}")
+                for c in turned
+                if (after := _worst(c.calibrated)) > 0.0
+            ],
+        ),
+    ]
+
+
+def _loading(runs: Sequence[Run]) -> Comparison:
+    entries = []
+    for run in runs:
+        loads = [step for step in run.steps if step.kind == "load"]
+        stretches = [step for step in run.steps if step.kind == "displacement"]
+        parts = []
+        if loads:
+            parts.append(f"{len(loads)} of load to {fixed(loads[-1].load_n / 1000, 2)} kN")
+        if stretches:
+            parts.append(f"{len(stretches)} of displacement to {fixed(stretches[-1].displacement_mm, 2)} mm")
+        if parts:
+            entries.append(Entry(run.number, "load frame", "; ".join(parts)))
+    return Comparison(
+        "increments",
+        "of 2 kN until plastic deformation was evident, then of 0.3 mm to 5.00 mm of displacement (text)",
+        "tension",
+        "load",
+        entries,
+    )
+
+
+def _calibration(runs: Sequence[Run]) -> Comparison:
+    return Comparison(
+        "residual of the bicubic map at the grid points",
+        "under 0.02 px up to 30°, computed for exact points (text, figure 2)",
+        "calibration",
+        "residuals",
+        [
+            Entry(run.number, series.label, f"rms {fixed(c.rms_px, 4)} px, largest {fixed(c.max_px, 4)} px")
+            for run in runs
+            for series, c in zip(run.cameras, (c.calibration for c in run.result.cameras), strict=True)
+        ],
+    )
+
+
+def _at_half_turn(camera: CameraSeries) -> Float:
+    at: Float = camera.calibrated[np.abs(camera.angles_deg - _HALF_TURN_DEG) <= _NEAR_DEG]
+    return at
+
+
+def _means(values: Float, components: Sequence[int]) -> str:
+    return ", ".join(f"{COMPONENTS[c]} {micro(_mean(values[:, c]))} µε" for c in components)
+
+
+def _mean(values: Float) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def _worst(values: Float) -> float:
+    known = np.abs(values[np.isfinite(values)])
+    return float(known.max()) if known.size else float("nan")
+
+
+def _worst_text(camera: CameraSeries, values: Float) -> str:
+    if not np.isfinite(values).any():
+        return "–"
+    row, component = np.unravel_index(np.nanargmax(np.abs(values)), values.shape)
+    return f"{COMPONENTS[component]} {micro(values[row, component])} µε at {camera.angles_deg[row]:.1f}°"

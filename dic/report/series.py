@@ -1,0 +1,167 @@
+"""The mean strains of a run as series over its steps, in µε, camera by camera."""
+
+import math
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.process import CameraResult, RunResult
+from dic.run_file import RunStep
+from dic.strain import MeanStrain
+
+Float = NDArray[np.float64]
+Kind = Literal["tension", "rotation", ""]
+
+MICRO = 1e6
+COMPONENTS = ("εxx", "εyy", "εxy")
+XX, YY, XY = range(3)
+
+
+@dataclass(frozen=True)
+class CameraSeries:
+    """One camera of a run: where it stands, and its mean strain at every measured step.
+
+    Attributes
+    ----------
+    run : int
+        Number of the run in the report, from 1.
+    camera : str
+    on_axis : bool
+        Whether the others are compared with it.
+    off_axis_deg : float or None
+        Angle to the grid's normal; None if the rig file does not tell.
+    swing : tuple of int
+        Components of strain in whose direction the camera leans; εxx and εyy if the rig file does not tell.
+    steps : list of RunStep
+        The k measured steps.
+    raw, calibrated : ndarray, shape (k, 3)
+        Mean Green-Lagrange strain εxx, εyy, εxy in µε; NaN where there is none.
+    """
+
+    run: int
+    camera: str
+    on_axis: bool
+    off_axis_deg: float | None
+    swing: tuple[int, ...]
+    steps: list[RunStep]
+    raw: Float
+    calibrated: Float
+
+    @property
+    def label(self) -> str:
+        """The camera's name, with its angle where that is known and not zero."""
+        return f"{self.camera} {self.off_axis_deg:g}°" if self.off_axis_deg else self.camera
+
+    @property
+    def angles_deg(self) -> Float:
+        """The stage's angle at each step, as read, shape (k,)."""
+        return np.array([step.angle_deg for step in self.steps])
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run as the report numbers and sorts it.
+
+    Attributes
+    ----------
+    number : int
+        From 1.
+    result : RunResult
+        With the on-axis camera first.
+    kind : str
+        "tension", "rotation", or empty if no step could be measured.
+    cameras : list of CameraSeries
+        In the order of `result.cameras`.
+    """
+
+    number: int
+    result: RunResult
+    kind: Kind
+    cameras: list[CameraSeries]
+
+    @property
+    def steps(self) -> list[RunStep]:
+        """Every step that at least one camera measured, in order."""
+        steps = {step.index: step for camera in self.cameras for step in camera.steps}
+        return [steps[index] for index in sorted(steps)]
+
+    @property
+    def on_axis(self) -> CameraSeries | None:
+        """The camera the others are compared with."""
+        return next((camera for camera in self.cameras if camera.on_axis), None)
+
+    @property
+    def off_axis(self) -> list[CameraSeries]:
+        """All other cameras."""
+        return [camera for camera in self.cameras if not camera.on_axis]
+
+
+def number_runs(results: Sequence[RunResult]) -> list[Run]:
+    """Number the runs and collect their series.
+
+    The on-axis camera is the one named ``on_axis``, else the first.
+    """
+    runs = []
+    for number, result in enumerate(results, 1):
+        names = [camera.camera for camera in result.cameras]
+        on_axis = "on_axis" if "on_axis" in names else next(iter(names), "")
+        first = sorted(result.cameras, key=lambda camera: camera.camera != on_axis)
+        cameras = [_series(number, result, camera, camera.camera == on_axis) for camera in first]
+        runs.append(Run(number, replace(result, cameras=first), _kind(result), cameras))
+    return runs
+
+
+def difference(series: CameraSeries, values: Float, reference: CameraSeries) -> tuple[list[RunStep], Float]:
+    """Return `values` of a series minus the raw strain of the reference camera, at the steps both have.
+
+    Returns
+    -------
+    steps : list of RunStep
+    difference : ndarray, shape (len(steps), 3)
+        µε.
+    """
+    rows = {step.index: row for row, step in enumerate(reference.steps)}
+    common = [k for k, step in enumerate(series.steps) if step.index in rows]
+    other = reference.raw[[rows[series.steps[k].index] for k in common]]
+    return [series.steps[k] for k in common], values[common] - other
+
+
+def _series(number: int, result: RunResult, camera: CameraResult, on_axis: bool) -> CameraSeries:
+    pan_deg, tilt_deg = _lean(result.info.configuration, camera.camera)
+    angle: float | None = None
+    swing: tuple[int, ...] = (XX, YY)
+    if pan_deg is not None and tilt_deg is not None:
+        angle = math.degrees(math.acos(math.cos(math.radians(pan_deg)) * math.cos(math.radians(tilt_deg))))
+        angle = round(angle, 3)
+        swing = (XX,) if not tilt_deg else (YY,) if not pan_deg else (XX, YY)
+    raw = _micro([m.raw_mean for m in camera.measurements])
+    calibrated = _micro([m.calibrated_mean for m in camera.measurements])
+    return CameraSeries(number, camera.camera, on_axis, angle, swing, camera.steps, raw, calibrated)
+
+
+def _micro(means: Sequence[MeanStrain | None]) -> Float:
+    rows = [(np.nan,) * 3 if mean is None else (mean.exx, mean.eyy, mean.exy) for mean in means]
+    return np.array(rows, np.float64).reshape(-1, 3) * MICRO
+
+
+def _kind(result: RunResult) -> Kind:
+    kinds = {step.kind for camera in result.cameras for step in camera.steps}
+    if "rotation" in kinds:
+        return "rotation"
+    return "tension" if kinds & {"load", "displacement"} else ""
+
+
+def _lean(configuration: str, camera: str) -> tuple[float | None, float | None]:
+    """Return pan and tilt of a camera as the rig file gives them; (None, None) if it gives neither."""
+    try:
+        table: Any = tomllib.loads(configuration).get("cameras", {}).get(camera, {})
+    except (tomllib.TOMLDecodeError, AttributeError):
+        return None, None
+    if not isinstance(table, dict) or not {"pan_deg", "tilt_deg"} & set(table):
+        return None, None
+    pan, tilt = table.get("pan_deg", 0.0), table.get("tilt_deg", 0.0)
+    return (float(pan), float(tilt)) if all(isinstance(v, int | float) for v in (pan, tilt)) else (None, None)

@@ -1,0 +1,115 @@
+"""How the report's figures look, and how they become part of the page."""
+
+from base64 import b64encode
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+
+from dic.report.series import CameraSeries
+
+ON_AXIS_COLOUR = "#4d4d4d"
+OFF_AXIS_COLOURS = ("#0072b2", "#e69f00", "#d55e00", "#009e73", "#cc79a7")
+"""Okabe and Ito's colours, told apart by colour-blind people too."""
+MARKERS = "osD^vP"
+ON_AXIS_MARKERS = "x+1234"
+
+
+PAGE_WIDTH_IN = 11.0
+_MARGIN_PX = 6
+# matplotlib's own type for this lists every key there is.
+_RC: Any = {
+    "font.size": 9,
+    "axes.titlesize": 10,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e3e3e3",
+    "grid.linewidth": 0.7,
+    "axes.axisbelow": True,
+    "axes.linewidth": 0.8,
+    "lines.linewidth": 1.3,
+    "lines.markersize": 4.5,
+    "legend.frameon": False,
+    # The same report twice is the same file.
+    "svg.hashsalt": "offaxis",
+}
+
+
+def plot_style() -> Any:
+    """Return the context in which all figures are drawn and saved."""
+    import matplotlib as mpl
+
+    return mpl.rc_context(_RC)
+
+
+def new_figure(columns: int, height_in: float = 3.6) -> tuple[Any, Any]:
+    """Return a matplotlib figure as wide as the page, and its axes side by side."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(PAGE_WIDTH_IN, height_in), layout="constrained")
+    return figure, figure.subplots(1, columns, squeeze=False)[0]
+
+
+def legend_below(figure: Any, axis: Any, columns: int = 4) -> None:
+    """Put one legend for all axes below them, where it hides no data."""
+    handles, labels = axis.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(columns, max(1, len(labels))))
+
+
+def line_style(series: CameraSeries, order: int, calibrated: bool) -> dict[str, Any]:
+    """Return colour, marker and line of a series: raw is dashed with open markers, calibrated is solid.
+
+    Parameters
+    ----------
+    series : CameraSeries
+    order : int
+        Which on-axis, or which off-axis, camera of the figure it is, from 0.
+    calibrated : bool
+    """
+    if series.on_axis:
+        colour, marker = ON_AXIS_COLOUR, ON_AXIS_MARKERS[order % len(ON_AXIS_MARKERS)]
+    else:
+        colour, marker = OFF_AXIS_COLOURS[order % len(OFF_AXIS_COLOURS)], MARKERS[order % len(MARKERS)]
+    return {
+        "color": colour,
+        "marker": marker,
+        "linestyle": "-" if calibrated else (0, (4, 2)),
+        "markerfacecolor": colour if calibrated else "white",
+    }
+
+
+def svg_uri(figure: Any) -> str:
+    """Return a figure of lines as a data URI."""
+    buffer = BytesIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None})
+    return "data:image/svg+xml;base64," + b64encode(buffer.getvalue()).decode()
+
+
+def png_uri(figure: Any, dpi: int = 100) -> str:
+    """Return a figure with images or many marks in it as a data URI: 256 colours, most of its margins cut."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
+
+    figure.set_dpi(dpi)
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba())[..., :3]
+    marked = (pixels != 255).any(axis=2)
+    rows, columns = np.flatnonzero(marked.any(axis=1)), np.flatnonzero(marked.any(axis=0))
+    top, left = max(0, rows[0] - _MARGIN_PX), max(0, columns[0] - _MARGIN_PX)
+    drawn = np.ascontiguousarray(pixels[top : rows[-1] + _MARGIN_PX, left : columns[-1] + _MARGIN_PX])
+    buffer = BytesIO()
+    Image.fromarray(drawn).quantize(256, dither=Image.Dither.NONE).save(buffer, format="png")
+    return "data:image/png;base64," + b64encode(buffer.getvalue()).decode()
+
+
+def watermark_uri(word: str) -> str:
+    """Return a tile with a word across it, faint enough to read what lies beneath, as a data URI."""
+    svg = (
+        '<svg xmlns="http://www.w3.org/2000/svg" width="640" height="460">'
+        '<text x="320" y="250" transform="rotate(-30 320 230)" text-anchor="middle" fill="#b00020" '
+        'fill-opacity="0.08" font-family="sans-serif" font-weight="bold" font-size="84" '
+        f'letter-spacing="8">{word}</text></svg>'
+    )
+    return "data:image/svg+xml;base64," + b64encode(svg.encode()).decode()

@@ -1,0 +1,112 @@
+"""Figures of the tension test: the paper's figures 16 to 20, and what the load frame did."""
+
+from typing import Any
+
+import numpy as np
+
+from dic.report.series import COMPONENTS, XX, YY, CameraSeries, Float, Run, difference
+from dic.report.style import legend_below, line_style, new_figure, svg_uri
+from dic.run_file import RunStep
+
+
+def strain_figure(run: Run) -> str:
+    """Return εxx and εyy of every camera, raw and calibrated, at every step (figures 16 and 17)."""
+    figure, axes = new_figure(2, 4.2)
+    place = _places(run)
+    for axis, component in zip(axes, (XX, YY), strict=True):
+        for order, series in _ordered(run):
+            for values, calibrated in ((series.raw, False), (series.calibrated, True)):
+                axis.plot(
+                    [place[step.index] for step in series.steps],
+                    values[:, component],
+                    label=f"{series.label}, {'calibrated' if calibrated else 'raw'}",
+                    **line_style(series, order, calibrated),
+                )
+        _label_steps(axis, run)
+        axis.set_ylabel(f"{COMPONENTS[component]}, µε")
+    legend_below(figure, axes[0])
+    return svg_uri(figure)
+
+
+def difference_figure(run: Run, on_axis: CameraSeries) -> str:
+    """Return the difference from the uncalibrated on-axis camera per component (figures 18 to 20)."""
+    figure, axes = new_figure(3, 3.9)
+    place = _places(run)
+    for component, axis in enumerate(axes):
+        axis.axhline(0.0, color="#999999", linewidth=0.8)
+        for order, series in _ordered(run):
+            kinds: list[tuple[Float, bool]] = [(series.calibrated, True)]
+            if not series.on_axis:
+                kinds.insert(0, (series.raw, False))
+            for values, calibrated in kinds:
+                steps, differences = difference(series, values, on_axis)
+                axis.plot(
+                    [place[step.index] for step in steps],
+                    differences[:, component],
+                    label=f"{series.label}, {'calibrated' if calibrated else 'raw'}",
+                    **line_style(series, order, calibrated),
+                )
+        _label_steps(axis, run)
+        axis.set_ylabel(f"Δ{COMPONENTS[component]}, µε")
+    legend_below(figure, axes[0])
+    return svg_uri(figure)
+
+
+def load_figure(run: Run) -> str:
+    """Return the load–displacement curve, and load and displacement at every step."""
+    figure, axes = new_figure(3, 3.3)
+    steps = run.steps
+    load_kn = np.array([step.load_n for step in steps]) / 1000
+    displacement_mm = np.array([step.displacement_mm for step in steps])
+    place = np.arange(len(steps))
+    curve = {"color": "#0072b2", "marker": "o"}
+    axes[0].plot(displacement_mm, load_kn, **curve)
+    axes[0].set(xlabel="crosshead displacement, mm", ylabel="load, kN")
+    axes[1].plot(place, load_kn, **curve)
+    axes[1].set_ylabel("load, kN")
+    axes[2].plot(place, displacement_mm, **(curve | {"color": "#d55e00", "marker": "s"}))
+    axes[2].set_ylabel("crosshead displacement, mm")
+    for axis in axes[1:]:
+        _label_steps(axis, run)
+    for axis in axes:
+        axis.set_ylim(bottom=min(0.0, axis.get_ylim()[0]))
+    axes[0].set_xlim(left=min(0.0, axes[0].get_xlim()[0]))
+    return svg_uri(figure)
+
+
+def telling_steps(steps: list[RunStep]) -> list[tuple[RunStep, str]]:
+    """Return the first step, the last elastic one and the last, each with the words for it.
+
+    Loading ends with the increment that showed plastic deformation; the one before is the last elastic.
+    """
+    if not steps:
+        return []
+    loads = [step for step in steps if step.kind == "load"]
+    chosen = [(steps[0], "the first step")]
+    if len(loads) >= 2 and steps[-1].kind == "displacement":
+        chosen.append((loads[-2], "the last step before plastic deformation was evident"))
+    chosen.append((steps[-1], "the last step"))
+    return list({step.index: (step, words) for step, words in reversed(chosen)}.values())[::-1]
+
+
+def _ordered(run: Run) -> list[tuple[int, CameraSeries]]:
+    on_axis = [(0, camera) for camera in run.cameras if camera.on_axis]
+    # The paper's off-axis camera at 30° has the same colour in every figure when it is the only one.
+    off_axis = list(enumerate(run.off_axis, 2 if len(run.off_axis) == 1 else 0))
+    return on_axis + off_axis
+
+
+def _places(run: Run) -> dict[int, int]:
+    return {step.index: place for place, step in enumerate(run.steps)}
+
+
+def _label_steps(axis: Any, run: Run) -> None:
+    """Name the steps evenly spaced, for conditional steps of a plan may not exist, and shade load control."""
+    steps = run.steps
+    every = max(1, -(-len(steps) // 12))
+    axis.set_xticks(range(0, len(steps), every), [str(step.index) for step in steps[::every]])
+    axis.set_xlim(-0.6, len(steps) - 0.4)
+    axis.set_xlabel("step (shaded: load control)")
+    loads = [place for place, step in enumerate(steps) if step.kind == "load"]
+    if loads:
+        axis.axvspan(loads[0] - 0.5, loads[-1] + 0.5, color="#0072b2", alpha=0.07, linewidth=0)
