@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from dic.errors import MeasurementError
 from drivers.errors import ConfigurationError, DeviceError
 from rig.errors import RigError
 
@@ -25,7 +26,7 @@ def main() -> None:
     """Run the command line; an error of ours is one sentence on stderr and status 2."""
     try:
         cli()
-    except (RigError, DeviceError, ConfigurationError) as error:
+    except (RigError, DeviceError, ConfigurationError, MeasurementError) as error:
         click.echo(f"rig: {error}", err=True)
         sys.exit(COULD_NOT)
 
@@ -118,6 +119,16 @@ def verify(run_file: Path, json_path: Path | None) -> None:
     ]
     lines += [f"not good: {problem}" for problem in found.problems]
     _finish(lines, asdict(found) | {"path": str(found.path)}, json_path, good=not found.problems)
+
+
+@cli.command()
+@click.option("-o", "--output", type=_EXISTING, default=Path("demo"), show_default=True, help="Folder.")
+def demo(output: Path) -> None:
+    """Run both of the paper's experiments on a virtual rig, measure them and write the report."""
+    from rig.demo import run_demo
+
+    made = run_demo(output, click.echo)
+    click.echo(f"open {made.report.resolve()}")
 
 
 def _finish(lines: list[str], table: dict[str, Any], json_path: Path | None, *, good: bool) -> None:

@@ -286,12 +286,15 @@ class Engine:
 
     def _check_abort(self) -> None:
         if self._abort_reason is not None:
-            raise Aborted(
-                str(self._status.step or "before the first step"),
-                expected="the run to go on",
-                got=self._abort_reason,
-                remedy="the finished steps are on file",
-            )
+            raise self._aborted()
+
+    def _aborted(self) -> Aborted:
+        return Aborted(
+            str(self._status.step or "before the first step"),
+            expected="the run to go on",
+            got=str(self._abort_reason),
+            remedy="the finished steps are on file",
+        )
 
     def _require_devices(self) -> None:
         needed = "load_frame" if self._protocol.kind == "tension" else "stage"
@@ -325,8 +328,11 @@ class Engine:
         unsafe = self._command_safe_state()
         for thread in self._safing:
             thread.join(_SAFE_STATE_PATIENCE_S)
-        status: RunStatus = "aborted" if isinstance(error, Aborted) else "failed"
+        status: RunStatus = "failed" if self._abort_reason is None else "aborted"
         reason = str(error) or type(error).__name__
+        if self._abort_reason is not None and not isinstance(error, Aborted):
+            # The stop that an abort commands at once may be the very thing a driver complains of.
+            reason = f"{self._aborted()}; meanwhile: {reason}"
         if unsafe:
             reason = f"SAFE STATE NOT CONFIRMED, use the emergency stop ({'; '.join(unsafe)}). {reason}"
         # A file that takes no event may still take its end, and its own error is told below.

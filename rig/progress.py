@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from rig.engine import Status
+from rig.engine import State, Status
 
 
 @contextmanager
@@ -23,6 +23,11 @@ def run_progress() -> Iterator[Callable[[Status], None]]:
         task = progress.add_task("opening the rig", total=None)
 
         def show(status: Status) -> None:
+            if status.state is State.PREPARING:
+                # The operator is asked on this terminal: no bar may write over the question.
+                progress.stop()
+                return
+            progress.start()
             what = "" if status.step is None else str(status.step)
             progress.update(
                 task,

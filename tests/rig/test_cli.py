@@ -178,10 +178,18 @@ def test_check_says_when_an_image_is_saturated(rig, tmp_path):
     assert "of the pixels are saturated; shorten the exposure" in out
 
 
-def long_run(tmp_path: Path) -> tuple[Path, subprocess.Popen]:
-    table = (EXAMPLES / "rotation.toml").read_text().replace("increment_deg = 22.5", "increment_deg = 0.1")
-    (tmp_path / "long.toml").write_text(table)
-    rig_file, run_file = small_rig(tmp_path, "rotation-30"), tmp_path / "run.h5"
+LONG = {
+    "rotation": ("rotation-30", "increment_deg = 22.5", "increment_deg = 0.1"),
+    "tension": ("tension", "increment_mm = 0.3", "increment_mm = 0.005"),
+}
+
+
+def long_run(tmp_path: Path, kind: str) -> tuple[Path, subprocess.Popen]:
+    rig_name, increment, small_increment = LONG[kind]
+    table = (EXAMPLES / f"{kind}.toml").read_text()
+    assert increment in table
+    (tmp_path / "long.toml").write_text(table.replace(increment, small_increment))
+    rig_file, run_file = small_rig(tmp_path, rig_name), tmp_path / "run.h5"
     command = [*RIG, "run", tmp_path / "long.toml", "--rig", rig_file, "-o", run_file]
     child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     for _ in range(3):
@@ -189,12 +197,14 @@ def long_run(tmp_path: Path) -> tuple[Path, subprocess.Popen]:
     return run_file, child
 
 
-def test_sigterm_ends_a_run_as_aborted_with_its_steps(rig, tmp_path):
-    run_file, child = long_run(tmp_path)
+@pytest.mark.parametrize("kind", ["rotation", "tension"])
+def test_sigterm_ends_a_run_as_aborted_with_its_steps(rig, tmp_path, kind):
+    run_file, child = long_run(tmp_path, kind)
     child.send_signal(signal.SIGTERM)
     out, err = child.communicate(timeout=60)
     assert child.returncode == 1
     assert "got SIGTERM" in err
+    assert "SAFE STATE NOT CONFIRMED" not in err
     assert "Traceback" not in err
     assert "aborted: " in out
     status, out, _ = rig("verify", run_file)
@@ -203,7 +213,7 @@ def test_sigterm_ends_a_run_as_aborted_with_its_steps(rig, tmp_path):
 
 
 def test_killed_run_is_verified_with_its_finished_steps(rig, tmp_path):
-    run_file, child = long_run(tmp_path)
+    run_file, child = long_run(tmp_path, "rotation")
     child.kill()
     child.communicate(timeout=60)
     report = tmp_path / "verify.json"

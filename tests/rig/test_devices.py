@@ -54,7 +54,7 @@ def test_environment_is_opened_first_and_gives_its_clock_to_all():
         assert environment.name == "simulation"
         assert rig.clock is environment.clock
         assert all(contexts[name].clock is environment.clock for name in ("stage", "on_axis", "operator"))
-        assert rig.simulated
+        assert rig.virtual
     opened = [entry.removeprefix("open ") for entry in log if entry.startswith("open")]
     assert opened[0] == "simulation"
     assert [entry.removeprefix("close ") for entry in log if entry.startswith("close")] == opened[::-1]

@@ -157,6 +157,25 @@ def test_abort_from_another_thread_takes_effect_within_one_poll(tension):
     assert tension.calls[-2:] == ["hold", "hold"]
 
 
+def test_abort_is_an_abort_even_if_a_driver_complains_of_the_stop_first(rotation):
+    engine = None
+
+    def interrupted(state):
+        if state.angle_deg == 45.0:
+            engine.abort("SIGTERM")
+            raise DeviceError(
+                "stage", "move", expected="no stop meanwhile", got="a stop", remedy="move again"
+            )
+        return state
+
+    rotation.stage.on_read = interrupted
+    engine = rotation.engine()
+    outcome = engine.run()
+    assert outcome.status == "aborted"
+    assert "got SIGTERM" in outcome.reason
+    assert "meanwhile: stage: move: expected no stop meanwhile" in outcome.reason
+
+
 def test_abort_before_the_run_moves_nothing(tension):
     engine = tension.engine()
     engine.abort("changed my mind")
