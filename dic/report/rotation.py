@@ -7,6 +7,7 @@ from dic.report.style import legend_below, line_style, new_figure, svg_uri
 from dic.run_file import RunStep
 
 _NEAR_DEG = 15.0
+_PARTS_DEG = (5.0, 15.0, 45.0, 90.0)
 
 
 def strain_figure(runs: Sequence[Run], calibrated: bool) -> str:
@@ -16,11 +17,13 @@ def strain_figure(runs: Sequence[Run], calibrated: bool) -> str:
     ----------
     runs : sequence of Run
     calibrated : bool
-        Calibrated strain (figures 24 to 26, with the raw on-axis strain as there), or raw (figures 21 to 23).
+        Calibrated strain (figures 24 to 26), or raw (figures 21 to 23).
     """
-    from matplotlib.ticker import MaxNLocator
+    from matplotlib.ticker import MultipleLocator
 
     figure, axes = new_figure(3, 4.0)
+    largest_deg = max(abs(step.angle_deg) for run in runs for step in run.steps)
+    ticks_deg = next((part for part in _PARTS_DEG if 6 * part >= largest_deg), _PARTS_DEG[-1])
     for component, axis in enumerate(axes):
         axis.axhline(0.0, color="#999999", linewidth=0.8)
         for order, series in _ordered(runs):
@@ -32,8 +35,7 @@ def strain_figure(runs: Sequence[Run], calibrated: bool) -> str:
                 label=series.label + suffix,
                 **line_style(series, order, calibrated),
             )
-        # Quarter turns, or round parts of them.
-        axis.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 1.5, 3, 4.5, 9, 10]))
+        axis.xaxis.set_major_locator(MultipleLocator(ticks_deg))
         axis.set_xlabel("rotation of the stage, °")
         axis.set_ylabel(f"{COMPONENTS[component]} {'calibrated' if calibrated else 'raw'}, µε")
     legend_below(figure, axes[0], columns=3)
