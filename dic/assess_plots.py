@@ -10,6 +10,8 @@ from dic.assess import CLAIM_PX, OVERSIZED, POINT_SETS, SWEEPS, PointSet, Row, S
 from dic.pinhole import PinholeCamera
 
 _CURVES = (("maximum_px", "maximum", "-o"), ("mean_px", "mean", "-s"), ("std_px", "standard deviation", "-^"))
+# matplotlib's automatic layouts would take half of the command's time
+_MARGINS = {"left": 0.14, "right": 0.97, "bottom": 0.14, "top": 0.91}
 _MAP_FIGURE = 5
 _MAP_CAMERA = PinholeCamera(pan_deg=30.0)
 
@@ -29,17 +31,18 @@ def plot_assessment(folder: Path, rows: Sequence[Row]) -> list[Path]:
     paths = []
     for sweep in SWEEPS:
         for points in POINT_SETS:
-            figure = Figure(figsize=(6, 4), layout="constrained")
-            _draw_sweep(figure.subplots(), rows, sweep, points)
+            figure = Figure(figsize=(6, 4))
+            _draw_sweep(figure.subplots(gridspec_kw=_MARGINS), rows, sweep, points)
             paths.append(folder / f"figure_{sweep.figure(points):02d}.png")
             figure.savefig(paths[-1], dpi=120)
-    figure = Figure(figsize=(6, 5), layout="constrained")
-    _draw_map(figure, figure.subplots())
+    figure = Figure(figsize=(6, 5))
+    _draw_map(figure, figure.subplots(gridspec_kw=_MARGINS))
     paths.append(folder / f"figure_{_MAP_FIGURE:02d}.png")
     figure.savefig(paths[-1], dpi=120)
 
-    overview = Figure(figsize=(20, 14), layout="constrained")
-    axes = overview.subplots(4, 4)
+    overview = Figure(figsize=(20, 16))
+    spacing = {"left": 0.04, "right": 0.98, "bottom": 0.04, "top": 0.94, "wspace": 0.22, "hspace": 0.35}
+    axes = overview.subplots(4, 4, gridspec_kw=spacing)
     for line, sweep in zip(axes, SWEEPS, strict=True):
         for place, points in zip(line, POINT_SETS, strict=False):
             _draw_sweep(place, rows, sweep, points)

@@ -76,7 +76,7 @@ class BicubicMap:
 
     def jacobian(self, px: Points) -> NDArray[np.float64]:
         """Return ``∂(X, Y)/∂(x, y)`` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
-        powers = self._normalised(px)[:, :, None] ** np.arange(4)
+        powers = _powers(self._normalised(px))
         slopes = np.zeros_like(powers)
         slopes[:, :, 1:] = powers[:, :, :3] * np.arange(1, 4) / self.scale_px
         by_x = np.einsum("ni,nj,ijc->nc", slopes[:, 0], powers[:, 1], self.coefficients)
@@ -87,8 +87,13 @@ class BicubicMap:
         return (np.asarray(px, np.float64).reshape(-1, 2) - self.centre_px) / self.scale_px
 
 
+def _powers(points: Points) -> NDArray[np.float64]:
+    square = points * points
+    return np.stack([np.ones_like(points), points, square, square * points], axis=-1)
+
+
 def _monomials(points: Points) -> NDArray[np.float64]:
-    powers = points[:, :, None] ** np.arange(4)
+    powers = _powers(points)
     return (powers[:, 0, :, None] * powers[:, 1, None, :]).reshape(-1, 16)
 
 

@@ -10,6 +10,9 @@ import zlib
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _TIFF_INTEGERS = {1: "B", 3: "H", 4: "I", 16: "Q"}
 _STRIPS_AND_TILES = ((273, 279), (324, 325))
+_COMPRESSION = 259
+_DEFLATE = (8, 32946)
+_WANTED_TAGS = {_COMPRESSION, *(tag for pair in _STRIPS_AND_TILES for tag in pair)}
 
 
 def damage_in(content: bytes) -> str | None:
@@ -27,8 +30,9 @@ def damage_in(content: bytes) -> str | None:
 
     Notes
     -----
-    PNG: chunks, their check sums and the end chunk (ISO/IEC 15948, clause 5). TIFF and BigTIFF: every strip
-    or tile of the first page lies within the file (TIFF 6.0, section 3). BMP: the size in the header.
+    PNG: chunks, their check sums and the end chunk (ISO/IEC 15948, clause 5). TIFF, BigTIFF: every strip or
+    tile of the first page lies within the file (TIFF 6.0, section 3), and deflated ones have their check sum
+    right. BMP: the size in the header.
     """
     if not content:
         return "an empty file"
@@ -59,31 +63,50 @@ def _png_damage(content: bytes) -> str | None:
 
 
 def _tiff_damage(content: bytes) -> str | None:
+    tags = _tiff_tags(content)
+    for offsets, counts in _STRIPS_AND_TILES:
+        pieces = list(zip(tags.get(offsets, ()), tags.get(counts, ()), strict=False))
+        if any(start + size > len(content) for start, size in pieces):
+            return f"a TIFF that was cut off after {len(content)} bytes"
+        if pieces:
+            deflated = tags.get(_COMPRESSION, (1,))[0] in _DEFLATE
+            return (
+                _deflate_damage([content[start : start + size] for start, size in pieces])
+                if deflated
+                else None
+            )
+    return "a TIFF without pixels"
+
+
+def _tiff_tags(content: bytes) -> dict[int, tuple[int, ...]]:
+    """Return the values of the first page's tags that say where its pixels are and how they are packed."""
     order = "<" if content[:1] == b"I" else ">"
     big = content[2:4] in (b"+\0", b"\0+")
     offset_code, count_code, entry_bytes = ("Q", "Q", 20) if big else ("I", "H", 12)
+    value_bytes = struct.calcsize(order + offset_code)
     (directory,) = struct.unpack_from(order + offset_code, content, 8 if big else 4)
     (entries,) = struct.unpack_from(order + count_code, content, directory)
     first = directory + struct.calcsize(order + count_code)
     tags = {}
-    for entry in range(entries):
-        at = first + entry * entry_bytes
+    for at in range(first, first + entries * entry_bytes, entry_bytes):
         tag, kind, count = struct.unpack_from(order + "HH" + offset_code, content, at)
-        if any(tag in pair for pair in _STRIPS_AND_TILES) and kind in _TIFF_INTEGERS:
-            value_bytes = struct.calcsize(order + offset_code)
-            inline = at + entry_bytes - value_bytes
+        if tag in _WANTED_TAGS and kind in _TIFF_INTEGERS:
             code = f"{order}{count}{_TIFF_INTEGERS[kind]}"
+            inline = at + entry_bytes - value_bytes
             fits = struct.calcsize(code) <= value_bytes
             where = inline if fits else struct.unpack_from(order + offset_code, content, inline)[0]
             tags[tag] = struct.unpack_from(code, content, where)
-    for offsets, counts in _STRIPS_AND_TILES:
-        ends = [
-            start + size for start, size in zip(tags.get(offsets, ()), tags.get(counts, ()), strict=False)
-        ]
-        if ends:
-            short = max(ends) > len(content)
-            return f"a TIFF that was cut off after {len(content)} bytes" if short else None
-    return "a TIFF without pixels"
+    return tags
+
+
+def _deflate_damage(pieces: list[bytes]) -> str | None:
+    """Check what decoders do not: the check sum at the end of each deflated strip or tile."""
+    try:
+        for piece in pieces:
+            zlib.decompress(piece)
+    except zlib.error:
+        return "a TIFF with damaged pixels"
+    return None
 
 
 def _bmp_damage(content: bytes) -> str | None:

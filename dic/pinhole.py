@@ -12,9 +12,9 @@ Points = NDArray[np.float64]
 class PinholeCamera:
     """The camera of the paper's numerical assessment.
 
-    In its rest position it looks straight at the grid's centre, from `distance_mm` along Z. Pan then turns
-    the scene in front of it about the vertical axis and tilt about the horizontal one, ``R = Rx(tilt)·Ry(pan)``:
-    the same as swinging the camera round the grid's centre. The distance stays.
+    At rest it looks straight at the grid's centre, from `distance_mm` along Z. Pan turns the scene in front
+    of it about the vertical axis, then tilt turns it about the horizontal one: ``R = Rx(tilt)·Ry(pan)``.
+    That is the same as swinging the camera round the grid's centre at that distance.
 
     Attributes
     ----------

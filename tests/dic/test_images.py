@@ -1,0 +1,172 @@
+import pickle
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from dic.errors import CorrelationError, ImageError, MeasurementError
+from dic.images import read_image, require_same_size
+
+
+def _grey(depth: type = np.uint8, shape: tuple[int, int] = (90, 120)) -> np.ndarray:
+    return np.random.default_rng(3).integers(0, np.iinfo(depth).max, shape).astype(depth)
+
+
+@pytest.mark.parametrize("suffix", ["png", "tif", "bmp"])
+def test_eight_bits_are_read_as_stored(tmp_path: Path, suffix: str) -> None:
+    grey = _grey()
+    Image.fromarray(grey).save(tmp_path / f"a.{suffix}")
+
+    image = read_image(tmp_path / f"a.{suffix}")
+
+    assert image.dtype == np.float32
+    assert np.array_equal(image, grey)
+
+
+@pytest.mark.parametrize("suffix", ["png", "tif"])
+def test_sixteen_bits_keep_their_depth(tmp_path: Path, suffix: str) -> None:
+    grey = _grey(np.uint16)
+    Image.fromarray(grey).save(tmp_path / f"a.{suffix}")
+
+    assert np.array_equal(read_image(tmp_path / f"a.{suffix}"), grey)
+
+
+@pytest.mark.parametrize("compression", ["tiff_lzw", "tiff_adobe_deflate", "packbits"])
+def test_compressed_tiffs_are_read(tmp_path: Path, compression: str) -> None:
+    grey = _grey()
+    Image.fromarray(grey).save(tmp_path / "a.tif", compression=compression)
+
+    assert np.array_equal(read_image(tmp_path / "a.tif"), grey)
+
+
+@pytest.mark.parametrize("mode", ["RGB", "RGBA", "P"])
+def test_colour_becomes_luma(tmp_path: Path, mode: str) -> None:
+    colours = np.zeros((64, 64, 3), np.uint8)
+    colours[:, :16], colours[:, 16:32], colours[:, 32:48] = (200, 0, 0), (0, 200, 0), (0, 0, 200)
+    Image.fromarray(colours).convert(mode, palette=Image.Palette.ADAPTIVE).save(tmp_path / "a.png")
+
+    image = read_image(tmp_path / "a.png")
+
+    # red, green and blue weigh 0.299, 0.587 and 0.114 (ITU-R BT.601)
+    assert image[0, ::16] == pytest.approx([59.8, 117.4, 22.8, 0.0], abs=1e-3)
+
+
+def test_grey_stored_as_colour_keeps_its_levels(tmp_path: Path) -> None:
+    grey = _grey(np.uint16)
+    cv2.imwrite(str(tmp_path / "a.png"), cv2.merge([grey, grey, grey]))
+
+    assert np.allclose(read_image(tmp_path / "a.png"), grey, atol=0.01)
+
+
+@pytest.mark.parametrize("suffix", ["png", "tif", "bmp"])
+@pytest.mark.parametrize("share", [0.0, 0.002, 0.3, 0.7, 0.99])
+def test_a_file_that_was_cut_off_is_refused(
+    tmp_path: Path, suffix: str, share: float, capfd: pytest.CaptureFixture[str]
+) -> None:
+    whole = tmp_path / f"whole.{suffix}"
+    Image.fromarray(_grey()).save(whole)
+    content = whole.read_bytes()
+    cut = tmp_path / f"cut.{suffix}"
+    cut.write_bytes(content[: int(share * len(content))])
+
+    with pytest.raises(ImageError, match=r"cut\..*(cut off|empty|another kind)"):
+        read_image(cut)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_tiff_whose_directory_comes_first_is_refused_when_its_pixels_are_cut_off(tmp_path: Path) -> None:
+    strip = _grey().tobytes()
+    tags = [
+        (256, 120),
+        (257, 90),
+        (258, 8),
+        (259, 1),
+        (262, 1),
+        (273, 134),
+        (277, 1),
+        (278, 90),
+        (279, len(strip)),
+    ]
+    entries = b"".join(
+        np.array([tag, 4], "<u2").tobytes() + np.array([1, v], "<u4").tobytes() for tag, v in tags
+    )
+    header = b"II*\0" + np.array([8], "<u4").tobytes() + np.array([len(tags)], "<u2").tobytes() + entries
+    whole = header.ljust(134, b"\0") + strip
+    (tmp_path / "whole.tif").write_bytes(whole)
+    (tmp_path / "cut.tif").write_bytes(whole[:-500])
+
+    assert np.array_equal(read_image(tmp_path / "whole.tif"), _grey())
+    with pytest.raises(ImageError, match="cut off"):
+        read_image(tmp_path / "cut.tif")
+
+
+def test_a_damaged_png_is_refused_in_silence(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    Image.fromarray(_grey()).save(tmp_path / "a.png")
+    content = bytearray((tmp_path / "a.png").read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    (tmp_path / "a.png").write_bytes(content)
+
+    with pytest.raises(ImageError, match="damaged"):
+        read_image(tmp_path / "a.png")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_deflated_tiff_with_wrong_pixels_is_refused(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    Image.fromarray(_grey()).save(tmp_path / "a.tif", compression="tiff_adobe_deflate")
+    content = bytearray((tmp_path / "a.tif").read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    (tmp_path / "a.tif").write_bytes(content)
+
+    with pytest.raises(ImageError, match="damaged pixels"):
+        read_image(tmp_path / "a.tif")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_what_is_no_image_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_text("just text")
+
+    with pytest.raises(ImageError, match="another kind of file"):
+        read_image(tmp_path / "a.png")
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ImageError, match=r"absent\.png: read image: .*No such file"):
+        read_image(tmp_path / "absent.png")
+
+
+def test_a_tiny_image_is_refused(tmp_path: Path) -> None:
+    Image.fromarray(_grey(shape=(20, 200))).save(tmp_path / "a.png")
+
+    with pytest.raises(ImageError, match="200 × 20 px"):
+        read_image(tmp_path / "a.png")
+
+
+def test_pixels_that_are_not_finite_are_refused(tmp_path: Path) -> None:
+    grey = _grey().astype(np.float32)
+    grey[5, 5] = np.nan
+    Image.fromarray(grey).save(tmp_path / "a.tif")
+
+    with pytest.raises(ImageError, match="NaN"):
+        read_image(tmp_path / "a.tif")
+
+
+def test_images_of_different_size_are_refused() -> None:
+    images = [np.zeros((50, 60)), np.zeros((50, 60)), np.zeros((50, 61))]
+
+    with pytest.raises(ImageError, match=r"c: .*60 × 50 px like a, got 61 × 50 px"):
+        require_same_size(images, ["a", "b", "c"])
+    require_same_size(images[:2], ["a", "b"])
+
+
+def test_errors_come_back_whole_from_another_process() -> None:
+    error = CorrelationError("a.png", "correlate", expected="texture", got="none", remedy="paint it")
+
+    copy = pickle.loads(pickle.dumps(error))
+
+    assert type(copy) is CorrelationError
+    assert isinstance(copy, MeasurementError)
+    assert str(copy) == "a.png: correlate: expected texture, got none; paint it"
