@@ -12,7 +12,7 @@ MIN_PIXEL_FRACTION = 0.5
 """Share of a subset's pixels that must lie inside the region of interest."""
 
 EDGE_PX = 4
-"""Distance of subsets from the edge of the reference, so that a small motion does not take them out of view."""
+"""Distance of subsets from the edge of the reference: a small motion must not take them out of view."""
 
 _WEAK = 0.02
 """Texture below this share of the image's strong texture (its 90th percentile) is taken for background."""

@@ -117,13 +117,10 @@ class RunFile:
         return np.asarray(frames.mean(axis=0, dtype=np.float64), np.float32)
 
     def _open(self) -> Any:
-        import h5py
-
         if not self.path.is_file():
             raise self._damaged("no such file")
         try:
-            # Also opens a file whose writer was killed, and one that is still being written.
-            return h5py.File(self.path, "r", swmr=True, libver="latest")
+            return open_run(self.path)
         except OSError as error:
             raise self._damaged("a file that was cut off or is no HDF5") from error
 
@@ -165,6 +162,25 @@ class RunFile:
             got=got,
             remedy="name a file written by `rig run`, or copy it again",
         )
+
+
+def open_run(path: Path) -> Any:
+    """Open the HDF5 file of a run, also one that is being recorded or whose writer was killed.
+
+    Raises
+    ------
+    OSError
+        If it was cut off or is no HDF5.
+    """
+    import h5py
+
+    try:
+        # Not SWMR first: reading a file that was cut off, SWMR waits without end for a writer to complete it.
+        return h5py.File(path, "r")
+    except OSError as error:
+        if "already open for write" not in str(error):
+            raise
+        return h5py.File(path, "r", swmr=True)
 
 
 _TEXTS = (

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 from pydantic import ValidationError
 
+from dic.run_file import open_run
 from rig.errors import RunFileError
 from rig.protocol import ProtocolStep, parse_protocol
 from rig.recorder import FORMAT_VERSION
@@ -59,7 +59,7 @@ def verify_run(path: Path) -> Verification:
     if not path.is_file():
         raise RunFileError(str(path), expected="a run file", got="no such file", remedy="correct the name")
     try:
-        with _open(path) as file:
+        with open_run(path) as file:
             if file.attrs.get("file_format") != "offaxis-run":
                 raise RunFileError(
                     str(path), expected="a run file", got="another HDF5 file", remedy="name another"
@@ -79,16 +79,6 @@ def verify_run(path: Path) -> Verification:
             got=f"one that is damaged or cut off ({' '.join(str(error).split())})",
             remedy="take it from the backup",
         ) from error
-
-
-def _open(path: Path) -> Any:
-    try:
-        # Not SWMR first: reading a file that was cut off, SWMR waits without end for a writer to complete it.
-        return h5py.File(path, "r")
-    except OSError as error:
-        if "already open for write" not in str(error):
-            raise
-        return h5py.File(path, "r", swmr=True)
 
 
 def _verify(path: Path, entry: Any) -> Verification:

@@ -1,0 +1,169 @@
+"""From a run file to results: whole runs, killed ones, and files that are no runs."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from dic.cli import main
+from dic.errors import RunFileError
+from dic.process import process_run
+from dic.run_file import RunFile
+from dic.run_results import load_run_result, save_run_result
+from dic.settings import CorrelationSettings
+from rig.run import run_protocol
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+COARSE = CorrelationSettings(step_px=40)
+
+
+def short_protocol(folder):
+    text = (EXAMPLES / "rotation.toml").read_text()
+    path = folder / "short.toml"
+    path.write_text(text.replace("total_deg = 360.0", "total_deg = 45.0"))
+    return path
+
+
+@pytest.fixture(scope="module")
+def run_file(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    path = folder / "run.h5"
+    rig = EXAMPLES / "rig-virtual-rotation-30.toml"
+    assert run_protocol(short_protocol(folder), rig, path).status == "completed"
+    return path
+
+
+@pytest.fixture(scope="module")
+def result(run_file):
+    return process_run(run_file, COARSE)
+
+
+def dic(monkeypatch, *arguments):
+    monkeypatch.setattr("sys.argv", ["dic", *map(str, arguments)])
+    with pytest.raises(SystemExit) as end:
+        main()
+    return end.value.code
+
+
+def test_a_result_file_gives_back_what_was_measured(result, tmp_path):
+    save_run_result(result, tmp_path / "r.h5")
+    again = load_run_result(tmp_path / "r.h5")
+    assert again.info == result.info
+    assert again.settings == result.settings
+    assert [c.camera for c in again.cameras] == [c.camera for c in result.cameras]
+    for old, new in zip(result.cameras, again.cameras, strict=True):
+        np.testing.assert_equal([vars(s) for s in new.steps], [vars(s) for s in old.steps])
+        np.testing.assert_array_equal(new.reference, old.reference)
+        for a, b in zip(old.measurements, new.measurements, strict=True):
+            assert b.summary() == a.summary()
+            np.testing.assert_array_equal(b.field.warps, a.field.warps)
+            np.testing.assert_array_equal(b.strain.exx, a.strain.exx)
+
+
+def test_the_command_prints_the_table_and_writes_what_it_printed(run_file, tmp_path, monkeypatch, capsys):
+    files = {name: tmp_path / name for name in ("r.h5", "r.json", "r.html", "again.html")}
+    status = dic(
+        monkeypatch, "process", run_file, "--step", 40, "-o", files["r.h5"], "--json", files["r.json"],
+        "--report", files["r.html"],
+    )  # fmt: skip
+    assert status == 0
+    printed = capsys.readouterr().out
+    assert "SIMULATED" in printed
+    content = json.loads(files["r.json"].read_text())
+    for camera in ("on_axis", "off_axis"):
+        steps = content["cameras"][camera]["steps"]
+        assert [round(step["angle_deg"], 1) for step in steps] == [22.5, 45.0]
+        assert steps[0]["load_n"] is None
+        shown = f"{1e6 * steps[1]['calibrated']['eyy']:8.0f}"
+        assert shown in printed
+    assert dic(monkeypatch, "report", files["r.h5"], "-o", files["again.html"]) == 0
+    assert files["again.html"].read_bytes() == files["r.html"].read_bytes()
+
+
+def test_a_killed_run_is_measured_as_far_as_it_went(tmp_path):
+    script = f"""
+import os, signal
+from pathlib import Path
+from rig.run import run_protocol
+done = []
+def on_step(record):
+    done.append(record)
+    if len(done) == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+folder = Path({str(tmp_path)!r})
+rig = Path({str(EXAMPLES)!r}) / "rig-virtual-rotation-30.toml"
+run_protocol(Path({str(short_protocol(tmp_path))!r}), rig, folder / "killed.h5", on_step=on_step)
+"""
+    ended = subprocess.run([sys.executable, "-c", script], env=os.environ, check=False, timeout=300)
+    assert ended.returncode == -signal.SIGKILL
+    result = process_run(tmp_path / "killed.h5", COARSE)
+    assert result.info.status == "running"
+    for camera in result.cameras:
+        assert [round(step.angle_deg, 1) for step in camera.steps] == [22.5]
+
+
+class TestNoRunFile:
+    def refused(self, path, word):
+        with pytest.raises(RunFileError, match=word):
+            RunFile(path)
+
+    def test_missing(self, tmp_path):
+        self.refused(tmp_path / "none.h5", "no such file")
+
+    def test_text(self, tmp_path):
+        (tmp_path / "text.h5").write_text("not a run")
+        self.refused(tmp_path / "text.h5", "cut off or is no HDF5")
+
+    @pytest.mark.parametrize("share", [0.05, 0.5, 0.95])
+    def test_cut_off(self, run_file, tmp_path, share):
+        content = run_file.read_bytes()
+        (tmp_path / "cut.h5").write_bytes(content[: int(share * len(content))])
+        self.refused(tmp_path / "cut.h5", "cut off")
+
+    def test_another_kind(self, tmp_path):
+        with h5py.File(tmp_path / "other.h5", "w") as file:
+            file["x"] = 1
+        self.refused(tmp_path / "other.h5", "another kind")
+
+    def test_a_run_that_ended_before_the_reference(self, run_file, tmp_path):
+        short = tmp_path / "short.h5"
+        short.write_bytes(run_file.read_bytes())
+        with h5py.File(short, "r+") as file:
+            for column in file["entry/steps"].values():
+                column.resize((1,))
+        with pytest.raises(RunFileError, match="finished reference step"):
+            process_run(short)
+
+    def test_a_damaged_image_is_named(self, run_file, tmp_path):
+        spoiled = tmp_path / "spoiled.h5"
+        spoiled.write_bytes(run_file.read_bytes())
+        with h5py.File(spoiled, "r+") as file:
+            offset = file["entry/instrument/off_axis/data"].id.get_chunk_info(0).byte_offset
+        with spoiled.open("r+b") as raw:
+            raw.seek(offset + 1000)
+            raw.write(b"\xff\x00\xff\x00")
+        with pytest.raises(RunFileError, match="damaged images of off_axis at step 0"):
+            process_run(spoiled)
+
+
+def test_a_run_whose_grid_image_is_no_grid_says_so(run_file, tmp_path):
+    spoiled = tmp_path / "no-grid.h5"
+    spoiled.write_bytes(run_file.read_bytes())
+    with h5py.File(spoiled, "r+") as file:
+        data = file["entry/instrument/off_axis/data"]
+        data[0] = data[1]
+    with pytest.raises(Exception, match=r"no-grid\.h5: off_axis") as refusal:
+        process_run(spoiled)
+    assert type(refusal.value).__name__ == "CalibrationError"
+
+
+def test_a_result_file_that_is_none_is_refused(run_file, tmp_path):
+    for path, word in ((tmp_path / "none.h5", "no such file"), (run_file, "another kind")):
+        with pytest.raises(RunFileError, match=word):
+            load_run_result(path)
