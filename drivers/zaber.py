@@ -167,7 +167,7 @@ class ZaberStage:
         low, high = round(self._settings.angle_min_deg * scale), round(self._settings.angle_max_deg * scale)
         limits = [("limit.max", high), ("limit.min", low)]
         # in the order that never crosses them: a stage may refuse a minimum above its present maximum
-        if high <= int(self._get("limit.min")):
+        if high <= self._integer(self._query("get limit.min", "read limit.min"), "read limit.min"):
             limits.reverse()
         speed = round(self._settings.speed_deg_s * scale * SPEED_UNIT)
         for name, value in [*limits, ("maxspeed", speed)]:
@@ -245,11 +245,11 @@ class ZaberStage:
             raise self._fault(step, "acceptance", _reason(reply), "see the stage's manual for the reason")
         return reply
 
-    def _integer(self, reply: Reply) -> int:
+    def _integer(self, reply: Reply, step: str = "read position") -> int:
         try:
             return int(reply.data)
         except ValueError as error:
-            raise self._fault("read position", "a whole number", repr(reply.data), "check axis") from error
+            raise self._fault(step, "a whole number", repr(reply.data), "check axis") from error
 
     def _fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
         return DeviceFault(self._port.name, step, expected=expected, got=got, remedy=remedy)

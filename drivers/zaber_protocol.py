@@ -111,7 +111,7 @@ def decode(line: bytes) -> Reply | None:
     DamagedLineError
         If it is no reply or its checksum is missing or wrong.
     """
-    text = line.decode("ascii", "replace")
+    text = line.decode("ascii", "backslashreplace")
     if re.match(r"[!#]\d\d ", text):
         return None
     body, colon, received = text.rpartition(":")

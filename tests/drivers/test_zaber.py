@@ -11,7 +11,7 @@ from drivers.interfaces import OpenContext
 from drivers.registry import find_driver
 from drivers.settings import validate
 from drivers.zaber import ZaberSettings, ZaberStage, open_stage
-from drivers.zaber_protocol import MOTION_FAILED
+from drivers.zaber_protocol import MOTION_FAILED, lrc
 from simulators.stage_device import StageDevice
 from simulators.stage_wire import StageServer, StageTcpServer
 
@@ -236,6 +236,28 @@ def test_a_damaged_reading_is_asked_for_again(homed, line):
     line.tamper = once
     assert not homed.read().moving
     assert line.received == ["get pos", "get pos"]
+
+
+def test_a_reading_with_a_byte_that_is_no_ascii_is_damaged_and_the_next_is_understood(homed, line):
+    damaged = iter([True])
+    line.tamper = lambda command, answer: (
+        answer().replace(b" 0:", b" \xb0:") if next(damaged, False) else answer()
+    )
+    assert homed.read().angle_deg == 0.0
+    assert line.received == ["get pos", "get pos"]
+
+
+def test_a_limit_that_is_no_number_is_told(line, context):
+    def two_axes(command: str, answer: Callable[[], bytes]) -> bytes:
+        reply = answer()
+        if command != "get limit.min":
+            return reply
+        body = reply.decode().partition(":")[0] + " NA"
+        return f"{body}:{lrc(body[1:])}\r\n".encode()
+
+    line.tamper = two_axes
+    with pytest.raises(DeviceFault, match=r"read limit\.min: expected a whole number, got '-23040000 NA'"):
+        open_stage(settings(line.address), context)
 
 
 def test_a_reading_that_is_always_damaged_says_what_came(homed, line):

@@ -33,6 +33,7 @@ def test_a_reply_recorded_from_the_vendors_client_is_understood():
         b"@01 0 02 OK IDLE WR 0",  # no checksum
         b"@01 0 02 OK IDL",  # cut off
         b"\xff\x00:01",
+        b"@01 0 02 OK IDLE WR \xb0:BC",  # a bit flipped that ASCII does not have
         b"",
     ],
 )
