@@ -113,6 +113,9 @@ def _read_cameras(table: object, mistakes: list[str]) -> dict[str, DeviceEntry]:
     for name, settings in table.items():
         if not name.isidentifier():
             mistakes.append(f"cameras.{name}: a name of letters, digits and _ is expected; rename it")
+        if name in ("stage", "load_frame"):
+            # The run file keeps all devices side by side.
+            mistakes.append(f"cameras.{name}: a name that is not another device's is expected; rename it")
         entry = _read_device(f"cameras.{name}", settings, "camera", mistakes)
         if entry is not None:
             cameras[name] = entry

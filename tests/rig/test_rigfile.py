@@ -59,3 +59,12 @@ def test_rig_without_cameras_is_refused(tmp_path):
     path.write_text('[rig]\nname = "blind"\n[operator]\ndriver = "simulated-operator"\n')
     with pytest.raises(ConfigurationError, match="at least one table"):
         read_rig(path)
+
+
+@pytest.mark.parametrize("name", ["stage", "load_frame"])
+def test_camera_may_not_have_the_name_of_another_device(tmp_path, name):
+    example = (EXAMPLES / "rig-virtual-tension.toml").read_text()
+    path = tmp_path / "rig.toml"
+    path.write_text(example.replace("[cameras.off_axis]", f"[cameras.{name}]"))
+    with pytest.raises(ConfigurationError, match=f"cameras.{name}: a name that is not another device's"):
+        read_rig(path)
