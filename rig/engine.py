@@ -1,7 +1,6 @@
 """The engine: executes the steps of a protocol, and makes the rig safe however a run ends."""
 
 import math
-import threading
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -15,10 +14,9 @@ from rig.imaging import take_image
 from rig.monitor import Monitor
 from rig.protocol import Protocol, ProtocolStep, Reading, RotationProtocol, TensionProtocol
 from rig.recorder import Level, Recorder, RunStatus, StepRecord
+from rig.safety import SafeState
 from rig.settle import settle
 from rig.watch import Watch
-
-_SAFE_STATE_PATIENCE_S = 5.0
 
 
 class State(Enum):
@@ -107,7 +105,7 @@ class Engine:
         self._status = Status(State.IDLE, None, len(protocol.steps()), 0, None)
         self._abort_reason: str | None = None
         self._waiting_for_operator = False
-        self._safing: list[threading.Thread] = []
+        self._safe_state = SafeState(rig)
 
     @property
     def status(self) -> Status:
@@ -126,7 +124,7 @@ class Engine:
         -------
         Outcome
             Also for a run that was aborted or failed for a known cause. An unknown exception is raised again,
-            after the rig was made safe and the file was closed.
+            after the rig was made safe and the file was closed; a note on it says what is not safe.
         """
         try:
             self._require_devices()
@@ -135,6 +133,8 @@ class Engine:
         except BaseException as error:
             outcome = self._end_badly(error)
             if not isinstance(error, (RigError, DeviceError)):
+                if outcome.unsafe:
+                    error.add_note(outcome.reason)
                 raise
             return outcome
         return Outcome("completed", "", self._status.steps_done)
@@ -142,16 +142,13 @@ class Engine:
     def abort(self, reason: str) -> None:
         """End the run: from any thread or signal handler, at any time, without waiting.
 
-        The safe state is commanded at once, on a thread of its own because the caller may have interrupted
-        the very device call that holds a lock. The engine notices within one poll and commands it again.
+        The safe state is commanded at once. The engine notices within one poll and commands it again.
         """
         if self._status.state in (State.COMPLETED, State.ABORTED, State.FAILED):
             return
         if self._abort_reason is None:
             self._abort_reason = reason
-        thread = threading.Thread(target=self._command_safe_state, name="safe state", daemon=True)
-        self._safing.append(thread)
-        thread.start()
+        self._safe_state.command()
 
     def _execute(self, step: ProtocolStep) -> Reading:
         if step.kind == "grid":
@@ -205,13 +202,20 @@ class Engine:
         )
 
     def _ask(self, action: OperatorAction) -> None:
+        self._stand_still()
         self._event("info", f"operator: {action.value}")
-        self._waiting_for_operator = True
         try:
+            self._waiting_for_operator = True
             self._check_abort()
             self._rig.operator.perform(action)
         finally:
             self._waiting_for_operator = False
+
+    def _stand_still(self) -> None:
+        """Prove that nothing moves: a person comes near, and a killed program may have left a motion."""
+        if self._rig.load_frame is not None:
+            self._rig.load_frame.hold()
+        self._wait("standing still for the operator", "standstill", lambda _: True)
 
     def _command(self, step: ProtocolStep) -> None:
         self._enter(State.MOVING, step)
@@ -325,9 +329,7 @@ class Engine:
 
     def _end_badly(self, error: BaseException) -> Outcome:
         self._status = replace(self._status, state=State.SAFING)
-        unsafe = self._command_safe_state()
-        for thread in self._safing:
-            thread.join(_SAFE_STATE_PATIENCE_S)
+        unsafe = self._safe_state.confirm()
         status: RunStatus = "failed" if self._abort_reason is None else "aborted"
         reason = str(error) or type(error).__name__
         if self._abort_reason is not None and not isinstance(error, Aborted):
@@ -345,20 +347,3 @@ class Engine:
         ended = State.ABORTED if status == "aborted" else State.FAILED
         self._status = replace(self._status, state=ended)
         return Outcome(status, reason, self._status.steps_done, tuple(unsafe))
-
-    def _command_safe_state(self) -> list[str]:
-        """Hold the frame and stop the stage, each whatever the other does; return what failed."""
-        unsafe = []
-        if self._rig.load_frame is not None:
-            unsafe += _attempt(self._rig.load_frame.hold)
-        if self._rig.stage is not None:
-            unsafe += _attempt(self._rig.stage.stop)
-        return unsafe
-
-
-def _attempt(command: Callable[[], None]) -> list[str]:
-    try:
-        command()
-    except Exception as error:
-        return [str(error) or type(error).__name__]
-    return []

@@ -186,8 +186,9 @@ class Recorder:
             yield
         except FileExistsError as error:
             raise run_file_exists(self.path) from error
-        except (OSError, RuntimeError) as error:
-            # h5py reports a full disk as either, by the call in which it is noticed.
+        except (OSError, RuntimeError, ValueError) as error:
+            # h5py reports a full disk as one of the first two, by the call in which it is noticed, and a
+            # closed file as the last.
             raise RunFileError(
                 str(self.path),
                 expected=f"{what} to succeed",

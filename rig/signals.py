@@ -14,12 +14,16 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 @contextmanager
 def aborting_on_signals(engine: Engine) -> Iterator[None]:
     """Turn SIGINT, SIGTERM and SIGHUP into `Engine.abort`; only in the main thread, as Python demands."""
+    interrupted = False
 
     def handle(number: int, _: FrameType | None) -> None:
+        nonlocal interrupted
         name = signal.Signals(number).name
         engine.abort(name)
-        if engine.waiting_for_operator:
-            # A read from the terminal is resumed after a signal: only an exception ends it.
+        if engine.waiting_for_operator and not interrupted:
+            # A read from the terminal is resumed after a signal: only an exception ends it. And only the
+            # first: another would break into the safe state that it has led to.
+            interrupted = True
             raise Aborted(
                 "waiting for the operator", expected="an answer", got=name, remedy="start the run again"
             )

@@ -34,7 +34,8 @@ class Watch:
             (reading.displacement_mm, self._limits.displacement_max_mm, "displacement", "mm"),
         )
         for value, limit, name, unit in values:
-            if abs(value) > limit:
+            # So that NaN, which is never above anything, does not pass.
+            if not abs(value) <= limit:
                 raise LimitViolation(
                     step,
                     expected=f"a {name} within {limit:g} {unit}",

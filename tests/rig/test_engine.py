@@ -75,7 +75,7 @@ def test_grid_is_attached_before_the_first_image_and_removed_before_the_referenc
     tension.engine().run()
 
     assert images_at == {OperatorAction.ATTACH_GRID: 0, OperatorAction.REMOVE_GRID: 1}
-    assert tension.calls[:3] == ["ATTACH_GRID", "REMOVE_GRID", "tare"]
+    assert tension.calls[:5] == ["hold", "ATTACH_GRID", "hold", "REMOVE_GRID", "tare"]
 
 
 def test_rotation_homes_returns_to_zero_and_turns_once_around(rotation):
@@ -107,15 +107,18 @@ def test_camera_failure_holds_the_frame_first_and_closes_the_file_as_failed(tens
         mute_camera(count, frame) if count == 3 else frame
     )
     status_at_hold = []
-    tension.load_frame.on_hold = lambda: status_at_hold.append(
-        h5py.File(tension.path, "r", swmr=True)["entry/status"][()]
-    )
+
+    def look():
+        with h5py.File(tension.path, "r", swmr=True) as file:
+            status_at_hold.append(file["entry/status"][()])
+
+    tension.load_frame.on_hold = look
     engine = tension.engine()
     outcome = engine.run()
 
     run = read_run(tension.path)
     assert tension.calls[-1] == "hold"
-    assert status_at_hold == [b"running"]
+    assert status_at_hold[-1] == b"running"
     assert (outcome.status, run["status"]) == ("failed", "failed")
     assert run["reason"] == outcome.reason
     assert "cameras.off_axis: grab: expected an image" in run["reason"]
@@ -311,3 +314,48 @@ def test_protocol_on_a_rig_without_its_device_is_refused(tension):
     tension.load_frame = None
     outcome = tension.engine().run()
     assert "expected a [load_frame] in the rig file" in outcome.reason
+
+
+def test_operator_is_asked_only_once_everything_stands_still(tension):
+    tension.load_frame.go_to_displacement(0.4, 0.02)
+    tension.load_frame.hold = lambda: tension.calls.append("hold")  # a machine that takes its time to stop
+    moving_when_asked = []
+    tension.operator.on_perform = lambda action: moving_when_asked.append(tension.load_frame._advance())
+    tension.engine().run()
+    assert moving_when_asked[0] is False
+
+
+def test_motion_that_no_hold_ends_keeps_the_operator_away(tension):
+    tension.load_frame.on_read = lambda count, state: replace(state, moving=True, at_target=False)
+    outcome = tension.engine().run()
+    assert "standing still for the operator: expected standstill" in outcome.reason
+    assert "ATTACH_GRID" not in tension.calls
+
+
+def test_load_that_is_no_number_ends_the_run_at_once(tension, on_frame_state):
+    tension.load_frame.on_read = on_frame_state(60, load_n=float("nan"))
+    outcome = tension.engine().run()
+    assert "expected a load within 13000 N, got nan N" in outcome.reason
+    assert tension.load_frame.reads == 60
+
+
+def test_unknown_exception_carries_the_warning_that_the_machine_is_not_safe(tension):
+    def refuse():
+        raise DeviceTimeout("load_frame", "hold", expected="a hold", got="silence", remedy="check the link")
+
+    def explode(record):
+        tension.load_frame.on_hold = refuse
+        raise ZeroDivisionError("a callback with a bug")
+
+    with pytest.raises(ZeroDivisionError) as caught:
+        tension.engine(on_step=explode).run()
+    assert caught.value.__notes__[0].startswith("SAFE STATE NOT CONFIRMED, use the emergency stop")
+
+
+def test_bug_after_the_file_was_closed_is_still_raised_as_itself(tension):
+    def explode(status):
+        if status.state is State.COMPLETED:
+            raise ZeroDivisionError("a callback with a bug")
+
+    with pytest.raises(ZeroDivisionError):
+        tension.engine(on_status=explode).run()

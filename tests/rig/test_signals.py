@@ -49,3 +49,21 @@ def test_signal_after_the_end_does_nothing(rotation):
         engine.run()
         signal.raise_signal(signal.SIGINT)
     assert "stop" not in rotation.calls
+
+
+def test_second_signal_never_breaks_into_the_safe_state(tension):
+    def interrupt_twice(action):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            # What a second one would meet that comes before the first has left the operator.
+            signal.raise_signal(signal.SIGINT)
+            tension.calls.append("the first goes on")
+
+    tension.operator.on_perform = interrupt_twice
+    engine = tension.engine()
+    with aborting_on_signals(engine):
+        outcome = engine.run()
+    assert outcome.status == "aborted"
+    assert "the first goes on" in tension.calls
+    assert tension.calls[-1] == "hold"

@@ -1,0 +1,69 @@
+"""The safe state: the load frame holds and the stage stands, commanded side by side and with a deadline."""
+
+import threading
+from collections.abc import Callable
+
+from rig.devices import Rig
+
+PATIENCE_S = 15.0
+"""Real time; more than a driver takes to repeat a command on a silent line before it gives up."""
+
+
+class SafeState:
+    """Commands the safe state of a rig, each device on a thread of its own.
+
+    So a device that never answers keeps neither the other from standing still nor the run from ending, and
+    a signal handler can command it although it interrupted the very call that holds a device's lock.
+
+    Parameters
+    ----------
+    rig : Rig
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self._commands: dict[str, Callable[[], None]] = {}
+        if rig.load_frame is not None:
+            self._commands["load_frame"] = rig.load_frame.hold
+        if rig.stage is not None:
+            self._commands["stage"] = rig.stage.stop
+        self._commanded: list[_Attempt] = []
+
+    def command(self) -> None:
+        """Command it without waiting; a device that is still being commanded is left at that."""
+        for device, command in self._commands.items():
+            if not any(attempt.device == device and attempt.is_alive() for attempt in self._commanded):
+                attempt = _Attempt(device, command)
+                self._commanded.append(attempt)
+                attempt.start()
+
+    def confirm(self) -> list[str]:
+        """Command it once more and wait; return one sentence for each device that did not confirm."""
+        attempts = [_Attempt(device, command) for device, command in self._commands.items()]
+        for attempt in attempts:
+            try:
+                attempt.start()
+            except RuntimeError:
+                # The system gives no more threads: then one device after the other.
+                attempt.run()
+        for attempt in attempts + self._commanded:
+            if attempt.is_alive():
+                attempt.join(PATIENCE_S)
+        return [attempt.failure for attempt in attempts if attempt.failure]
+
+
+class _Attempt(threading.Thread):
+    """One command to one device, and why it is not confirmed; empty once it is."""
+
+    def __init__(self, device: str, command: Callable[[], None]) -> None:
+        super().__init__(name=f"safe state of {device}", daemon=True)
+        self.device = device
+        self.failure = f"{device}: no confirmation within {PATIENCE_S:g} s"
+        self._command = command
+
+    def run(self) -> None:
+        try:
+            self._command()
+        except BaseException as error:
+            self.failure = str(error) or type(error).__name__
+        else:
+            self.failure = ""
