@@ -101,7 +101,7 @@ def _in_line(crossing: NDArray[np.float64], sound: NDArray[np.bool_]) -> NDArray
     index = np.argwhere(sound).astype(float)
     deviation = np.linalg.norm(crossing[sound] - LatticeShape.fit(index, crossing[sound]).map(index), axis=1)
     result = sound.copy()
-    result[sound] = deviation < 8 * np.median(deviation) + 0.02
+    result[sound] = deviation < 8 * np.median(deviation) + 0.05
     return result
 
 

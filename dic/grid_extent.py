@@ -14,6 +14,8 @@ _SEGMENT_SEEN = 0.4
 _LINE_SEEN = 0.3
 _MOST_SEGMENTS = 0.75
 _IRREGULAR = 0.25
+# How many rows of cells may have been missed at the rim.
+_BEYOND = 2
 
 
 def line_extents(image: GridImage, shape: LatticeShape, cells: CellLattice) -> tuple[range, range]:
@@ -23,7 +25,8 @@ def line_extents(image: GridImage, shape: LatticeShape, cells: CellLattice) -> t
     one, and if they do so at the same place, which speckle beside the grid does not.
     Both ranges are empty if what lies between the cells does not look like lines at all.
     """
-    low, high = cells.index.min(axis=0) - 1, cells.index.max(axis=0) + 3
+    low = cells.index.min(axis=0) - _BEYOND
+    high = cells.index.max(axis=0) + 2 + _BEYOND
     spans = (range(low[0], high[0]), range(low[1], high[1]))
     found = []
     for axis in (0, 1):
@@ -52,7 +55,9 @@ def _between_cells(
 def _present(profiles: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Tell which lines are there, (lines,), from profiles (lines, segments, stations, offsets)."""
     usual = _usual_evidence(line_evidence(profiles), between)
-    relative = profiles / usual[..., None, None]
+    # the grid's own segments: most of a small grid's would lie beyond it
+    within = between.any(axis=0)
+    relative = (profiles / usual[..., None, None])[:, within]
     segments = (line_evidence(relative) > _SEGMENT_SEEN).sum(axis=1)
     together = np.moveaxis(relative, 1, -1)
     whole = median_where(np.isfinite(together), together, fallback=0.0)[..., 0]

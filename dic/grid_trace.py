@@ -51,12 +51,14 @@ class _Template:
     def offsets(self, profiles: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """Return the lines' offsets c in px and which of them count, both (lines, segments, stations).
 
-        ``I(s) ≈ b + e·S(s) + d·T(s) − d·c·T'(s)`` by least squares. T is the template; S, the running
-        integral of |T'|, is a step for different brightness on the two sides of the outermost lines.
+        ``I(s) ≈ b + e·S(s) + d·T(s) − d·c·T'(s) − w·s·T'(s)`` by least squares. T is the template; S, the
+        running integral of |T'|, is a step for different brightness on the two sides of the outermost lines;
+        s·T' takes up that perspective makes lines wider here and narrower there.
         """
         slope = np.gradient(self.level, self.offsets_px)
         step = np.cumsum(np.abs(slope)) * _SAMPLE_PX
-        design = np.column_stack([np.ones_like(step), step - step.mean(), self.level, slope])
+        widening = self.offsets_px * slope
+        design = np.column_stack([np.ones_like(step), step - step.mean(), self.level, slope, widening])
         coefficients = profiles @ np.linalg.pinv(design).T
         misfit = np.sqrt(np.mean((profiles - coefficients @ design.T) ** 2, axis=-1))
         depth = coefficients[..., 2]
