@@ -8,6 +8,7 @@ import pytest
 from drivers.errors import DeviceError, DeviceTimeout
 from drivers.interfaces import OperatorAction
 from rig.engine import State
+from rig.recorder import Recorder
 
 
 def read_run(path) -> dict:
@@ -359,3 +360,35 @@ def test_bug_after_the_file_was_closed_is_still_raised_as_itself(tension):
 
     with pytest.raises(ZeroDivisionError):
         tension.engine(on_status=explode).run()
+
+
+def test_abort_just_before_the_operator_is_asked_leaves_nobody_waiting(tension, monkeypatch):
+    engine = tension.engine()
+
+    def abort_at_the_question(recorder, time_s, level, source, message):
+        if message.startswith("operator"):
+            engine.abort("SIGTERM")
+
+    monkeypatch.setattr(Recorder, "event", abort_at_the_question)
+    assert engine.run().status == "aborted"
+    assert "ATTACH_GRID" not in tension.calls
+
+
+def test_abort_while_a_device_is_read_takes_no_further_image(tension):
+    engine = tension.engine()
+
+    def abort_after_the_first_image(count, state):
+        if tension.cameras["on_axis"].grabs == 1:
+            engine.abort("SIGTERM")
+        return state
+
+    tension.load_frame.on_read = abort_after_the_first_image
+    assert engine.run().status == "aborted"
+    assert tension.cameras["off_axis"].grabs == 0
+
+
+def test_load_frame_that_takes_no_zero_ends_the_run(tension):
+    tension.load_frame.zero_n = 40.0
+    tension.load_frame.tare = lambda: None
+    outcome = tension.engine().run()
+    assert "zeroing the load frame: expected load and displacement of zero" in outcome.reason
