@@ -57,17 +57,14 @@ def find_grid(
     CalibrationError
         If the image shows no line grid, another number of lines, or fewer than 90 % of the intersections.
     """
-    if min(lines) < _FEWEST_LINES or not pitch_mm > 0:
-        expected = f"at least {_FEWEST_LINES} lines in each direction and a positive pitch"
-        got = f"{lines[0]} × {lines[1]} lines of pitch {pitch_mm:g} mm"
-        raise CalibrationError(
-            source, "find grid", expected=expected, got=got, remedy="correct --lines and --pitch-mm"
-        )
+    lines = (int(lines[0]), int(lines[1]))
+    _require_possible(lines, pitch_mm, source)
+    grey = np.asarray(image, np.float32)
     expected_cells = (lines[0] - 1) * (lines[1] - 1)
-    cells = find_cells(np.asarray(image, np.float32), expected_cells)
+    cells = find_cells(grey, expected_cells)
     if len(cells.index) < max(9, expected_cells // 10):
         raise _refusal(source, lines, "no line grid")
-    sampled = GridImage(np.asarray(image, np.float32), cells.dark_lines)
+    sampled = GridImage(grey, cells.dark_lines)
     shape = LatticeShape.fit(cells.index.astype(np.float64) + 0.5, cells.centre_px)
     extents = line_extents(sampled, shape, cells)
     if not extents[0]:
@@ -77,13 +74,7 @@ def find_grid(
     seen = counts[::-1] if swap else counts
     if seen != lines:
         raise _refusal(source, lines, f"{seen[0]} × {seen[1]} lines")
-
-    predicted = shape.map(np.stack(np.meshgrid(*extents, indexing="ij"), axis=-1).astype(float))
-    traces = [trace_lines(sampled, shape, axis, extents[axis], extents[1 - axis]) for axis in (0, 1)]
-    crossing, sound = intersect(traces[0], traces[1], predicted)
-    pitch_px = float(np.sqrt(abs(np.linalg.det(_lattice_vectors(shape, extents)))))
-    sound &= np.linalg.norm(crossing - predicted, axis=-1) < 0.3 * pitch_px
-    sound &= _in_line(crossing, sound)
+    crossing, sound = _crossings(sampled, shape, extents)
     if np.count_nonzero(sound) < _SUFFICIENT * sound.size:
         raise _refusal(source, lines, f"only {np.count_nonzero(sound)} of {sound.size} intersections")
     index = np.argwhere(sound)
@@ -92,6 +83,29 @@ def find_grid(
     index = np.where(flip, np.array(lines) - 1 - index, index).astype(np.int64)
     by_row = np.lexsort((index[:, 0], index[:, 1]))
     return GridPoints.on_lattice(index[by_row], crossing[sound][by_row], lines, pitch_mm, warnings)
+
+
+def _require_possible(lines: tuple[int, int], pitch_mm: float, source: str) -> None:
+    if min(lines) < _FEWEST_LINES or not 0 < pitch_mm < float("inf"):
+        raise CalibrationError(
+            source,
+            "find grid",
+            expected=f"at least {_FEWEST_LINES} lines in each direction and a positive pitch",
+            got=f"{lines[0]} × {lines[1]} lines of pitch {pitch_mm:g} mm",
+            remedy="correct --lines and --pitch-mm",
+        )
+
+
+def _crossings(
+    image: GridImage, shape: LatticeShape, extents: tuple[range, range]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the intersections (n0, n1, 2) in px and which of them were measured well, (n0, n1)."""
+    predicted = shape.map(np.stack(np.meshgrid(*extents, indexing="ij"), axis=-1).astype(float))
+    first, second = (trace_lines(image, shape, axis, extents[axis], extents[1 - axis]) for axis in (0, 1))
+    crossing, sound = intersect(first, second, predicted)
+    pitch_px = float(np.sqrt(abs(np.linalg.det(_lattice_vectors(shape, extents)))))
+    sound &= np.linalg.norm(crossing - predicted, axis=-1) < 0.3 * pitch_px
+    return crossing, sound & _in_line(crossing, sound)
 
 
 def _in_line(crossing: NDArray[np.float64], sound: NDArray[np.bool_]) -> NDArray[np.bool_]:
