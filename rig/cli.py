@@ -149,17 +149,9 @@ def _finish(lines: list[str], table: dict[str, Any], json_path: Path | None, *, 
 
 
 def _step_line(record: "StepRecord") -> str:
-    values = _values(record)
     images = ", ".join(f"{count} {name}" for name, (_, count) in record.frames.items())
-    shown = ", ".join(f"{value:.6g} {unit}" for unit, value in values.items() if value is not None)
+    shown = ", ".join(f"{value:.6g} {unit}" for unit, value in record.reading.by_unit().items())
     return f"{record.step}: settled at {shown}; images: {images}"
-
-
-def _values(record: "StepRecord") -> dict[str, float | None]:
-    reading = record.reading
-    values = {"N": reading.load_n, "mm": reading.displacement_mm, "deg": reading.angle_deg}
-    # NaN is the reading of a device that the rig does not have.
-    return {unit: value if value == value else None for unit, value in values.items()}
 
 
 def _run_dict(run_path: Path, outcome: "Outcome", records: "list[StepRecord]") -> dict[str, Any]:
@@ -168,9 +160,9 @@ def _run_dict(run_path: Path, outcome: "Outcome", records: "list[StepRecord]") -
             "index": record.step.index,
             "kind": record.step.kind,
             "target": record.step.target if record.step.target == record.step.target else None,
-            "load_n": _values(record)["N"],
-            "displacement_mm": _values(record)["mm"],
-            "angle_deg": _values(record)["deg"],
+            "load_n": record.reading.by_unit().get("N"),
+            "displacement_mm": record.reading.by_unit().get("mm"),
+            "angle_deg": record.reading.by_unit().get("deg"),
             "time_s": record.reading.time_s,
             "images": {name: count for name, (_, count) in record.frames.items()},
         }

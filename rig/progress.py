@@ -40,8 +40,5 @@ def run_progress() -> Iterator[Callable[[Status], None]]:
 
 
 def _values(status: Status) -> str:
-    reading = status.reading
-    if reading is None:
-        return ""
-    values = {"N": reading.load_n, "mm": reading.displacement_mm, "deg": reading.angle_deg}
-    return "".join(f", {value:.5g} {unit}" for unit, value in values.items() if value == value)
+    values = {} if status.reading is None else status.reading.by_unit()
+    return "".join(f", {value:.5g} {unit}" for unit, value in values.items())

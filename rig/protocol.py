@@ -34,6 +34,11 @@ class Reading:
     angle_deg: float = math.nan
     moving: bool = False
 
+    def by_unit(self) -> dict[str, float]:
+        """Return load, displacement and angle by "N", "mm" and "deg", as far as there is a device."""
+        values = {"N": self.load_n, "mm": self.displacement_mm, "deg": self.angle_deg}
+        return {unit: value for unit, value in values.items() if not math.isnan(value)}
+
 
 @dataclass(frozen=True)
 class ProtocolStep:

@@ -59,6 +59,5 @@ def settle(
 
 
 def _describe(reading: Reading) -> str:
-    values = {"N": reading.load_n, "mm": reading.displacement_mm, "deg": reading.angle_deg}
-    shown = ", ".join(f"{value:.6g} {unit}" for unit, value in values.items() if value == value)
+    shown = ", ".join(f"{value:.6g} {unit}" for unit, value in reading.by_unit().items())
     return f"{shown} ({'moving' if reading.moving else 'not moving'})"
