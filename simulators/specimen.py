@@ -84,20 +84,6 @@ class Specimen:
         self._exponent = log(plastic_at_ultimate / 0.002) / log(s.ultimate_stress_mpa / s.yield_stress_mpa)
         self._highest_n = 0.0
 
-    @property
-    def axial_strain(self) -> float:
-        """Engineering strain along Y, the loading axis."""
-        return self.state.axial_strain
-
-    @property
-    def transverse_strain(self) -> float:
-        """Engineering strain along X."""
-        return self.state.transverse_strain
-
-    def deformation_gradient(self) -> NDArray[np.float64]:
-        """Return F (2, 2) of the gauge section in X and Y."""
-        return self.state.deformation_gradient()
-
     def stretch_to(self, displacement_mm: float) -> float:
         """Bring the grips to a displacement from the start of the test and return the load in N."""
         if self.state.broken:
