@@ -392,3 +392,19 @@ def test_load_frame_that_takes_no_zero_ends_the_run(tension):
     tension.load_frame.tare = lambda: None
     outcome = tension.engine().run()
     assert "zeroing the load frame: expected load and displacement of zero" in outcome.reason
+
+
+def test_machine_that_regulates_at_its_target_and_calls_that_moving_settles(tension):
+    tension.load_frame.on_read = lambda count, state: replace(state, moving=True)
+    assert tension.engine().run().status == "completed"
+
+
+def test_stage_that_is_at_its_target_but_still_moves_has_not_settled(rotation):
+    stage = rotation.stage
+    stage.on_read = lambda state: replace(state, angle_deg=stage._target[1])
+    arrived = []
+    rotation.cameras["on_axis"].on_grab = lambda count, frame: (
+        arrived.append(stage._target[0] <= frame.exposed_s) or frame
+    )
+    assert rotation.engine().run().status == "completed"
+    assert all(arrived)

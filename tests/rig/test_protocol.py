@@ -43,6 +43,12 @@ def test_only_increments_after_the_first_judged_one_are_conditional():
     assert [step.target for step in steps if step.kind == "load" and step.conditional] == [8000.0, 10000.0]
 
 
+def test_the_first_increment_has_none_to_be_compared_with(tmp_path):
+    path = edited(tmp_path, "tension", ("judged_above_n = 4000.0", "judged_above_n = 0.0"))
+    loads = [step for step in read_protocol(path).steps() if step.kind == "load"]
+    assert [step.conditional for step in loads] == [False, False, True, True, True]
+
+
 def test_three_mistakes_are_reported_together_with_path_and_expectation(tmp_path):
     path = edited(
         tmp_path,

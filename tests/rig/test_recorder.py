@@ -1,3 +1,4 @@
+import os
 import signal
 import subprocess
 import sys
@@ -113,6 +114,21 @@ def test_reader_sees_finished_steps_while_the_run_goes_on(tmp_path):
         file["entry/steps/complete"].refresh()
         assert list(file["entry/steps/complete"]) == [1, 1]
     recorder.close("completed", "", START)
+
+
+def test_every_finished_step_is_on_the_disk_before_it_counts(tmp_path, monkeypatch):
+    recorder = record(tmp_path / "run.h5")
+    synchronised = []
+
+    def look(descriptor):
+        with h5py.File(tmp_path / "run.h5", "r", swmr=True) as file:
+            synchronised.append(len(file["entry/steps/complete"]))
+
+    monkeypatch.setattr(os, "fsync", look)
+    step(recorder, 0)
+    step(recorder, 1)
+    recorder.close("completed", "", START)
+    assert synchronised == [1, 2, 2]
 
 
 KILLED = """
