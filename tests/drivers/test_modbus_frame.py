@@ -152,6 +152,12 @@ def test_limits_that_read_back_differently_are_refused(port, context):
         open_frame(settings(port.address), context)
 
 
+def test_a_watchdog_that_the_machine_does_not_take_is_refused(port, context):
+    port.tamper = lambda request, answer: request[:5] if request[:3] == b"\x10\x00\x40" else answer()
+    with pytest.raises(DeviceFault, match=r"set watchdog: expected timeout 2, got timeout 0 on reading back"):
+        open_frame(settings(port.address), context)
+
+
 @pytest.mark.parametrize(
     "go",
     [
@@ -391,6 +397,28 @@ def test_hold_is_repeated_until_it_is_confirmed(frame, port, device):
     frame.hold()
     assert len(port.commands) == 3
     assert device.read().holding
+
+
+def test_hold_lasts_until_the_crosshead_stands(frame, port):
+    braking = iter([True, True])
+
+    def brake(request: bytes, answer: Answer) -> bytes | None:
+        reply = answer()
+        if is_state(request) and reply is not None and next(braking, False):
+            status = int.from_bytes(reply[8:10], "big") | 1 << 1
+            return reply[:8] + status.to_bytes(2, "big") + reply[10:]
+        return reply
+
+    port.tamper = brake
+    frame.hold()
+    assert next(braking, None) is None
+    assert len(port.commands) == 3
+
+
+def test_hold_goes_on_from_the_number_of_whoever_commanded_the_machine_meanwhile(frame, port):
+    port.answer(1, struct.pack(">BHHBHffffH", 16, COMMAND_ADDRESS, 10, 20, 1, 0, 0, 0, 0, 20_000))
+    frame.hold()
+    assert [sequence for _, sequence in port.commands] == [20_000, 1, 20_001]
 
 
 def test_a_hold_that_is_acknowledged_but_not_executed_is_repeated(frame, port, device):

@@ -48,6 +48,13 @@ def test_changed_pixel_fails_its_checksum(rotation):
     assert found.problems == ["on_axis: images 4 cannot be read or fail their checksum"]
 
 
+def test_image_of_a_finished_step_that_was_never_completed_is_missing(rotation):
+    rotation.engine().run()
+    with h5py.File(rotation.path, "r+") as file:
+        file["entry/instrument/on_axis/valid"][4] = 0
+    assert verify_run(rotation.path).problems == ["on_axis: images 4 of finished steps are missing"]
+
+
 @pytest.mark.parametrize("fraction", [0.0, 0.001, 0.05, 0.5, 0.95])
 def test_cut_off_file_is_one_sentence_or_says_what_is_missing(rotation, fraction):
     rotation.engine().run()
