@@ -22,6 +22,8 @@ EXPERIMENTS = {
 }
 """Name of each run, its protocol and its rig file among the examples."""
 
+_MARK = ".offaxis-demo"
+
 
 @dataclass(frozen=True)
 class Demo:
@@ -56,18 +58,18 @@ def run_demo(folder: Path, say: Callable[[str], None]) -> Demo:
     Parameters
     ----------
     folder : Path
-        Made if needed. Files of an earlier demo in it are replaced, no others.
+        New, empty, or that of an earlier demo, whose files are replaced.
     say : callable
         Told each step in one line; also from another thread.
 
     Raises
     ------
     RigError, DeviceError, ConfigurationError, MeasurementError
-        If an experiment cannot be run or measured.
+        If the folder holds anything else, or an experiment cannot be run or measured.
     """
     from dic.report import write_report
 
-    folder.mkdir(parents=True, exist_ok=True)
+    _make_folder(folder)
     source = examples_folder()
     demo = Demo(
         folder,
@@ -79,21 +81,49 @@ def run_demo(folder: Path, say: Callable[[str], None]) -> Demo:
         path.unlink(missing_ok=True)
     pending: list[Future[RunResult]] = []
     with ThreadPoolExecutor(1) as pool:
-        for name, files in EXPERIMENTS.items():
-            protocol, rig = (Path(shutil.copy(source / file, folder)) for file in files)
-            say(f"{name}: running {protocol} on {rig}")
-            outcome = run_protocol(protocol, rig, demo.runs[name])
-            if outcome.status != "completed":
-                pool.shutdown(cancel_futures=True)
-                raise Aborted(
-                    name, expected="a completed run", got=outcome.status, remedy=f"see: {outcome.reason}"
-                )
-            say(f"{name}: {outcome.steps_done} steps in {demo.runs[name]}")
-            pending.append(pool.submit(_measure, name, demo, say))
-        results = [task.result() for task in pending]
+        try:
+            for name, files in EXPERIMENTS.items():
+                _run(name, source, files, demo, say)
+                pending.append(pool.submit(_measure, name, demo, say))
+            results = [task.result() for task in pending]
+        except BaseException:
+            # Else leaving the pool would measure all that is left before the error is told.
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
     say("writing the report")
     write_report(results, demo.report)
     return demo
+
+
+def _run(name: str, source: Path, files: tuple[str, str], demo: Demo, say: Callable[[str], None]) -> None:
+    protocol, rig = (Path(shutil.copy(source / file, demo.folder)) for file in files)
+    say(f"{name}: running {protocol} on {rig}")
+    outcome = run_protocol(protocol, rig, demo.runs[name])
+    if outcome.status != "completed":
+        raise Aborted(name, expected="a completed run", got=outcome.status, remedy=f"see: {outcome.reason}")
+    say(f"{name}: {outcome.steps_done} steps in {demo.runs[name]}")
+
+
+def _make_folder(folder: Path) -> None:
+    """Make the folder, or find it fit to be written over: real runs may have the same names."""
+    mark = folder / _MARK
+    try:
+        if folder.is_dir() and any(folder.iterdir()) and not mark.exists():
+            raise RigError(
+                str(folder),
+                expected="a new or empty folder, or that of an earlier demo",
+                got="one with other files, which the demo could replace",
+                remedy="name another with -o",
+            )
+        folder.mkdir(parents=True, exist_ok=True)
+        mark.touch()
+    except OSError as error:
+        raise RigError(
+            str(folder),
+            expected="a folder that can be written to",
+            got=error.strerror or str(error),
+            remedy="name another with -o",
+        ) from error
 
 
 def _measure(name: str, demo: Demo, say: Callable[[str], None]) -> "RunResult":
