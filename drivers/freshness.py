@@ -1,5 +1,9 @@
 """Is a machine's reading new? Its own sample counter tells."""
 
+WIDE = 2**32
+GOES_ROUND_S = 10.0
+"""How long a narrow counter may go unread and still tell a restart: 16 bits at 3 kHz are half round by then."""
+
 
 class Freshness:
     """Memory of a sample counter.
@@ -17,6 +21,7 @@ class Freshness:
         self._modulus = modulus
         self._sample: int | None = None
         self._grown_s = 0.0
+        self._checked_s = 0.0
         self._restarted = False
 
     def check(self, sample: int, now_s: float) -> None:
@@ -27,7 +32,10 @@ class Freshness:
         ValueError
             If it has stood still too long, or has gone back: the machine was restarted, and stays suspect.
         """
-        if self._sample is None:
+        # While the operator is at the grid nobody reads, and a narrow counter goes round.
+        unread = self._modulus < WIDE and now_s - self._checked_s > GOES_ROUND_S
+        self._checked_s = now_s
+        if self._sample is None or (unread and sample != self._sample and not self._restarted):
             self._sample, self._grown_s = sample, now_s
             return
         growth = (sample - self._sample) % self._modulus

@@ -30,3 +30,24 @@ def test_a_counter_that_goes_back_is_a_restart_for_good():
     for sample in (3, 4, 2000):
         with pytest.raises(ValueError, match="restarted"):
             freshness.check(sample, 1.0)
+
+
+def test_a_narrow_counter_may_go_round_while_nobody_reads():
+    freshness = Freshness(0.5, 2**16)
+    freshness.check(100, 0.0)
+    freshness.check((100 + 60 * 1000) % 2**16, 60.0)
+    freshness.check((100 + 61 * 1000) % 2**16, 61.0)
+
+
+def test_a_wide_counter_tells_a_restart_after_any_silence():
+    freshness = Freshness(0.5, 2**32)
+    freshness.check(100_000, 0.0)
+    with pytest.raises(ValueError, match="a restarted machine"):
+        freshness.check(5, 60.0)
+
+
+def test_a_narrow_counter_that_stood_still_all_the_time_is_stale():
+    freshness = Freshness(0.5, 2**16)
+    freshness.check(100, 0.0)
+    with pytest.raises(ValueError, match="sample 100 again after 60 s"):
+        freshness.check(100, 60.0)
