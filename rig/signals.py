@@ -8,12 +8,16 @@ from types import FrameType
 from rig.engine import Engine
 from rig.errors import Aborted
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP)
+"""What ends or suspends a program from its terminal: suspended, it would no longer watch what moves."""
 
 
 @contextmanager
 def aborting_on_signals(engine: Engine) -> Iterator[None]:
-    """Turn SIGINT, SIGTERM and SIGHUP into `Engine.abort`; only in the main thread, as Python demands."""
+    """Turn `SIGNALS` into `Engine.abort`; only in the main thread, as Python demands.
+
+    A signal that is ignored, such as SIGHUP under ``nohup``, stays so.
+    """
     interrupted = False
 
     def handle(number: int, _: FrameType | None) -> None:
@@ -28,8 +32,11 @@ def aborting_on_signals(engine: Engine) -> Iterator[None]:
                 "waiting for the operator", expected="an answer", got=name, remedy="start the run again"
             )
 
-    previous = {number: signal.signal(number, handle) for number in SIGNALS}
+    previous = {number: signal.getsignal(number) for number in SIGNALS}
     try:
+        for number, handler in previous.items():
+            if handler is not signal.SIG_IGN:
+                signal.signal(number, handle)
         yield
     finally:
         for number, handler in previous.items():

@@ -4,10 +4,10 @@ import h5py
 import pytest
 
 from rig.engine import State
-from rig.signals import aborting_on_signals
+from rig.signals import SIGNALS, aborting_on_signals
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", SIGNALS)
 def test_signal_while_moving_aborts_holds_and_closes_the_file(tension, number):
     def kill_in_step_4(status):
         if status.step and status.step.index == 4 and status.state is State.MOVING and status.reading:
@@ -67,3 +67,18 @@ def test_second_signal_never_breaks_into_the_safe_state(tension):
     assert outcome.status == "aborted"
     assert "the first goes on" in tension.calls
     assert tension.calls[-1] == "hold"
+
+
+def test_hangup_that_was_ignored_before_does_not_end_the_run(rotation):
+    def hang_up(status):
+        if status.state is State.MOVING:
+            signal.raise_signal(signal.SIGHUP)
+
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        engine = rotation.engine(on_status=hang_up)
+        with aborting_on_signals(engine):
+            assert engine.run().status == "completed"
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
