@@ -2,7 +2,7 @@
 
 WIDE = 2**32
 GOES_ROUND_S = 10.0
-"""How long a narrow counter may go unread and still tell a restart: 16 bits at 3 kHz are half round by then."""
+"""How long a narrow counter may go unread and still tell a restart: 16 bits at 3 kHz are then half round."""
 
 
 class Freshness:

@@ -36,9 +36,7 @@ def test_folder_that_cannot_be_made_is_one_sentence(tmp_path: Path):
 def test_experiment_that_did_not_complete_ends_the_demo_which_can_be_repeated(tmp_path: Path):
     folder = tmp_path / "demo"
     for _ in range(2):
-        with pytest.raises(
-            Aborted, match="tension: expected a completed run, got aborted"
-        ):
+        with pytest.raises(Aborted, match="tension: expected a completed run, got aborted"):
             run_demo(folder, print)
         assert (folder / "tension.toml").is_file()
         (folder / "tension.h5").write_bytes(b"what the first demo left")
