@@ -112,6 +112,14 @@ def test_a_gap_between_parallel_planes_shows_no_strain():
     np.testing.assert_allclose(error, 0, atol=1e-3)
 
 
+def test_a_gap_lays_the_specimen_behind_the_grid():
+    camera = PinholeCamera(64, 64, distance_mm=40.0)
+    surface = scene_with(grid_gap_mm=0.4).surface()
+    np.testing.assert_allclose(surface.world(POINTS_MM)[:, 2], -0.4)
+    # 1 % farther from the pinhole, so 1 % smaller
+    np.testing.assert_allclose(seen_in_the_grid_plane(camera, surface), POINTS_MM / 1.01)
+
+
 def test_loading_tips_the_specimen_as_the_load_grows():
     rigid = SpecimenSettings(youngs_modulus_mpa=1e12, yield_stress_mpa=1e6, ultimate_stress_mpa=2e6)
     camera = PinholeCamera(900, 900, tilt_deg=30)
