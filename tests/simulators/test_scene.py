@@ -141,10 +141,11 @@ def test_a_load_shifts_the_specimen_towards_the_camera():
 
 def test_the_gauge_section_stretches_as_the_specimen_says():
     surface = scene_with(displacement_mm=5.0).surface()
-    (x, y, _), state = surface.world(np.array([[1.0, 1.0]]))[0], Specimen(SpecimenSettings())
-    state.stretch_to(5.0)
-    assert x == pytest.approx(1 + state.transverse_strain)
-    assert y == pytest.approx(1 + state.axial_strain)
+    x, y, _ = surface.world(np.array([[1.0, 1.0]]))[0]
+    specimen = Specimen(SpecimenSettings())
+    specimen.stretch_to(5.0)
+    assert x == pytest.approx(1 + specimen.state.transverse_strain)
+    assert y == pytest.approx(1 + specimen.state.axial_strain)
 
 
 def test_the_middle_travels_with_the_moving_grip_when_told_so():
