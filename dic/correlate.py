@@ -57,16 +57,22 @@ class Correlator:
         self.settings = settings or CorrelationSettings()
         _refuse_unusable(reference, "reference image", self.settings.subset_px)
         spline = spline_image(reference, self.settings.order)
-        self._grey = spline.grey
-        self._slopes = spline.gradient()
-        self._pixels = np.ones(reference.shape, np.bool_)
+        slopes = spline.gradient()
+        usable = np.ones(reference.shape, np.bool_)
         if region is None:
-            centres = textured(*self._slopes, self.settings.subset_px)
+            centres = textured(*slopes, self.settings.subset_px)
         else:
             centres = checked_region(region, reference.shape)
-            self._pixels = centres if clip else self._pixels
-        self._x, self._y, self._active = place_points(
-            centres, self._pixels, self.settings.subset_px, self.settings.step_px
+            usable = centres if clip else usable
+        self._grid = place_points(centres, usable, self.settings.subset_px, self.settings.step_px)
+        self._grey, self._usable, self._mean = spline.grey, usable, float(reference.mean())
+        self._reference = kernel.lay_reference(spline, slopes, usable, self._mean)
+        self._taps = (0.0,) * (self.settings.order + 1)
+        self._limits = kernel.Limits(
+            self.settings.radius_px,
+            self.settings.min_zncc,
+            self.settings.tolerance_px,
+            self.settings.max_iterations,
         )
 
     def correlate(self, deformed: Grey, *, previous: Field | None = None, hint: Float | None = None) -> Field:
@@ -94,35 +100,31 @@ class Correlator:
                 remedy="use images of one camera at one format",
             )
         _refuse_unusable(deformed, "deformed image", self.settings.subset_px)
-        coefficients = spline_image(deformed, self.settings.order).coefficients
+        coefficients = kernel.lay_coefficients(spline_image(deformed, self.settings.order), self._mean)
         start, seeds, warps = self._first_guess(deformed, coefficients, previous, hint)
         return self._propagate(coefficients, start, seeds, warps)
 
-    def _arguments(self, coefficients: Grey) -> tuple[Grey, Grey, Grey, NDArray[np.bool_], Grey, int]:
-        return (self._grey, *self._slopes, self._pixels, coefficients, self.settings.order)
+    def _solve(self, coefficients: Grey, indices: NDArray[np.int64], warps: Float) -> Solved:
+        """Run IC-GN at grid `indices` (n, 2); return warps (n, 6), ZNCC, status and iterations (n,).
 
-    def _limits(self) -> tuple[float, float, int]:
-        return self.settings.min_zncc, self.settings.tolerance_px, self.settings.max_iterations
-
-    def _solve(self, coefficients: Grey, points: NDArray[np.int64], warps: Float) -> Solved:
-        """Run IC-GN on scattered points; return warps (n, 6), ZNCC, status and iterations (n,)."""
+        A warp that begins with NaN is no guess: its point stays "not reached".
+        """
         known = np.asarray(np.isfinite(warps).all(axis=1))
         solved = np.where(known[:, None], warps, 0.0)
-        status = np.full(len(points), Status.NOT_REACHED, np.int8)
-        zncc, iterations = np.full(len(points), np.nan), np.zeros(len(points), np.int16)
-        part, part_warps = status[known], np.ascontiguousarray(solved[known])
-        part_zncc, part_iterations = zncc[known], iterations[known]
+        status = np.full(len(indices), Status.NOT_REACHED, np.int8)
+        zncc, iterations = np.full(len(indices), np.nan), np.zeros(len(indices), np.int16)
+        parts = solved[known], status[known], zncc[known], iterations[known]
+        pixels = self._grid.pixels[indices[known, 0], indices[known, 1]]
+        points = np.ascontiguousarray(self._points_at(indices)[known])
         kernel.correlate_points(
-            *self._arguments(coefficients), np.ascontiguousarray(points[known]), self.settings.radius_px,
-            part_warps, *self._limits(), part, part_zncc, part_iterations,
-        )  # fmt: skip
-        solved[known], status[known] = part_warps, part
-        zncc[known], iterations[known] = part_zncc, part_iterations
+            self._reference, coefficients, self._taps, self._limits, points, pixels, *parts
+        )
+        solved[known], status[known], zncc[known], iterations[known] = parts
         return solved, zncc, status, iterations
 
     def _seed_indices(self) -> NDArray[np.int64]:
         """Return up to `SEEDS` grid indices (row, column) spread over the active points."""
-        rows, columns = np.nonzero(self._active)
+        rows, columns = np.nonzero(self._grid.active)
         stride = max(1, round(np.sqrt(rows.size / SEEDS)))
         while True:
             chosen = (rows % stride == stride // 2) & (columns % stride == stride // 2)
@@ -143,13 +145,13 @@ class Correlator:
             yield "previous", previous.warps[indices[:, 0], indices[:, 1]]
         for radius in SEARCH_RADII_PX[:2]:
             yield "search", search(self._grey, deformed, points, half, radius, np.eye(3))
-        motion = feature_motion(self._grey, deformed, self._pixels)
+        motion = feature_motion(self._grey, deformed, self._usable)
         if motion is not None:
             yield "features", homography_warps(motion, points.astype(np.float64))
         yield "search", search(self._grey, deformed, points, half, SEARCH_RADII_PX[2], np.eye(3))
 
     def _points_at(self, indices: NDArray[np.int64]) -> NDArray[np.int64]:
-        return np.stack([self._x[indices[:, 1]], self._y[indices[:, 0]]], axis=1)
+        return np.stack([self._grid.x[indices[:, 1]], self._grid.y[indices[:, 0]]], axis=1)
 
     def _first_guess(
         self, deformed: Grey, coefficients: Grey, previous: Field | None, hint: Float | None
@@ -160,7 +162,7 @@ class Correlator:
         best: tuple[int, str, NDArray[np.int64], Float] = (0, "", indices[:0], np.empty((0, 6)))
         fewest = min(_FEWEST_SEEDS, len(points))
         for name, guess in self._guesses(deformed, indices, previous, hint):
-            warps, _, status, _ = self._solve(coefficients, points, guess)
+            warps, _, status, _ = self._solve(coefficients, indices, guess)
             good = status == Status.CONVERGED
             good[good] = agreeing_seeds(points[good], warps[good])
             if good.sum() > best[0]:
@@ -182,35 +184,37 @@ class Correlator:
     def _propagate(
         self, coefficients: Grey, start: str, seeds: NDArray[np.int64], seed_warps: Float
     ) -> Field:
-        shape = self._active.shape
+        shape = self._grid.active.shape
         warps = np.zeros((*shape, kernel.PARAMETERS))
         status = np.full(shape, Status.NOT_REACHED, np.int8)
         zncc, iterations = np.full(shape, np.nan), np.zeros(shape, np.int16)
-        pending = self._active.copy()
+        pending = self._grid.active.copy()
         rows, columns = seeds.T
-        solved = self._solve(coefficients, self._points_at(seeds), seed_warps)
+        solved = self._solve(coefficients, seeds, seed_warps)
         warps[rows, columns], zncc[rows, columns], status[rows, columns], iterations[rows, columns] = solved
         pending[rows, columns] = status[rows, columns] != Status.CONVERGED
         while True:
             kernel.propagate(
-                *self._arguments(coefficients), self._x, self._y, self.settings.radius_px,
-                warps, *self._limits(), status, zncc, iterations, pending,
+                self._reference, coefficients, self._taps, self._limits,
+                self._grid.x, self._grid.y, self._grid.pixels, warps, status, zncc, iterations, pending,
             )  # fmt: skip
-            islands = np.argwhere(self._active & (status == Status.NOT_REACHED))
+            islands = np.argwhere(self._grid.active & (status == Status.NOT_REACHED))
             if not islands.size:
                 break
             rows, columns = islands.T
             guess = self._from_nearest(islands, warps, status)
-            solved = self._solve(coefficients, self._points_at(islands), guess)
+            solved = self._solve(coefficients, islands, guess)
             warps[rows, columns], zncc[rows, columns], status[rows, columns], iterations[rows, columns] = (
                 solved
             )
             pending[rows, columns] = status[rows, columns] != Status.CONVERGED
-        converged = self._active & (status == Status.CONVERGED)
-        status[converged & ~agreeing_field(self._x, self._y, warps, converged)] = Status.INCONSISTENT
+        converged = self._grid.active & (status == Status.CONVERGED)
+        status[converged & ~agreeing_field(self._grid.x, self._grid.y, warps, converged)] = (
+            Status.INCONSISTENT
+        )
         failed = status != Status.CONVERGED
-        warps[failed], zncc[failed & ~self._active] = np.nan, np.nan
-        return Field(self._x, self._y, warps, zncc, iterations, status, self._active, start)
+        warps[failed], zncc[failed & ~self._grid.active] = np.nan, np.nan
+        return Field(self._grid.x, self._grid.y, warps, zncc, iterations, status, self._grid.active, start)
 
     def _from_nearest(self, indices: NDArray[np.int64], warps: Float, status: NDArray[np.int8]) -> Float:
         """Return guesses (n, 6) at grid `indices`, extrapolated from the nearest converged point."""
@@ -221,7 +225,10 @@ class Correlator:
         everywhere = distance_transform_edt(missing, return_distances=False, return_indices=True)
         nearest = np.asarray(everywhere)[:, rows, columns]
         guess: Float = warps[nearest[0], nearest[1]]
-        dx, dy = self._x[columns] - self._x[nearest[1]], self._y[rows] - self._y[nearest[0]]
+        dx, dy = (
+            self._grid.x[columns] - self._grid.x[nearest[1]],
+            self._grid.y[rows] - self._grid.y[nearest[0]],
+        )
         guess[:, 0] += guess[:, 1] * dx + guess[:, 2] * dy
         guess[:, 3] += guess[:, 4] * dx + guess[:, 5] * dy
         return guess

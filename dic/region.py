@@ -1,5 +1,7 @@
 """Where points of interest can be: a region given by a mask, or wherever the reference has texture."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,54 +52,63 @@ def textured(fx: Grey, fy: Grey, subset_px: int) -> Mask:
     return np.asarray(labels == largest, np.bool_)
 
 
-def place_points(
-    centres: Mask, pixels: Mask, subset_px: int, step_px: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], Mask]:
+@dataclass(frozen=True)
+class PointGrid:
+    """The grid of points of interest laid over a region.
+
+    Attributes
+    ----------
+    x, y : ndarray of int, shapes (columns,) and (rows,)
+        Coordinates, px.
+    active : ndarray of bool, shape (rows, columns)
+        Which points are to be measured.
+    pixels : ndarray of int, shape (rows, columns)
+        How many pixels of each point's subset may be used.
+    """
+
+    x: NDArray[np.int64]
+    y: NDArray[np.int64]
+    active: Mask
+    pixels: NDArray[np.int64]
+
+
+def place_points(centres: Mask, usable: Mask, subset_px: int, step_px: int) -> PointGrid:
     """Lay the grid of points of interest over a region.
 
     Parameters
     ----------
     centres : ndarray of bool, shape (height, width)
         Where a point may be.
-    pixels : ndarray of bool, shape (height, width)
+    usable : ndarray of bool, shape (height, width)
         Which pixels subsets may use.
     subset_px, step_px : int
-
-    Returns
-    -------
-    x, y : ndarray of int, shapes (columns,) and (rows,)
-        The grid's coordinates.
-    active : ndarray of bool, shape (rows, columns)
-        Which of its points are to be measured.
 
     Raises
     ------
     CorrelationError
-        If there is none.
+        If no point can be placed.
     """
     import cv2
 
     rows, columns = np.nonzero(centres)
     height, width = centres.shape
-    r = subset_px // 2
-    active = np.zeros((0, 0), np.bool_)
     if rows.size:
-        edge = r + EDGE_PX
+        edge = subset_px // 2 + EDGE_PX
         x = _spread(max(edge, columns.min()), min(width - edge - 1, columns.max()), step_px)
         y = _spread(max(edge, rows.min()), min(height - edge - 1, rows.max()), step_px)
         box = (subset_px, subset_px)
-        share = np.asarray(cv2.blur(pixels.astype(np.float32), box, borderType=cv2.BORDER_CONSTANT))
-        grid = np.ix_(y, x)
-        active = centres[grid] & (share[grid] >= MIN_PIXEL_FRACTION)
-    if not active.any():
-        raise CorrelationError(
-            "region of interest",
-            "place points",
-            expected=f"an area with texture that holds subsets of {subset_px} px",
-            got="none",
-            remedy="enlarge the region or choose a smaller subset",
-        )
-    return x, y, active
+        counts = cv2.boxFilter(usable.astype(np.float32), -1, box, normalize=False)
+        pixels = np.rint(np.asarray(counts)[np.ix_(y, x)]).astype(np.int64)
+        active = centres[np.ix_(y, x)] & (pixels >= MIN_PIXEL_FRACTION * subset_px**2)
+        if active.any():
+            return PointGrid(x, y, active, pixels)
+    raise CorrelationError(
+        "region of interest",
+        "place points",
+        expected=f"an area with texture that holds subsets of {subset_px} px",
+        got="none",
+        remedy="enlarge the region or choose a smaller subset",
+    )
 
 
 def _spread(first: int, last: int, step: int) -> NDArray[np.int64]:

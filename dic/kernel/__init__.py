@@ -1,0 +1,19 @@
+"""The compiled kernel: subset correlation at the speed of the processor.
+
+Read it in this order: `layout` (how images lie in memory), `vectors` (what one instruction does), `moments`
+(sums over a subset), `icgn` (one point), `propagation` (many points).
+"""
+
+from dic.kernel.icgn import PARAMETERS, Limits
+from dic.kernel.layout import Reference, lay_coefficients, lay_reference
+from dic.kernel.propagation import correlate_points, propagate
+
+__all__ = [
+    "PARAMETERS",
+    "Limits",
+    "Reference",
+    "correlate_points",
+    "lay_coefficients",
+    "lay_reference",
+    "propagate",
+]

@@ -1,0 +1,56 @@
+"""Numba's compiler, with the types of the decorated function kept and a cache that cannot be stale.
+
+Numba keeps machine code on disk as long as the file of the outermost function stays the same; an inner
+function that changed in another file would go unnoticed. The kernel therefore has a cache folder of its own,
+named after the content of all its files.
+"""
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def compiled(function: Function) -> Function:
+    """Compile `function` to machine code at its first call, without the interpreter's lock, cached on disk.
+
+    Division by zero gives infinity or NaN as in NumPy, and sums keep their written order.
+    """
+    with _own_cache():
+        return cast(Function, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+
+
+def inlined(function: Function) -> Function:
+    """Compile `function` into each of its callers: for the innermost ones, which a call would slow down."""
+    return cast(Function, numba.njit(forceinline=True, nogil=True, error_model="numpy")(function))
+
+
+@contextmanager
+def _own_cache() -> Iterator[None]:
+    before = numba.config.CACHE_DIR
+    # A folder that the user chose for numba's cache is respected.
+    numba.config.CACHE_DIR = before or str(_cache_folder())
+    try:
+        yield
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+@cache
+def _cache_folder() -> Path:
+    content = hashlib.sha256()
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        content.update(source.read_bytes())
+    try:
+        caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    except RuntimeError:  # a user without a home
+        caches = Path(tempfile.gettempdir())
+    return caches / "offaxis" / content.hexdigest()[:16]

@@ -1,0 +1,241 @@
+"""Explicit vectors for numba: values of 4, 8 or 16 float32 that one instruction treats alike.
+
+LLVM vectorises plain loops, but not the correlation loop, whose loads depend on the warp. With these types
+the loop says itself what is parallel; it needs no compiler on the user's machine and uses the widest
+instructions that the processor has. A vector's width belongs to its type, so a function written once compiles
+for each.
+
+Public names are functions for compiled code only: `ramp16`, `ramp8`, `load`, `splat`, `fma`, `select`,
+`at_least`, `total`, `blend`, `spread`; vectors also take +, - and * with one another.
+"""
+
+import operator
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
+
+_FAST = ("fast",)
+_INDEX = ir.IntType(32)
+_FLOAT = ir.FloatType()
+
+
+class _Vector(types.Type):
+    """The type of `width` float32."""
+
+    def __init__(self, width: int) -> None:
+        self.width = width
+        super().__init__(name=f"float32x{width}")
+
+
+class _Mask(types.Type):
+    """The type of `width` truth values."""
+
+    def __init__(self, width: int) -> None:
+        self.width = width
+        super().__init__(name=f"boolx{width}")
+
+
+@register_model(_Vector)
+class _VectorModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: _Vector) -> None:
+        super().__init__(manager, kind, ir.VectorType(_FLOAT, kind.width))
+
+
+@register_model(_Mask)
+class _MaskModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: _Mask) -> None:
+        super().__init__(manager, kind, ir.VectorType(ir.IntType(1), kind.width))
+
+
+_VECTORS = {width: _Vector(width) for width in (4, 8, 16)}
+_MASKS = {width: _Mask(width) for width in _VECTORS}
+
+
+def _broadcast(builder: Any, scalar: Any, width: int) -> Any:
+    kind = ir.VectorType(_FLOAT, width)
+    one = builder.insert_element(ir.Constant(kind, ir.Undefined), scalar, ir.Constant(_INDEX, 0))
+    zeros = ir.Constant(ir.VectorType(_INDEX, width), [0] * width)
+    return builder.shuffle_vector(one, ir.Constant(kind, ir.Undefined), zeros)
+
+
+def _load(context: Any, builder: Any, array_type: Any, array: Any, index: Any, width: int) -> Any:
+    data = context.make_array(array_type)(context, builder, array).data
+    place = builder.gep(data, [index], inbounds=True)
+    vector = builder.load(builder.bitcast(place, ir.VectorType(_FLOAT, width).as_pointer()))
+    vector.align = 4
+    return vector
+
+
+def _ramp(width: int) -> Any:
+    @intrinsic
+    def ramp(typing_context: Any, first: Any) -> Any:
+        """Return the vector first, first + 1, first + 2 …"""
+
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            start = context.cast(builder, values[0], signature.args[0], types.float32)
+            steps = ir.Constant(ir.VectorType(_FLOAT, width), [float(k) for k in range(width)])
+            return builder.fadd(_broadcast(builder, start, width), steps)
+
+        return _VECTORS[width](first), generate
+
+    return ramp
+
+
+ramp8, ramp16 = _ramp(8), _ramp(16)
+
+
+@intrinsic
+def load(typing_context: Any, like: Any, array: Any, index: Any) -> Any:
+    """Return as many neighbouring elements of `array` from `index` on as `like` has."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        place = context.cast(builder, values[2], signature.args[2], types.intp)
+        return _load(context, builder, signature.args[1], values[1], place, like.width)
+
+    return like(like, array, index), generate
+
+
+@intrinsic
+def splat(typing_context: Any, like: Any, scalar: Any) -> Any:
+    """Return a vector, as wide as `like`, of one number; the number as float32 if `like` is one."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        number = context.cast(builder, values[1], scalar, types.float32)
+        return _broadcast(builder, number, like.width) if isinstance(like, _Vector) else number
+
+    return like(like, scalar), generate
+
+
+@intrinsic
+def fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
+    """Return a * b + c."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return builder.fadd(builder.fmul(values[0], values[1], flags=_FAST), values[2], flags=_FAST)
+
+    return a(a, b, c), generate
+
+
+@intrinsic
+def select(typing_context: Any, mask: Any, a: Any, b: Any) -> Any:
+    """Return a where the mask is true and b elsewhere."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return builder.select(*values)
+
+    return a(mask, a, b), generate
+
+
+@intrinsic
+def at_least(typing_context: Any, a: Any, b: Any) -> Any:
+    """Return the mask of a >= b."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return builder.fcmp_ordered(">=", *values)
+
+    return _MASKS[a.width](a, b), generate
+
+
+def _sum(builder: Any, vector: Any, width: int) -> Any:
+    """Fold halves onto one another until one element is left."""
+    while width > 1:
+        width //= 2
+        nothing = ir.Constant(vector.type, ir.Undefined)
+        halves = [
+            builder.shuffle_vector(
+                vector, nothing, ir.Constant(ir.VectorType(_INDEX, width), list(range(start, start + width)))
+            )
+            for start in (0, width)
+        ]
+        vector = builder.fadd(*halves, flags=_FAST)
+    return builder.extract_element(vector, ir.Constant(_INDEX, 0))
+
+
+@intrinsic
+def total(typing_context: Any, a: Any) -> Any:
+    """Return the sum of the elements."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return _sum(builder, values[0], a.width)
+
+    return types.float32(a), generate
+
+
+@intrinsic
+def blend(typing_context: Any, array: Any, first: Any, pitch: Any, across: Any, down: Any) -> Any:
+    """Return Σ_j down[j] Σ_i across[i] array[first + j pitch + i], for neighbouring pixels at once.
+
+    `across` and `down` are tuples of vectors, the weights of the taps. Element k of the result uses the taps
+    that begin at first + k, so every tap is one load of neighbouring elements.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        source, place, step, weights_across, weights_down = values
+        place = context.cast(builder, place, first, types.intp)
+        step = context.cast(builder, step, pitch, types.intp)
+        result = None
+        for j in range(len(down)):
+            row = None
+            for i in range(len(across)):
+                tap = _load(
+                    context, builder, array, source,
+                    builder.add(place, ir.Constant(place.type, i)), across[0].width,
+                )  # fmt: skip
+                weighted = builder.fmul(builder.extract_value(weights_across, i), tap, flags=_FAST)
+                row = weighted if row is None else builder.fadd(weighted, row, flags=_FAST)
+            weighted = builder.fmul(builder.extract_value(weights_down, j), row, flags=_FAST)
+            result = weighted if result is None else builder.fadd(weighted, result, flags=_FAST)
+            place = builder.add(place, step)
+        return result
+
+    return across[0](array, first, pitch, across, down), generate
+
+
+@intrinsic
+def spread(typing_context: Any, array: Any, first: Any, pitch: Any, across: Any, down: Any) -> Any:
+    """Return Σ_j down[j] Σ_i across[i] array[first + j pitch + i] for one pixel, its taps at once.
+
+    `across` and `down` are tuples of float32. A row's taps are the elements of one vector, filled up with
+    weights of zero.
+    """
+    width = 4 if len(across) <= 4 else 8
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        source, place, step, weights_across, weights_down = values
+        place = context.cast(builder, place, first, types.intp)
+        step = context.cast(builder, step, pitch, types.intp)
+        zero = ir.Constant(_FLOAT, 0.0)
+        weights = ir.Constant(ir.VectorType(_FLOAT, width), [0.0] * width)
+        for i in range(width):
+            weight = builder.extract_value(weights_across, i) if i < len(across) else zero
+            weights = builder.insert_element(weights, weight, ir.Constant(_INDEX, i))
+        result = None
+        for j in range(len(down)):
+            row = _load(context, builder, array, source, place, width)
+            weight = _broadcast(builder, builder.extract_value(weights_down, j), width)
+            weighted = builder.fmul(weight, row, flags=_FAST)
+            result = weighted if result is None else builder.fadd(weighted, result, flags=_FAST)
+            place = builder.add(place, step)
+        return _sum(builder, builder.fmul(weights, result, flags=_FAST), width)
+
+    return types.float32(array, first, pitch, across, down), generate
+
+
+def _register(function: Any, instruction: str, vector: _Vector) -> None:
+    @type_callable(function)
+    def typer_of(context: Any) -> Any:
+        def typer(a: Any, b: Any) -> Any:
+            return vector if a is vector and b is vector else None
+
+        return typer
+
+    @lower_builtin(function, vector, vector)
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return getattr(builder, instruction)(*values, flags=_FAST)
+
+
+for _function, _instruction in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul")):
+    for _kind in _VECTORS.values():
+        _register(_function, _instruction, _kind)
