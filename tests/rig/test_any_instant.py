@@ -1,0 +1,66 @@
+"""Signals at any line of the engine: whatever it was doing, the rig is safe and the file is closed."""
+
+import signal
+import sys
+from collections.abc import Callable
+from types import FrameType
+from typing import Any
+
+import h5py
+import pytest
+
+from rig.protocol import RotationProtocol
+from rig.signals import aborting_on_signals
+
+SOURCES = ("rig/engine.py", "rig/signals.py", "rig/safety.py", "rig/settle.py", "rig/imaging.py")
+STRIDE = 61
+
+
+class Lines:
+    """Counts the lines that run in `SOURCES`, and calls `at_line` with the number of each."""
+
+    def __init__(self, at_line: Callable[[int], None]) -> None:
+        self._at_line = at_line
+        self.count = 0
+
+    def __enter__(self) -> "Lines":
+        self._before = sys.gettrace()
+        sys.settrace(self._trace)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        sys.settrace(self._before)
+
+    def _trace(self, frame: FrameType, event: str, _: Any) -> Any:
+        if not frame.f_code.co_filename.endswith(SOURCES):
+            return None
+        if event == "line":
+            self.count += 1
+            self._at_line(self.count)
+        return self._trace
+
+
+@pytest.mark.parametrize("distance", [1, 7])
+def test_two_signals_at_any_line_end_the_run_safely(rotation, rotation_table, tmp_path, distance):
+    rotation_table["rotation"]["total_deg"] = rotation_table["rotation"]["increment_deg"]
+    protocol = RotationProtocol.model_validate(rotation_table)
+
+    def run(name: str, at_line: Callable[[int], None]) -> tuple[int, str, str]:
+        rig = type(rotation)(protocol, tmp_path / name)
+        engine = rig.engine()
+        with aborting_on_signals(engine), Lines(at_line) as lines:
+            outcome = engine.run()
+        with h5py.File(rig.path) as file:
+            assert file["entry/status"][()].decode() == outcome.status
+        return lines.count, outcome.status, rig.calls[-1]
+
+    total, status, _ = run("whole.h5", lambda line: None)
+    assert status == "completed"
+    for first in range(distance, total, STRIDE):
+
+        def interrupt(line: int, first: int = first) -> None:
+            if line in (first, first + distance):
+                signal.raise_signal(signal.SIGINT)
+
+        _, status, last_call = run(f"{first}.h5", interrupt)
+        assert status == "completed" or (status, last_call) == ("aborted", "stop"), f"line {first}"
