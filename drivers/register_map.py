@@ -120,6 +120,12 @@ def load_map(name: str) -> RegisterMap:
         If it cannot be read or has mistakes; all are reported together.
     """
     path = Path(__file__).parent / "maps" / f"{name}.toml" if name in shipped_maps() else Path(name)
+    if not path.is_file():
+        known = ", ".join(shipped_maps())
+        raise ConfigurationError(
+            f"register map {name!r}",
+            [f"neither a file nor a shipped map ({known}); correct map of the load frame"],
+        )
     return parse_map(read_toml(path), str(path))
 
 

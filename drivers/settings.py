@@ -1,10 +1,11 @@
 """Files that people write: TOML, strictly checked, all mistakes reported together."""
 
 import tomllib
+import unicodedata
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
 from drivers.errors import ConfigurationError
 
@@ -14,8 +15,18 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
+    @field_validator("*", mode="after")
+    @classmethod
+    def _without_control_characters(cls, value: Any) -> Any:
+        # A null ends a text in a run file, and a line break tears the tables it is printed in.
+        if isinstance(value, str) and any(unicodedata.category(sign) == "Cc" for sign in value):
+            raise ValueError("a text without control characters is expected")
+        return value
+
 
 S = TypeVar("S", bound=BaseModel)
+
+_SHOWN_MAX = 80
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -27,7 +38,10 @@ def read_toml(path: Path) -> dict[str, Any]:
         If the file is missing, unreadable or not TOML; the message names line and column.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        if text.startswith("\ufeff"):
+            raise ConfigurationError(str(path), ["has a byte order mark; save it as UTF-8 without one"])
+        return tomllib.loads(text)
     except OSError as error:
         raise ConfigurationError(str(path), [f"cannot be read: {error.strerror or error}"]) from error
     except UnicodeDecodeError as error:
@@ -50,9 +64,13 @@ def mistakes_in(error: ValidationError, prefix: str = "") -> list[str]:
             message = finding["msg"].removeprefix("Value error, ")
             message = message[:1].lower() + message[1:]
             got = finding["input"]
-            shown = "" if isinstance(got, (dict, list)) else f", got {got!r}"
+            shown = "" if isinstance(got, (dict, list)) else f", got {_short(repr(got))}"
             sentences.append(f"{where}: {message}{shown}")
     return sentences
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= _SHOWN_MAX else f"{text[:_SHOWN_MAX]}…"
 
 
 def validate(model: type[S], data: object, source: str) -> S:

@@ -4,9 +4,9 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from drivers.errors import ConfigurationError
 from drivers.settings import Settings, mistakes_in, read_toml
@@ -153,10 +153,17 @@ class Limits(Settings):
     )
 
 
+def _known_kind(kind: object) -> object:
+    # Each model knows its own kind only, and would name no other.
+    if kind not in ("tension", "rotation"):
+        raise ValueError("'tension' or 'rotation' is expected")
+    return kind
+
+
 class TensionProtocol(Settings):
     """The tension test: increments of load until plastic, then increments of displacement."""
 
-    kind: Literal["tension"]
+    kind: Annotated[Literal["tension"], BeforeValidator(_known_kind)]
     title: str = Field(min_length=1, max_length=200)
     sample: Sample
     loading: Loading
@@ -265,7 +272,7 @@ class Rotation(Settings):
 class RotationProtocol(Settings):
     """The rotation test: rigid rotation of the specimen in increments."""
 
-    kind: Literal["rotation"]
+    kind: Annotated[Literal["rotation"], BeforeValidator(_known_kind)]
     title: str = Field(min_length=1, max_length=200)
     sample: Sample
     rotation: Rotation

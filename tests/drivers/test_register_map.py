@@ -36,7 +36,7 @@ def test_a_map_is_read_by_its_path(tmp_path):
 
 
 def test_a_missing_map_is_told():
-    with pytest.raises(ConfigurationError, match="cannot be read"):
+    with pytest.raises(ConfigurationError, match=r"neither a file nor a shipped map \(generic\)"):
         load_map("/nowhere/map.toml")
 
 

@@ -73,7 +73,7 @@ def test_unknown_kind_does_not_hide_other_mistakes(tmp_path):
     )
     with pytest.raises(ConfigurationError) as caught:
         read_protocol(path)
-    assert "kind: input should be 'rotation', got 'rotate'" in caught.value.mistakes
+    assert "kind: 'tension' or 'rotation' is expected, got 'rotate'" in caught.value.mistakes
     assert "rotation.increment_deg: input should be greater than 0, got 0" in caught.value.mistakes
 
 
@@ -183,3 +183,31 @@ def test_bool_is_no_number(tension_table):
     tension_table["images"]["per_step"] = True
     with pytest.raises(ValidationError):
         TensionProtocol.model_validate(tension_table)
+
+
+@pytest.mark.parametrize("example", ["tension", "rotation"])
+def test_unknown_kind_is_told_both_that_are_known(tmp_path, example):
+    path = edited(tmp_path, example, (f'kind = "{example}"', 'kind = "torsion"'))
+    with pytest.raises(ConfigurationError) as caught:
+        read_protocol(path)
+    assert caught.value.mistakes == ["kind: 'tension' or 'rotation' is expected, got 'torsion'"]
+
+
+def test_text_that_would_break_a_run_file_or_a_table_is_a_mistake(tmp_path):
+    path = edited(tmp_path, "rotation", ('title = "', r'title = "a\u0000b'), ('name = "', r'name = "a\nb'))
+    with pytest.raises(ConfigurationError) as caught:
+        read_protocol(path)
+    assert [mistake.split(":")[0] for mistake in caught.value.mistakes] == ["title", "sample.name"]
+
+
+def test_endless_text_is_not_repeated_in_the_complaint(tmp_path):
+    with pytest.raises(ConfigurationError) as caught:
+        read_protocol(edited(tmp_path, "rotation", ('title = "', 'title = "' + 5000 * "x")))
+    assert len(str(caught.value)) < 300
+
+
+def test_byte_order_mark_is_called_by_its_name(tmp_path):
+    path = tmp_path / "protocol.toml"
+    path.write_text((EXAMPLES / "rotation.toml").read_text(), encoding="utf-8-sig")
+    with pytest.raises(ConfigurationError, match="byte order mark"):
+        read_protocol(path)
