@@ -12,6 +12,8 @@ from dic.errors import ImageError
 from dic.image_files import damage_in
 
 MINIMUM_SIDE_PX = 32
+GREY_MAX = 1e9
+"""Fourth powers of larger ones exceed single precision, and no camera gives them."""
 # ITU-R BT.601, in OpenCV's channel order
 _LUMA_BGR = np.array([0.114, 0.587, 0.299])
 
@@ -45,12 +47,14 @@ def read_image(path: str | Path) -> NDArray[np.float32]:
     stored = _decode(content)
     if stored is None:
         raise _refusal(path, "one that cannot be decoded", "save or copy it again")
+    if not np.isfinite(stored).all():
+        raise _refusal(path, "pixels that are NaN or infinite", "save it with finite grey levels")
+    if max(float(stored.max()), -float(stored.min())) > GREY_MAX:
+        raise _refusal(path, f"grey levels beyond {GREY_MAX:.0e}", "save it as the camera gave it")
     grey = _grey(stored)
     if min(grey.shape) < MINIMUM_SIDE_PX:
         got = f"{grey.shape[1]} × {grey.shape[0]} px"
         raise _refusal(path, got, f"use images of at least {MINIMUM_SIDE_PX} px on each side")
-    if not np.isfinite(grey).all():
-        raise _refusal(path, "pixels that are NaN or infinite", "save it with finite grey levels")
     return grey
 
 

@@ -170,3 +170,12 @@ def test_errors_come_back_whole_from_another_process() -> None:
     assert type(copy) is CorrelationError
     assert isinstance(copy, MeasurementError)
     assert str(copy) == "a.png: correlate: expected texture, got none; paint it"
+
+
+@pytest.mark.parametrize("level", [1e30, -1e10, 1e300])
+def test_levels_that_no_arithmetic_survives_are_refused(tmp_path: Path, level: float) -> None:
+    grey = np.full((64, 64), 100.0)
+    grey[5, 5] = level
+    cv2.imwrite(str(tmp_path / "huge.tif"), grey)
+    with pytest.raises(ImageError, match="beyond"):
+        read_image(tmp_path / "huge.tif")
