@@ -1,6 +1,5 @@
 """The command `dic`: its subcommands are loaded when they are called, so that help comes at once."""
 
-import sys
 from importlib import import_module
 
 import click
@@ -39,14 +38,7 @@ def dic() -> None:
 
 def main() -> None:
     """Run the command; an error that was foreseen becomes one sentence and status 2."""
+    from dic.commands.console import run
     from dic.errors import MeasurementError
 
-    try:
-        dic()
-    except MeasurementError as error:
-        click.echo(f"error: {error}", err=True)
-        sys.exit(2)
-    except OSError as error:
-        where = error.filename or "a file"
-        click.echo(f"error: {where}: {error.strerror or error}; name a place that can be used", err=True)
-        sys.exit(2)
+    run(dic, (MeasurementError,), "error")

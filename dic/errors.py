@@ -47,5 +47,9 @@ class CorrelationError(MeasurementError):
     """Images could not be correlated."""
 
 
+class OutputError(MeasurementError):
+    """Results cannot go where they were told to."""
+
+
 class RunFileError(MeasurementError):
     """A run file or result file is missing, damaged, or lacks what is needed."""

@@ -9,6 +9,8 @@ from dic.displacement import Displacement, calibrated_displacement, raw_displace
 from dic.field import Field, Status
 from dic.strain import MeanStrain, StrainField, mean_strain, strain_field
 
+_POINTS_OF_A_PLANE = 3
+
 
 @dataclass(frozen=True)
 class Measurement:
@@ -51,7 +53,17 @@ class Measurement:
     @property
     def good(self) -> bool:
         """Whether at least half of the points in view have a value and the mean strain exists."""
-        return 2 * self.field.count(Status.CONVERGED) >= self.field.in_view and self.raw_mean.points >= 3
+        return self.objection is None
+
+    @property
+    def objection(self) -> str | None:
+        """What is not good about the measurement, or None."""
+        if 2 * self.field.count(Status.CONVERGED) < self.field.in_view:
+            return "fewer than half of the points in view converged; see their statuses"
+        if self.raw_mean.points < _POINTS_OF_A_PLANE:
+            where = "" if self.calibrated is None else " within the calibrated area"
+            return f"fewer than {_POINTS_OF_A_PLANE} points converged{where}: too few for a mean strain"
+        return None
 
     def summary(self) -> dict[str, Any]:
         """Return the figures that programs read, JSON-ready: see `docs/results.md`."""

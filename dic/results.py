@@ -1,5 +1,6 @@
 """The result file: fields and strains of whole series, HDF5, layout in `docs/results.md`."""
 
+import os
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -37,7 +38,7 @@ class ResultWriter:
                 str(path),
                 "create results",
                 expected="a folder that can be written to",
-                got=str(error),
+                got=os.strerror(error.errno) if error.errno else "an error of the file system",
                 remedy="name another file",
             ) from error
         self._file.attrs.update({"file_format": FORMAT, "file_format_version": VERSION})

@@ -91,6 +91,18 @@ def mean_strain(displacement: Displacement, valid: NDArray[np.bool_] | None = No
     return MeanStrain(float(exx), float(eyy), float(exy), float(rotation_deg), len(position))
 
 
+def check_window(window_points: int) -> None:
+    """Raise `CorrelationError` unless the window of local strains is odd and at least 3 points wide."""
+    if window_points < 3 or window_points % 2 == 0:
+        raise CorrelationError(
+            "settings",
+            "strain window",
+            expected="an odd number of points, at least 3",
+            got=str(window_points),
+            remedy="correct the setting",
+        )
+
+
 def strain_field(displacement: Displacement, window_points: int = 5) -> StrainField:
     """Return the strain at every point by a plane fitted to the valid points of a window around it.
 
@@ -102,14 +114,7 @@ def strain_field(displacement: Displacement, window_points: int = 5) -> StrainFi
     window_points : int
         Odd width of the window, at least 3.
     """
-    if window_points < 3 or window_points % 2 == 0:
-        raise CorrelationError(
-            "settings",
-            "strain window",
-            expected="an odd number of points, at least 3",
-            got=str(window_points),
-            remedy="correct the setting",
-        )
+    check_window(window_points)
     half = window_points // 2
     position = np.pad(displacement.position, ((half, half), (half, half), (0, 0)), constant_values=np.nan)
     vector = np.pad(displacement.vector, ((half, half), (half, half), (0, 0)), constant_values=np.nan)

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from dic.commands.console import run as run_command
+from dic.commands.console import say
+from dic.commands.places import require_places
 from dic.errors import MeasurementError
 from drivers.errors import ConfigurationError, DeviceError
 from rig.errors import RigError
@@ -15,23 +18,18 @@ if TYPE_CHECKING:
     from rig.engine import Outcome
     from rig.recorder import StepRecord
 
-COULD_NOT = 2
 NOT_GOOD = 1
 
-_EXISTING = click.Path(path_type=Path)
-_JSON = click.option("--json", "json_path", type=_EXISTING, help="Also write what is printed as JSON.")
+_PATH = click.Path(path_type=Path)
+_JSON = click.option("--json", "json_path", type=_PATH, help="Also write what is printed as JSON.")
 
 
 def main() -> None:
     """Run the command line; an error of ours is one sentence on stderr and status 2."""
-    try:
-        cli()
-    except (RigError, DeviceError, ConfigurationError, MeasurementError) as error:
-        click.echo(f"rig: {error}", err=True)
-        sys.exit(COULD_NOT)
+    run_command(cli, (RigError, DeviceError, ConfigurationError, MeasurementError), "rig")
 
 
-@click.group()
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="offaxis")
 def cli() -> None:
     """Run experiments: plan them, look at the rig, run them, verify the run file.
@@ -41,10 +39,8 @@ def cli() -> None:
 
 
 @cli.command()
-@click.argument("protocol", type=_EXISTING)
-@click.option(
-    "--rig", "rig_path", type=_EXISTING, help="The rig file: also plan bytes, and check its limits."
-)
+@click.argument("protocol", type=_PATH)
+@click.option("--rig", "rig_path", type=_PATH, help="The rig file: also plan bytes, and check its limits.")
 @_JSON
 def plan(protocol: Path, rig_path: Path | None, json_path: Path | None) -> None:
     """Print every step of PROTOCOL, duration, bytes and worst load. Nothing moves."""
@@ -53,6 +49,7 @@ def plan(protocol: Path, rig_path: Path | None, json_path: Path | None) -> None:
     from rig.protocol import read_protocol
     from rig.run import read_both
 
+    require_places([protocol, rig_path], [json_path])
     if rig_path is None:
         made = make_plan(read_protocol(protocol), UNKNOWN_RIG)
     else:
@@ -62,9 +59,9 @@ def plan(protocol: Path, rig_path: Path | None, json_path: Path | None) -> None:
 
 
 @cli.command()
-@click.argument("protocol", type=_EXISTING)
-@click.option("--rig", "rig_path", type=_EXISTING, required=True, help="The rig file.")
-@click.option("-o", "--output", type=_EXISTING, help="The run file; PROTOCOL's name with .h5 by default.")
+@click.argument("protocol", type=_PATH)
+@click.option("--rig", "rig_path", type=_PATH, required=True, help="The rig file.")
+@click.option("-o", "--output", type=_PATH, help="The run file; PROTOCOL's name with .h5 by default.")
 @_JSON
 def run(protocol: Path, rig_path: Path, output: Path | None, json_path: Path | None) -> None:
     """Run PROTOCOL and write one run file. Ctrl-C holds the load frame, stops the stage and ends the run."""
@@ -72,22 +69,23 @@ def run(protocol: Path, rig_path: Path, output: Path | None, json_path: Path | N
     from rig.run import run_protocol
 
     run_path = output or Path(f"{protocol.stem}.h5")
+    require_places([protocol, rig_path, run_path], [json_path])
     records: list[StepRecord] = []
 
     def on_step(record: "StepRecord") -> None:
         records.append(record)
-        click.echo(_step_line(record))
+        say(_step_line(record))
 
     with run_progress() as on_status:
         outcome = run_protocol(protocol, rig_path, run_path, on_status=on_status, on_step=on_step)
     lines = [f"{outcome.status}: {outcome.steps_done} steps in {run_path}"]
     if outcome.reason:
-        click.echo(f"rig: {outcome.reason}", err=True)
+        say(f"rig: {outcome.reason}", err=True)
     _finish(lines, _run_dict(run_path, outcome, records), json_path, good=outcome.status == "completed")
 
 
 @cli.command()
-@click.argument("rig_path", metavar="RIG", type=_EXISTING)
+@click.argument("rig_path", metavar="RIG", type=_PATH)
 @_JSON
 def check(rig_path: Path, json_path: Path | None) -> None:
     """Open the devices of RIG, read identity, state and limits, take one image each. Nothing moves."""
@@ -95,6 +93,7 @@ def check(rig_path: Path, json_path: Path | None) -> None:
     from rig.devices import open_rig
     from rig.rigfile import read_rig
 
+    require_places([rig_path], [json_path])
     with open_rig(read_rig(rig_path)) as rig:
         found = check_rig(rig)
     lines = found.lines + [f"not good: {problem}" for problem in found.problems]
@@ -103,7 +102,7 @@ def check(rig_path: Path, json_path: Path | None) -> None:
 
 
 @cli.command()
-@click.argument("run_file", metavar="RUN", type=_EXISTING)
+@click.argument("run_file", metavar="RUN", type=_PATH)
 @_JSON
 def verify(run_file: Path, json_path: Path | None) -> None:
     """Read every image of a run file against its checksum and say what is missing; cut-off runs too."""
@@ -111,6 +110,7 @@ def verify(run_file: Path, json_path: Path | None) -> None:
 
     from rig.verify import verify_run
 
+    require_places([run_file], [json_path])
     found = verify_run(run_file)
     lines = [f"{found.path}: {found.status}, {found.steps} of {found.planned} planned steps"]
     lines += [
@@ -122,18 +122,18 @@ def verify(run_file: Path, json_path: Path | None) -> None:
 
 
 @cli.command()
-@click.option("-o", "--output", type=_EXISTING, default=Path("demo"), show_default=True, help="Folder.")
+@click.option("-o", "--output", type=_PATH, default=Path("demo"), show_default=True, help="Folder.")
 def demo(output: Path) -> None:
     """Run both of the paper's experiments on a virtual rig, measure them and write the report."""
     from rig.demo import run_demo
 
-    made = run_demo(output, click.echo)
-    click.echo(f"open {made.report.resolve()}")
+    made = run_demo(output, say)
+    say(f"open {made.report.resolve()}")
 
 
 def _finish(lines: list[str], table: dict[str, Any], json_path: Path | None, *, good: bool) -> None:
     for line in lines:
-        click.echo(line)
+        say(line)
     if json_path is not None:
         try:
             json_path.write_text(json.dumps(table, indent=2, allow_nan=False) + "\n", encoding="utf-8")

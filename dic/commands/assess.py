@@ -37,10 +37,12 @@ def assess(output: Path, json_file: Path | None) -> None:
     """
     from dic.assess import assess as compute
     from dic.assess_plots import plot_assessment
+    from dic.commands.places import require_places
 
+    output.mkdir(parents=True, exist_ok=True)
+    require_places([], [output / "assessment.csv", output / "assessment.json", json_file])
     rows = compute()
     findings = _findings(rows)
-    output.mkdir(parents=True, exist_ok=True)
     plot_assessment(output, rows)
     table = [_record(row) for row in rows]
     lines = [",".join(table[0])] + [",".join(_text(value) for value in record.values()) for record in table]

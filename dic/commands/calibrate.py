@@ -52,9 +52,12 @@ def calibrate(
     Y the one closest to its top, the origin is the grid's centre.
     """
     from dic.calibration import Calibration
+    from dic.commands.places import require_places
     from dic.grid import find_grid
     from dic.images import read_image
 
+    _require_length(pitch_mm)
+    require_places([image], [output, points_file, plot_file, json_file])
     grey = read_image(image)
     grid = find_grid(grey, lines, pitch_mm, source=str(image))
     calibration = Calibration.fit(grid, grey.shape, source=str(image))
@@ -72,6 +75,20 @@ def calibrate(
     click.echo(_text(summary))
     for warning in grid.warnings:
         click.echo(f"warning: {warning}", err=True)
+
+
+def _require_length(pitch_mm: float) -> None:
+    """Refuse what is no distance of lines, or so far from one that squares of it overflow."""
+    from dic.errors import CalibrationError
+
+    if not 1e-6 <= pitch_mm <= 1e6:
+        raise CalibrationError(
+            "settings",
+            "pitch",
+            expected="a positive pitch, from 1e-06 to 1e+06 mm",
+            got=f"{pitch_mm:g} mm",
+            remedy="correct --pitch-mm",
+        )
 
 
 def write_points(path: Path, calibration: "Calibration") -> None:

@@ -52,16 +52,22 @@ def correlate(
     """Correlate DEFORMED images with the REFERENCE image.
 
     An image that cannot be measured is named and left out; the others are measured and kept.
-    Status: 0, 1 if an image was measured badly, 2 if one could not be measured.
+    Ctrl-C ends the series after the image at hand, and what was measured is kept. Status: 0, 1 if an image
+    was measured badly, 2 if one could not be measured.
     """
     from dic.calibration import Calibration
-    from dic.commands.console import fail, progress
+    from dic.commands.console import fail, progress, say, stopping_between
+    from dic.commands.places import require_places
     from dic.correlate import Correlator
     from dic.errors import MeasurementError
     from dic.images import read_image
     from dic.settings import CorrelationSettings
+    from dic.strain import check_window
 
     settings = CorrelationSettings(subset_px=subset, step_px=step, order=spline, min_zncc=min_zncc)
+    check_window(strain_window)
+    files = _SeriesFiles(output, csv_folder, maps_folder, deformed)
+    require_places([reference, *deformed, calibration_file, roi], [json_file, *files.all()])
     calibration = None if calibration_file is None else Calibration.load(calibration_file)
     image = read_image(reference)
     if calibration is not None:
@@ -69,14 +75,19 @@ def correlate(
     region = None if roi is None else _read_region(roi)
     correlator = Correlator(image, region, settings)
 
-    results = _Outputs(image, settings, output, csv_folder, maps_folder, deformed)
-    summaries, failures, previous = [], [], None
-    with results, progress("correlating", len(deformed)) as advance:
-        for path in deformed:
+    results = _Outputs(image, settings, files)
+    summaries, failures, bad, previous = [], [], [], None
+    with results, progress("correlating", len(deformed)) as advance, stopping_between() as stopped:
+        for number, path in enumerate(deformed):
+            if stopped():
+                rest = f"stopped by a signal, {len(deformed) - number} of {len(deformed)} images not measured"
+                failures.append({"file": str(path), "error": rest})
+                fail(f"{path}: {rest}; those before it are kept")
+                break
             try:
                 field = correlator.correlate(read_image(path), previous=previous)
                 measurement = _measure(path, field, calibration, strain_window)
-                results.write(path, measurement)
+                results.write(number, measurement)
             except MeasurementError as error:
                 failures.append({"file": str(path), "error": str(error)})
                 fail(f"{path}: {error}" if str(path) not in str(error) else str(error))
@@ -85,13 +96,14 @@ def correlate(
                 advance()
             previous = field
             summaries.append(measurement.summary() | {"good": measurement.good})
-            click.echo(_line(summaries[-1]))
+            say(_line(summaries[-1]))
+            if measurement.objection is not None:
+                bad.append(f"{path}: measured, but {measurement.objection}")
     if json_file is not None:
         content = {"reference": str(reference), "settings": vars(settings), "images": summaries}
         json_file.write_text(json.dumps(content | {"failures": failures}, indent=1), encoding="utf-8")
-    bad = [s["file"] for s in summaries if not s["good"]]
-    for file in bad:
-        fail(f"{file}: measured, but fewer than half of the points in view converged; see its statuses")
+    for sentence in bad:
+        fail(sentence)
     context.exit(2 if failures else 1 if bad else 0)
 
 
@@ -132,31 +144,44 @@ def _require_calibration_fits(calibration: "Calibration", shape: tuple[int, ...]
         )
 
 
-class _Outputs:
-    """The files a series leaves behind, each only if it was asked for."""
+class _SeriesFiles:
+    """The names of the files a series leaves behind, each only if it was asked for.
+
+    Images of the same name, from several folders or given twice, are told apart by their number.
+    """
 
     def __init__(
         self,
-        image: Any,
-        settings: Any,
         output: Path | None,
         csv_folder: Path | None,
         maps_folder: Path | None,
         deformed: tuple[Path, ...],
     ) -> None:
-        from dic.results import ResultWriter
-
-        self._image, self._settings = image, settings
-        self._csv, self._maps = csv_folder, maps_folder
         for folder in (csv_folder, maps_folder):
             if folder is not None:
                 folder.mkdir(parents=True, exist_ok=True)
-        self._writer = None if output is None else ResultWriter(output)
-        twice = {stem for stem, count in Counter(path.stem for path in deformed).items() if count > 1}
-        self._names = {
-            path: f"{number:04d}_{path.stem}" if path.stem in twice else path.stem
+        stems = Counter(path.stem for path in deformed)
+        names = [
+            f"{number:04d}_{path.stem}" if stems[path.stem] > 1 else path.stem
             for number, path in enumerate(deformed, 1)
-        }
+        ]
+        self.output = output
+        self.csv = [] if csv_folder is None else [csv_folder / f"{name}.csv" for name in names]
+        self.maps = [] if maps_folder is None else [maps_folder / f"{name}.png" for name in names]
+
+    def all(self) -> list[Path]:
+        """Return every file of the series."""
+        return [*([] if self.output is None else [self.output]), *self.csv, *self.maps]
+
+
+class _Outputs:
+    """Writes the files of a series, image by image."""
+
+    def __init__(self, image: Any, settings: Any, files: _SeriesFiles) -> None:
+        from dic.results import ResultWriter
+
+        self._image, self._settings, self._files = image, settings, files
+        self._writer = None if files.output is None else ResultWriter(files.output)
 
     def __enter__(self) -> None:
         if self._writer is not None:
@@ -166,18 +191,19 @@ class _Outputs:
         if self._writer is not None:
             self._writer.__exit__(*error)
 
-    def write(self, path: Path, measurement: "Measurement") -> None:
-        """Write one image's measurement to every file that was asked for."""
+    def write(self, number: int, measurement: "Measurement") -> None:
+        """Write the measurement of the image `number` to every file that was asked for."""
         from dic.csv_files import write_csv
         from dic.maps import write_maps
 
         if self._writer is not None:
             self._writer.add("series", measurement, self._settings)
-        if self._csv is not None:
-            write_csv(self._csv / f"{self._names[path]}.csv", measurement.field, measurement.calibrated)
-        if self._maps is not None:
-            title = f"{path.name}, subset {self._settings.subset_px} px, step {self._settings.step_px} px"
-            write_maps(self._maps / f"{self._names[path]}.png", measurement, self._image, title)
+        if self._files.csv:
+            write_csv(self._files.csv[number], measurement.field, measurement.calibrated)
+        if self._files.maps:
+            name = Path(measurement.label).name
+            title = f"{name}, subset {self._settings.subset_px} px, step {self._settings.step_px} px"
+            write_maps(self._files.maps[number], measurement, self._image, title)
 
 
 def _line(summary: dict[str, Any]) -> str:

@@ -34,27 +34,29 @@ def process(
 
     Status: 0, 1 if a step was measured badly, 2 if one could not be measured.
     """
-    from dic.commands.console import counted_progress, fail
+    from dic.commands.console import counted_progress, fail, say
+    from dic.commands.places import require_places
     from dic.process import process_run
     from dic.report import write_report
     from dic.run_results import save_run_result
     from dic.settings import CorrelationSettings
 
     settings = CorrelationSettings(subset_px=subset, step_px=step)
+    output = output or run.with_suffix(".results.h5")
+    require_places([run], [output, report_file, json_file])
     with counted_progress("correlating") as (on_count, on_image):
         result = process_run(run, settings, on_image=on_image, on_count=on_count)
-    output = output or run.with_suffix(".results.h5")
     save_run_result(result, output)
-    click.echo(table(result))
-    click.echo(f"results: {output}")
+    say(table(result))
+    say(f"results: {output}")
     if report_file is not None:
         write_report([result], report_file)
-        click.echo(f"report: {report_file}")
+        say(f"report: {report_file}")
     if json_file is not None:
         json_file.write_text(json.dumps(as_dict(result), indent=1), encoding="utf-8")
     failures = [failure for camera in result.cameras for failure in camera.failures]
     bad = [
-        f"{run}: {camera.camera}, {measurement.label}: fewer than half of the points in view converged"
+        f"{run}: {camera.camera}, {measurement.label}: measured, but {measurement.objection}"
         for camera in result.cameras
         for measurement in camera.measurements
         if not measurement.good

@@ -105,6 +105,24 @@ def test_an_output_that_cannot_be_written_is_one_sentence_and_status_2(
     assert capsys.readouterr().err.count("\n") == 1
 
 
+@pytest.mark.parametrize("pitch", ["0", "-1", "inf", "nan", "1e300", "1e-300"])
+def test_a_pitch_that_is_no_length_is_refused(
+    dic: Callable[..., int], picture: tuple[Path, Any], tmp_path: Path, pitch: str
+) -> None:
+    assert dic("calibrate", picture[0], f"--pitch-mm={pitch}", "-o", tmp_path / "cal.h5") == 2
+    assert not (tmp_path / "cal.h5").exists()
+
+
+@pytest.mark.parametrize("option", ["-o", "--points", "--plot", "--json"])
+def test_the_image_is_never_overwritten(
+    dic: Callable[..., int], picture: tuple[Path, Any], option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = picture[0].read_bytes()
+    assert dic("calibrate", picture[0], option, picture[0]) == 2
+    assert "one that is read" in capsys.readouterr().err
+    assert picture[0].read_bytes() == content
+
+
 @pytest.mark.parametrize("lines", ["21", "21x", "axb", "21x21x21", "-4x5"])
 def test_lines_that_are_no_numbers_are_refused(
     dic: Callable[..., int], tmp_path: Path, lines: str, capsys: pytest.CaptureFixture[str]

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import signal
 
 import cv2
 import h5py
@@ -11,6 +12,7 @@ from click.testing import CliRunner
 
 from dic.cli import main
 from dic.commands.correlate import correlate
+from dic.errors import OutputError
 
 P = (2.4, 0.010, 0.0, -1.3, 0.0, -0.004)
 
@@ -93,6 +95,8 @@ def test_an_image_of_another_size_is_refused(folder, tmp_path):
         (["missing.png", "also.png"], "missing.png"),
         (["ref.png", "moved.png", "--subset", "20"], "an odd width"),
         (["ref.png", "moved.png", "--step", "0"], "at least 1 px"),
+        (["ref.png", "moved.png", "--strain-window", "4"], "an odd number of points"),
+        (["ref.png", "moved.png", "-o", "none/r.h5"], "no such folder"),
         (["ref.png", "moved.png", "--roi", "black.png"], "one uniform grey"),
         (["flat.png", "moved.png"], "texture"),
         (["ref.png", "moved.png", "--calibration", "ref.png"], "calibration"),
@@ -120,3 +124,44 @@ def test_a_badly_measured_image_gives_status_1(folder, speckle, tmp_path):
     result = run(folder / "ref.png", tmp_path / "bad.png", "--subset", 21, "--step", 8)
     assert result.exit_code == 1, result.output
     assert "fewer than half" in result.stderr
+
+
+def test_a_stopped_series_keeps_what_it_has_measured(folder, tmp_path, monkeypatch):
+    def interrupted_line(summary):
+        signal.raise_signal(signal.SIGINT)
+        return summary["file"]
+
+    monkeypatch.setattr("dic.commands.correlate._line", interrupted_line)
+    result = run(
+        folder / "ref.png", folder / "moved.png", folder / "still.png", "--subset", 21, "--step", 20,
+        "-o", tmp_path / "r.h5", "--json", tmp_path / "r.json",
+    )  # fmt: skip
+    assert result.exit_code == 2, result.output
+    assert "1 of 2 images not measured" in result.stderr
+    with h5py.File(tmp_path / "r.h5") as file:
+        assert [label.rsplit("/")[-1] for label in file["series/label"].asstr()] == ["moved.png"]
+    content = json.loads((tmp_path / "r.json").read_text())
+    assert [len(content[key]) for key in ("images", "failures")] == [1, 1]
+
+
+@pytest.mark.parametrize("option", ["-o", "--json", "--maps"])
+def test_an_image_is_never_overwritten_by_results(folder, tmp_path, monkeypatch, option):
+    content = (folder / "still.png").read_bytes()
+    for name in ("ref.png", "still.png"):
+        (tmp_path / name).write_bytes(content)
+    monkeypatch.chdir(tmp_path)
+    result = run("ref.png", "still.png", option, "." if option == "--maps" else "still.png")
+    assert isinstance(result.exception, OutputError)
+    assert (tmp_path / "still.png").read_bytes() == content
+
+
+def test_an_image_given_twice_gives_a_table_each(folder, tmp_path):
+    still = folder / "still.png"
+    assert run(folder / "ref.png", still, still, "--step", 40, "--csv", tmp_path).exit_code == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["0001_still.csv", "0002_still.csv"]
+
+
+def test_too_few_points_for_a_strain_are_called_that(folder):
+    result = run(folder / "ref.png", folder / "still.png", "--step", 1000)
+    assert result.exit_code == 1
+    assert "too few for a mean strain" in result.stderr

@@ -1,6 +1,7 @@
 """The commands through their entry point, on the virtual rig with small cameras."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -224,3 +225,27 @@ def test_killed_run_is_verified_with_its_finished_steps(rig, tmp_path):
     assert found["steps"] >= 3
     assert all(camera["damaged"] == [] for camera in found["cameras"].values())
     assert all(camera["in_steps"] == found["steps"] for camera in found["cameras"].values())
+
+
+def test_run_goes_on_when_nobody_reads_what_it_prints(rig, tmp_path, monkeypatch):
+    reader, writer = os.pipe()
+    os.close(reader)
+    rig_file = small_rig(tmp_path, "rotation-10")
+    with os.fdopen(writer, "w") as stream:
+        monkeypatch.setattr(sys, "stdout", stream)
+        status, _, err = rig("run", EXAMPLES / "rotation.toml", "--rig", rig_file, "-o", tmp_path / "run.h5")
+    assert (status, err) == (0, "")
+    with h5py.File(tmp_path / "run.h5") as file:
+        assert file["entry/status"][()] == b"completed"
+
+
+def test_run_is_refused_before_anything_moves_if_its_json_has_no_place(rig, tmp_path):
+    rig_file = small_rig(tmp_path, "rotation-10")
+    run_file = tmp_path / "run.h5"
+    for place, got in ((tmp_path / "none" / "run.json", "no such folder"), (run_file, "one that is read")):
+        status, _, err = rig(
+            "run", EXAMPLES / "rotation.toml", "--rig", rig_file, "-o", run_file, "--json", place
+        )
+        assert status == 2
+        assert got in err
+        assert not run_file.exists()
