@@ -4,6 +4,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,13 +89,21 @@ def process_run(
         on_count(len(run.cameras) * (len(run.series()) - 1))
         # The compiled kernel runs without the interpreter's lock, so threads use all cores.
         with ThreadPoolExecutor() as pool:
-            tasks = [pool.submit(_process_camera, run, name, settings, on_image) for name in run.cameras]
-            cameras = [task.result() for task in tasks]
+            stopped = Event()
+            tasks = [
+                pool.submit(_process_camera, run, name, settings, on_image, stopped) for name in run.cameras
+            ]
+            try:
+                cameras = [task.result() for task in tasks]
+            except BaseException:
+                # The pool waits for its threads: without this an interrupt takes as long as the whole run.
+                stopped.set()
+                raise
         return RunResult(str(path), run.info, settings, cameras)
 
 
 def _process_camera(
-    run: RunFile, camera: str, settings: CorrelationSettings, on_image: Callable[[], None]
+    run: RunFile, camera: str, settings: CorrelationSettings, on_image: Callable[[], None], stopped: Event
 ) -> CameraResult:
     calibration = _calibrate(run, camera)
     first, *others = run.series()
@@ -105,6 +114,8 @@ def _process_camera(
     steps, measurements, failures = [], [], []
     previous: Field | None = None
     for step in others:
+        if stopped.is_set():
+            break
         label = f"step {step.index}"
         try:
             image = run.image(camera, step)

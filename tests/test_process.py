@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import h5py
@@ -167,3 +168,26 @@ def test_a_result_file_that_is_none_is_refused(run_file, tmp_path):
     for path, word in ((tmp_path / "none.h5", "no such file"), (run_file, "another kind")):
         with pytest.raises(RunFileError, match=word):
             load_run_result(path)
+
+
+def test_an_interrupt_does_not_wait_for_the_rest_of_the_run(run_file):
+    images, interrupted = [], threading.Event()
+
+    def interrupt(number, frame):
+        interrupted.set()
+        raise KeyboardInterrupt
+
+    def on_image():
+        images.append(1)
+        if len(images) == 1:
+            signal.raise_signal(signal.SIGINT)
+            assert interrupted.wait(10)
+
+    expected = []
+    before = signal.signal(signal.SIGINT, interrupt)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            process_run(run_file, COARSE, on_image=on_image, on_count=expected.append)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert len(images) < expected[0]

@@ -62,7 +62,7 @@ def _status(command: click.Command, foreseen: tuple[type[Exception], ...], prefi
             error.show()
         return error.exit_code
     except (click.Abort, KeyboardInterrupt):
-        sentence = "interrupted before the end; what was finished is on file"
+        sentence = "interrupted before the end"
     except foreseen as error:
         sentence = str(error)
     except OSError as error:
