@@ -180,7 +180,7 @@ def test_an_interrupt_does_not_wait_for_the_rest_of_the_run(run_file):
     def on_image():
         images.append(1)
         if len(images) == 1:
-            signal.raise_signal(signal.SIGINT)
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
             assert interrupted.wait(10)
 
     expected = []
