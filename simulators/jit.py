@@ -14,5 +14,9 @@ def compiled(function: F) -> F:
     Numba's disk cache watches only the file the function stands in, so a compiled function may call
     compiled functions of its own file only; otherwise an edit elsewhere would leave stale machine code.
     """
-    result: F = numba.njit(cache=True, nogil=True)(function)
+    try:
+        result: F = numba.njit(cache=True, nogil=True)(function)
+    except RuntimeError:
+        # Nowhere to keep it: installed by another user, and no home to write to.
+        result = numba.njit(nogil=True)(function)
     return result
