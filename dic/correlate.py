@@ -1,6 +1,9 @@
 """Correlate deformed images with their reference: fields of displacements in pixels."""
 
+import os
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +15,10 @@ from dic.field import Field, Status
 from dic.region import checked_region, place_points, textured
 from dic.seeds import SEARCH_RADII_PX, feature_motion, homography_warps, search
 from dic.settings import CorrelationSettings
-from dic.spline import spline_image
+from dic.spline import halfway_noise_gain, spline_image
 
 Float = NDArray[np.float64]
 Grey = NDArray[np.float32]
-Solved = tuple[Float, Float, NDArray[np.int8], NDArray[np.int16]]
 
 SEEDS = 48
 """Points tried first; propagation starts from those that converge."""
@@ -24,6 +26,40 @@ SEEDS = 48
 _FEWEST_SEEDS = 3
 _ENOUGH_SEEDS = 0.3
 """Share of the seeds in view that must converge before a way of guessing is believed."""
+
+
+class Solution(NamedTuple):
+    """What IC-GN found, for points in a row or on a grid, in the order in which the kernel takes it."""
+
+    warps: Float
+    deviations: Float
+    status: NDArray[np.int8]
+    zncc: Float
+    iterations: NDArray[np.int16]
+
+    @classmethod
+    def empty(cls, shape: tuple[int, ...], parameters: int) -> "Solution":
+        """Return a solution of so many points that knows nothing yet."""
+        return cls(
+            np.zeros((*shape, parameters)),
+            np.full((*shape, 6), np.nan),
+            np.full(shape, Status.NOT_REACHED, np.int8),
+            np.full(shape, np.nan),
+            np.zeros(shape, np.int16),
+        )
+
+    def put(self, where: tuple[NDArray[np.int64], ...], part: "Solution") -> None:
+        """Write the solution of some points in their places."""
+        self.warps[where], self.deviations[where] = part.warps, part.deviations
+        self.status[where], self.zncc[where] = part.status, part.zncc
+        self.iterations[where] = part.iterations
+
+    def rows(self, first: int, last: int) -> "Solution":
+        """Return a view of some rows of a grid."""
+        part = slice(first, last)
+        return Solution(
+            self.warps[part], self.deviations[part], self.status[part], self.zncc[part], self.iterations[part]
+        )
 
 
 class Correlator:
@@ -39,6 +75,8 @@ class Correlator:
     settings : CorrelationSettings
     clip : bool
         Whether subsets are clipped at the region's edge, as they must be where the surface ends there.
+    threads : int
+        How many to work with; 0 for as many as there are processors.
 
     Raises
     ------
@@ -53,6 +91,7 @@ class Correlator:
         settings: CorrelationSettings | None = None,
         *,
         clip: bool = True,
+        threads: int = 0,
     ) -> None:
         self.settings = settings or CorrelationSettings()
         _refuse_unusable(reference, "reference image", self.settings.subset_px)
@@ -73,7 +112,10 @@ class Correlator:
             self.settings.min_zncc,
             self.settings.tolerance_px,
             self.settings.max_iterations,
+            halfway_noise_gain(self.settings.order),
         )
+        self._shape = (0.0,) * self.settings.parameters
+        self._threads = threads or len(os.sched_getaffinity(0))
 
     def correlate(self, deformed: Grey, *, previous: Field | None = None, hint: Float | None = None) -> Field:
         """Return the displacement field from the reference to `deformed`.
@@ -104,23 +146,22 @@ class Correlator:
         start, seeds, warps = self._first_guess(deformed, coefficients, previous, hint)
         return self._propagate(coefficients, start, seeds, warps)
 
-    def _solve(self, coefficients: Grey, indices: NDArray[np.int64], warps: Float) -> Solved:
-        """Run IC-GN at grid `indices` (n, 2); return warps (n, 6), ZNCC, status and iterations (n,).
+    def _solve(self, coefficients: Grey, indices: NDArray[np.int64], warps: Float) -> Solution:
+        """Run IC-GN at grid `indices` (n, 2) from `warps` (n, 6 or fewer than a warp has: the rest is 0).
 
-        A warp that begins with NaN is no guess: its point stays "not reached".
+        A warp with NaN is no guess: its point stays "not reached".
         """
-        known = np.asarray(np.isfinite(warps).all(axis=1))
-        solved = np.where(known[:, None], warps, 0.0)
-        status = np.full(len(indices), Status.NOT_REACHED, np.int8)
-        zncc, iterations = np.full(len(indices), np.nan), np.zeros(len(indices), np.int16)
-        parts = solved[known], status[known], zncc[known], iterations[known]
+        solution = Solution.empty((len(indices),), self.settings.parameters)
+        known = np.flatnonzero(np.isfinite(warps).all(axis=1))
+        part = Solution.empty((len(known),), self.settings.parameters)
+        part.warps[:, : warps.shape[1]] = warps[known]
         pixels = self._grid.pixels[indices[known, 0], indices[known, 1]]
         points = np.ascontiguousarray(self._points_at(indices)[known])
         kernel.correlate_points(
-            self._reference, coefficients, self._taps, self._limits, points, pixels, *parts
+            self._reference, coefficients, self._taps, self._shape, self._limits, points, pixels, *part
         )
-        solved[known], status[known], zncc[known], iterations[known] = parts
-        return solved, zncc, status, iterations
+        solution.put((known,), part)
+        return solution
 
     def _seed_indices(self) -> NDArray[np.int64]:
         """Return up to `SEEDS` grid indices (row, column) spread over the active points."""
@@ -142,7 +183,7 @@ class Correlator:
             for radius in SEARCH_RADII_PX:
                 yield "hint", search(self._grey, deformed, points, half, radius, hint)
         if previous is not None:
-            yield "previous", previous.warps[indices[:, 0], indices[:, 1]]
+            yield "previous", previous.warps[indices[:, 0], indices[:, 1], :6]
         for radius in SEARCH_RADII_PX[:2]:
             yield "search", search(self._grey, deformed, points, half, radius, np.eye(3))
         motion = feature_motion(self._grey, deformed, self._usable)
@@ -162,7 +203,8 @@ class Correlator:
         best: tuple[int, str, NDArray[np.int64], Float] = (0, "", indices[:0], np.empty((0, 6)))
         fewest = min(_FEWEST_SEEDS, len(points))
         for name, guess in self._guesses(deformed, indices, previous, hint):
-            warps, _, status, _ = self._solve(coefficients, indices, guess)
+            solved = self._solve(coefficients, indices, guess)
+            warps, status = solved.warps[:, :6], solved.status
             good = status == Status.CONVERGED
             good[good] = agreeing_seeds(points[good], warps[good])
             if good.sum() > best[0]:
@@ -184,37 +226,48 @@ class Correlator:
     def _propagate(
         self, coefficients: Grey, start: str, seeds: NDArray[np.int64], seed_warps: Float
     ) -> Field:
-        shape = self._grid.active.shape
-        warps = np.zeros((*shape, kernel.PARAMETERS))
-        status = np.full(shape, Status.NOT_REACHED, np.int8)
-        zncc, iterations = np.full(shape, np.nan), np.zeros(shape, np.int16)
-        pending = self._grid.active.copy()
-        rows, columns = seeds.T
-        solved = self._solve(coefficients, seeds, seed_warps)
-        warps[rows, columns], zncc[rows, columns], status[rows, columns], iterations[rows, columns] = solved
-        pending[rows, columns] = status[rows, columns] != Status.CONVERGED
-        while True:
+        grid = self._grid
+        solution = Solution.empty(grid.active.shape, self.settings.parameters)
+        pending = grid.active.copy()
+        wanted, guess, bands = seeds, seed_warps, self._threads
+        while wanted.size:
+            rows, columns = wanted.T
+            solution.put((rows, columns), self._solve(coefficients, wanted, guess))
+            pending[rows, columns] = solution.status[rows, columns] != Status.CONVERGED
+            self._spread(coefficients, solution, pending, bands)
+            # Bands know nothing of one another: what they leave at their borders is reached afterwards.
+            if bands > 1:
+                bands = 1
+                self._spread(coefficients, solution, pending, bands)
+            wanted = np.argwhere(grid.active & (solution.status == Status.NOT_REACHED))
+            guess = self._from_nearest(wanted, solution.warps, solution.status)
+        converged = grid.active & (solution.status == Status.CONVERGED)
+        agreed = agreeing_field(grid.x, grid.y, solution.warps, converged)
+        solution.status[converged & ~agreed] = Status.INCONSISTENT
+        failed = solution.status != Status.CONVERGED
+        solution.warps[failed] = solution.deviations[failed] = np.nan
+        return Field(
+            grid.x, grid.y, solution.warps, solution.deviations, solution.zncc, solution.iterations,
+            solution.status, grid.active, start,
+        )  # fmt: skip
+
+    def _spread(self, coefficients: Grey, solution: Solution, pending: NDArray[np.bool_], bands: int) -> None:
+        """Propagate over the grid, cut into bands of rows that are worked on side by side."""
+        edges = np.linspace(0, len(self._grid.y), bands + 1).astype(int)
+
+        def work(first: int, last: int) -> None:
+            y, pixels = self._grid.y[first:last], self._grid.pixels[first:last]
             kernel.propagate(
-                self._reference, coefficients, self._taps, self._limits,
-                self._grid.x, self._grid.y, self._grid.pixels, warps, status, zncc, iterations, pending,
+                self._reference, coefficients, self._taps, self._shape, self._limits, self._grid.x, y, pixels,
+                *solution.rows(first, last), pending[first:last],
             )  # fmt: skip
-            islands = np.argwhere(self._grid.active & (status == Status.NOT_REACHED))
-            if not islands.size:
-                break
-            rows, columns = islands.T
-            guess = self._from_nearest(islands, warps, status)
-            solved = self._solve(coefficients, islands, guess)
-            warps[rows, columns], zncc[rows, columns], status[rows, columns], iterations[rows, columns] = (
-                solved
-            )
-            pending[rows, columns] = status[rows, columns] != Status.CONVERGED
-        converged = self._grid.active & (status == Status.CONVERGED)
-        status[converged & ~agreeing_field(self._grid.x, self._grid.y, warps, converged)] = (
-            Status.INCONSISTENT
-        )
-        failed = status != Status.CONVERGED
-        warps[failed], zncc[failed & ~self._grid.active] = np.nan, np.nan
-        return Field(self._grid.x, self._grid.y, warps, zncc, iterations, status, self._grid.active, start)
+
+        if bands == 1:
+            work(0, len(self._grid.y))
+            return
+        with ThreadPoolExecutor(bands) as pool:
+            # The kernel runs without the interpreter's lock; results are asked for so that errors are seen.
+            list(pool.map(work, edges[:-1], edges[1:]))
 
     def _from_nearest(self, indices: NDArray[np.int64], warps: Float, status: NDArray[np.int8]) -> Float:
         """Return guesses (n, 6) at grid `indices`, extrapolated from the nearest converged point."""

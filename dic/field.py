@@ -34,8 +34,11 @@ class Field:
     ----------
     x_px, y_px : ndarray of int, shapes (columns,) and (rows,)
         Where the points are in the reference.
-    warps : ndarray, shape (rows, columns, 6)
-        (u, u_x, u_y, v, v_x, v_y) per point; NaN where the point failed.
+    warps : ndarray, shape (rows, columns, 6 or 12)
+        (u, u_x, u_y, v, v_x, v_y) per point, followed by (u_xx, u_xy, u_yy, v_xx, v_xy, v_yy) if the shape
+        function is quadratic; NaN where the point failed.
+    deviations : ndarray, shape (rows, columns, 6)
+        Standard deviations of the first six, from the noise of the images and the Hessian.
     zncc : ndarray, shape (rows, columns)
     iterations : ndarray of int, shape (rows, columns)
     status : ndarray of int8, shape (rows, columns)
@@ -49,6 +52,7 @@ class Field:
     x_px: NDArray[np.int64]
     y_px: NDArray[np.int64]
     warps: Float
+    deviations: Float
     zncc: Float
     iterations: NDArray[np.int16]
     status: NDArray[np.int8]
@@ -64,6 +68,26 @@ class Field:
     def v_px(self) -> Float:
         """Displacement downwards, (rows, columns)."""
         return self.warps[..., 3]
+
+    @property
+    def gradient(self) -> Float:
+        """Derivatives u_x, u_y, v_x, v_y at the points, (rows, columns, 4)."""
+        return self.warps[..., [1, 2, 4, 5]]
+
+    @property
+    def std_u_px(self) -> Float:
+        """Standard deviation of `u_px`, (rows, columns)."""
+        return self.deviations[..., 0]
+
+    @property
+    def std_v_px(self) -> Float:
+        """Standard deviation of `v_px`, (rows, columns)."""
+        return self.deviations[..., 3]
+
+    @property
+    def std_gradient(self) -> Float:
+        """Standard deviations of `gradient`, (rows, columns, 4)."""
+        return self.deviations[..., [1, 2, 4, 5]]
 
     @property
     def converged(self) -> NDArray[np.bool_]:

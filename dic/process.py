@@ -1,5 +1,6 @@
 """A run file in, a result file out: every camera calibrated, every step correlated."""
 
+import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -109,7 +110,8 @@ def _process_camera(
     first, *others = run.series()
     reference = run.image(camera, first)
     region = _calibrated_region(calibration, reference.shape)
-    correlator = Correlator(reference, region, settings, clip=False)
+    threads = max(1, len(os.sched_getaffinity(0)) // len(run.cameras))
+    correlator = Correlator(reference, region, settings, clip=False, threads=threads)
     turn = _Turn(calibration, first.angle_deg)
     steps, measurements, failures = [], [], []
     previous: Field | None = None

@@ -67,7 +67,10 @@ class ResultWriter:
             "start": field.start,
             "u_px": field.u_px,
             "v_px": field.v_px,
-            "gradient": field.warps[..., [1, 2, 4, 5]],
+            "gradient": field.gradient,
+            "std_u_px": field.std_u_px,
+            "std_v_px": field.std_v_px,
+            "std_gradient": field.std_gradient,
             "zncc": field.zncc,
             "status": field.status,
             "iterations": field.iterations,
@@ -116,6 +119,9 @@ class ResultWriter:
         for name, units in (("u_px", "px"), ("v_px", "px"), ("zncc", "1")):
             growing(name, units, "f8", shape)
         growing("gradient", "1", "f8", (*shape, 4))
+        growing("std_u_px", "px", "f8", shape)
+        growing("std_v_px", "px", "f8", shape)
+        growing("std_gradient", "1", "f8", (*shape, 4))
         growing("status", "1", "u1", shape)
         growing("iterations", "1", "u2", shape)
         for name in _STRAINS:

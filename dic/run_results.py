@@ -97,13 +97,15 @@ def _read_camera(name: str, group: Any) -> CameraResult:
 
 
 def _read_field(series: Any, k: int) -> Field:
-    gradient = series["gradient"][k]
-    parts = [series["u_px"][k], gradient[..., 0], gradient[..., 1]]
-    parts += [series["v_px"][k], gradient[..., 2], gradient[..., 3]]
+    def joined(u: str, v: str, gradient: str) -> Any:
+        slopes = np.moveaxis(series[gradient][k], -1, 0)
+        return np.stack([series[u][k], *slopes[:2], series[v][k], *slopes[2:]], axis=-1)
+
     return Field(
         x_px=series["x_px"][:],
         y_px=series["y_px"][:],
-        warps=np.stack(parts, axis=-1),
+        warps=joined("u_px", "v_px", "gradient"),
+        deviations=joined("std_u_px", "std_v_px", "std_gradient"),
         zncc=series["zncc"][k],
         iterations=series["iterations"][k].astype(np.int16),
         status=series["status"][k].astype(np.int8),

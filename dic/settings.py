@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from dic.errors import CorrelationError
 from dic.spline import ORDERS
 
+SHAPES = {"affine": 6, "quadratic": 12}
+"""Shape functions and the number of their parameters."""
+
 
 @dataclass(frozen=True)
 class CorrelationSettings:
@@ -16,6 +19,9 @@ class CorrelationSettings:
         Width of the square subset, odd.
     step_px : int
         Distance of the points of interest.
+    shape : str
+        Shape function, "affine" or "quadratic". Quadratic ones follow strain that changes within a subset, at
+        about twice the noise.
     order : int
         B-spline order of the interpolation, 3 or 5.
     min_zncc : float
@@ -27,6 +33,7 @@ class CorrelationSettings:
 
     subset_px: int = 31
     step_px: int = 10
+    shape: str = "affine"
     order: int = 5
     min_zncc: float = 0.8
     tolerance_px: float = 1e-4
@@ -41,6 +48,7 @@ class CorrelationSettings:
                 self.subset_px,
             ),
             (self.step_px >= 1, "step", "at least 1 px", self.step_px),
+            (self.shape in SHAPES, "shape function", "affine or quadratic", self.shape),
             (self.order in ORDERS, "spline order", "3 or 5", self.order),
             (0.0 < self.min_zncc < 1.0, "smallest ZNCC", "between 0 and 1", self.min_zncc),
             (self.tolerance_px > 0.0, "tolerance", "above 0 px", self.tolerance_px),
@@ -51,6 +59,11 @@ class CorrelationSettings:
                 raise CorrelationError(
                     "settings", what, expected=expected, got=str(got), remedy="correct the setting"
                 )
+
+    @property
+    def parameters(self) -> int:
+        """Parameters of a warp: 6 or 12."""
+        return SHAPES[self.shape]
 
     @property
     def radius_px(self) -> int:

@@ -70,6 +70,20 @@ def _samples(order: int) -> NDArray[np.float64]:
 
 
 @cache
+def halfway_noise_gain(order: int) -> float:
+    """Return by how much interpolation half-way between two pixels multiplies the variance of white noise.
+
+    It is the sum of the squared weights that the pixels of a row have there: 1 at a pixel, less between.
+    """
+    from scipy.interpolate import BSpline
+
+    half = (order + 1) // 2
+    basis = BSpline.basis_element(np.arange(-half, half + 1), extrapolate=False)
+    taps = np.nan_to_num(basis(np.arange(-half, half) + 0.5))
+    return float(np.sum(np.convolve(_inverse_filter(order), taps) ** 2))
+
+
+@cache
 def _slopes(order: int) -> NDArray[np.float64]:
     """Return the taps that, correlated with coefficients, give the spline's derivative at the integers.
 

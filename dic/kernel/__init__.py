@@ -4,12 +4,11 @@ Read it in this order: `layout` (how images lie in memory), `vectors` (what one 
 (sums over a subset), `icgn` (one point), `propagation` (many points).
 """
 
-from dic.kernel.icgn import PARAMETERS, Limits
+from dic.kernel.icgn import Limits
 from dic.kernel.layout import Reference, lay_coefficients, lay_reference
 from dic.kernel.propagation import correlate_points, propagate
 
 __all__ = [
-    "PARAMETERS",
     "Limits",
     "Reference",
     "correlate_points",

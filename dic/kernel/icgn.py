@@ -1,11 +1,15 @@
-"""The inverse compositional Gauss-Newton method (IC-GN) for one point, with affine shape functions.
+"""The inverse compositional Gauss-Newton method (IC-GN) for one point.
 
 It minimises the zero-mean normalised sum of squared differences (ZNSSD):
 B. Pan, K. Li, W. Tong, "Fast, robust and accurate digital image correlation calculation without redundant
-computations", Experimental Mechanics 53 (2013) 1277-1289.
+computations", Experimental Mechanics 53 (2013) 1277-1289; with quadratic shape functions: Y. Gao et al.,
+"High-efficiency and high-accuracy digital image correlation for three-dimensional measurement",
+Optics and Lasers in Engineering 65 (2015) 73-80.
 
-A warp is the vector p = (u, u_x, u_y, v, v_x, v_y): the subset pixel at (x, y) from the point of the
-reference is seen u + u_x x + u_y y further right and v + v_x x + v_y y further down in the deformed image.
+A warp is the vector p = (u, u_x, u_y, v, v_x, v_y), which quadratic ones continue with (u_xx, u_xy, u_yy,
+v_xx, v_xy, v_yy): the subset pixel at (x, y) from the point of the reference is seen
+u + u_x x + u_y y + u_xx x²/2 + u_xy xy + u_yy y²/2 further right in the deformed image, and with v likewise
+further down.
 """
 
 from typing import NamedTuple
@@ -14,36 +18,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.field import Status
+from dic.kernel import moments as m
 from dic.kernel.jit import compiled
 from dic.kernel.layout import Reference
-from dic.kernel.moments import (
-    FF,
-    FG,
-    FX,
-    FX_F,
-    FY,
-    FY_F,
-    GG,
-    MOMENTS,
-    REFERENCE_MOMENTS,
-    F,
-    Flat,
-    G,
-    Taps,
-    moments_of_any_warp,
-    moments_of_smooth_warp,
-    reference_moments,
-)  # fmt: skip
 
+Flat = NDArray[np.float32]
 Float = NDArray[np.float64]
 
 CONVERGED, NO_TEXTURE = int(Status.CONVERGED), int(Status.NO_TEXTURE)
 OUT_OF_VIEW, NOT_CONVERGED = int(Status.OUT_OF_VIEW), int(Status.NOT_CONVERGED)
 LOW_CORRELATION = int(Status.LOW_CORRELATION)
 
-PARAMETERS = 6
 EDGE_PX = 2
 """Pixels along the deformed image's edge that are not used: the spline guesses what follows there."""
+
+# For each parameter: whether it moves along x (0) or y (1), and powers of x and y and factor of its monomial.
+_SIDE = np.array([0, 0, 0, 1, 1, 1, 0, 0, 0, 1, 1, 1])
+_POWER_X = np.array([0, 1, 0, 0, 1, 0, 2, 1, 0, 2, 1, 0])
+_POWER_Y = np.array([0, 0, 1, 0, 0, 1, 0, 1, 2, 0, 1, 2])
+_FACTOR = np.array([1, 1, 1, 1, 1, 1, 0.5, 1, 0.5, 0.5, 1, 0.5])
 
 
 class Limits(NamedTuple):
@@ -53,6 +46,7 @@ class Limits(NamedTuple):
     min_zncc: float
     tolerance_px: float
     max_iterations: int
+    noise_gain: float
 
 
 class Workspace(NamedTuple):
@@ -71,21 +65,28 @@ class Workspace(NamedTuple):
 
 
 @compiled
-def workspace(r: int) -> Workspace:
+def workspace(r: int, shape: m.Shape) -> Workspace:
     """Return memory for subsets of radius `r`."""
-    n = 2 * r + 1
+    n, k = 2 * r + 1, len(shape)
     return Workspace(
-        np.empty((PARAMETERS, PARAMETERS)),
-        np.empty(PARAMETERS),
-        np.empty(PARAMETERS),
-        np.empty(PARAMETERS),
-        np.empty(PARAMETERS),
-        np.empty(PARAMETERS, np.float32),
-        np.empty(REFERENCE_MOMENTS, np.float32),
-        np.empty(MOMENTS, np.float32),
+        np.empty((k, k)),
+        np.empty(k),
+        np.empty(k),
+        np.empty(k),
+        np.empty(k),
+        np.empty(k, np.float32),
+        np.empty(m.REFERENCE_MOMENTS, np.float32),
+        np.empty(m.MOMENTS, np.float32),
         np.empty((2, n), np.float32),
         np.empty((2, n), np.int64),
     )
+
+
+@compiled
+def _monomial(power_x: int, power_y: int) -> int:
+    """Return the place of x^power_x y^power_y among the monomials."""
+    degree = power_x + power_y
+    return degree * (degree + 1) // 2 + power_y
 
 
 @compiled
@@ -96,25 +97,24 @@ def _normal_matrix(Q: Flat, n: int, H: Float, s: Float, t: Float) -> tuple[float
     (offset and gain of the grey levels) to which the ZNSSD is blind. The right-hand side stays the classic
     one, so the result is the same and fewer iterations find it.
     """
-    mean = Q[F] / n
-    norm2 = Q[FF] - Q[F] * mean
-    for i in range(3):
-        for j in range(3):
-            k = i + j if i * j == 0 else i + j + 1
-            H[i, j], H[i, j + 3], H[i + 3, j + 3] = Q[k], Q[k + 6], Q[k + 12]
-            H[i + 3, j] = Q[k + 6]
-        s[i], s[i + 3] = Q[FX + i], Q[FY + i]
-        t[i], t[i + 3] = Q[FX_F + i] - mean * s[i], Q[FY_F + i] - mean * s[i + 3]
-    for i in range(PARAMETERS):
-        for j in range(PARAMETERS):
-            H[i, j] -= s[i] * s[j] / n + t[i] * t[j] / norm2
+    mean = Q[m.F] / n
+    norm2 = Q[m.FF] - Q[m.F] * mean
+    for i in range(len(s)):
+        k = _monomial(_POWER_X[i], _POWER_Y[i]) + 6 * _SIDE[i]
+        s[i] = _FACTOR[i] * Q[m.FX + k]
+        t[i] = _FACTOR[i] * Q[m.FX_F + k] - mean * s[i]
+    for i in range(len(s)):
+        for j in range(i + 1):
+            k = _monomial(_POWER_X[i] + _POWER_X[j], _POWER_Y[i] + _POWER_Y[j])
+            product = Q[m.PRODUCTS + 15 * (_SIDE[i] + _SIDE[j]) + k]
+            H[i, j] = _FACTOR[i] * _FACTOR[j] * product - s[i] * s[j] / n - t[i] * t[j] / norm2
     return mean, norm2
 
 
 @compiled
 def _cholesky(A: Float) -> bool:
     """Replace the lower triangle of `A` by its Cholesky factor; False if `A` is not positive definite."""
-    for i in range(PARAMETERS):
+    for i in range(len(A)):
         limit = 1e-6 * A[i, i]
         for j in range(i + 1):
             s = A[i, j]
@@ -132,21 +132,21 @@ def _cholesky(A: Float) -> bool:
 @compiled
 def _solve(L: Float, b: Float, x: Float) -> None:
     """Solve L L' x = b."""
-    for i in range(PARAMETERS):
+    for i in range(len(b)):
         s = b[i]
         for j in range(i):
             s -= L[i, j] * x[j]
         x[i] = s / L[i, i]
-    for i in range(PARAMETERS - 1, -1, -1):
+    for i in range(len(b) - 1, -1, -1):
         s = x[i]
-        for j in range(i + 1, PARAMETERS):
+        for j in range(i + 1, len(b)):
             s -= L[j, i] * x[j]
         x[i] = s / L[i, i]
 
 
 @compiled
 def _compose_inverse(p: Float, d: Float) -> None:
-    """Replace the warp p by p ∘ d⁻¹."""
+    """Replace the affine warp p by p ∘ d⁻¹."""
     a, b, c, e = 1.0 + d[1], d[2], d[4], 1.0 + d[5]
     det = a * e - b * c
     ia, ib, ic, ie = e / det, -b / det, -c / det, a / det
@@ -159,10 +159,91 @@ def _compose_inverse(p: Float, d: Float) -> None:
 
 
 @compiled
+def _square_matrix(p: Float, W: Float) -> None:
+    """Write the matrix by which a quadratic warp takes (x², xy, y², x, y, 1) to the same of the warped pixel.
+
+    Gao et al. (2015), equation 12; terms above the second degree are dropped.
+    """
+    u, ux, uy, v, vx, vy = p[0], p[1], p[2], p[3], p[4], p[5]
+    uxx, uxy, uyy, vxx, vxy, vyy = p[6], p[7], p[8], p[9], p[10], p[11]
+    a, e = 1.0 + ux, 1.0 + vy
+    W[0, 0], W[0, 1], W[0, 2] = a * a + u * uxx, 2 * (u * uxy + a * uy), uy * uy + u * uyy
+    W[0, 3], W[0, 4], W[0, 5] = 2 * u * a, 2 * u * uy, u * u
+    W[1, 0] = (v * uxx + u * vxx) / 2 + a * vx
+    W[1, 1] = a * e + uy * vx + v * uxy + u * vxy
+    W[1, 2] = (v * uyy + u * vyy) / 2 + uy * e
+    W[1, 3], W[1, 4], W[1, 5] = v * a + u * vx, u * e + v * uy, u * v
+    W[2, 0], W[2, 1], W[2, 2] = vx * vx + v * vxx, 2 * (v * vxy + vx * e), e * e + v * vyy
+    W[2, 3], W[2, 4], W[2, 5] = 2 * v * vx, 2 * v * e, v * v
+    W[3, 0], W[3, 1], W[3, 2], W[3, 3], W[3, 4], W[3, 5] = uxx / 2, uxy, uyy / 2, a, uy, u
+    W[4, 0], W[4, 1], W[4, 2], W[4, 3], W[4, 4], W[4, 5] = vxx / 2, vxy, vyy / 2, vx, e, v
+    W[5, 0], W[5, 1], W[5, 2], W[5, 3], W[5, 4], W[5, 5] = 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
+
+
+@compiled
+def _compose_inverse_quadratic(p: Float, d: Float) -> None:
+    """Replace the quadratic warp p by p ∘ d⁻¹, up to the third power of the small step d.
+
+    (I + D)⁻¹ = I - D + D² - … ; what is left out vanishes with the last step, so the result is not changed.
+    """
+    W, D = np.empty((6, 6)), np.empty((6, 6))
+    _square_matrix(p, W)
+    _square_matrix(d, D)
+    for i in range(6):
+        D[i, i] -= 1.0
+    once, twice = np.empty(6), np.empty(6)
+    for side in range(2):
+        row = W[3 + side]
+        for j in range(6):
+            once[j] = 0.0
+            for k in range(6):
+                once[j] += row[k] * D[k, j]
+        for j in range(6):
+            twice[j] = 0.0
+            for k in range(6):
+                twice[j] += once[k] * D[k, j]
+        at = 3 * side
+        p[at] = row[5] - once[5] + twice[5]
+        p[at + 1], p[at + 2] = row[3] - once[3] + twice[3], row[4] - once[4] + twice[4]
+        p[at + 1 + side] -= 1.0
+        p[at + 6] = 2.0 * (row[0] - once[0] + twice[0])
+        p[at + 7] = row[1] - once[1] + twice[1]
+        p[at + 8] = 2.0 * (row[2] - once[2] + twice[2])
+
+
+@compiled
+def extrapolate(p: Float, dx: float, dy: float, q: Float) -> None:
+    """Write into q the warp that p predicts for the point (dx, dy) further on."""
+    q[:] = p
+    for at in (0, 3):
+        q[at] += p[at + 1] * dx + p[at + 2] * dy
+        if len(p) > 6:
+            xx, xy, yy = p[at + 6], p[at + 7], p[at + 8]
+            q[at] += xx * dx * dx / 2 + xy * dx * dy + yy * dy * dy / 2
+            q[at + 1] += xx * dx + xy * dy
+            q[at + 2] += xy * dx + yy * dy
+
+
+@compiled
+def _step_length_px(d: Float, r: int) -> float:
+    """Return how far a step moves the edge of the subset, at most about."""
+    square = d[0] ** 2 + d[3] ** 2 + r * r * (d[1] ** 2 + d[2] ** 2 + d[4] ** 2 + d[5] ** 2)
+    for i in range(6, len(d)):
+        square += (_FACTOR[i] * r * r * d[i]) ** 2
+    return float(np.sqrt(square))
+
+
+@compiled
 def _in_view(image: Reference, x: int, y: int, r: int, p: Float) -> bool:
-    """Tell whether the warped subset, whose corners are its farthest points, stays in the image."""
+    """Tell whether the warped subset stays in the image, by its corners and what curvature may add."""
     reach_x = r * (abs(1.0 + p[1]) + abs(p[2]))
     reach_y = r * (abs(p[4]) + abs(1.0 + p[5]))
+    for i in range(6, len(p)):
+        bulge = _FACTOR[i] * r * r * abs(p[i])
+        if _SIDE[i] == 0:
+            reach_x += bulge
+        else:
+            reach_y += bulge
     to_x, to_y = x + p[0], y + p[3]
     across = to_x - reach_x >= EDGE_PX and to_x + reach_x < image.width - EDGE_PX - 1
     down = to_y - reach_y >= EDGE_PX and to_y + reach_y < image.height - EDGE_PX - 1
@@ -170,21 +251,65 @@ def _in_view(image: Reference, x: int, y: int, r: int, p: Float) -> bool:
 
 
 @compiled
+def _is_smooth(p: Float, r: int) -> bool:
+    """Tell whether 16 pixels of any row of the subset move alike to within a pixel."""
+    steepest_x, steepest_y = abs(p[1]), abs(p[4])
+    if len(p) > 6:
+        steepest_x += r * (abs(p[6]) + abs(p[7]))
+        steepest_y += r * (abs(p[9]) + abs(p[10]))
+    return bool(16.0 * max(steepest_x, steepest_y) < 1.0)
+
+
+@compiled
+def _deviations(L: Float, variance: float, y: Float, deviations: Float) -> None:
+    """Write the standard deviations of the first six parameters: of variance × (L L')⁻¹, the diagonal."""
+    for k in range(6):
+        square = 0.0
+        for i in range(k, len(y)):
+            s = 1.0 if i == k else 0.0
+            for j in range(k, i):
+                s -= L[i, j] * y[j]
+            y[i] = s / L[i, i]
+            square += y[i] * y[i]
+        deviations[k] = np.sqrt(variance * square)
+
+
+@compiled
+def _noise_variance(residual2: float, n: int, p: Float, r: int, noise_gain: float) -> float:
+    """Return twice the variance of the images' noise, as the residuals of n pixels of a subset tell.
+
+    Both images have it. Interpolation between pixels damps that of the deformed one, to `noise_gain` half-way
+    and by the cosine in between, though not that which a displacement feels: it is put back.
+    """
+    damping = 1.0
+    for at in (0, 3):
+        # A gradient passes several sub-pixel positions within the subset, which averages the cosine.
+        swing = np.cos(2.0 * np.pi * p[at]) * np.sinc(2.0 * r * p[at + 1]) * np.sinc(2.0 * r * p[at + 2])
+        damping *= (1.0 + noise_gain + (1.0 - noise_gain) * swing) / 2.0
+    return 2.0 * residual2 / (n - len(p) - 2) / (1.0 + damping)
+
+
+@compiled
 def correlate_point(
     image: Reference,
     c: Flat,
-    taps: Taps,
+    taps: m.Taps,
+    shape: m.Shape,
     limits: Limits,
     x: int,
     y: int,
     pixels: int,
     p: Float,
+    deviations: Float,
     work: Workspace,
 ) -> tuple[int, float, int]:
-    """Improve the warp `p` of one point in place; return its status, ZNCC and number of iterations."""
+    """Improve the warp `p` of one point in place; return its status, ZNCC and number of iterations.
+
+    `deviations` takes the standard deviations of the first six parameters.
+    """
     r, H, s, t, d, b, q, S = limits.radius, work.H, work.s, work.t, work.d, work.b, work.q, work.S
     centre = image.origin + y * image.pitch + x
-    reference_moments(image, centre, r, work.Q)
+    m.reference_moments(image, shape, centre, r, work.Q)
     mean, norm2 = _normal_matrix(work.Q, pixels, H, s, t)
     if not norm2 > 0.0 or not _cholesky(H):
         return NO_TEXTURE, np.nan, 0
@@ -193,31 +318,37 @@ def correlate_point(
     for iteration in range(1, limits.max_iterations + 1):
         if not _in_view(image, x, y, r, p):
             return OUT_OF_VIEW, np.nan, iteration
-        for i in range(PARAMETERS):
+        for i in range(len(p)):
             q[i] = p[i]
-        # The offset within a strip is what the pixel grid moves along with; the rest is the warp's.
-        if 15.0 * max(abs(p[1]), abs(p[4])) < 1.0:
-            moments_of_smooth_warp(image, c, taps, centre, r, q, clipped, work.shift, work.place, S)
+        if _is_smooth(p, r):
+            m.moments_of_smooth_warp(image, c, taps, shape, centre, r, q, clipped, work.shift, work.place, S)
         else:
-            moments_of_any_warp(image, c, taps, centre, r, q, S)
-        g_mean = S[G] / pixels
-        g_norm2 = S[GG] - S[G] * g_mean
+            m.moments_of_any_warp(image, c, taps, shape, centre, r, q, S)
+        g_mean = S[m.G] / pixels
+        g_norm2 = S[m.GG] - S[m.G] * g_mean
         if not g_norm2 > 0.0:
             return LOW_CORRELATION, np.nan, iteration
         gain = np.sqrt(norm2 / g_norm2)
-        zncc = (S[FG] - mean * S[G]) * gain / norm2
-        for i in range(PARAMETERS):
-            b[i] = gain * (S[i] - g_mean * s[i]) - t[i]
+        zncc = (S[m.FG] - mean * S[m.G]) * gain / norm2
+        for i in range(len(p)):
+            k = _monomial(_POWER_X[i], _POWER_Y[i]) + 6 * _SIDE[i]
+            b[i] = gain * (_FACTOR[i] * S[m.FX_G + k] - g_mean * s[i]) - t[i]
         _solve(H, b, d)
-        length = np.sqrt(d[0] ** 2 + d[3] ** 2 + r * r * (d[1] ** 2 + d[2] ** 2 + d[4] ** 2 + d[5] ** 2))
+        length = _step_length_px(d, r)
         if not length < 2.0 * r:
             return NOT_CONVERGED, zncc, iteration
-        _compose_inverse(p, d)
+        if len(shape) == 12:
+            _compose_inverse_quadratic(p, d)
+        else:
+            _compose_inverse(p, d)
         rate = length / last
         last = length
         # Steps shrink by a nearly constant rate, which predicts what all later ones would add.
         if length < limits.tolerance_px or (
             rate < 0.5 and length * rate / (1.0 - rate) < limits.tolerance_px
         ):
+            residual2 = 2.0 * norm2 * max(0.0, 1.0 - zncc)
+            variance = _noise_variance(residual2, pixels, p, r, limits.noise_gain)
+            _deviations(H, variance, d, deviations)
             return (CONVERGED if zncc >= limits.min_zncc else LOW_CORRELATION), zncc, iteration
     return NOT_CONVERGED, zncc, limits.max_iterations

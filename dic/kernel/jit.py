@@ -24,8 +24,13 @@ def compiled(function: Function) -> Function:
 
     Division by zero gives infinity or NaN as in NumPy, and sums keep their written order.
     """
+    options = {"nogil": True, "error_model": "numpy"}
     with _own_cache():
-        return cast(Function, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+        try:
+            return cast(Function, numba.njit(cache=True, **options)(function))
+        except RuntimeError:
+            # Nowhere to keep it: installed by another user, and no home to write to.
+            return cast(Function, numba.njit(**options)(function))
 
 
 def inlined(function: Function) -> Function:

@@ -15,14 +15,16 @@ from dic.kernel.vectors import at_least, blend, fma, load, ramp8, ramp16, select
 Flat = NDArray[np.float32]
 Vector = NDArray[np.float32]
 Taps = tuple[float, ...]
+Shape = tuple[float, ...]
+"""A tuple whose length alone matters, so that code is compiled for it: 4 or 6 taps, 6 or 12 parameters."""
 
-# Moments of the reference, by place: three products of slopes times 1, x, y, x², xy, y²; slopes times f and
-# slopes alone times 1, x, y, each for fx and fy; f and f².
-FX_F, FY_F, FX, FY, F, FF = 18, 21, 24, 27, 30, 31
-REFERENCE_MOMENTS = 32
-# Moments with the deformed image: fx g and fy g times 1, x, y; g, g² and f g.
-G, GG, FG = 6, 7, 8
-MOMENTS = 9
+# Moments of the reference, by place: fx fx, fx fy, fy fy times the fifteen monomials up to the fourth degree;
+# fx f, fy f, fx and fy times the six up to the second; f and f². Monomials are ordered 1; x, y; x², xy, y²; …
+PRODUCTS, FX_F, FY_F, FX, FY, F, FF = 0, 45, 51, 57, 63, 69, 70
+REFERENCE_MOMENTS = 71
+# Moments with the deformed image: fx g and fy g times 1, x, y, x², xy, y²; g, g² and f g.
+FX_G, FY_G, G, GG, FG = 0, 6, 12, 13, 14
+MOMENTS = 15
 
 
 @inlined
@@ -74,47 +76,96 @@ def _weights_of_two(taps: Taps, t: Vector) -> tuple[Vector, ...]:
     )
 
 
+@inlined
+def _add_first(M: Flat, at: int, x: Vector, s0: Vector, s1: Vector) -> None:
+    """Add the moments with 1, x and y of a strip, whose rows were summed times 1 and y."""
+    M[at] += total(s0)
+    M[at + 1] += total(s0 * x)
+    M[at + 2] += total(s1)
+
+
+@inlined
+def _add_second(M: Flat, at: int, x: Vector, s0: Vector, s1: Vector, s2: Vector) -> None:
+    """Add the moments with x², xy and y² of a strip, whose rows were summed times 1, y and y²."""
+    M[at + 3] += total(s0 * x * x)
+    M[at + 4] += total(s1 * x)
+    M[at + 5] += total(s2)
+
+
+@inlined
+def _add_fourth(
+    M: Flat, at: int, x: Vector, s0: Vector, s1: Vector, s2: Vector, s3: Vector, s4: Vector
+) -> None:
+    """Add the moments of the third and fourth degree of a strip, summed times y to the powers 0 to 4."""
+    xx = x * x
+    M[at + 6] += total(s0 * xx * x)
+    M[at + 7] += total(s1 * xx)
+    M[at + 8] += total(s2 * x)
+    M[at + 9] += total(s3)
+    M[at + 10] += total(s0 * xx * xx)
+    M[at + 11] += total(s1 * xx * x)
+    M[at + 12] += total(s2 * xx)
+    M[at + 13] += total(s3 * x)
+    M[at + 14] += total(s4)
+
+
 @compiled
-def _reference_strip(image: Reference, x: Vector, inside: Vector, first: int, r: int, Q: Flat) -> None:
-    """Add one strip of the subset, as wide as the vector of its offsets `x`, to the reference's moments."""
+def _reference_strip(
+    image: Reference, shape: Shape, x: Vector, inside: Vector, first: int, r: int, Q: Flat
+) -> None:
+    """Add one strip of the subset, as wide as the vector of its offsets `x`, to the reference's moments.
+
+    Lanes beyond the subset read its neighbours: `inside` is 1 within and 0 there.
+    """
     zero = splat(x, 0.0)
-    a0, a1, a2, b0, b1, b2, c0, c1, c2 = zero, zero, zero, zero, zero, zero, zero, zero, zero
-    d0, d1, e0, e1, g0, g1, h0, h1, f1, f2 = zero, zero, zero, zero, zero, zero, zero, zero, zero, zero
+    a0, a1, a2, a3, a4 = zero, zero, zero, zero, zero
+    b0, b1, b2, b3, b4 = zero, zero, zero, zero, zero
+    c0, c1, c2, c3, c4 = zero, zero, zero, zero, zero
+    d0, d1, d2, e0, e1, e2 = zero, zero, zero, zero, zero, zero
+    g0, g1, g2, h0, h1, h2, f1, f2 = zero, zero, zero, zero, zero, zero, zero, zero
     place = first
     for j in range(-r, r + 1):
         y = splat(x, j)
-        f, fx, fy = load(x, image.f, place), load(x, image.fx, place), load(x, image.fy, place)
+        f = load(x, image.f, place) * inside
+        fx, fy = load(x, image.fx, place) * inside, load(x, image.fy, place) * inside
         place += image.pitch
+        y2 = y * y
         xx, xy, yy, xf, yf = fx * fx, fx * fy, fy * fy, fx * f, fy * f
-        a0, a1, a2 = a0 + xx, fma(xx, y, a1), fma(xx * y, y, a2)
-        b0, b1, b2 = b0 + xy, fma(xy, y, b1), fma(xy * y, y, b2)
-        c0, c1, c2 = c0 + yy, fma(yy, y, c1), fma(yy * y, y, c2)
+        a0, a1, a2 = a0 + xx, fma(xx, y, a1), fma(xx, y2, a2)
+        b0, b1, b2 = b0 + xy, fma(xy, y, b1), fma(xy, y2, b2)
+        c0, c1, c2 = c0 + yy, fma(yy, y, c1), fma(yy, y2, c2)
         d0, d1, e0, e1 = d0 + xf, fma(xf, y, d1), e0 + yf, fma(yf, y, e1)
         g0, g1, h0, h1 = g0 + fx, fma(fx, y, g1), h0 + fy, fma(fy, y, h1)
         f1, f2 = f1 + f, fma(f, f, f2)
-    # Lanes beyond the subset have read its neighbours: `inside` is 1 within and 0 there.
-    k = 0
-    for s0, s1, s2 in ((a0, a1, a2), (b0, b1, b2), (c0, c1, c2)):
-        s0, s1, s2 = s0 * inside, s1 * inside, s2 * inside
-        Q[k] += total(s0)
-        Q[k + 1] += total(s0 * x)
-        Q[k + 2] += total(s1)
-        Q[k + 3] += total(s0 * x * x)
-        Q[k + 4] += total(s1 * x)
-        Q[k + 5] += total(s2)
-        k += 6
-    for s0, s1 in ((d0, d1), (e0, e1), (g0, g1), (h0, h1)):
-        s0, s1 = s0 * inside, s1 * inside
-        Q[k] += total(s0)
-        Q[k + 1] += total(s0 * x)
-        Q[k + 2] += total(s1)
-        k += 3
-    Q[F] += total(f1 * inside)
-    Q[FF] += total(f2 * inside)
+        if len(shape) == 12:
+            y3, y4 = y2 * y, y2 * y2
+            a3, b3, c3 = fma(xx, y3, a3), fma(xy, y3, b3), fma(yy, y3, c3)
+            a4, b4, c4 = fma(xx, y4, a4), fma(xy, y4, b4), fma(yy, y4, c4)
+            d2, e2, g2, h2 = fma(xf, y2, d2), fma(yf, y2, e2), fma(fx, y2, g2), fma(fy, y2, h2)
+    _add_first(Q, PRODUCTS, x, a0, a1)
+    _add_first(Q, PRODUCTS + 15, x, b0, b1)
+    _add_first(Q, PRODUCTS + 30, x, c0, c1)
+    _add_second(Q, PRODUCTS, x, a0, a1, a2)
+    _add_second(Q, PRODUCTS + 15, x, b0, b1, b2)
+    _add_second(Q, PRODUCTS + 30, x, c0, c1, c2)
+    _add_first(Q, FX_F, x, d0, d1)
+    _add_first(Q, FY_F, x, e0, e1)
+    _add_first(Q, FX, x, g0, g1)
+    _add_first(Q, FY, x, h0, h1)
+    Q[F] += total(f1)
+    Q[FF] += total(f2)
+    if len(shape) == 12:
+        _add_fourth(Q, PRODUCTS, x, a0, a1, a2, a3, a4)
+        _add_fourth(Q, PRODUCTS + 15, x, b0, b1, b2, b3, b4)
+        _add_fourth(Q, PRODUCTS + 30, x, c0, c1, c2, c3, c4)
+        _add_second(Q, FX_F, x, d0, d1, d2)
+        _add_second(Q, FY_F, x, e0, e1, e2)
+        _add_second(Q, FX, x, g0, g1, g2)
+        _add_second(Q, FY, x, h0, h1, h2)
 
 
 @compiled
-def reference_moments(image: Reference, centre: int, r: int, Q: Flat) -> None:
+def reference_moments(image: Reference, shape: Shape, centre: int, r: int, Q: Flat) -> None:
     """Write the moments of the subset around the element `centre` of the reference."""
     Q[:] = 0.0
     left, remaining = -r, 2 * r + 1
@@ -122,11 +173,11 @@ def reference_moments(image: Reference, centre: int, r: int, Q: Flat) -> None:
         first = centre - r * image.pitch + left
         if remaining > 8:
             x = ramp16(left)
-            _reference_strip(image, x, _inside(x, r), first, r, Q)
+            _reference_strip(image, shape, x, _inside(x, r), first, r, Q)
             left, remaining = left + 16, remaining - 16
         else:
             x8 = ramp8(left)
-            _reference_strip(image, x8, _inside(x8, r), first, r, Q)
+            _reference_strip(image, shape, x8, _inside(x8, r), first, r, Q)
             left, remaining = left + 8, remaining - 8
 
 
@@ -138,13 +189,51 @@ def _inside(x: Vector, r: int) -> Vector:
 
 
 @compiled
+def _lay_rows(
+    shape: Shape, pitch: int, left: int, right: int, r: int, p: Flat, shift: Flat, place: NDArray[np.int64]
+) -> None:
+    """Write for each row of a strip where it begins to read, and how the warp lies relative to that place.
+
+    Row 0 of `place` is the offset of the first pixel's cell, row 1 tells whether the strip reaches the next
+    cell across (1), down (2) or both (3). `shift` is what the row adds to the strip's warp, less the cell.
+    """
+    u, ux, uy, v, vx, vy = p[0], p[1], p[2], p[3], p[4], p[5]
+    sag_x, sag_y = np.float32(0.0), np.float32(0.0)
+    if len(shape) == 12:
+        # A parabola leaves the chord between its ends by at most an eighth of curvature times length squared.
+        sag_x = abs(p[6]) * np.float32((right - left) ** 2 / 8)
+        sag_y = abs(p[9]) * np.float32((right - left) ** 2 / 8)
+    for j in range(2 * r + 1):
+        y = np.float32(j - r)
+        row_x, row_y, slope_x, slope_y = uy * y, vy * y, ux, vx
+        begin_x, begin_y, end_x, end_y = u, v, u, v
+        if len(shape) == 12:
+            row_x += np.float32(0.5) * p[8] * y * y
+            row_y += np.float32(0.5) * p[11] * y * y
+            slope_x, slope_y = ux + p[7] * y, vx + p[10] * y
+            begin_x += np.float32(0.5) * p[6] * left * left
+            begin_y += np.float32(0.5) * p[9] * left * left
+            end_x += np.float32(0.5) * p[6] * right * right
+            end_y += np.float32(0.5) * p[9] * right * right
+        begin_x, begin_y = begin_x + slope_x * left + row_x, begin_y + slope_y * left + row_y
+        end_x, end_y = end_x + slope_x * right + row_x, end_y + slope_y * right + row_y
+        column = np.floor(min(begin_x, end_x) - sag_x)
+        row = np.floor(min(begin_y, end_y) - sag_y)
+        shift[0, j], shift[1, j] = row_x - column, row_y - row
+        place[0, j] = np.int64(row) * pitch + np.int64(column)
+        across = max(begin_x, end_x) + sag_x - column >= 1.0
+        down = max(begin_y, end_y) + sag_y - row >= 1.0
+        place[1, j] = np.int64(across) + 2 * np.int64(down)
+
+
+@compiled
 def _strip(
     image: Reference,
     c: Flat,
     taps: Taps,
+    shape: Shape,
     x: Vector,
     left: int,
-    right: int,
     centre: int,
     r: int,
     p: Flat,
@@ -153,54 +242,49 @@ def _strip(
     place: NDArray[np.int64],
     S: Flat,
 ) -> None:
-    """Add one strip to the moments with the deformed image, for a smooth warp.
+    """Add one strip to the moments with the deformed image, for a smooth warp laid out by `_lay_rows`.
 
-    Smooth means that along the strip's row, from offset `left` to `right`, the warp changes by less than one
-    pixel against the grid: all lanes then read neighbouring taps, or, for two pixels at most, one tap more.
+    All lanes of a row read neighbouring taps, or, where the row reaches into the next cell, one tap more.
     """
-    n = 2 * r + 1
-    u, ux, uy, v, vx, vy = p[0], p[1], p[2], p[3], p[4], p[5]
-    low_x, high_x = u + min(ux * left, ux * right), u + max(ux * left, ux * right)
-    low_y, high_y = v + min(vx * left, vx * right), v + max(vx * left, vx * right)
-    for j in range(n):
-        y = np.float32(j - r)
-        column, row = np.floor(low_x + uy * y), np.floor(low_y + vy * y)
-        shift[0, j], shift[1, j] = uy * y - column, vy * y - row
-        place[0, j] = np.int64(row) * image.pitch + np.int64(column)
-        two_x, two_y = high_x + uy * y - column >= 1.0, high_y + vy * y - row >= 1.0
-        place[1, j] = np.int64(two_x) + 2 * np.int64(two_y)
-    zero = splat(x, 0.0)
-    to_x, to_y = fma(splat(x, ux), x, splat(x, u)), fma(splat(x, vx), x, splat(x, v))
-    x0, x1, y0, y1, s1, s2, sf = zero, zero, zero, zero, zero, zero, zero
+    zero, inside = splat(x, 0.0), _inside(x, r)
+    to_x, to_y = fma(splat(x, p[1]), x, splat(x, p[0])), fma(splat(x, p[4]), x, splat(x, p[3]))
+    twist_x, twist_y = zero, zero
+    if len(shape) == 12:
+        half_square = splat(x, 0.5) * x * x
+        to_x, to_y = fma(splat(x, p[6]), half_square, to_x), fma(splat(x, p[9]), half_square, to_y)
+        twist_x, twist_y = splat(x, p[7]) * x, splat(x, p[10]) * x
+    x0, x1, x2, y0, y1, y2, s1, s2, sf = zero, zero, zero, zero, zero, zero, zero, zero, zero
     here = centre - r * image.pitch + left
     first_tap = (len(taps) // 2 - 1) * (image.pitch + 1)
-    for j in range(n):
+    for j in range(2 * r + 1):
+        y = splat(x, j - r)
         tx, ty = to_x + splat(x, shift[0, j]), to_y + splat(x, shift[1, j])
+        if len(shape) == 12:
+            tx, ty = fma(twist_x, y, tx), fma(twist_y, y, ty)
         there = here + place[0, j] - first_tap
-        two = place[1, j]
-        if two == 0:
+        reaches = place[1, j]
+        if reaches == 0:
             g = blend(c, there, image.pitch, _weights(taps, tx), _weights(taps, ty))
-        elif two == 1:
+        elif reaches == 1:
             g = blend(c, there, image.pitch, _weights_of_two(taps, tx), _weights(taps, ty))
-        elif two == 2:
+        elif reaches == 2:
             g = blend(c, there, image.pitch, _weights(taps, tx), _weights_of_two(taps, ty))
         else:
             g = blend(c, there, image.pitch, _weights_of_two(taps, tx), _weights_of_two(taps, ty))
         if clipped:
             g = g * load(x, image.inside, here)
-        y_vector = splat(x, j - r)
         px, py = load(x, image.fx, here) * g, load(x, image.fy, here) * g
-        x0, x1, y0, y1 = x0 + px, fma(px, y_vector, x1), y0 + py, fma(py, y_vector, y1)
+        x0, x1, y0, y1 = x0 + px, fma(px, y, x1), y0 + py, fma(py, y, y1)
+        if len(shape) == 12:
+            x2, y2 = fma(px * y, y, x2), fma(py * y, y, y2)
         s1, s2, sf = s1 + g, fma(g, g, s2), fma(load(x, image.f, here), g, sf)
         here += image.pitch
-    inside = _inside(x, r)
-    x0, y0 = x0 * inside, y0 * inside
-    S[0] += total(x0)
-    S[1] += total(x0 * x)
-    S[2] += total(x1 * inside)
-    S[3] += total(y0)
-    S[4] += total(y0 * x)
-    S[5] += total(y1 * inside)
+    x0, x1, y0, y1 = x0 * inside, x1 * inside, y0 * inside, y1 * inside
+    _add_first(S, FX_G, x, x0, x1)
+    _add_first(S, FY_G, x, y0, y1)
+    if len(shape) == 12:
+        _add_second(S, FX_G, x, x0, x1, x2 * inside)
+        _add_second(S, FY_G, x, y0, y1, y2 * inside)
     S[G] += total(s1 * inside)
     S[GG] += total(s2 * inside)
     S[FG] += total(sf * inside)
@@ -211,6 +295,7 @@ def moments_of_smooth_warp(
     image: Reference,
     c: Flat,
     taps: Taps,
+    shape: Shape,
     centre: int,
     r: int,
     p: Flat,
@@ -219,52 +304,58 @@ def moments_of_smooth_warp(
     place: NDArray[np.int64],
     S: Flat,
 ) -> None:
-    """Write the moments of the subset with the deformed image, 16 or 8 pixels of a row at a time."""
+    """Write the moments of the subset with the deformed image, 16 or 8 pixels of a row at a time.
+
+    Smooth means that the warp changes by less than a pixel against the grid along 16 pixels of a row.
+    """
     S[:] = 0.0
     left, remaining = -r, 2 * r + 1
     while remaining > 0:
         if remaining > 8:
-            right = min(left + 15, r)
-            _strip(image, c, taps, ramp16(left), left, right, centre, r, p, clipped, shift, place, S)
+            _lay_rows(shape, image.pitch, left, min(left + 15, r), r, p, shift, place)
+            _strip(image, c, taps, shape, ramp16(left), left, centre, r, p, clipped, shift, place, S)
             left, remaining = left + 16, remaining - 16
         else:
-            _strip(image, c, taps, ramp8(left), left, r, centre, r, p, clipped, shift, place, S)
+            _lay_rows(shape, image.pitch, left, r, r, p, shift, place)
+            _strip(image, c, taps, shape, ramp8(left), left, centre, r, p, clipped, shift, place, S)
             left, remaining = left + 8, remaining - 8
 
 
 @compiled
-def moments_of_any_warp(image: Reference, c: Flat, taps: Taps, centre: int, r: int, p: Flat, S: Flat) -> None:
+def moments_of_any_warp(
+    image: Reference, c: Flat, taps: Taps, shape: Shape, centre: int, r: int, p: Flat, S: Flat
+) -> None:
     """Write the moments of the subset with the deformed image, pixel by pixel, for large rotations."""
     S[:] = 0.0
-    u, ux, uy, v, vx, vy = p[0], p[1], p[2], p[3], p[4], p[5]
     first_tap = (len(taps) // 2 - 1) * (image.pitch + 1)
-    zero = np.float32(0.0)
+    zero, half = np.float32(0.0), np.float32(0.5)
     for j in range(-r, r + 1):
         y = np.float32(j)
-        x0, x1, y0, y1, s1, s2, sf = zero, zero, zero, zero, zero, zero, zero
+        x0, x1, x2, y0, y1, y2 = zero, zero, zero, zero, zero, zero
+        s1, s2, sf = zero, zero, zero
         for i in range(-r, r + 1):
             here = centre + j * image.pitch + i
-            weight = image.inside[here]
             x = np.float32(i)
-            to_x, to_y = u + ux * x + uy * y, v + vx * x + vy * y
+            to_x, to_y = p[0] + p[1] * x + p[2] * y, p[3] + p[4] * x + p[5] * y
+            if len(shape) == 12:
+                to_x += half * p[6] * x * x + p[7] * x * y + half * p[8] * y * y
+                to_y += half * p[9] * x * x + p[10] * x * y + half * p[11] * y * y
             column, row = np.floor(to_x), np.floor(to_y)
             there = here + np.int64(row) * image.pitch + np.int64(column) - first_tap
             wx, wy = _weights(taps, to_x - column), _weights(taps, to_y - row)
-            g = spread(c, there, image.pitch, wx, wy) * weight
+            g = spread(c, there, image.pitch, wx, wy) * image.inside[here]
             px, py = image.fx[here] * g, image.fy[here] * g
-            x0 += px
-            x1 += px * x
-            y0 += py
-            y1 += py * x
-            s1 += g
-            s2 += g * g
-            sf += image.f[here] * g
-        S[0] += x0
-        S[1] += x1
-        S[2] += x0 * y
-        S[3] += y0
-        S[4] += y1
-        S[5] += y0 * y
+            x0, x1, y0, y1 = x0 + px, x1 + px * x, y0 + py, y1 + py * x
+            if len(shape) == 12:
+                x2, y2 = x2 + px * x * x, y2 + py * x * x
+            s1, s2, sf = s1 + g, s2 + g * g, sf + image.f[here] * g
+        for at, m0, m1, m2 in ((FX_G, x0, x1, x2), (FY_G, y0, y1, y2)):
+            S[at] += m0
+            S[at + 1] += m1
+            S[at + 2] += m0 * y
+            S[at + 3] += m2
+            S[at + 4] += m1 * y
+            S[at + 5] += m0 * y * y
         S[G] += s1
         S[GG] += s2
         S[FG] += sf

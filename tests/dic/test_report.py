@@ -54,7 +54,7 @@ def affine(gradient: np.ndarray, label: str) -> Measurement:
     warps[..., 0], warps[..., 3] = u, -v_up
     ones, yes = np.ones((8, 8)), np.ones((8, 8), bool)
     iterations, status = ones.astype(np.int16), np.zeros((8, 8), np.int8)
-    field = Field(at, at, warps, ones, iterations, status, yes, "search")
+    field = Field(at, at, warps, np.full_like(warps, 0.01), ones, iterations, status, yes, "search")
     return measure(label, field, calibration())
 
 
