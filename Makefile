@@ -5,13 +5,14 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 DEMO := demo
 
-.PHONY: help install demo test test-long lint types laws clean
+.PHONY: help install demo test test-long bench lint types laws clean
 
 help:
 	@echo "make install    the virtual environment in $(VENV)"
 	@echo "make demo       both of the paper's experiments on a virtual rig; report in $(DEMO)/report.html"
 	@echo "make test       lint, types, import laws and the whole suite"
 	@echo "make test-long  campaigns of many minutes"
+	@echo "make bench      speed of correlation beside other engines, and accuracy against theory"
 
 install: $(STAMP)
 
@@ -40,6 +41,10 @@ test: lint types laws
 
 test-long: $(STAMP)
 	$(BIN)/pytest -m long
+
+bench: $(STAMP)
+	$(BIN)/python -m benchmarks.speed --peers
+	$(BIN)/python -m benchmarks.accuracy
 
 clean:
 	rm -rf $(VENV) $(DEMO) build *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
