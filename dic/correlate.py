@@ -29,7 +29,7 @@ _ENOUGH_SEEDS = 0.3
 
 
 class Solution(NamedTuple):
-    """What IC-GN found, for points in a row or on a grid, in the order in which the kernel takes it."""
+    """What IC-GN found on the grid, in the order in which the kernel takes it."""
 
     warps: Float
     deviations: Float
@@ -48,15 +48,8 @@ class Solution(NamedTuple):
             np.zeros(shape, np.int16),
         )
 
-    def put(self, where: tuple[NDArray[np.int64], ...], part: "Solution") -> None:
-        """Write the solution of some points in their places."""
-        self.warps[where], self.deviations[where] = part.warps, part.deviations
-        self.status[where], self.zncc[where] = part.status, part.zncc
-        self.iterations[where] = part.iterations
-
-    def rows(self, first: int, last: int) -> "Solution":
-        """Return a view of some rows of a grid."""
-        part = slice(first, last)
+    def rows(self, part: slice) -> "Solution":
+        """Return a view of some rows."""
         return Solution(
             self.warps[part], self.deviations[part], self.status[part], self.zncc[part], self.iterations[part]
         )
@@ -146,22 +139,36 @@ class Correlator:
         start, seeds, warps = self._first_guess(deformed, coefficients, previous, hint)
         return self._propagate(coefficients, start, seeds, warps)
 
-    def _solve(self, coefficients: Grey, indices: NDArray[np.int64], warps: Float) -> Solution:
-        """Run IC-GN at grid `indices` (n, 2) from `warps` (n, 6 or fewer than a warp has: the rest is 0).
+    def _solve(self, coefficients: Grey, seeds: NDArray[np.int64], warps: Float) -> Solution:
+        """Return what IC-GN finds at `seeds` (n, 2) from `warps` (n, 6), as an otherwise empty grid.
 
         A warp with NaN is no guess: its point stays "not reached".
         """
-        solution = Solution.empty((len(indices),), self.settings.parameters)
-        known = np.flatnonzero(np.isfinite(warps).all(axis=1))
-        part = Solution.empty((len(known),), self.settings.parameters)
-        part.warps[:, : warps.shape[1]] = warps[known]
-        pixels = self._grid.pixels[indices[known, 0], indices[known, 1]]
-        points = np.ascontiguousarray(self._points_at(indices)[known])
-        kernel.correlate_points(
-            self._reference, coefficients, self._taps, self._shape, self._limits, points, pixels, *part
-        )
-        solution.put((known,), part)
+        solution = Solution.empty(self._grid.active.shape, self.settings.parameters)
+        known = np.isfinite(warps).all(axis=1)
+        seeds = np.ascontiguousarray(seeds[known])
+        rows, columns = seeds.T
+        solution.warps[rows, columns, :6] = warps[known]
+        self._run(coefficients, solution, self._grid.active.copy(), seeds, (0, len(self._grid.y)))
         return solution
+
+    def _run(
+        self,
+        coefficients: Grey,
+        solution: Solution,
+        pending: NDArray[np.bool_],
+        seeds: NDArray[np.int64],
+        rows: tuple[int, int],
+        *,
+        spread: bool = False,
+    ) -> None:
+        """Let the kernel work on some rows of the grid."""
+        part = slice(*rows)
+        kernel.correlate_grid(
+            self._reference, coefficients, self._taps, self._shape, self._limits,
+            self._grid.x, self._grid.y[part], self._grid.pixels[part], seeds,
+            *solution.rows(part), pending[part], spread,
+        )  # fmt: skip
 
     def _seed_indices(self) -> NDArray[np.int64]:
         """Return up to `SEEDS` grid indices (row, column) spread over the active points."""
@@ -204,7 +211,8 @@ class Correlator:
         fewest = min(_FEWEST_SEEDS, len(points))
         for name, guess in self._guesses(deformed, indices, previous, hint):
             solved = self._solve(coefficients, indices, guess)
-            warps, status = solved.warps[:, :6], solved.status
+            warps = solved.warps[indices[:, 0], indices[:, 1], :6]
+            status = solved.status[indices[:, 0], indices[:, 1]]
             good = status == Status.CONVERGED
             good[good] = agreeing_seeds(points[good], warps[good])
             if good.sum() > best[0]:
@@ -226,21 +234,20 @@ class Correlator:
     def _propagate(
         self, coefficients: Grey, start: str, seeds: NDArray[np.int64], seed_warps: Float
     ) -> Field:
-        grid = self._grid
+        grid, bands, rows = self._grid, self._threads, len(self._grid.y)
         solution = Solution.empty(grid.active.shape, self.settings.parameters)
         pending = grid.active.copy()
-        wanted, guess, bands = seeds, seed_warps, self._threads
+        wanted, guess = seeds, seed_warps
         while wanted.size:
-            rows, columns = wanted.T
-            solution.put((rows, columns), self._solve(coefficients, wanted, guess))
-            pending[rows, columns] = solution.status[rows, columns] != Status.CONVERGED
-            self._spread(coefficients, solution, pending, bands)
-            # Bands know nothing of one another: what they leave at their borders is reached afterwards.
+            solution.warps[wanted[:, 0], wanted[:, 1], :6] = guess
+            self._run(coefficients, solution, pending, wanted, (0, rows))
             if bands > 1:
+                self._run_bands(coefficients, solution, pending, np.linspace(0, rows, bands + 1).astype(int))
                 bands = 1
-                self._spread(coefficients, solution, pending, bands)
+            # Bands know nothing of one another: what they left at their borders is reached here.
+            self._run(coefficients, solution, pending, wanted[:0], (0, rows), spread=True)
             wanted = np.argwhere(grid.active & (solution.status == Status.NOT_REACHED))
-            guess = self._from_nearest(wanted, solution.warps, solution.status)
+            guess = self._from_nearest(wanted, solution.warps, solution.status)[:, :6]
         converged = grid.active & (solution.status == Status.CONVERGED)
         agreed = agreeing_field(grid.x, grid.y, solution.warps, converged)
         solution.status[converged & ~agreed] = Status.INCONSISTENT
@@ -251,22 +258,17 @@ class Correlator:
             solution.status, grid.active, start,
         )  # fmt: skip
 
-    def _spread(self, coefficients: Grey, solution: Solution, pending: NDArray[np.bool_], bands: int) -> None:
-        """Propagate over the grid, cut into bands of rows that are worked on side by side."""
-        edges = np.linspace(0, len(self._grid.y), bands + 1).astype(int)
+    def _run_bands(
+        self, coefficients: Grey, solution: Solution, pending: NDArray[np.bool_], edges: NDArray[np.int64]
+    ) -> None:
+        """Spread over bands of rows side by side; the kernel runs without the interpreter's lock."""
+        nothing = np.empty((0, 2), np.int64)
 
         def work(first: int, last: int) -> None:
-            y, pixels = self._grid.y[first:last], self._grid.pixels[first:last]
-            kernel.propagate(
-                self._reference, coefficients, self._taps, self._shape, self._limits, self._grid.x, y, pixels,
-                *solution.rows(first, last), pending[first:last],
-            )  # fmt: skip
+            self._run(coefficients, solution, pending, nothing, (first, last), spread=True)
 
-        if bands == 1:
-            work(0, len(self._grid.y))
-            return
-        with ThreadPoolExecutor(bands) as pool:
-            # The kernel runs without the interpreter's lock; results are asked for so that errors are seen.
+        with ThreadPoolExecutor(len(edges) - 1) as pool:
+            # Results are asked for so that an error is not lost.
             list(pool.map(work, edges[:-1], edges[1:]))
 
     def _from_nearest(self, indices: NDArray[np.int64], warps: Float, status: NDArray[np.int8]) -> Float:

@@ -6,13 +6,12 @@ Read it in this order: `layout` (how images lie in memory), `vectors` (what one 
 
 from dic.kernel.icgn import Limits
 from dic.kernel.layout import Reference, lay_coefficients, lay_reference
-from dic.kernel.propagation import correlate_points, propagate
+from dic.kernel.propagation import correlate_grid
 
 __all__ = [
     "Limits",
     "Reference",
-    "correlate_points",
+    "correlate_grid",
     "lay_coefficients",
     "lay_reference",
-    "propagate",
 ]

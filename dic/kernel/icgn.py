@@ -214,7 +214,8 @@ def _compose_inverse_quadratic(p: Float, d: Float) -> None:
 @compiled
 def extrapolate(p: Float, dx: float, dy: float, q: Float) -> None:
     """Write into q the warp that p predicts for the point (dx, dy) further on."""
-    q[:] = p
+    for k in range(len(p)):
+        q[k] = p[k]
     for at in (0, 3):
         q[at] += p[at + 1] * dx + p[at + 2] * dy
         if len(p) > 6:

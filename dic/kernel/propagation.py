@@ -1,6 +1,6 @@
-"""Many points: scattered ones, and grids by reliability-guided propagation.
+"""Reliability-guided propagation over a grid of points.
 
-Points of a grid are visited from the best outwards: B. Pan, "Reliability-guided digital image correlation for
+Points are visited from the best outwards: B. Pan, "Reliability-guided digital image correlation for
 image deformation measurement", Applied Optics 48 (2009) 1535-1542.
 """
 
@@ -16,44 +16,7 @@ from dic.kernel.moments import Shape, Taps
 
 
 @compiled
-def correlate_points(
-    image: Reference,
-    c: Flat,
-    taps: Taps,
-    shape: Shape,
-    limits: Limits,
-    points: NDArray[np.int64],
-    pixels: NDArray[np.int64],
-    warps: Float,
-    deviations: Float,
-    status: NDArray[np.int8],
-    zncc: Float,
-    iterations: NDArray[np.int16],
-) -> None:
-    """Correlate `points` (n, 2), each from its own warp in `warps` (n, 6 or 12).
-
-    `pixels` (n,) tells how many pixels of each subset lie in the region of interest. Results are written in
-    place: warps, `deviations` (n, 6), `status`, `zncc` and `iterations` (n,).
-    """
-    work = workspace(limits.radius, shape)
-    for k in range(len(points)):
-        status[k], zncc[k], iterations[k] = correlate_point(
-            image,
-            c,
-            taps,
-            shape,
-            limits,
-            points[k, 0],
-            points[k, 1],
-            pixels[k],
-            warps[k],
-            deviations[k],
-            work,
-        )
-
-
-@compiled
-def propagate(
+def correlate_grid(
     image: Reference,
     c: Flat,
     taps: Taps,
@@ -62,42 +25,71 @@ def propagate(
     xs: NDArray[np.int64],
     ys: NDArray[np.int64],
     pixels: NDArray[np.int64],
+    seeds: NDArray[np.int64],
     warps: Float,
     deviations: Float,
     status: NDArray[np.int8],
     zncc: Float,
     iterations: NDArray[np.int16],
     pending: NDArray[np.bool_],
+    spread: bool,
 ) -> None:
-    """Spread over the grid of points from those already converged, always continuing at the highest ZNCC.
+    """Correlate the seeds from their own warps, then spread over the grid, always on from the highest ZNCC.
 
-    `xs` (columns), `ys` (rows) are the grid's coordinates; `warps` (rows, columns, 6 or 12), `deviations`
-    (rows, columns, 6), `status`, `zncc`, `iterations` and `pending` (rows, columns) are updated in place. A
-    neighbour starts from the warp of the point that reached it, extrapolated by its gradients; one that fails
-    may be tried again from another side.
+    A point that is reached starts from the warp of its neighbour, extrapolated; one that fails may be tried
+    again from another side. Everything found is written in place.
+
+    Parameters
+    ----------
+    xs, ys : ndarray, shapes (columns,) and (rows,)
+        Coordinates of the grid, px.
+    pixels : ndarray, shape (rows, columns)
+        How many pixels of each subset lie in the region of interest.
+    seeds : ndarray, shape (n, 2)
+        Row and column on the grid.
+    warps : ndarray, shape (rows, columns, 6 or 12)
+    deviations : ndarray, shape (rows, columns, 6)
+    status, zncc, iterations : ndarray, shape (rows, columns)
+    pending : ndarray of bool, shape (rows, columns)
+        Points that still want a value.
+    spread : bool
+        Whether to go on from the seeds and from all points that have converged before.
     """
-    rows, columns = status.shape
     work = workspace(limits.radius, shape)
-    heap = [(0.0, 0, 0)][:0]
-    for row in range(rows):
-        for column in range(columns):
-            if status[row, column] == CONVERGED:
-                heapq.heappush(heap, (-zncc[row, column], row, column))
+    rows, columns = status.shape
     start = np.empty(len(shape))
-    while len(heap) > 0:
-        _, row, column = heapq.heappop(heap)
-        for side in range(4):
+    heap = [(0.0, 0, 0)][:0]
+    if spread:
+        for row in range(rows):
+            for column in range(columns):
+                if status[row, column] == CONVERGED:
+                    heapq.heappush(heap, (-zncc[row, column], row, column))
+    tasks = len(seeds)
+    task, side, row, column = 0, 4, 0, 0
+    while True:
+        if task < tasks:
+            i, j = seeds[task, 0], seeds[task, 1]
+            task += 1
+            for k in range(len(start)):
+                start[k] = warps[i, j, k]
+        else:
+            if side == 4:
+                if not spread or len(heap) == 0:
+                    return
+                _, row, column = heapq.heappop(heap)
+                side = 0
             i = row + (side == 0) - (side == 1)
             j = column + (side == 2) - (side == 3)
+            side += 1
             if i < 0 or j < 0 or i >= rows or j >= columns or not pending[i, j]:
                 continue
-            dx, dy = xs[j] - xs[column], ys[i] - ys[row]
-            extrapolate(warps[row, column], dx, dy, start)
-            outcome, quality, count = correlate_point(
-                image, c, taps, shape, limits, xs[j], ys[i], pixels[i, j], start, deviations[i, j], work
-            )
-            status[i, j], zncc[i, j], iterations[i, j] = outcome, quality, count
-            if outcome == CONVERGED:
-                warps[i, j] = start
-                pending[i, j] = False
-                heapq.heappush(heap, (-quality, i, j))
+            extrapolate(warps[row, column], xs[j] - xs[column], ys[i] - ys[row], start)
+        outcome, quality, count = correlate_point(
+            image, c, taps, shape, limits, xs[j], ys[i], pixels[i, j], start, deviations[i, j], work
+        )
+        status[i, j], zncc[i, j], iterations[i, j] = outcome, quality, count
+        pending[i, j] = outcome != CONVERGED
+        if outcome == CONVERGED:
+            for k in range(len(start)):
+                warps[i, j, k] = start[k]
+            heapq.heappush(heap, (-quality, i, j))
