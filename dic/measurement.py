@@ -7,7 +7,8 @@ from typing import Any
 from dic.calibration import Calibration
 from dic.displacement import Displacement, calibrated_displacement, raw_displacement
 from dic.field import Field, Status
-from dic.strain import MeanStrain, StrainField, mean_strain, strain_field
+from dic.settings import CorrelationSettings
+from dic.strain import MeanStrain, StrainField, StrainSettings, mean_strain, strain_field
 
 _POINTS_OF_A_PLANE = 3
 
@@ -25,30 +26,39 @@ class Measurement:
         In pixels.
     calibrated : Displacement or None
         In millimetres, when there is a calibration.
-    strain_window : int
-        Points across the window of local strain.
+    strain_settings : StrainSettings
+        Which strain, and from what.
+    gauge_px : int
+        Width of the virtual strain gauge: of the pixels that a local strain comes from.
+    gauge_mm : float or None
+        The same on the specimen, in the middle of the grid, when there is a calibration.
     """
 
     label: str
     field: Field
     raw: Displacement
     calibrated: Displacement | None
-    strain_window: int = 5
+    strain_settings: StrainSettings
+    gauge_px: int
+    gauge_mm: float | None
 
     @cached_property
     def raw_mean(self) -> MeanStrain:
         """Mean strain of the displacements in pixels, from the points that `calibrated_mean` uses too."""
-        return mean_strain(self.raw, None if self.calibrated is None else self.calibrated.valid)
+        valid = None if self.calibrated is None else self.calibrated.valid
+        return mean_strain(self.raw, valid, self.strain_settings.measure)
 
     @cached_property
     def calibrated_mean(self) -> MeanStrain | None:
         """Mean strain of the calibrated displacements."""
-        return None if self.calibrated is None else mean_strain(self.calibrated)
+        if self.calibrated is None:
+            return None
+        return mean_strain(self.calibrated, measure=self.strain_settings.measure)
 
     @cached_property
     def strain(self) -> StrainField:
         """Local strain, calibrated if there is a calibration, raw otherwise."""
-        return strain_field(self.calibrated or self.raw, self.strain_window)
+        return strain_field(self.calibrated or self.raw, self.strain_settings)
 
     @property
     def good(self) -> bool:
@@ -76,6 +86,7 @@ class Measurement:
             "out_of_view": field.count(Status.OUT_OF_VIEW),
             "failures": failures,
             "start": field.start,
+            "strain": vars(self.strain_settings) | {"gauge_px": self.gauge_px, "gauge_mm": self.gauge_mm},
             "raw": self.raw_mean.as_dict(),
         }
         if self.calibrated_mean is not None:
@@ -84,8 +95,28 @@ class Measurement:
 
 
 def measure(
-    label: str, field: Field, calibration: Calibration | None = None, strain_window: int = 5
+    label: str,
+    field: Field,
+    calibration: Calibration | None = None,
+    settings: CorrelationSettings | None = None,
+    strain: StrainSettings | None = None,
 ) -> Measurement:
-    """Return the measurement of a correlated image."""
-    calibrated = None if calibration is None else calibrated_displacement(field, calibration)
-    return Measurement(label, field, raw_displacement(field), calibrated, strain_window)
+    """Return the measurement of a correlated image.
+
+    Parameters
+    ----------
+    label : str
+    field : Field
+    calibration : Calibration, optional
+    settings : CorrelationSettings, optional
+        How the field was correlated.
+    strain : StrainSettings, optional
+    """
+    settings, strain = settings or CorrelationSettings(), strain or StrainSettings()
+    gauge_px = strain.gauge_px(settings)
+    calibrated, gauge_mm = None, None
+    if calibration is not None:
+        calibrated = calibrated_displacement(field, calibration, settings)
+        gauge_mm = gauge_px * calibration.mm_per_px
+    raw = raw_displacement(field, settings)
+    return Measurement(label, field, raw, calibrated, strain, gauge_px, gauge_mm)

@@ -18,6 +18,7 @@ from dic.grid import find_grid
 from dic.measurement import Measurement, measure
 from dic.run_file import RunFile, RunInfo, RunStep
 from dic.settings import CorrelationSettings
+from dic.strain import StrainSettings
 
 Float = NDArray[np.float64]
 
@@ -61,6 +62,7 @@ class RunResult:
 def process_run(
     path: Path,
     settings: CorrelationSettings | None = None,
+    strain: StrainSettings | None = None,
     *,
     on_image: Callable[[], None] = lambda: None,
     on_count: Callable[[int], None] = lambda _: None,
@@ -72,6 +74,7 @@ def process_run(
     path : Path
         A run file, of a finished or a killed run.
     settings : CorrelationSettings, optional
+    strain : StrainSettings, optional
     on_image : callable, optional
         Called after each image.
     on_count : callable, optional
@@ -83,7 +86,7 @@ def process_run(
         If the file cannot be read, a grid is not found, or a camera's reference cannot be used. A single step
         that cannot be correlated is named in `failures` instead.
     """
-    settings = settings or CorrelationSettings()
+    settings, strain = settings or CorrelationSettings(), strain or StrainSettings()
     with RunFile(path) as run:
         run.step_of_kind("grid")
         run.step_of_kind("reference")
@@ -92,7 +95,8 @@ def process_run(
         with ThreadPoolExecutor() as pool:
             stopped = Event()
             tasks = [
-                pool.submit(_process_camera, run, name, settings, on_image, stopped) for name in run.cameras
+                pool.submit(_process_camera, run, name, settings, strain, on_image, stopped)
+                for name in run.cameras
             ]
             try:
                 cameras = [task.result() for task in tasks]
@@ -104,7 +108,12 @@ def process_run(
 
 
 def _process_camera(
-    run: RunFile, camera: str, settings: CorrelationSettings, on_image: Callable[[], None], stopped: Event
+    run: RunFile,
+    camera: str,
+    settings: CorrelationSettings,
+    strain: StrainSettings,
+    on_image: Callable[[], None],
+    stopped: Event,
 ) -> CameraResult:
     calibration = _calibrate(run, camera)
     first, *others = run.series()
@@ -122,7 +131,7 @@ def _process_camera(
         try:
             image = run.image(camera, step)
             previous = correlator.correlate(image, previous=previous, hint=turn.hint(step))
-            measurements.append(measure(label, previous, calibration))
+            measurements.append(measure(label, previous, calibration, settings, strain))
             steps.append(step)
         except CorrelationError as error:
             failures.append(f"{run.path}: {camera}, {label}: {error}")

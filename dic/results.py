@@ -10,11 +10,10 @@ import numpy as np
 from dic.errors import RunFileError
 from dic.measurement import Measurement
 from dic.settings import CorrelationSettings
+from dic.strain import STRAIN_KEYS
 
 FORMAT = "offaxis-results"
 VERSION = 1
-
-_STRAINS = ("exx", "eyy", "exy")
 
 
 class ResultWriter:
@@ -75,13 +74,13 @@ class ResultWriter:
             "status": field.status,
             "iterations": field.iterations,
         }
-        rows |= {name: getattr(measurement.strain, name) for name in _STRAINS}
-        rows |= {f"raw_mean/{name}": getattr(measurement.raw_mean, name) for name in _STRAINS}
+        rows |= {name: getattr(measurement.strain, name) for name in STRAIN_KEYS}
+        rows |= {f"raw_mean/{name}": getattr(measurement.raw_mean, name) for name in STRAIN_KEYS}
         if measurement.calibrated is not None and measurement.calibrated_mean is not None:
             vector = measurement.calibrated.vector
             rows |= {"U_mm": vector[..., 0], "V_mm": vector[..., 1], "valid": measurement.calibrated.valid}
             mean = measurement.calibrated_mean
-            rows |= {f"calibrated_mean/{name}": getattr(mean, name) for name in _STRAINS}
+            rows |= {f"calibrated_mean/{name}": getattr(mean, name) for name in STRAIN_KEYS}
         for name, value in rows.items():
             dataset = group[name]
             dataset.resize(n + 1, axis=0)
@@ -96,7 +95,11 @@ class ResultWriter:
 
         group = self._file.create_group(series)
         group.attrs.update(vars(settings))
-        group.attrs["strain_window_points"] = measurement.strain_window
+        strain = measurement.strain_settings
+        group.attrs.update({f"strain_{name}": value for name, value in vars(strain).items()})
+        group.attrs["strain_gauge_px"] = measurement.gauge_px
+        if measurement.gauge_mm is not None:
+            group.attrs["strain_gauge_mm"] = measurement.gauge_mm
         field = measurement.field
         shape = field.status.shape
 
@@ -124,15 +127,19 @@ class ResultWriter:
         growing("std_gradient", "1", "f8", (*shape, 4))
         growing("status", "1", "u1", shape)
         growing("iterations", "1", "u2", shape)
-        for name in _STRAINS:
-            growing(name, "1", "f8", shape)
-            growing(f"raw_mean/{name}", "1", "f8")
+        for name in STRAIN_KEYS:
+            growing(name, _strain_units(name), "f8", shape)
+            growing(f"raw_mean/{name}", _strain_units(name), "f8")
         if measurement.calibrated is not None:
             fixed("X_mm", "mm", measurement.calibrated.position[..., 0])
             fixed("Y_mm", "mm", measurement.calibrated.position[..., 1])
             growing("U_mm", "mm", "f8", shape)
             growing("V_mm", "mm", "f8", shape)
             growing("valid", "1", "u1", shape)
-            for name in _STRAINS:
-                growing(f"calibrated_mean/{name}", "1", "f8")
+            for name in STRAIN_KEYS:
+                growing(f"calibrated_mean/{name}", _strain_units(name), "f8")
         return group
+
+
+def _strain_units(name: str) -> str:
+    return "deg" if name.startswith("direction_deg") else "1"

@@ -14,6 +14,7 @@ from dic.process import CameraResult, RunResult
 from dic.results import FORMAT, VERSION, ResultWriter
 from dic.run_file import RunInfo, RunStep
 from dic.settings import CorrelationSettings
+from dic.strain import StrainSettings
 
 _STEP_UNITS = {
     "index": "1", "target": "by kind: N, mm or deg", "load_n": "N", "displacement_mm": "mm",
@@ -65,7 +66,7 @@ def load_run_result(path: Path) -> RunResult:
             run = dict(file["run"].attrs)
             info = RunInfo(**{f.name: _plain(run[f.name]) for f in fields(RunInfo)})
             settings = CorrelationSettings(**{k: _plain(v) for k, v in file["settings"].attrs.items()})
-            cameras = [_read_camera(name, group) for name, group in file["cameras"].items()]
+            cameras = [_read_camera(name, group, settings) for name, group in file["cameras"].items()]
             return RunResult(str(run["source"]), info, settings, cameras)
     except (KeyError, TypeError) as error:
         raise _refusal(path, "a result file that lacks some of its data") from error
@@ -79,7 +80,7 @@ def _write_steps(group: Any, steps: list[RunStep]) -> None:
         group.create_dataset(name, data=[getattr(step, name) for step in steps]).attrs["units"] = units
 
 
-def _read_camera(name: str, group: Any) -> CameraResult:
+def _read_camera(name: str, group: Any, settings: CorrelationSettings) -> CameraResult:
     calibration = read_calibration(group["calibration"])
     columns = {column: group["steps"][column][:] for column in _STEP_UNITS}
     steps = []
@@ -89,9 +90,12 @@ def _read_camera(name: str, group: Any) -> CameraResult:
     measurements = []
     if steps:
         series = group["series"]
-        window = int(series.attrs["strain_window_points"])
+        strain = StrainSettings(
+            **{f.name: _plain(series.attrs[f"strain_{f.name}"]) for f in fields(StrainSettings)}
+        )
         for k, label in enumerate(series["label"].asstr()[:]):
-            measurements.append(measure(str(label), _read_field(series, k), calibration, window))
+            field = _read_field(series, k)
+            measurements.append(measure(str(label), field, calibration, settings, strain))
     failures = [line for line in str(group.attrs["failures"]).split("\n") if line]
     return CameraResult(name, calibration, group["reference"][:], steps, measurements, failures)
 

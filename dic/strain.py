@@ -1,20 +1,72 @@
-"""Strain from displacements: one value for a region, or a field by local fits.
-
-All strains are Green-Lagrange, E = (FᵀF - I)/2, which no rigid rotation changes, up to a full turn.
-Strains are dimensionless; axes are those of the displacement.
-"""
+"""Strain from displacements: one value for a region, or a field, each with its standard deviation."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.displacement import Displacement
 from dic.errors import CorrelationError
+from dic.settings import CorrelationSettings
+from dic.strain_fit import fitted_gradients, mean_gradient
+from dic.strain_measures import COMPONENTS, MEASURES, strain_of
 
 Float = NDArray[np.float64]
 
-_MIN_WINDOW_SHARE = 0.5
+SOURCES = ("fit", "quadratic-fit", "shape")
+"""Where local strain comes from: a plane or a quadratic surface fitted to a window, or the shape function."""
+
+STRAIN_KEYS = (*COMPONENTS, *(f"{name}_std" for name in COMPONENTS))
+
+
+@dataclass(frozen=True)
+class StrainSettings:
+    """Which strain, and from what.
+
+    Attributes
+    ----------
+    measure : str
+        "green-lagrange", "small" or "hencky".
+    window_points : int
+        Odd width of the window of points that a local strain is fitted to, at least 3.
+    source : str
+        Of local strain: "fit" (a plane), "quadratic-fit", or "shape" for the gradient of each subset's shape
+        function.
+
+    Raises
+    ------
+    CorrelationError
+        If a value cannot be used.
+    """
+
+    measure: str = "green-lagrange"
+    window_points: int = 5
+    source: str = "fit"
+
+    def __post_init__(self) -> None:
+        window = self.window_points
+        checks = [
+            (self.measure in MEASURES, "strain", f"one of {', '.join(MEASURES)}", self.measure),
+            (
+                window >= 3 and window % 2 == 1,
+                "strain window",
+                "an odd number of points, at least 3",
+                window,
+            ),
+            (self.source in SOURCES, "source of strain", f"one of {', '.join(SOURCES)}", self.source),
+        ]
+        for good, what, expected, got in checks:
+            if not good:
+                raise CorrelationError(
+                    "settings", what, expected=expected, got=str(got), remedy="correct the setting"
+                )
+
+    def gauge_px(self, correlation: CorrelationSettings) -> int:
+        """Return the width of the virtual strain gauge: of all pixels that enter one local strain."""
+        if self.source == "shape":
+            return correlation.subset_px
+        return (self.window_points - 1) * correlation.step_px + correlation.subset_px
 
 
 @dataclass(frozen=True)
@@ -24,11 +76,17 @@ class MeanStrain:
     Attributes
     ----------
     exx, eyy, exy : float
-        Green-Lagrange strain; NaN if fewer than three points are valid.
+        Strain; NaN if fewer than three points are valid.
     rotation_deg : float
         Rigid rotation, positive from x towards y, in (-180, 180].
     points : int
         Number of points it comes from.
+    e1, e2 : float
+        Principal strains, the larger first.
+    direction_deg : float
+        Of the larger one, from x towards y, in (-90, 90].
+    exx_std, eyy_std, exy_std, e1_std, e2_std, direction_deg_std : float
+        Standard deviations from the images' noise; NaN where it is not known. At most 52° for a direction.
     """
 
     exx: float
@@ -36,6 +94,15 @@ class MeanStrain:
     exy: float
     rotation_deg: float
     points: int
+    e1: float
+    e2: float
+    direction_deg: float
+    exx_std: float
+    eyy_std: float
+    exy_std: float
+    e1_std: float
+    e2_std: float
+    direction_deg_std: float
 
     def as_dict(self) -> dict[str, float | int | None]:
         """Return the values by name, for JSON: None instead of NaN."""
@@ -48,26 +115,31 @@ class StrainField:
 
     Attributes
     ----------
-    exx, eyy, exy : ndarray, shape (rows, columns)
-        NaN where too few neighbours are valid.
-    window_points : int
-        Width of the window of points that each value comes from.
+    exx, eyy, exy, e1, e2, direction_deg : ndarray, shape (rows, columns)
+        As in `MeanStrain`; NaN where too few neighbours are valid.
+    exx_std, eyy_std, exy_std, e1_std, e2_std, direction_deg_std : ndarray, shape (rows, columns)
+        Their standard deviations; NaN where they are not known.
     """
 
     exx: Float
     eyy: Float
     exy: Float
-    window_points: int
+    e1: Float
+    e2: Float
+    direction_deg: Float
+    exx_std: Float
+    eyy_std: Float
+    exy_std: Float
+    e1_std: Float
+    e2_std: Float
+    direction_deg_std: Float
 
 
-def green_lagrange(gradient: Float) -> tuple[Float, Float, Float]:
-    """Return (exx, eyy, exy) of displacement gradients, shape (…, 2, 2) with ∂u_i/∂x_j at [i, j]."""
-    F = gradient + np.eye(2)
-    E = (np.swapaxes(F, -1, -2) @ F - np.eye(2)) / 2
-    return E[..., 0, 0], E[..., 1, 1], E[..., 0, 1]
-
-
-def mean_strain(displacement: Displacement, valid: NDArray[np.bool_] | None = None) -> MeanStrain:
+def mean_strain(
+    displacement: Displacement,
+    valid: NDArray[np.bool_] | None = None,
+    measure: str = "green-lagrange",
+) -> MeanStrain:
     """Return the strain of the plane motion that fits the valid points best, by least squares.
 
     Parameters
@@ -75,65 +147,43 @@ def mean_strain(displacement: Displacement, valid: NDArray[np.bool_] | None = No
     displacement : Displacement
     valid : ndarray of bool, shape (rows, columns), optional
         Points to use instead of the displacement's own valid ones.
+    measure : str
+        "green-lagrange", "small" or "hencky".
     """
     use = displacement.valid if valid is None else valid
-    position, vector = displacement.position[use], displacement.vector[use]
-    if len(position) < 3:
-        return MeanStrain(np.nan, np.nan, np.nan, np.nan, len(position))
-    design = np.column_stack([position - position.mean(axis=0), np.ones(len(position))])
-    solution, _, rank, _ = np.linalg.lstsq(design, vector, rcond=None)
-    if rank < 3:
-        return MeanStrain(np.nan, np.nan, np.nan, np.nan, len(position))
-    gradient = solution[:2].T
+    points = int(np.count_nonzero(use))
+    fitted = mean_gradient(displacement, use)
+    if fitted is None:
+        return MeanStrain(rotation_deg=np.nan, points=points, **dict.fromkeys(STRAIN_KEYS, np.nan))
+    gradient, covariance = fitted
     F = gradient + np.eye(2)
     rotation_deg = np.degrees(np.arctan2(F[1, 0] - F[0, 1], F[0, 0] + F[1, 1]))
-    exx, eyy, exy = green_lagrange(gradient)
-    return MeanStrain(float(exx), float(eyy), float(exy), float(rotation_deg), len(position))
+    values = np.concatenate(strain_of(gradient, covariance, measure))
+    named: dict[str, Any] = dict(zip(STRAIN_KEYS, values.tolist(), strict=True))
+    return MeanStrain(rotation_deg=float(rotation_deg), points=points, **named)
 
 
-def check_window(window_points: int) -> None:
-    """Raise `CorrelationError` unless the window of local strains is odd and at least 3 points wide."""
-    if window_points < 3 or window_points % 2 == 0:
-        raise CorrelationError(
-            "settings",
-            "strain window",
-            expected="an odd number of points, at least 3",
-            got=str(window_points),
-            remedy="correct the setting",
-        )
+def strain_field(displacement: Displacement, settings: StrainSettings | None = None) -> StrainField:
+    """Return the strain at every point, from its neighbours or from its own shape function.
 
-
-def strain_field(displacement: Displacement, window_points: int = 5) -> StrainField:
-    """Return the strain at every point by a plane fitted to the valid points of a window around it.
-
-    The virtual strain gauge is (window_points - 1) × step + subset wide. A value needs half of its window.
+    A fitted value needs half of its window. Its standard deviation counts what the subsets share.
 
     Parameters
     ----------
     displacement : Displacement
-    window_points : int
-        Odd width of the window, at least 3.
+        With the shape function's gradient, if strain is to come from that.
+    settings : StrainSettings, optional
     """
-    check_window(window_points)
-    half = window_points // 2
-    position = np.pad(displacement.position, ((half, half), (half, half), (0, 0)), constant_values=np.nan)
-    vector = np.pad(displacement.vector, ((half, half), (half, half), (0, 0)), constant_values=np.nan)
-    valid = np.pad(displacement.valid, half)
-    rows, columns = displacement.valid.shape
-    normal = np.zeros((rows, columns, 3, 3))
-    right = np.zeros((rows, columns, 3, 2))
-    for row in range(window_points):
-        for column in range(window_points):
-            here = (slice(row, row + rows), slice(column, column + columns))
-            use = valid[here]
-            offset = position[here] - displacement.position
-            terms = np.concatenate([np.ones((rows, columns, 1)), offset], axis=2)
-            terms[~use] = 0.0
-            moved = np.where(use[..., None], vector[here], 0.0)
-            normal += terms[..., :, None] * terms[..., None, :]
-            right += terms[..., :, None] * moved[..., None, :]
-    enough = displacement.valid & (normal[..., 0, 0] >= _MIN_WINDOW_SHARE * window_points**2)
-    gradient = np.full((rows, columns, 2, 2), np.nan)
-    fitted = np.linalg.solve(normal[enough], right[enough])
-    gradient[enough] = np.swapaxes(fitted[:, 1:, :], 1, 2)
-    return StrainField(*green_lagrange(gradient), window_points)
+    settings = settings or StrainSettings()
+    noise = displacement.noise
+    if settings.source == "shape":
+        if displacement.gradient is None:
+            raise ValueError("these displacements come without the gradients of shape functions")
+        known = displacement.valid[..., None, None]
+        gradient = np.where(known, displacement.gradient, np.nan)
+        covariance = None if noise is None else np.where(known, noise.gradient, np.nan)
+    else:
+        degree = 2 if settings.source == "quadratic-fit" else 1
+        gradient, covariance = fitted_gradients(displacement, settings.window_points, degree)
+    values = np.concatenate(strain_of(gradient, covariance, settings.measure))
+    return StrainField(**dict(zip(STRAIN_KEYS, values, strict=True)))

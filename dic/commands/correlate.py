@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from dic.commands.strain_options import strain_options
+
 if TYPE_CHECKING:
     from dic.calibration import Calibration
     from dic.measurement import Measurement
@@ -24,7 +26,7 @@ _FILE = click.Path(path_type=Path)
 @click.option("--step", default=10, show_default=True, help="Distance of the points, px.")
 @click.option("--spline", default=5, show_default=True, help="Order of the interpolation, 3 or 5.")
 @click.option("--min-zncc", default=0.8, show_default=True, help="Points that correlate less are left out.")
-@click.option("--strain-window", default=5, show_default=True, help="Points across a local strain, odd.")
+@strain_options
 @click.option(
     "--roi", type=_FILE, help="Mask image, white where to measure. Default: wherever there is texture."
 )
@@ -42,7 +44,9 @@ def correlate(
     step: int,
     spline: int,
     min_zncc: float,
+    strain_measure: str,
     strain_window: int,
+    strain_from: str,
     roi: Path | None,
     output: Path | None,
     csv_folder: Path | None,
@@ -61,11 +65,12 @@ def correlate(
     from dic.correlate import Correlator
     from dic.errors import MeasurementError
     from dic.images import read_image
+    from dic.measurement import measure
     from dic.settings import CorrelationSettings
-    from dic.strain import check_window
+    from dic.strain import StrainSettings
 
     settings = CorrelationSettings(subset_px=subset, step_px=step, order=spline, min_zncc=min_zncc)
-    check_window(strain_window)
+    strain = StrainSettings(measure=strain_measure, window_points=strain_window, source=strain_from)
     files = _SeriesFiles(output, csv_folder, maps_folder, deformed)
     require_places([reference, *deformed, calibration_file, roi], [json_file, *files.all()])
     calibration = None if calibration_file is None else Calibration.load(calibration_file)
@@ -86,7 +91,7 @@ def correlate(
                 break
             try:
                 field = correlator.correlate(read_image(path), previous=previous)
-                measurement = _measure(path, field, calibration, strain_window)
+                measurement = measure(str(path), field, calibration, settings, strain)
                 results.write(number, measurement)
             except MeasurementError as error:
                 failures.append({"file": str(path), "error": str(error)})
@@ -105,12 +110,6 @@ def correlate(
     for sentence in bad:
         fail(sentence)
     context.exit(2 if failures else 1 if bad else 0)
-
-
-def _measure(path: Path, field: Any, calibration: "Calibration | None", window: int) -> "Measurement":
-    from dic.measurement import measure
-
-    return measure(str(path), field, calibration, window)
 
 
 def _read_region(path: Path) -> Any:

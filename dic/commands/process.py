@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from dic.commands.strain_options import strain_options
+
 if TYPE_CHECKING:
     from dic.process import RunResult
 
@@ -19,6 +21,7 @@ _STRAINS = ("exx", "eyy", "exy")
 @click.option("--report", "report_file", type=_FILE, help="Also write the report, one HTML file.")
 @click.option("--subset", default=31, show_default=True, help="Width of the subsets, odd, px.")
 @click.option("--step", default=10, show_default=True, help="Distance of the points, px.")
+@strain_options
 @click.option("--json", "json_file", type=_FILE, help="What is printed, for programs.")
 @click.pass_context
 def process(
@@ -28,6 +31,9 @@ def process(
     report_file: Path | None,
     subset: int,
     step: int,
+    strain_measure: str,
+    strain_window: int,
+    strain_from: str,
     json_file: Path | None,
 ) -> None:
     """Calibrate every camera of a RUN file, correlate every step, and give its strains.
@@ -40,12 +46,14 @@ def process(
     from dic.report import write_report
     from dic.run_results import save_run_result
     from dic.settings import CorrelationSettings
+    from dic.strain import StrainSettings
 
     settings = CorrelationSettings(subset_px=subset, step_px=step)
+    strain = StrainSettings(measure=strain_measure, window_points=strain_window, source=strain_from)
     output = output or run.with_suffix(".results.h5")
     require_places([run], [output, report_file, json_file])
     with counted_progress("correlating") as (on_count, on_image):
-        result = process_run(run, settings, on_image=on_image, on_count=on_count)
+        result = process_run(run, settings, strain, on_image=on_image, on_count=on_count)
     save_run_result(result, output)
     say(table(result))
     say(f"results: {output}")

@@ -8,6 +8,11 @@ from dic.report.numbers import date, fixed
 from dic.report.series import Float, Run
 from dic.run_file import RunStep
 
+_MEASURES = {
+    "green-lagrange": "Green–Lagrange",
+    "small": "Small (engineering)",
+    "hencky": "Hencky (logarithmic)",
+}
 _UNITS = {"load": "N", "displacement": "mm", "rotation": "°"}
 
 
@@ -74,19 +79,15 @@ def settings_rows(run: Run) -> list[tuple[str, str]]:
             "Gauge section",
             f"{info.width_mm:g} mm wide, {info.thickness_mm:g} mm thick, {info.gauge_length_mm:g} mm long",
         ),
-        ("Subset", f"{settings.subset_px} px, step {settings.step_px} px, affine shape function"),
+        ("Subset", f"{settings.subset_px} px, step {settings.step_px} px, {settings.shape} shape function"),
         ("Interpolation", f"B-spline of order {settings.order}"),
         ("Correlation", f"IC-GN on ZNSSD, at least {settings.min_zncc:g} ZNCC"),
         (
             "Convergence",
             f"{settings.tolerance_px:g} px at a subset's edge, at most {settings.max_iterations} iterations",
         ),
-        ("Strain", "Green–Lagrange, axes X right and Y up; mean: plane fitted to all valid points"),
     ]
-    windows = {m.strain_window for camera in result.cameras for m in camera.measurements}
-    for window in sorted(windows):
-        gauge_px = (window - 1) * settings.step_px + settings.subset_px
-        rows.append(("Local strain", f"{window} × {window} points: virtual strain gauge of {gauge_px} px"))
+    rows += _strain_rows(run)
     grids = {(c.calibration.grid.lines, c.calibration.grid.pitch_mm) for c in result.cameras}
     rows += [
         (
@@ -99,6 +100,23 @@ def settings_rows(run: Run) -> list[tuple[str, str]]:
     if starts:
         rows.append(("First guesses from", ", ".join(starts)))
     rows.append(("Versions", ", ".join(info.versions.splitlines())))
+    return rows
+
+
+def _strain_rows(run: Run) -> list[tuple[str, str]]:
+    rows = []
+    measurements = [m for camera in run.result.cameras for m in camera.measurements]
+    for measure in sorted({m.strain_settings.measure for m in measurements}):
+        name = _MEASURES[measure]
+        rows.append(("Strain", f"{name}, axes X right and Y up; mean: plane fitted to all valid points"))
+    for settings, gauge_px in sorted({(m.strain_settings, m.gauge_px) for m in measurements}, key=str):
+        window = settings.window_points
+        source = {
+            "fit": f"plane fitted to {window} × {window} points",
+            "quadratic-fit": f"quadratic surface fitted to {window} × {window} points",
+            "shape": "gradient of the shape function",
+        }[settings.source]
+        rows.append(("Local strain", f"{source}: virtual strain gauge of {gauge_px} px"))
     return rows
 
 
