@@ -10,11 +10,14 @@ from dic.errors import CorrelationError
 Grey = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-MIN_PIXEL_FRACTION = 0.5
-"""Share of a subset's pixels that must lie inside the region of interest."""
+MIN_PIXEL_FRACTION = 0.4
+"""Share of a subset's pixels that must lie in the region of interest: almost half, as at a crack's lips."""
 
 EDGE_PX = 4
 """Distance of subsets from the edge of the reference: a small motion must not take them out of view."""
+
+_LONE_EDGE = 0.5
+"""A subset whose contrast is held by so much fewer pixels than usual shows an edge, not a pattern."""
 
 _WEAK = 0.02
 """Texture below this share of the image's strong texture (its 90th percentile) is taken for background."""
@@ -24,7 +27,9 @@ def textured(fx: Grey, fy: Grey, subset_px: int) -> Mask:
     """Return where whole subsets have texture in every direction: the largest such part of the image.
 
     The smaller eigenvalue of the summed gradient products is compared with its upper range over the
-    image; unlit background has only the sensor's noise, far below.
+    image; unlit background has only the sensor's noise, far below. In a pattern many pixels share the squared
+    gradients g: (Σg)² / (nΣg²) is 1/2 for a Gaussian texture, and far less where a few lone edges, of the
+    specimen or of what lies beside it, hold them all.
 
     Parameters
     ----------
@@ -39,12 +44,23 @@ def textured(fx: Grey, fy: Grey, subset_px: int) -> Mask:
     """
     import cv2
 
-    size = (subset_px, subset_px)
-    xx, yy, xy = (cv2.blur(a, size) for a in (fx * fx, fy * fy, fx * fy))
+    def mean(of: Grey) -> Grey:
+        return np.asarray(cv2.blur(of, (subset_px, subset_px)), np.float32)
+
+    xx, yy, xy = mean(fx * fx), mean(fy * fy), mean(fx * fy)
     weakest = (xx + yy) / 2 - np.sqrt((xx - yy) ** 2 / 4 + xy**2)
-    found = (weakest > _WEAK * np.percentile(weakest, 90)).astype(np.uint8)
+    strong = weakest > _WEAK * np.percentile(weakest, 90)
+    del weakest, xy
+    squares = fx * fx
+    squares += fy * fy
+    shared = (xx + yy) ** 2 / np.maximum(mean(squares * squares), np.float32(1e-30))
     # A sum over a subset sees texture from one radius outside; another radius keeps the subset whole.
-    found = np.asarray(cv2.erode(found, np.ones((2 * subset_px - 1, 2 * subset_px - 1), np.uint8)))
+    size = 2 * subset_px - 1
+    found = np.asarray(cv2.erode(strong.astype(np.uint8), np.ones((size, size), np.uint8)))
+    if found.any():
+        found &= shared > _LONE_EDGE * np.median(shared[found > 0])
+    # Threads of points between two surfaces would make one of them.
+    found = np.asarray(cv2.morphologyEx(found, cv2.MORPH_OPEN, np.ones((subset_px // 2,) * 2, np.uint8)))
     _, labels, statistics, _ = cv2.connectedComponentsWithStats(found)
     if len(statistics) < 2:
         return np.zeros(found.shape, np.bool_)
@@ -64,12 +80,15 @@ class PointGrid:
         Which points are to be measured.
     pixels : ndarray of int, shape (rows, columns)
         How many pixels of each point's subset may be used.
+    cut : ndarray of bool, shape (rows, columns)
+        Whose subset the region's edge cuts into parts. Only the part around the point may be used.
     """
 
     x: NDArray[np.int64]
     y: NDArray[np.int64]
     active: Mask
     pixels: NDArray[np.int64]
+    cut: Mask
 
 
 def place_points(centres: Mask, usable: Mask, subset_px: int, step_px: int) -> PointGrid:
@@ -99,9 +118,16 @@ def place_points(centres: Mask, usable: Mask, subset_px: int, step_px: int) -> P
         box = (subset_px, subset_px)
         counts = cv2.boxFilter(usable.astype(np.float32), -1, box, normalize=False)
         pixels = np.rint(np.asarray(counts)[np.ix_(y, x)]).astype(np.int64)
-        active = centres[np.ix_(y, x)] & (pixels >= MIN_PIXEL_FRACTION * subset_px**2)
+        active = centres[np.ix_(y, x)] & usable[np.ix_(y, x)] & (pixels >= _fewest_pixels(subset_px))
+        cut = np.zeros(active.shape, np.bool_)
+        for row, column in np.argwhere(active & (pixels < subset_px**2)):
+            part = own_part(usable, int(x[column]), int(y[row]), subset_px // 2)
+            count = int(np.count_nonzero(part))
+            cut[row, column] = count < pixels[row, column]
+            pixels[row, column] = count
+        active &= pixels >= _fewest_pixels(subset_px)
         if active.any():
-            return PointGrid(x, y, active, pixels)
+            return PointGrid(x, y, active, pixels, cut & active)
     raise CorrelationError(
         "region of interest",
         "place points",
@@ -109,6 +135,22 @@ def place_points(centres: Mask, usable: Mask, subset_px: int, step_px: int) -> P
         got="none",
         remedy="enlarge the region or choose a smaller subset",
     )
+
+
+def own_part(usable: Mask, x: int, y: int, radius_px: int) -> Mask:
+    """Return which pixels of the subset around (x, y) hang together with its centre, (width, width).
+
+    Beyond a crack or a slit the surface moves on its own.
+    """
+    import cv2
+
+    window = usable[y - radius_px : y + radius_px + 1, x - radius_px : x + radius_px + 1]
+    _, parts = cv2.connectedComponents(window.astype(np.uint8), connectivity=4)
+    return np.asarray(parts == parts[radius_px, radius_px], np.bool_)
+
+
+def _fewest_pixels(subset_px: int) -> float:
+    return MIN_PIXEL_FRACTION * subset_px**2
 
 
 def _spread(first: int, last: int, step: int) -> NDArray[np.int64]:

@@ -1,13 +1,17 @@
 """The first guess: where a few subsets of the reference are in the deformed image, whatever moved.
 
-Two ways, both without knowledge of the result. `search` compares templates at whole pixels after the deformed
-image was turned back by an expected motion (none, or the stage's angle). `feature_motion` finds an arbitrary
-plane motion, up to a full turn and a change of scale, from SIFT features (D. Lowe, IJCV 60 (2004) 91-110)
-and a robust homography. Both give warps for IC-GN, which alone decides whether a guess was right.
+`guesses` tries what is likely and cheap first. `search` compares templates at whole pixels after the deformed
+image was turned back by an expected motion: none, the shift of the whole image, or the stage's angle.
+Whatever turned or went far is found by its features (`dic.features`). All give warps for IC-GN, which alone
+decides whether a guess was right.
 """
+
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+
+from dic.features import FeatureFinder
 
 Float = NDArray[np.float64]
 Grey = NDArray[np.float32]
@@ -15,9 +19,88 @@ Grey = NDArray[np.float32]
 SEARCH_RADII_PX = (24, 80, 200)
 """Search radii, tried in this order until enough seeds converge."""
 
-_FEATURES = 4000
-_RATIO = 0.8
-_MIN_MATCHES = 12
+_SHIFT_SIDE_PX = 512
+"""The shift of a whole image is sought in one shrunk to this width or height."""
+
+
+def guesses(
+    reference: Grey,
+    deformed: Grey,
+    features: FeatureFinder,
+    points: NDArray[np.int64],
+    half_px: int,
+    *,
+    previous: Float | None = None,
+    hint: Float | None = None,
+) -> Iterator[tuple[str, Float]]:
+    """Yield named guesses, warps (n, 6) at `points` (n, 2), the most likely and cheapest first.
+
+    Parameters
+    ----------
+    reference, deformed : ndarray, shape (height, width)
+    features : FeatureFinder
+        Of the reference.
+    points : ndarray of int, shape (n, 2)
+    half_px : int
+        Templates are 2 * half_px + 1 wide.
+    previous : ndarray, shape (n, 6), optional
+        The warps of the step before.
+    hint : ndarray, shape (3, 3), optional
+        Expected homography from the reference to the deformed image.
+    """
+    small, middle, large = SEARCH_RADII_PX
+    if hint is not None:
+        for radius in SEARCH_RADII_PX:
+            yield "hint", search(reference, deformed, points, half_px, radius, hint)
+    if previous is not None:
+        yield "previous", previous
+    yield "search", search(reference, deformed, points, half_px, small, np.eye(3))
+    shift = whole_shift(reference, deformed)
+    if np.hypot(shift[0, 2], shift[1, 2]) > small / 2:
+        yield "search", search(reference, deformed, points, half_px, small, shift)
+    yield "search", search(reference, deformed, points, half_px, middle, np.eye(3))
+    for matches in features.find(deformed):
+        yield "features", matches.warps_at(points.astype(np.float64))
+    yield "search", search(reference, deformed, points, half_px, large, np.eye(3))
+
+
+def whole_shift(reference: Grey, deformed: Grey) -> Float:
+    """Return the shift of the whole image as a homography (3, 3), in whole pixels, by phase correlation.
+
+    C. Kuglin, D. Hines, "The phase correlation image alignment method", IEEE Conference on Cybernetics and
+    Society (1975) 163-165.
+    """
+    import cv2
+
+    height, width = reference.shape
+    shrink = max(1.0, max(height, width) / _SHIFT_SIDE_PX)
+    size = (round(width / shrink), round(height / shrink))
+    here, there = (cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in (reference, deformed))
+    # The window keeps the image's edges, which do not move, from being found.
+    (x, y), _ = cv2.phaseCorrelate(here, there, cv2.createHanningWindow(size, cv2.CV_32F))
+    return np.array(
+        [[1.0, 0.0, round(x * width / size[0])], [0.0, 1.0, round(y * height / size[1])], [0, 0, 1]]
+    )
+
+
+def rigid_motion(angle_deg: float, shift_px: tuple[float, float], centre_px: tuple[float, float]) -> Float:
+    """Return the homography of a turn about a centre followed by a shift.
+
+    Parameters
+    ----------
+    angle_deg : float
+        Positive from x, to the right, towards y, **up**, as rotations are reported.
+    shift_px : (float, float)
+        To the right and down.
+    centre_px : (float, float)
+        Column and row.
+    """
+    c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    turn = np.array([[c, s], [-s, c]])
+    centre = np.array(centre_px)
+    motion = np.eye(3)
+    motion[:2, :2], motion[:2, 2] = turn, centre + np.array(shift_px) - turn @ centre
+    return motion
 
 
 def homography_warps(homography: Float, points: Float) -> Float:
@@ -84,40 +167,3 @@ def search(
     warps[:, 0] += shift[:, 0]
     warps[:, 3] += shift[:, 1]
     return warps
-
-
-def feature_motion(reference: Grey, deformed: Grey, region: NDArray[np.bool_]) -> Float | None:
-    """Return the homography from the reference to the deformed image seen by SIFT features, or None.
-
-    Parameters
-    ----------
-    reference, deformed : ndarray, shape (height, width)
-    region : ndarray of bool, shape (height, width)
-        Where features of the reference are taken from.
-    """
-    import cv2
-
-    sift = cv2.SIFT.create(nfeatures=_FEATURES, contrastThreshold=0.02)
-    here, here_words = sift.detectAndCompute(_to_8_bit(reference), region.astype(np.uint8))
-    there, there_words = sift.detectAndCompute(_to_8_bit(deformed), None)
-    if min(len(here), len(there)) < _MIN_MATCHES:
-        return None
-    pairs = cv2.BFMatcher(cv2.NORM_L2).knnMatch(here_words, there_words, k=2)
-    good = [m[0] for m in pairs if len(m) == 2 and m[0].distance < _RATIO * m[1].distance]
-    if len(good) < _MIN_MATCHES:
-        return None
-    source = np.array([here[m.queryIdx].pt for m in good])
-    target = np.array([there[m.trainIdx].pt for m in good])
-    motion, inliers = cv2.findHomography(
-        source, target, cv2.USAC_MAGSAC, 3.0, maxIters=5000, confidence=0.999
-    )
-    if motion is None or int(np.count_nonzero(inliers)) < _MIN_MATCHES:
-        return None
-    return np.asarray(motion, np.float64)
-
-
-def _to_8_bit(grey: Grey) -> NDArray[np.uint8]:
-    """Return the image stretched to 0..255 between its 0.5 and 99.5 percentiles, as SIFT wants it."""
-    low, high = np.percentile(grey, (0.5, 99.5))
-    stretched = np.clip((grey - low) * (255.0 / max(float(high - low), 1e-9)), 0, 255)
-    return np.asarray(stretched, np.uint8)

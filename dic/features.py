@@ -1,0 +1,147 @@
+"""The first guess for large motion: features of the pattern that are recognised after any turn.
+
+Scale-invariant features (D. Lowe, International Journal of Computer Vision 60 (2004) 91-110) of the reference
+are looked up in the deformed image. Each match tells not only where a feature went but also how much it
+turned and grew, so it predicts where its neighbours went. The prediction that most neighbours confirm gives
+the guess at a point: no motion of the whole image has to be assumed, and two bodies may move apart.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+Grey = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+_AREA_PX = 400_000
+"""Features are first sought in images shrunk to this size: a quarter of the work, and seldom not enough."""
+
+_FEATURES = 2000
+_RATIO = 0.8
+_FEWEST_MATCHES = 12
+
+_NEIGHBOURS = 24
+_FEWEST_SUPPORTERS = 5
+_TOLERANCE_PX, _TOLERANCE = 2.0, 0.15
+"""A match may predict a neighbour wrong by so many pixels, and by this share of the distance between them."""
+
+
+@dataclass(frozen=True)
+class Matches:
+    """Features of the reference that were found in the deformed image; some of them wrongly.
+
+    Attributes
+    ----------
+    here, there : ndarray, shape (n, 2)
+        Positions (x, y) in the reference and in the deformed image.
+    gradient : ndarray, shape (n, 2, 2)
+        Deformation gradients: turns and growths of the features.
+    """
+
+    here: Float
+    there: Float
+    gradient: Float
+
+    def warps_at(self, points: Float) -> Float:
+        """Return affine warps (n, 6) by local fits at `points` (n, 2); NaN where too few matches agree."""
+        from scipy.spatial import cKDTree
+
+        count = min(_NEIGHBOURS, len(self.here))
+        _, near = cKDTree(self.here).query(points, count)
+        nearest = np.asarray(near).reshape(len(points), count)
+        warps = [self._local_warp(at, k) for at, k in zip(points, nearest, strict=True)]
+        return np.array(warps).reshape(-1, 6)
+
+    def _local_warp(self, point: Float, near: NDArray[np.int64]) -> Float:
+        here, there = self.here[near], self.there[near]
+        offset = here[None, :, :] - here[:, None, :]
+        predicted = there[:, None, :] + np.einsum("iab,ijb->ija", self.gradient[near], offset)
+        allowed = _TOLERANCE_PX + _TOLERANCE * np.linalg.norm(offset, axis=2)
+        confirmed = np.linalg.norm(there[None, :, :] - predicted, axis=2) < allowed
+        supporters = confirmed[np.argmax(confirmed.sum(axis=1))]
+        if supporters.sum() < _FEWEST_SUPPORTERS:
+            return np.full(6, np.nan)
+        design = np.column_stack([np.ones(supporters.sum()), here[supporters] - point])
+        (place, *gradient), _, rank, _ = np.linalg.lstsq(design, there[supporters], rcond=None)
+        if rank < 3:
+            return np.full(6, np.nan)
+        F = np.array(gradient).T - np.eye(2)
+        u, v = place - point
+        return np.array([u, F[0, 0], F[0, 1], v, F[1, 0], F[1, 1]])
+
+
+class FeatureFinder:
+    """Finds the reference's features in deformed images; those of the reference are computed once.
+
+    Parameters
+    ----------
+    reference : ndarray of float32, shape (height, width)
+    usable : ndarray of bool, shape (height, width)
+        Where features of the reference are taken from.
+    """
+
+    def __init__(self, reference: Grey, usable: Mask) -> None:
+        self._reference, self._usable = reference, usable
+        self._known: dict[float, tuple[Float, NDArray[np.float32]]] = {}
+
+    def find(self, deformed: Grey) -> Iterator[Matches]:
+        """Yield matches, the cheapest first: of shrunk images, then of larger ones up to the full size."""
+        shrink = max(1.0, float(np.sqrt(deformed.size / _AREA_PX)))
+        while True:
+            if shrink not in self._known:
+                self._known[shrink] = _features(self._reference, shrink, self._usable)
+            matches = _match(self._known[shrink], _features(deformed, shrink))
+            if matches is not None:
+                yield matches
+            if shrink == 1.0:
+                return
+            shrink = max(1.0, shrink / 2)
+
+
+def _features(grey: Grey, shrink: float, usable: Mask | None = None) -> tuple[Float, NDArray[np.float32]]:
+    """Return places (x, y, size, angle in radians), shape (n, 4), and descriptions (n, 128) of features."""
+    import cv2
+
+    small, mask = _to_8_bit(grey), None if usable is None else usable.astype(np.uint8)
+    if shrink > 1.0:
+        size = (round(grey.shape[1] / shrink), round(grey.shape[0] / shrink))
+        small = np.asarray(cv2.resize(small, size, interpolation=cv2.INTER_AREA), np.uint8)
+        mask = None if mask is None else cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST)
+    sift = cv2.SIFT.create(nfeatures=_FEATURES, contrastThreshold=0.02)
+    found, words = sift.detectAndCompute(small, mask)
+    if words is None:
+        return np.empty((0, 4)), np.empty((0, 128), np.float32)
+    places = np.array([(*k.pt, k.size, np.radians(k.angle)) for k in found], np.float64)
+    scale = np.array(grey.shape[::-1]) / small.shape[::-1]
+    places[:, :2] = (places[:, :2] + 0.5) * scale - 0.5
+    return places, words
+
+
+def _match(
+    here: tuple[Float, NDArray[np.float32]], there: tuple[Float, NDArray[np.float32]]
+) -> Matches | None:
+    """Return the pairs of features that are much more alike than the second best, or None if they are few."""
+    import cv2
+
+    if min(len(here[0]), len(there[0])) < _FEWEST_MATCHES:
+        return None
+    pairs = cv2.BFMatcher(cv2.NORM_L2).knnMatch(here[1], there[1], k=2)
+    good = [(a.queryIdx, a.trainIdx) for a, b in pairs if a.distance < _RATIO * b.distance]
+    if len(good) < _FEWEST_MATCHES:
+        return None
+    one, other = np.array(good).T
+    before, after = here[0][one], there[0][other]
+    growth, turn = after[:, 2] / before[:, 2], after[:, 3] - before[:, 3]
+    c, s = growth * np.cos(turn), growth * np.sin(turn)
+    gradient = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=1)
+    return Matches(before[:, :2], after[:, :2], gradient)
+
+
+def _to_8_bit(grey: Grey) -> NDArray[np.uint8]:
+    """Return the image stretched to 0..255 between its 0.5 and 99.5 percentiles, as SIFT wants it."""
+    low, high = np.percentile(grey[:: max(1, len(grey) // 1000)], (0.5, 99.5))
+    stretched = np.clip((grey - low) * (255.0 / max(float(high - low), 1e-9)), 0, 255)
+    return np.asarray(stretched, np.uint8)

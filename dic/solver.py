@@ -1,0 +1,212 @@
+"""Solve points of interest of one reference in one deformed image: given guesses, and from point to point."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic import kernel
+from dic.cut_subsets import CutReference, visible_neighbours
+from dic.field import Status
+from dic.region import PointGrid
+from dic.settings import CorrelationSettings
+from dic.spline import halfway_noise_gain
+
+Float = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+_TRIES = 3
+"""Neighbours from which a point beside a crack is tried."""
+
+
+class Solution(NamedTuple):
+    """What IC-GN found, for points in a row or on a grid, in the order in which the kernel takes it."""
+
+    warps: Float
+    deviations: Float
+    status: NDArray[np.int8]
+    zncc: Float
+    iterations: NDArray[np.int16]
+
+    @classmethod
+    def empty(cls, shape: tuple[int, ...], parameters: int) -> "Solution":
+        """Return a solution of so many points that knows nothing yet."""
+        return cls(
+            np.zeros((*shape, parameters)),
+            np.full((*shape, 6), np.nan),
+            np.full(shape, Status.NOT_REACHED, np.int8),
+            np.full(shape, np.nan),
+            np.zeros(shape, np.int16),
+        )
+
+    def put(self, where: tuple[NDArray[np.int64], ...], part: "Solution") -> None:
+        """Write the solution of some points in their places."""
+        self.warps[where], self.deviations[where] = part.warps, part.deviations
+        self.status[where], self.zncc[where] = part.status, part.zncc
+        self.iterations[where] = part.iterations
+
+    def part(self, where: slice | Indices | tuple[Indices, Indices]) -> "Solution":
+        """Return a view of some rows of a grid, or a copy of the points of a list of places."""
+        return Solution(
+            self.warps[where],
+            self.deviations[where],
+            self.status[where],
+            self.zncc[where],
+            self.iterations[where],
+        )
+
+    @property
+    def converged(self) -> Mask:
+        """Which points have a value."""
+        return np.asarray(self.status == Status.CONVERGED)
+
+
+@dataclass(frozen=True)
+class PreparedReference:
+    """All of a reference that does not depend on the deformed image.
+
+    Attributes
+    ----------
+    image : kernel.Reference
+    usable : ndarray of bool, shape (height, width)
+        Pixels that subsets may use.
+    grid : PointGrid
+    settings : CorrelationSettings
+    threads : int
+    """
+
+    image: kernel.Reference
+    usable: Mask
+    grid: PointGrid
+    settings: CorrelationSettings
+    threads: int
+
+
+class Solver:
+    """Solves the points of a reference in one deformed image.
+
+    Parameters
+    ----------
+    reference : PreparedReference
+    coefficients : ndarray of float32
+        Of the deformed image, as `kernel.lay_coefficients` gives them.
+    """
+
+    def __init__(self, reference: PreparedReference, coefficients: NDArray[np.float32]) -> None:
+        settings = reference.settings
+        self._reference, self._coefficients = reference, coefficients
+        # Compiled code is chosen by the length of these: one for each tap and for each parameter of a warp.
+        self._taps, self._shape = (0.0,) * (settings.order + 1), (0.0,) * settings.parameters
+        self._limits = kernel.Limits(
+            settings.radius_px,
+            settings.min_zncc,
+            settings.tolerance_px,
+            settings.max_iterations,
+            halfway_noise_gain(settings.order),
+        )
+
+    def solve(self, indices: Indices, warps: Float) -> Solution:
+        """Run IC-GN at grid `indices` (n, 2) from `warps` (n, 6 or fewer than a warp has: the rest is 0).
+
+        A warp with NaN is no guess: its point stays "not reached".
+        """
+        parameters = self._reference.settings.parameters
+        solution = Solution.empty((len(indices),), parameters)
+        solution.warps[:, : warps.shape[1]] = warps
+        guessed = np.isfinite(warps).all(axis=1)
+        cut = self._reference.grid.cut[indices[:, 0], indices[:, 1]]
+        self._run(self._reference.image, indices, np.flatnonzero(guessed & ~cut), solution)
+        beside_cracks = np.flatnonzero(guessed & cut)
+        if beside_cracks.size:
+            image = CutReference(self._reference.image)
+            for k in beside_cracks:
+                (x, y), radius = self.points_at(indices[k : k + 1])[0], self._limits.radius
+                with image.limited_to(int(x), int(y), self._reference.usable, radius) as limited:
+                    self._run(limited, indices, np.array([k]), solution)
+        return solution
+
+    def _run(self, image: kernel.Reference, indices: Indices, chosen: Indices, solution: Solution) -> None:
+        """Run the kernel at the chosen ones of `indices`, on their rows and columns of the grid only."""
+        grid = self._reference.grid
+        rows, row = np.unique(indices[chosen, 0], return_inverse=True)
+        columns, column = np.unique(indices[chosen, 1], return_inverse=True)
+        small = Solution.empty((len(rows), len(columns)), self._reference.settings.parameters)
+        small.put((row, column), solution.part(chosen))
+        seeds, pixels = np.stack([row, column], axis=1), grid.pixels[np.ix_(rows, columns)]
+        kernel.correlate_grid(
+            image, self._coefficients, self._taps, self._shape, self._limits,
+            grid.x[columns], grid.y[rows], pixels, seeds,
+            *small, np.ones(small.status.shape, np.bool_), False,
+        )  # fmt: skip
+        solution.put((chosen,), small.part((row, column)))
+
+    def points_at(self, indices: Indices) -> NDArray[np.int64]:
+        """Return the points (x, y), shape (n, 2), at grid `indices` (row, column)."""
+        grid = self._reference.grid
+        return np.stack([grid.x[indices[:, 1]], grid.y[indices[:, 0]]], axis=1)
+
+    def propagate(self, solution: Solution, pending: Mask, *, side_by_side: bool) -> None:
+        """Spread from the converged points over those `pending`, the best first.
+
+        Side by side, the grid is cut into bands of rows. Bands know nothing of one another: what they leave
+        at their borders is reached afterwards.
+        """
+        grid, nothing = self._reference.grid, np.empty((0, 2), np.int64)
+
+        def work(first: int, last: int) -> None:
+            band = slice(first, last)
+            kernel.correlate_grid(
+                self._reference.image, self._coefficients, self._taps, self._shape, self._limits,
+                grid.x, grid.y[band], grid.pixels[band], nothing,
+                *solution.part(band), pending[band], True,
+            )  # fmt: skip
+
+        bands = self._reference.threads if side_by_side else 1
+        if bands > 1:
+            edges = np.linspace(0, len(grid.y), bands + 1).astype(int)
+            with ThreadPoolExecutor(bands) as pool:
+                # The kernel runs without the interpreter's lock; asking for results lets errors be seen.
+                list(pool.map(work, edges[:-1], edges[1:]))
+        work(0, len(grid.y))
+
+    def extrapolated(self, solution: Solution, origins: Indices, indices: Indices) -> Float:
+        """Return guesses (n, 6) at grid `indices` from the warps of as many points at `origins`."""
+        guess: Float = solution.warps[origins[:, 0], origins[:, 1], :6].copy()
+        dx, dy = (self.points_at(indices) - self.points_at(origins)).T
+        guess[:, 0] += guess[:, 1] * dx + guess[:, 2] * dy
+        guess[:, 3] += guess[:, 4] * dx + guess[:, 5] * dy
+        return guess
+
+    def from_nearest(self, solution: Solution, indices: Indices) -> Float:
+        """Return guesses (n, 6) at grid `indices`, extrapolated from the nearest converged point."""
+        from scipy.ndimage import distance_transform_edt
+
+        nearest = distance_transform_edt(~solution.converged, return_distances=False, return_indices=True)
+        rows, columns = indices.T
+        origins = np.asarray(nearest, np.int64)[:, rows, columns].T
+        return self.extrapolated(solution, origins, indices)
+
+    def solve_beside_cracks(self, solution: Solution) -> None:
+        """Solve the points whose subsets are cut into parts, from neighbours on their own side."""
+        grid = self._reference.grid
+        tried: dict[tuple[int, int], list[tuple[int, int]]] = {}
+        for row, column in np.argwhere(grid.cut & ~solution.converged):
+            tried[int(row), int(column)] = []
+        while True:
+            known, pairs = solution.converged, []
+            for place, origins in tried.items():
+                if known[place] or len(origins) >= _TRIES:
+                    continue
+                neighbours = visible_neighbours(grid, self._reference.usable, *place, known)
+                untried = next((origin for origin in neighbours if origin not in origins), None)
+                if untried is not None:
+                    origins.append(untried)
+                    pairs.append((place, untried))
+            if not pairs:
+                return
+            places = np.array([place for place, _ in pairs], np.int64)
+            guess = self.extrapolated(solution, np.array([origin for _, origin in pairs], np.int64), places)
+            solution.put(tuple(places.T), self.solve(places, guess))
