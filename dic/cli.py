@@ -9,6 +9,7 @@ _COMMANDS = {
     "calibrate": "dic.commands.calibrate:calibrate",
     "correlate": "dic.commands.correlate:correlate",
     "process": "dic.commands.process:process",
+    "quality": "dic.commands.quality:quality",
     "report": "dic.commands.report:report",
 }
 

@@ -61,6 +61,7 @@ def correlate(
     """
     from dic.calibration import Calibration
     from dic.commands.console import fail, progress, say, stopping_between
+    from dic.commands.mask import read_mask
     from dic.commands.places import require_places
     from dic.correlate import Correlator
     from dic.errors import MeasurementError
@@ -77,7 +78,7 @@ def correlate(
     image = read_image(reference)
     if calibration is not None:
         _require_calibration_fits(calibration, image.shape, str(reference))
-    region = None if roi is None else _read_region(roi)
+    region = None if roi is None else read_mask(roi)
     correlator = Correlator(image, region, settings)
 
     results = _Outputs(image, settings, files)
@@ -110,23 +111,6 @@ def correlate(
     for sentence in bad:
         fail(sentence)
     context.exit(2 if failures else 1 if bad else 0)
-
-
-def _read_region(path: Path) -> Any:
-    """Return a mask image as booleans: brighter than half of its brightest grey level."""
-    from dic.errors import CorrelationError
-    from dic.images import read_image
-
-    mask = read_image(path)
-    if mask.max() <= mask.min():
-        raise CorrelationError(
-            str(path),
-            "read region of interest",
-            expected="a mask with white where to measure and black elsewhere",
-            got="one uniform grey",
-            remedy="draw the mask again, or leave --roi out",
-        )
-    return mask > mask.max() / 2
 
 
 def _require_calibration_fits(calibration: "Calibration", shape: tuple[int, ...], source: str) -> None:

@@ -1,0 +1,90 @@
+"""`dic quality`: is this image worth measuring?"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+_FILE = click.Path(path_type=Path)
+
+
+@click.command()
+@click.argument("image", type=_FILE)
+@click.option(
+    "--roi", type=_FILE, help="Mask image, white where to look. Default: wherever there is texture."
+)
+@click.option("--second", type=_FILE, help="Another image of the specimen at rest; tells the noise better.")
+@click.option("--subset", default=31, show_default=True, help="Width of the subsets, odd, px.")
+@click.option("--shape", default="affine", show_default=True, help="Shape function: affine or quadratic.")
+@click.option("--wanted-px", default=0.01, show_default=True, help="Displacement to be resolved.")
+@click.option("--plot", "plot_file", type=_FILE, help="Picture of noise floor, focus and pattern, PNG.")
+@click.option("--json", "json_file", type=_FILE, help="What is printed, for programs.")
+@click.pass_context
+def quality(
+    context: click.Context,
+    image: Path,
+    roi: Path | None,
+    second: Path | None,
+    subset: int,
+    shape: str,
+    wanted_px: float,
+    plot_file: Path | None,
+    json_file: Path | None,
+) -> None:
+    """Judge IMAGE before it is measured: its speckles, light, focus and noise, and what they resolve.
+
+    Status: 0, 1 if something is not good, 2 if the image cannot be judged.
+    """
+    from dic.commands.console import fail, say
+    from dic.commands.mask import read_mask
+    from dic.commands.places import require_places
+    from dic.images import read_image, require_same_size
+    from dic.quality import assess_quality, findings
+    from dic.settings import CorrelationSettings
+
+    settings = CorrelationSettings(subset_px=subset, shape=shape)
+    require_places([image, roi, second], [plot_file, json_file])
+    grey = read_image(image)
+    region = None if roi is None else read_mask(roi)
+    other = None
+    if second is not None:
+        other = read_image(second)
+        require_same_size([grey, other], [str(image), str(second)])
+    judged = assess_quality(grey, region, settings, second=other, wanted_px=wanted_px)
+    sentences, figures = findings(judged), judged.as_dict()
+    if plot_file is not None:
+        from dic.quality_plot import plot_quality
+
+        plot_quality(plot_file, judged, grey)
+    if json_file is not None:
+        content = {"image": str(image), **figures, "good": not sentences, "findings": sentences}
+        json_file.write_text(json.dumps(content, indent=1, ensure_ascii=False), encoding="utf-8")
+    say(f"{image}: {'not good' if sentences else 'good'}\n{text(figures)}")
+    for sentence in sentences:
+        fail(f"{image}: {sentence}")
+    context.exit(1 if sentences else 0)
+
+
+def text(figures: dict[str, Any]) -> str:
+    """Return the figures of `Quality.as_dict` as people read them."""
+
+    def number(name: str, digits: int) -> str:
+        return "–" if figures[name] is None else f"{figures[name]:.{digits}f}"
+
+    larger = figures["recommended_subset_px"]
+    recommended = f"a subset of {larger} px" if larger else "no subset"
+    return "\n".join(
+        [
+            f"  speckles  {number('speckle_x_px', 1)} px along x, {number('speckle_y_px', 1)} px along y",
+            f"  light     contrast {number('contrast', 2)}; clipped {figures['dark_share']:.2%} dark,"
+            f" {figures['bright_share']:.2%} bright; mean gradient {number('mean_gradient', 1)} per px",
+            f"  focus     edges blurred by {number('blur_px', 2)} px, worst {number('worst_blur_px', 2)} px",
+            f"  noise     {number('noise', 2)} grey levels",
+            f"  resolves  u {number('std_u_px', 4)}, v {number('std_v_px', 4)} px (median),"
+            f" {number('floor_px', 4)} px at 95 % of the points,"
+            f" subset {figures['subset_px']} px, {figures['shape']}",
+            f"            sum of squared gradients {number('sssig_x', 0)} in x, {number('sssig_y', 0)} in y",
+            f"  advice    {recommended} for {figures['wanted_px']:g} px",
+        ]
+    )
