@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from dic.field import Status
 from dic.kernel import moments as m
-from dic.kernel.jit import compiled
+from dic.kernel.jit import inner
 from dic.kernel.layout import Reference
 
 Flat = NDArray[np.float32]
@@ -64,7 +64,7 @@ class Workspace(NamedTuple):
     place: NDArray[np.int64]
 
 
-@compiled
+@inner
 def workspace(r: int, shape: m.Shape) -> Workspace:
     """Return memory for subsets of radius `r`."""
     n, k = 2 * r + 1, len(shape)
@@ -82,14 +82,14 @@ def workspace(r: int, shape: m.Shape) -> Workspace:
     )
 
 
-@compiled
+@inner
 def _monomial(power_x: int, power_y: int) -> int:
     """Return the place of x^power_x y^power_y among the monomials."""
     degree = power_x + power_y
     return degree * (degree + 1) // 2 + power_y
 
 
-@compiled
+@inner
 def _normal_matrix(Q: Flat, n: int, H: Float, s: Float, t: Float) -> tuple[float, float]:
     """Write the Gauss-Newton Hessian of the normalised criterion; return the mean and norm² of the subset.
 
@@ -111,7 +111,7 @@ def _normal_matrix(Q: Flat, n: int, H: Float, s: Float, t: Float) -> tuple[float
     return mean, norm2
 
 
-@compiled
+@inner
 def _cholesky(A: Float) -> bool:
     """Replace the lower triangle of `A` by its Cholesky factor; False if `A` is not positive definite."""
     for i in range(len(A)):
@@ -129,7 +129,7 @@ def _cholesky(A: Float) -> bool:
     return True
 
 
-@compiled
+@inner
 def _solve(L: Float, b: Float, x: Float) -> None:
     """Solve L L' x = b."""
     for i in range(len(b)):
@@ -144,7 +144,7 @@ def _solve(L: Float, b: Float, x: Float) -> None:
         x[i] = s / L[i, i]
 
 
-@compiled
+@inner
 def _compose_inverse(p: Float, d: Float) -> None:
     """Replace the affine warp p by p ∘ d⁻¹."""
     a, b, c, e = 1.0 + d[1], d[2], d[4], 1.0 + d[5]
@@ -158,7 +158,7 @@ def _compose_inverse(p: Float, d: Float) -> None:
     p[4], p[5] = C * ia + E * ic, C * ib + E * ie - 1.0
 
 
-@compiled
+@inner
 def _square_matrix(p: Float, W: Float) -> None:
     """Write the matrix by which a quadratic warp takes (x², xy, y², x, y, 1) to the same of the warped pixel.
 
@@ -180,7 +180,7 @@ def _square_matrix(p: Float, W: Float) -> None:
     W[5, 0], W[5, 1], W[5, 2], W[5, 3], W[5, 4], W[5, 5] = 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
 
 
-@compiled
+@inner
 def _compose_inverse_quadratic(p: Float, d: Float) -> None:
     """Replace the quadratic warp p by p ∘ d⁻¹, up to the third power of the small step d.
 
@@ -211,7 +211,7 @@ def _compose_inverse_quadratic(p: Float, d: Float) -> None:
         p[at + 8] = 2.0 * (row[2] - once[2] + twice[2])
 
 
-@compiled
+@inner
 def extrapolate(p: Float, dx: float, dy: float, q: Float) -> None:
     """Write into q the warp that p predicts for the point (dx, dy) further on."""
     for k in range(len(p)):
@@ -225,7 +225,7 @@ def extrapolate(p: Float, dx: float, dy: float, q: Float) -> None:
             q[at + 2] += xy * dx + yy * dy
 
 
-@compiled
+@inner
 def _step_length_px(d: Float, r: int) -> float:
     """Return how far a step moves the edge of the subset, at most about."""
     square = d[0] ** 2 + d[3] ** 2 + r * r * (d[1] ** 2 + d[2] ** 2 + d[4] ** 2 + d[5] ** 2)
@@ -234,7 +234,7 @@ def _step_length_px(d: Float, r: int) -> float:
     return float(np.sqrt(square))
 
 
-@compiled
+@inner
 def _in_view(image: Reference, x: int, y: int, r: int, p: Float) -> bool:
     """Tell whether the warped subset stays in the image, by its corners and what curvature may add."""
     reach_x = r * (abs(1.0 + p[1]) + abs(p[2]))
@@ -251,7 +251,7 @@ def _in_view(image: Reference, x: int, y: int, r: int, p: Float) -> bool:
     return bool(across and down)
 
 
-@compiled
+@inner
 def _is_smooth(p: Float, r: int) -> bool:
     """Tell whether 16 pixels of any row of the subset move alike to within a pixel."""
     steepest_x, steepest_y = abs(p[1]), abs(p[4])
@@ -261,7 +261,7 @@ def _is_smooth(p: Float, r: int) -> bool:
     return bool(16.0 * max(steepest_x, steepest_y) < 1.0)
 
 
-@compiled
+@inner
 def _deviations(L: Float, variance: float, y: Float, deviations: Float) -> None:
     """Write the standard deviations of the first six parameters: of variance × (L L')⁻¹, the diagonal."""
     for k in range(6):
@@ -275,7 +275,7 @@ def _deviations(L: Float, variance: float, y: Float, deviations: Float) -> None:
         deviations[k] = np.sqrt(variance * square)
 
 
-@compiled
+@inner
 def _noise_variance(residual2: float, n: int, p: Float, r: int, noise_gain: float) -> float:
     """Return twice the variance of the images' noise, as the residuals of n pixels of a subset tell.
 
@@ -290,7 +290,7 @@ def _noise_variance(residual2: float, n: int, p: Float, r: int, noise_gain: floa
     return 2.0 * residual2 / (n - len(p) - 2) / (1.0 + damping)
 
 
-@compiled
+@inner
 def correlate_point(
     image: Reference,
     c: Flat,

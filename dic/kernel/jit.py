@@ -18,24 +18,31 @@ import numba
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+_OPTIONS = {"nogil": True, "error_model": "numpy"}
+_NO_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
 
 def compiled(function: Function) -> Function:
     """Compile `function` to machine code at its first call, without the interpreter's lock, cached on disk.
 
     Division by zero gives infinity or NaN as in NumPy, and sums keep their written order.
     """
-    options = {"nogil": True, "error_model": "numpy"}
     with _own_cache():
         try:
-            return cast(Function, numba.njit(cache=True, **options)(function))
+            return cast(Function, numba.njit(cache=True, **_OPTIONS)(function))
         except RuntimeError:
             # Nowhere to keep it: installed by another user, and no home to write to.
-            return cast(Function, numba.njit(**options)(function))
+            return cast(Function, numba.njit(**_OPTIONS)(function))
+
+
+def inner(function: Function) -> Function:
+    """Compile `function` for compiled callers only, which takes less time; they keep it in their cache."""
+    return cast(Function, numba.njit(**_OPTIONS, **_NO_WRAPPERS)(function))
 
 
 def inlined(function: Function) -> Function:
     """Compile `function` into each of its callers: for the innermost ones, which a call would slow down."""
-    return cast(Function, numba.njit(forceinline=True, nogil=True, error_model="numpy")(function))
+    return cast(Function, numba.njit(forceinline=True, **_OPTIONS, **_NO_WRAPPERS)(function))
 
 
 @contextmanager

@@ -8,7 +8,7 @@ region of interest like its slopes fx and fy, and g the deformed image, whose sp
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.kernel.jit import compiled, inlined
+from dic.kernel.jit import inlined, inner
 from dic.kernel.layout import Reference
 from dic.kernel.vectors import at_least, blend, fma, load, ramp8, ramp16, select, splat, spread, total
 
@@ -109,7 +109,7 @@ def _add_fourth(
     M[at + 14] += total(s4)
 
 
-@compiled
+@inner
 def _reference_strip(
     image: Reference, shape: Shape, x: Vector, inside: Vector, first: int, r: int, Q: Flat
 ) -> None:
@@ -164,7 +164,7 @@ def _reference_strip(
         _add_second(Q, FY, x, h0, h1, h2)
 
 
-@compiled
+@inner
 def reference_moments(image: Reference, shape: Shape, centre: int, r: int, Q: Flat) -> None:
     """Write the moments of the subset around the element `centre` of the reference."""
     Q[:] = 0.0
@@ -188,14 +188,14 @@ def _inside(x: Vector, r: int) -> Vector:
     return ones
 
 
-@compiled
+@inner
 def _lay_rows(
     shape: Shape, pitch: int, left: int, right: int, r: int, p: Flat, shift: Flat, place: NDArray[np.int64]
 ) -> None:
     """Write for each row of a strip where it begins to read, and how the warp lies relative to that place.
 
-    Row 0 of `place` is the offset of the first pixel's cell, row 1 tells whether the strip reaches the next
-    cell across (1), down (2) or both (3). `shift` is what the row adds to the strip's warp, less the cell.
+    Row 0 of `place` is the offset of the first pixel's cell, row 1 tells whether the strip reaches into the
+    next cell across or down. `shift` is what the row adds to the strip's warp, less the cell.
     """
     u, ux, uy, v, vx, vy = p[0], p[1], p[2], p[3], p[4], p[5]
     sag_x, sag_y = np.float32(0.0), np.float32(0.0)
@@ -223,10 +223,10 @@ def _lay_rows(
         place[0, j] = np.int64(row) * pitch + np.int64(column)
         across = max(begin_x, end_x) + sag_x - column >= 1.0
         down = max(begin_y, end_y) + sag_y - row >= 1.0
-        place[1, j] = np.int64(across) + 2 * np.int64(down)
+        place[1, j] = np.int64(across or down)
 
 
-@compiled
+@inner
 def _strip(
     image: Reference,
     c: Flat,
@@ -244,7 +244,7 @@ def _strip(
 ) -> None:
     """Add one strip to the moments with the deformed image, for a smooth warp laid out by `_lay_rows`.
 
-    All lanes of a row read neighbouring taps, or, where the row reaches into the next cell, one tap more.
+    All lanes of a row read neighbouring taps; where the row reaches into the next cell, one more either way.
     """
     zero, inside = splat(x, 0.0), _inside(x, r)
     to_x, to_y = fma(splat(x, p[1]), x, splat(x, p[0])), fma(splat(x, p[4]), x, splat(x, p[3]))
@@ -262,13 +262,8 @@ def _strip(
         if len(shape) == 12:
             tx, ty = fma(twist_x, y, tx), fma(twist_y, y, ty)
         there = here + place[0, j] - first_tap
-        reaches = place[1, j]
-        if reaches == 0:
+        if place[1, j] == 0:
             g = blend(c, there, image.pitch, _weights(taps, tx), _weights(taps, ty))
-        elif reaches == 1:
-            g = blend(c, there, image.pitch, _weights_of_two(taps, tx), _weights(taps, ty))
-        elif reaches == 2:
-            g = blend(c, there, image.pitch, _weights(taps, tx), _weights_of_two(taps, ty))
         else:
             g = blend(c, there, image.pitch, _weights_of_two(taps, tx), _weights_of_two(taps, ty))
         if clipped:
@@ -290,7 +285,7 @@ def _strip(
     S[FG] += total(sf * inside)
 
 
-@compiled
+@inner
 def moments_of_smooth_warp(
     image: Reference,
     c: Flat,
@@ -321,7 +316,7 @@ def moments_of_smooth_warp(
             left, remaining = left + 8, remaining - 8
 
 
-@compiled
+@inner
 def moments_of_any_warp(
     image: Reference, c: Flat, taps: Taps, shape: Shape, centre: int, r: int, p: Flat, S: Flat
 ) -> None:
