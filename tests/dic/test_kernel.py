@@ -1,0 +1,86 @@
+"""The compiled kernel against the same method in plain NumPy, and against what theory says of its numbers."""
+
+import numpy as np
+import pytest
+
+from dic.correlate import Correlator
+from dic.icgn_reference import icgn
+from dic.settings import CorrelationSettings
+from dic.spline import spline_image
+
+
+def waves(x, y):
+    """A gentle deformation whose strain changes within a subset: where a picture's pixel comes from."""
+    return x - 1.4 - 0.01 * x - 1e-4 * (y - 80) ** 2, y + 0.8 + 0.012 * x - 6e-5 * (x - 90) ** 2
+
+
+def compare(reference, deformed, settings, region=None, points=3, atol=1e-5):
+    usable = np.ones(reference.shape, bool) if region is None else region
+    field = Correlator(reference, usable, settings).correlate(deformed)
+    f, g = (spline_image(image, settings.order) for image in (reference, deformed))
+    rows, columns = np.nonzero(field.converged)
+    assert len(rows) > points
+    for k in np.linspace(0, len(rows) - 1, points).astype(int):
+        warp = field.warps[rows[k], columns[k]]
+        point = int(field.x_px[columns[k]]), int(field.y_px[rows[k]])
+        start = np.zeros(settings.parameters)
+        start[:6] = warp[:6] + np.array([0.2, 0, 0, -0.1, 0, 0])
+        expected, zncc = icgn(f, g, usable, point, settings.radius_px, start)
+        scale = np.array([1, 10, 10] * 2 + [100] * (settings.parameters - 6))
+        np.testing.assert_allclose(warp * scale, expected * scale, atol=atol)
+        assert field.zncc[rows[k], columns[k]] == pytest.approx(zncc, abs=1e-5)
+
+
+@pytest.mark.parametrize("shape", ["affine", "quadratic"])
+@pytest.mark.parametrize(("order", "subset_px"), [(3, 21), (5, 31), (5, 15)])
+def test_a_smooth_warp_is_that_of_plain_numpy(speckle, shape, order, subset_px):
+    pattern = speckle(seed=30, noise=1.0)
+    settings = CorrelationSettings(subset_px, 25, shape=shape, order=order, tolerance_px=1e-7)
+    compare(pattern.draw(noise_seed=1), pattern.draw(waves, noise_seed=2), settings)
+
+
+@pytest.mark.parametrize("shape", ["affine", "quadratic"])
+def test_a_large_rotation_is_that_of_plain_numpy(speckle, turn, shape):
+    pattern = speckle(seed=31, noise=1.0, margin=60)
+    settings = CorrelationSettings(21, 25, shape=shape, tolerance_px=1e-7)
+    moved = pattern.draw(turn(37.0, (90, 80), scale=1.05), noise_seed=2)
+    compare(pattern.draw(noise_seed=1), moved, settings)
+
+
+@pytest.mark.parametrize("angle_deg", [0.4, 37.0])
+def test_a_clipped_subset_is_that_of_plain_numpy(speckle, turn, angle_deg):
+    pattern = speckle(seed=32, noise=1.0, margin=60)
+    region = np.zeros(pattern.shape, bool)
+    region[30:130, 40:61] = True
+    settings = CorrelationSettings(21, 10, tolerance_px=1e-7)
+    moved = pattern.draw(turn(angle_deg, (90, 80)), noise_seed=2)
+    compare(pattern.draw(noise_seed=1), moved, settings, region)
+
+
+def test_several_threads_find_what_one_finds(speckle):
+    pattern = speckle(seed=33, shape=(200, 180), noise=1.0)
+    reference, deformed = pattern.draw(noise_seed=1), pattern.draw(waves, noise_seed=2)
+    settings = CorrelationSettings(21, 8, tolerance_px=1e-6)
+    region = np.ones(pattern.shape, bool)
+    one, three = (Correlator(reference, region, settings, threads=n).correlate(deformed) for n in (1, 3))
+    np.testing.assert_array_equal(three.status, one.status)
+    np.testing.assert_allclose(three.warps, one.warps, atol=1e-5)
+
+
+@pytest.mark.parametrize("shape", ["affine", "quadratic"])
+def test_predicted_deviations_are_those_that_repeated_images_show(speckle, shape):
+    pattern = speckle(seed=34, shape=(130, 130))
+    settings = CorrelationSettings(21, 24, shape=shape)
+    region = np.ones(pattern.shape, bool)
+    still, moved = pattern.draw(), pattern.draw(lambda x, y: (x - 0.35, y + 0.2))
+    rng = np.random.default_rng(7)
+    warps, predicted = [], []
+    for _ in range(60):
+        a, b = (image + rng.normal(0, 2.0, image.shape).astype(np.float32) for image in (still, moved))
+        field = Correlator(a, region, settings).correlate(b)
+        warps.append(field.warps[..., :6])
+        predicted.append(field.deviations)
+    observed = np.sqrt(np.var(warps, axis=0).mean(axis=(0, 1)))
+    stated = np.sqrt(np.mean(np.square(predicted), axis=(0, 1, 2)))
+    # The noise of the slopes makes the Hessian a little too steep, most for quadratic shape functions.
+    np.testing.assert_allclose(stated, observed, rtol=0.15)
