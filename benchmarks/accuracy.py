@@ -123,11 +123,11 @@ def star_resolution(
     expected = resolution_px(settings.subset_px, settings.shape)
     low, high = 0.8 * expected, 1.25 * expected
     field = _correlate_columns(images, slice(0, int(_column(high)) + settings.subset_px + 8), settings)
-    period = _STAR_PERIODS_PX[0] + _STAR_PERIODS_PX[1] * field.x_px / _STAR_WIDTH_PX
+    period = _STAR_PERIODS_PX[0] + _STAR_PERIODS_PX[1] * field.x_px.astype(float) / _STAR_WIDTH_PX
     kept = _kept_amplitude(field, period)
     near = (period > low) & (period < high) & np.isfinite(kept)
     parabola = np.polynomial.Polynomial.fit(period[near], kept[near], 2)
-    roots = (parabola - 0.9).roots()
+    roots = np.asarray((parabola - 0.9).roots(), complex)
     (measured,) = (r.real for r in roots if abs(r.imag) < 1e-9 and low < r.real < high)
     calm = _correlate_columns(images, slice(int(_column(_STAR_CALM_PX)), None), settings)
     return Resolution(expected, float(measured), float(np.nanstd(calm.u_px)))
@@ -165,7 +165,7 @@ def bias_rows() -> list[dict[str, Any]]:
     """Measure interpolation bias for blobs of three sizes."""
     rows = []
     for sigma, order in product(((1.3, 2.2), (0.8, 1.1), (0.6, 0.8)), (3, 5)):
-        speckle = Speckle(3, (256, 256), sigma, 0.035 * (1.75 / np.mean(sigma)) ** 2)
+        speckle = Speckle(3, (256, 256), sigma, 0.035 * (1.75 / float(np.mean(sigma))) ** 2)
         found = interpolation_bias(speckle, CorrelationSettings(subset_px=21, step_px=7, order=order))
         rows.append({"sigma": f"{sigma[0]}-{sigma[1]}", "order": order, **vars(found)})
     return rows

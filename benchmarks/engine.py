@@ -16,6 +16,7 @@ from dic.spline import halfway_noise_gain, spline_image
 
 Grey = NDArray[np.float32]
 Float = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -62,15 +63,15 @@ class Series:
 
 
 class KernelAlone:
-    """IC-GN at given points from the truth rounded to whole pixels, the images already prepared.
+    """IC-GN on a grid, every point from the truth rounded to whole pixels, the images already prepared.
 
     Parameters
     ----------
     reference, deformed : ndarray of float32, shape (height, width)
     settings : CorrelationSettings
-    points : ndarray of int, shape (n, 2)
-        As (x, y).
-    start : ndarray, shape (n, 2)
+    x_px, y_px : ndarray of int, shapes (columns,) and (rows,)
+        Coordinates of the grid.
+    start : ndarray, shape (rows, columns, 2)
         Displacements to start from, px.
     """
 
@@ -79,14 +80,15 @@ class KernelAlone:
         reference: Grey,
         deformed: Grey,
         settings: CorrelationSettings,
-        points: NDArray[np.int64],
+        x_px: Indices,
+        y_px: Indices,
         start: Float,
     ) -> None:
         spline, mean = spline_image(reference, settings.order), float(reference.mean())
         everywhere = np.ones(reference.shape, np.bool_)
         self._reference = kernel.lay_reference(spline, spline.gradient(), everywhere, mean)
         self._coefficients = kernel.lay_coefficients(spline_image(deformed, settings.order), mean)
-        self._settings, self._points, self._start = settings, points, start
+        self._settings, self._x, self._y, self._start = settings, x_px, y_px, start
         self._limits = kernel.Limits(
             settings.radius_px, settings.min_zncc, settings.tolerance_px, settings.max_iterations,
             halfway_noise_gain(settings.order),
@@ -100,24 +102,25 @@ class KernelAlone:
         RuntimeError
             If a point did not converge: its time would say nothing.
         """
-        n = len(self._points)
-        warps = np.zeros((n, self._settings.parameters))
-        warps[:, 0], warps[:, 3] = self._start.T
-        deviations, status = np.empty((n, 6)), np.empty(n, np.int8)
-        zncc, iterations = np.empty(n), np.empty(n, np.int16)
-        pixels = np.full(n, self._settings.subset_px**2)
+        grid = self._start.shape[:2]
+        warps = np.zeros((*grid, self._settings.parameters))
+        warps[..., 0], warps[..., 3] = self._start[..., 0], self._start[..., 1]
+        deviations, status = np.empty((*grid, 6)), np.empty(grid, np.int8)
+        zncc, iterations = np.empty(grid), np.empty(grid, np.int16)
+        pixels, pending = np.full(grid, self._settings.subset_px**2), np.ones(grid, np.bool_)
 
-        def work(part: slice) -> None:
-            kernel.correlate_points(
+        def work(rows: slice) -> None:
+            kernel.correlate_grid(
                 self._reference, self._coefficients, (0.0,) * (self._settings.order + 1),
-                (0.0,) * self._settings.parameters, self._limits, self._points[part], pixels[part],
-                warps[part], deviations[part], status[part], zncc[part], iterations[part],
+                (0.0,) * self._settings.parameters, self._limits, self._x, self._y[rows], pixels[rows],
+                np.argwhere(pending[rows]), warps[rows], deviations[rows], status[rows], zncc[rows],
+                iterations[rows], pending[rows], False,
             )  # fmt: skip
 
-        edges = np.linspace(0, n, threads + 1).astype(int)
-        parts = [slice(first, last) for first, last in itertools.pairwise(edges)]
+        edges = np.linspace(0, grid[0], threads + 1).astype(int)
+        bands = [slice(first, last) for first, last in itertools.pairwise(edges)]
         with Stopwatch() as watch, ThreadPoolExecutor(threads) as pool:
-            list(pool.map(work, parts))
-        if (status != Status.CONVERGED).any():
-            raise RuntimeError(f"{np.count_nonzero(status != Status.CONVERGED)} of {n} points failed")
-        return _timing(n, watch), float(iterations.mean())
+            list(pool.map(work, bands))
+        if (failed := np.count_nonzero(status != Status.CONVERGED)) > 0:
+            raise RuntimeError(f"{failed} of {status.size} points failed")
+        return _timing(status.size, watch), float(iterations.mean())

@@ -86,7 +86,7 @@ def install(peer: Peer) -> Path:
             [sys.executable, "-m", "venv", "--clear", str(folder)],
             [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", peer.package],
         ):
-            _call(command, "install", {})
+            _call(command, "install")
         installed.touch()
     return python
 
@@ -95,7 +95,7 @@ def version(peer: Peer) -> str:
     """Return the installed version of an installed peer."""
     name = peer.package.split("=")[0]
     command = [str(install(peer)), "-c", f"import importlib.metadata as m; print(m.version({name!r}))"]
-    return _call(command, "ask", {}).strip()
+    return _call(command, "ask").strip()
 
 
 def correlate(
@@ -118,7 +118,7 @@ def correlate(
     }  # fmt: skip
     (folder / "job.json").write_text(json.dumps(job))
     script = Path(__file__).with_name(peer.script)
-    _call([str(install(peer)), str(script), str(folder / "job.json")], "run", _ONE_THREAD)
+    _call([str(install(peer)), str(script), str(folder / "job.json")], "run", folder, _ONE_THREAD)
     with np.load(folder / "result.npz") as found:
         return PeerResult(found["points"], found["moved"], float(found["cpu_s"]), float(found["wall_s"]))
 
@@ -128,11 +128,15 @@ def _cache() -> Path:
     return caches / "offaxis" / "peers"
 
 
-def _call(command: list[str], what: str, environment: dict[str, str]) -> str:
+def _call(
+    command: list[str], what: str, folder: Path | None = None, environment: dict[str, str] | None = None
+) -> str:
+    """Run a command, where peers may leave their logs, and return what it prints."""
     try:
         done = subprocess.run(
-            command, capture_output=True, text=True, timeout=1200, env={**os.environ, **environment}
-        )
+            command, capture_output=True, text=True, timeout=1200, cwd=folder,
+            env={**os.environ, **(environment or {})},
+        )  # fmt: skip
     except (OSError, subprocess.TimeoutExpired) as error:
         raise Unavailable(f"{what}: {error}") from error
     if done.returncode:

@@ -5,13 +5,14 @@ import shutil
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from sundic import sundic
 from sundic.settings import Settings
 
 
-def correlate(job: dict, folder: Path) -> np.ndarray:
+def correlate(job: dict[str, Any], folder: Path) -> Any:
     settings = Settings()
     settings.ImageFolder = str(folder / "sundic")
     settings.DebugLevel = 0
