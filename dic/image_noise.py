@@ -68,7 +68,9 @@ def noise_of_two(first: Grey, second: Grey, slopes: tuple[Grey, Grey], region: M
     terms = np.column_stack([np.ones(grey.size), grey, *(slope[region] for slope in slopes)])
     known = np.linalg.solve(terms.T @ terms, terms.T @ change)
     rest = change - terms @ known
-    noise = float(rest.std() / np.sqrt(2.0))
+    # The noise of the first is enlarged by the change of light, too.
+    both = np.hypot(1.0, 1.0 + known[1])
+    noise = float(rest.std() / both)
     moved = float(np.hypot(*known[2:]))
     if moved > _AT_REST_PX or noise > _OF_TEXTURE * grey.std():
         raise CorrelationError(
@@ -80,5 +82,5 @@ def noise_of_two(first: Grey, second: Grey, slopes: tuple[Grey, Grey], region: M
         )
     residual = np.zeros(first.shape, np.float32)
     residual[region] = rest
-    fine = noise_of_one(residual, region) / np.sqrt(2.0)
+    fine = noise_of_one(residual, region) / float(both)
     return noise, fine / noise if noise > 0.0 else 1.0

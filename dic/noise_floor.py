@@ -2,8 +2,8 @@
 
 Noise of standard deviation σ in both images spreads a displacement by √2 σ / √SSSIG, with the sum of squared
 subset intensity gradients: B. Pan, H. Xie, Z. Wang, K. Qian, Z. Wang, "Study on subset size selection in
-digital image correlation for speckle patterns", Optics Express 16 (2008) 7037-7048. The other parameters of the
-shape function and the noise in the gradients themselves add to that; here both are counted.
+digital image correlation for speckle patterns", Optics Express 16 (2008) 7037-7048. The other parameters of
+the shape function and the noise in the gradients themselves add to that; here both are counted.
 """
 
 from collections.abc import Iterator
@@ -47,8 +47,9 @@ def predicted_std(
 ) -> Float:
     """Return the standard deviations of u and v, px, that noise causes at points: the noise floor.
 
-    The covariance of IC-GN's parameters is 2 σ² H⁻¹ Ĥ H⁻¹ with the Hessian Ĥ of the normalised criterion as
-    the noisy gradients make it, and H as it were without their noise.
+    The covariance of IC-GN's parameters is σ² (H⁻¹ + H⁻¹ Ĥ H⁻¹), with the Hessian Ĥ of the normalised
+    criterion as the noisy gradients make it, and H as it were without their noise. The first term is due to
+    the reference, whose noise its own gradients do not see, being odd; the second to the deformed image.
 
     Parameters
     ----------
@@ -84,7 +85,7 @@ def predicted_std(
         true = noisy - gradient_noise * np.kron(np.eye(2), M.T @ M)
         if np.linalg.eigvalsh(true)[0] > 0.0:
             inverse = np.linalg.inv(true)
-            variances = 2.0 * noise**2 * np.diag(inverse @ noisy @ inverse)
+            variances = noise**2 * np.diag(inverse + inverse @ noisy @ inverse)
             deviations[n] = np.sqrt(variances[[0, k]])
     return deviations
 

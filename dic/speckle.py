@@ -81,7 +81,7 @@ def speckle_size(covariance: Float) -> float:
     """Return the full width at half maximum of an autocovariance, in px.
 
     Gaussian blobs of standard deviation s give 4 √(ln 2) s = 3.33 s, sharp dots of diameter D 0.81 D;
-    infinite if the half is not reached.
+    it is infinite if the half is not reached.
 
     Parameters
     ----------
