@@ -161,17 +161,22 @@ class TestNoiseFloor:
         settings = CorrelationSettings(subset_px=21, step_px=15, shape=shape)
         pattern = speckle(seed=31)
         clean, moved = pattern.draw(), pattern.draw(lambda x, y: (x - 0.37, y + 0.21))
-        rng, errors = np.random.default_rng(9), []
+        rng, errors, ratios = np.random.default_rng(9), [], []
         for _ in range(6):
             first, second = (
                 (image + rng.normal(0, noise, image.shape)).astype(np.float32) for image in (clean, moved)
             )
-            field = Correlator(first, settings=settings).correlate(second)
-            errors.append([field.u_px[field.converged] - 0.37, field.v_px[field.converged] + 0.21])
-        observed = [np.std(np.concatenate(each)) for each in zip(*errors, strict=True)]
-        quality = assess_quality(first, settings=settings)
+            field = Correlator(first, everywhere(first), settings).correlate(second)
+            error = np.stack([field.u_px - 0.37, field.v_px + 0.21], axis=-1)[field.converged]
+            points = field.points[field.converged.ravel()].astype(int)
+            spline, level = spline_image(first, settings.order), noise_of_one(first, everywhere(first))
+            errors.append(error)
+            ratios.append(error / predicted_std(spline, level, points, everywhere(first), settings))
+        assert len(points) > 80
+        np.testing.assert_allclose(np.std(np.concatenate(ratios), axis=0), 1, atol=0.1)
+        quality = assess_quality(first, everywhere(first), settings)
         predicted = np.sqrt(np.mean(quality.std_px**2, axis=0))
-        np.testing.assert_allclose(predicted, observed, rtol=0.12)
+        np.testing.assert_allclose(predicted, np.std(np.concatenate(errors), axis=0), rtol=0.2)
 
     def test_the_recommended_subset_resolves_what_is_wanted_and_a_smaller_one_does_not(self):
         grey = blobs(1.5, noise=4.0)
