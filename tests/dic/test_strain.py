@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import fftconvolve
 
-from dic.displacement import Displacement, Noise, error_overlap
+from dic.correlate import Correlator
+from dic.displacement import Displacement, Noise, error_overlap, raw_displacement
 from dic.errors import CorrelationError
 from dic.settings import CorrelationSettings
 from dic.strain import StrainSettings, mean_strain, strain_field
@@ -214,3 +215,33 @@ def test_predicted_deviations_are_those_of_errors_that_overlapping_subsets_share
     apart = Noise(spread, np.eye(1), model.gradient)
     alone = mean_strain(Displacement(position, vector, valid, "px", None, apart))
     assert abs(alone.exx_std / np.std([mean.exx for mean in means]) - 1) > 0.25
+
+
+@pytest.mark.parametrize("shape", ["affine", "quadratic"])
+def test_predicted_deviations_are_those_of_strains_measured_in_noisy_images(speckle, shape):
+    settings = CorrelationSettings(subset_px=21, step_px=10, shape=shape)
+    pattern, trials, noise = speckle(seed=41), 16, 2.0
+    clean = pattern.draw(), pattern.draw(lambda x, y: (x / 1.01 - 0.3, y - 0.004 * x))
+    rng, everywhere = np.random.default_rng(6), np.ones(pattern.shape, bool)
+    sources = {source: [] for source in ("fit", "quadratic-fit", "shape")}
+    means = []
+    for _ in range(trials):
+        noisy = [(image + rng.normal(0, noise, image.shape)).astype(np.float32) for image in clean]
+        field = Correlator(noisy[0], everywhere, settings).correlate(noisy[1])
+        raw = raw_displacement(field, settings)
+        means.append(mean_strain(raw))
+        for source, fields in sources.items():
+            fields.append(strain_field(raw, StrainSettings(source=source)))
+    names = ("exx", "eyy", "exy")
+    for fields in sources.values():
+        for name in names:
+            values = np.array([getattr(field, name) for field in fields])
+            predicted = np.array([getattr(field, f"{name}_std") for field in fields])
+            off = (values - values.mean(axis=0)) / predicted
+            assert np.sqrt(np.nanmean(off**2) * trials / (trials - 1)) == pytest.approx(1, abs=0.12)
+    values, predicted = (
+        np.array([[getattr(m, n + end) for n in names] for m in means]) for end in ("", "_std")
+    )
+    # 16 trials of three components tell a standard deviation within 11 %.
+    off = (values - values.mean(axis=0)) / predicted
+    assert np.sqrt(np.mean(off**2) * trials / (trials - 1)) == pytest.approx(1, abs=0.3)
