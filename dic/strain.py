@@ -69,6 +69,11 @@ class StrainSettings:
         return (self.window_points - 1) * correlation.step_px + correlation.subset_px
 
 
+def gauge_text(gauge_px: int, gauge_mm: float | None) -> str:
+    """Return the width of a virtual strain gauge as people read it."""
+    return f"virtual strain gauge {gauge_px} px" + ("" if gauge_mm is None else f" ({gauge_mm:.3g} mm)")
+
+
 @dataclass(frozen=True)
 class MeanStrain:
     """The strain of a region as a whole.

@@ -68,7 +68,7 @@ def correlate(
     from dic.images import read_image
     from dic.measurement import measure
     from dic.settings import CorrelationSettings
-    from dic.strain import StrainSettings
+    from dic.strain import StrainSettings, gauge_text
 
     settings = CorrelationSettings(subset_px=subset, step_px=step, order=spline, min_zncc=min_zncc)
     strain = StrainSettings(measure=strain_measure, window_points=strain_window, source=strain_from)
@@ -81,6 +81,8 @@ def correlate(
     region = None if roi is None else read_mask(roi)
     correlator = Correlator(image, region, settings)
 
+    gauge_px = strain.gauge_px(settings)
+    say(gauge_text(gauge_px, None if calibration is None else gauge_px * calibration.mm_per_px))
     results = _Outputs(image, settings, files)
     summaries, failures, bad, previous = [], [], [], None
     with results, progress("correlating", len(deformed)) as advance, stopping_between() as stopped:

@@ -76,6 +76,8 @@ def process(
 
 def table(result: "RunResult") -> str:
     """Return the strains of every step and camera as the paper tabulates them, in µε."""
+    from dic.strain import gauge_text
+
     lines = [f"{result.info.title} ({result.info.status})"]
     if result.info.simulated:
         lines[0] += " – SIMULATED"
@@ -84,6 +86,7 @@ def table(result: "RunResult") -> str:
         lines.append(
             f"{camera.camera}: {calibration.grid.found} of {calibration.grid.expected} grid points,"
             f" residual {calibration.rms_px:.4f} px rms ({rms_um:.2f} µm)"
+            + "".join(f", {gauge_text(m.gauge_px, m.gauge_mm)}" for m in camera.measurements[:1])
         )
         lines.append(f"{'step':>14} {'load':>9} {'displ.':>8} {'angle':>7} {'points':>6}" + _heading())
         for step, measurement in zip(camera.steps, camera.measurements, strict=True):

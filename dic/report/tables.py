@@ -7,6 +7,7 @@ from dic.process import CameraResult
 from dic.report.numbers import date, fixed
 from dic.report.series import Float, Run
 from dic.run_file import RunStep
+from dic.strain import gauge_text
 
 _MEASURES = {
     "green-lagrange": "Green–Lagrange",
@@ -109,14 +110,15 @@ def _strain_rows(run: Run) -> list[tuple[str, str]]:
     for measure in sorted({m.strain_settings.measure for m in measurements}):
         name = _MEASURES[measure]
         rows.append(("Strain", f"{name}, axes X right and Y up; mean: plane fitted to all valid points"))
-    for settings, gauge_px in sorted({(m.strain_settings, m.gauge_px) for m in measurements}, key=str):
+    gauges = {(m.strain_settings, gauge_text(m.gauge_px, m.gauge_mm)) for m in measurements}
+    for settings, gauge in sorted(gauges, key=str):
         window = settings.window_points
         source = {
             "fit": f"plane fitted to {window} × {window} points",
             "quadratic-fit": f"quadratic surface fitted to {window} × {window} points",
             "shape": "gradient of the shape function",
         }[settings.source]
-        rows.append(("Local strain", f"{source}: virtual strain gauge of {gauge_px} px"))
+        rows.append(("Local strain", f"{source}: {gauge}"))
     return rows
 
 

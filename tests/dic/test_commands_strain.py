@@ -1,0 +1,77 @@
+"""Strain as `dic correlate` is asked for it, and its deviations as the files state them."""
+
+import json
+
+import cv2
+import h5py
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from dic.commands.correlate import correlate
+from dic.errors import CorrelationError
+from dic.strain import STRAIN_KEYS
+
+
+@pytest.fixture(scope="module")
+def folder(speckle, tmp_path_factory):
+    """ref.png, and moved.png stretched by 1.02 along x."""
+    folder = tmp_path_factory.mktemp("strain")
+    pattern = speckle(seed=22, noise=1.0)
+    for name, image in (
+        ("ref", pattern.draw(noise_seed=1)),
+        ("moved", pattern.draw(lambda x, y: (x / 1.02, y), noise_seed=2)),
+    ):
+        cv2.imwrite(str(folder / f"{name}.png"), np.rint(image).astype(np.uint8))
+    return folder
+
+
+def run(folder, *arguments):
+    pictures = [str(folder / "ref.png"), str(folder / "moved.png")]
+    return CliRunner().invoke(correlate, [*pictures, "--subset", "21", "--step", "10", *map(str, arguments)])
+
+
+@pytest.mark.parametrize(
+    ("measure", "exx"), [("green-lagrange", (1.02**2 - 1) / 2), ("hencky", np.log(1.02)), ("small", 0.02)]
+)
+@pytest.mark.parametrize(("source", "gauge_px"), [("fit", 41), ("shape", 21)])
+def test_the_strain_that_was_asked_for_comes_with_its_deviation_and_gauge(
+    folder, tmp_path, measure, exx, source, gauge_px
+):
+    options = ["--strain", measure, "--strain-from", source, "--strain-window", 3]
+    result = run(folder, *options, "--json", tmp_path / "r.json", "-o", tmp_path / "r.h5")
+    assert result.exit_code == 0, result.output
+    assert f"virtual strain gauge {gauge_px} px" in result.output
+    summary = json.loads((tmp_path / "r.json").read_text())["images"][0]
+    assert summary["strain"] == {
+        "measure": measure, "window_points": 3, "source": source, "gauge_px": gauge_px, "gauge_mm": None,
+    }  # fmt: skip
+    assert 2e-6 < summary["raw"]["exx_std"] < 50e-6
+    assert summary["raw"]["exx"] == pytest.approx(exx, abs=6 * summary["raw"]["exx_std"])
+    assert summary["raw"]["e1"] == pytest.approx(exx, abs=6 * summary["raw"]["e1_std"])
+    assert summary["raw"]["direction_deg"] == pytest.approx(0, abs=0.2)
+    with h5py.File(tmp_path / "r.h5") as file:
+        series = file["series"]
+        assert series.attrs["strain_measure"] == measure
+        assert series.attrs["strain_gauge_px"] == gauge_px
+        for name in STRAIN_KEYS:
+            assert series[name].attrs["units"] == ("deg" if "direction" in name else "1")
+            assert series[f"raw_mean/{name}"][0] == summary["raw"][name]
+        local, deviation = series["exx"][0], series["exx_std"][0]
+        off = (local - exx)[np.isfinite(local)] / deviation[np.isfinite(local)]
+        assert off.size > 80
+        assert np.sqrt(np.mean(off**2)) == pytest.approx(1, abs=0.35)
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("--strain", "true", "one of green-lagrange, small, hencky"),
+        ("--strain-from", "nodes", "one of fit, quadratic-fit, shape"),
+        ("--strain-window", "2", "odd number of points"),
+    ],
+)
+def test_a_strain_that_does_not_exist_is_refused_with_what_does(folder, option, value, words):
+    result = run(folder, option, value)
+    assert isinstance(result.exception, CorrelationError)
+    assert words in str(result.exception)
