@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.quality import FINEST_SPECKLE_PX, TILES, Quality
+from dic.quality import TILES, Quality
+from dic.quality_findings import FINEST_SPECKLE_PX
 
 
 def draw_quality(quality: Quality, image: NDArray[np.float32]) -> Any:

@@ -40,7 +40,8 @@ def quality(
     from dic.commands.mask import read_mask
     from dic.commands.places import require_places
     from dic.images import read_image, require_same_size
-    from dic.quality import assess_quality, findings
+    from dic.quality import assess_quality
+    from dic.quality_findings import findings
     from dic.settings import CorrelationSettings
 
     settings = CorrelationSettings(subset_px=subset, shape=shape)

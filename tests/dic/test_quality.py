@@ -14,7 +14,8 @@ from dic.correlate import Correlator
 from dic.errors import CorrelationError, MeasurementError
 from dic.image_noise import noise_of_one, noise_of_two
 from dic.noise_floor import predicted_std, squared_gradients
-from dic.quality import assess_quality, findings
+from dic.quality import assess_quality
+from dic.quality_findings import findings
 from dic.settings import CorrelationSettings
 from dic.speckle import autocovariance, edge_blur, even_light, speckle_size
 from dic.spline import spline_image
