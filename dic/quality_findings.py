@@ -1,7 +1,7 @@
 """Is this image worth measuring? The limits of common practice, and what to do about an image beyond them.
 
-Where it gives any they are those of the International Digital Image Correlation Society, "A Good Practices Guide
-for Digital Image Correlation", 2018, DOI 10.32720/idics/gpg.ed1.
+Where it gives any they are those of the International Digital Image Correlation Society, "A Good Practices
+Guide for Digital Image Correlation", 2018, DOI 10.32720/idics/gpg.ed1.
 """
 
 import numpy as np
