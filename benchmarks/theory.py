@@ -4,6 +4,8 @@ Nothing here uses the engine under test: derivatives are differences of analytic
 squares, and the transfer of a period is that of a polynomial fit.
 """
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
@@ -15,6 +17,7 @@ Float = NDArray[np.float64]
 _H = 0.02
 
 
+@cache
 def slopes(speckle: Speckle) -> tuple[Float, Float]:
     """Return the derivatives of the noiseless picture along x and y, grey levels per pixel.
 
