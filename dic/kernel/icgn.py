@@ -32,6 +32,9 @@ LOW_CORRELATION = int(Status.LOW_CORRELATION)
 EDGE_PX = 2
 """Pixels along the deformed image's edge that are not used: the spline guesses what follows there."""
 
+_FAR_PX = 0.5
+"""A quadratic step longer than this is replaced by the affine one."""
+
 # For each parameter: whether it moves along x (0) or y (1), and powers of x and y and factor of its monomial.
 _SIDE = np.array([0, 0, 0, 1, 1, 1, 0, 0, 0, 1, 1, 1])
 _POWER_X = np.array([0, 1, 0, 0, 1, 0, 2, 1, 0, 2, 1, 0])
@@ -130,18 +133,20 @@ def _cholesky(A: Float) -> bool:
 
 
 @inner
-def _solve(L: Float, b: Float, x: Float) -> None:
-    """Solve L L' x = b."""
-    for i in range(len(b)):
+def _solve(L: Float, b: Float, n: int, x: Float) -> None:
+    """Solve the leading n equations of L L' x = b for the leading n unknowns; the others become 0."""
+    for i in range(n):
         s = b[i]
         for j in range(i):
             s -= L[i, j] * x[j]
         x[i] = s / L[i, i]
-    for i in range(len(b) - 1, -1, -1):
+    for i in range(n - 1, -1, -1):
         s = x[i]
-        for j in range(i + 1, len(b)):
+        for j in range(i + 1, n):
             s -= L[j, i] * x[j]
         x[i] = s / L[i, i]
+    for i in range(n, len(b)):
+        x[i] = 0.0
 
 
 @inner
@@ -334,8 +339,11 @@ def correlate_point(
         for i in range(len(p)):
             k = _monomial(_POWER_X[i], _POWER_Y[i]) + 6 * _SIDE[i]
             b[i] = gain * (_FACTOR[i] * S[m.FX_G + k] - g_mean * s[i]) - t[i]
-        _solve(H, b, d)
+        _solve(H, b, len(b), d)
         length = _step_length_px(d, r)
+        if len(shape) == 12 and length > _FAR_PX:
+            # Far from the goal curvature misleads: the affine part alone, whose factor leads the whole one's.
+            _solve(H, b, 6, d)
         if not length < 2.0 * r:
             return NOT_CONVERGED, zncc, iteration
         if len(shape) == 12:
