@@ -48,6 +48,11 @@ class Correlator:
     threads : int
         How many to work with; 0 for as many as there are processors.
 
+    Attributes
+    ----------
+    region : ndarray of bool, shape (height, width)
+        Where points may lie, as given or as found.
+
     Raises
     ------
     CorrelationError
@@ -73,6 +78,7 @@ class Correlator:
         else:
             centres = checked_region(region, reference.shape)
             usable = centres if clip else usable
+        self.region = centres
         grid = place_points(centres, usable, self.settings.subset_px, self.settings.step_px)
         self._mean = float(self._grey.mean())
         self._features = FeatureFinder(self._grey, usable)
@@ -112,16 +118,24 @@ class Correlator:
         deformed = _checked_image(deformed, "deformed image", self.settings.subset_px)
         coefficients = kernel.lay_coefficients(spline_image(deformed, self.settings.order), self._mean)
         solver = Solver(self._reference, coefficients)
-        start, seeds, warps = self._first_guess(solver, deformed, previous, hint)
+        start, seeds, solved = self._first_guess(solver, deformed, previous, hint)
         solution = Solution.empty(self._reference.grid.active.shape, self.settings.parameters)
-        self._fill(solver, solution, seeds, warps)
-        self._look_anew(solver, solution, deformed, previous)
-        return self._believed(solution, start)
+        self._fill(solver, solution, seeds, solved)
+        self._doubt(solver, solution)
+        if self._look_anew(solver, solution, deformed, previous):
+            self._doubt(solver, solution)
+        failed = ~solution.converged
+        solution.warps[failed] = solution.deviations[failed] = np.nan
+        grid = self._reference.grid
+        return Field(
+            grid.x, grid.y, solution.warps, solution.deviations, solution.zncc, solution.iterations,
+            solution.status, grid.active, start,
+        )  # fmt: skip
 
     def _first_guess(
         self, solver: Solver, deformed: Grey, previous: Field | None, hint: Float | None
-    ) -> tuple[str, Indices, Float]:
-        """Return the name of the guess that worked, and the seeds (row, column) with their solved warps."""
+    ) -> tuple[str, Indices, Solution]:
+        """Return the name of the guess that worked, and the seeds (row, column) with their solution."""
         indices = _scattered(self._reference.grid.active)
         best = self._seeds(solver, deformed, indices, previous, hint)
         fewest = min(_FEWEST_SEEDS, len(indices))
@@ -143,12 +157,12 @@ class Correlator:
         indices: Indices,
         previous: Field | None = None,
         hint: Float | None = None,
-    ) -> tuple[str, Indices, Float]:
-        """Return the guess that most points at `indices` confirm: its name, those points, their warps."""
+    ) -> tuple[str, Indices, Solution]:
+        """Return the guess that most points at `indices` confirm: its name, those points, their solution."""
         points = solver.points_at(indices)
         before = None if previous is None else previous.warps[indices[:, 0], indices[:, 1], :6]
         half_px = max(self.settings.radius_px, 15)
-        best = "", indices[:0], np.empty((0, 6))
+        best = "", indices[:0], Solution.empty((0,), self.settings.parameters)
         for name, guess in guesses(
             self._grey, deformed, self._features, points, half_px, previous=before, hint=hint
         ):
@@ -156,29 +170,28 @@ class Correlator:
             good = solved.converged
             good[good] = agreeing_seeds(points[good], solved.warps[good])
             if good.sum() > len(best[1]):
-                best = name, indices[good], solved.warps[good]
+                best = name, indices[good], solved.part(np.flatnonzero(good))
             in_view = np.count_nonzero(solved.status != Status.OUT_OF_VIEW)
             if len(best[1]) >= max(min(_FEWEST_SEEDS, len(points)), _ENOUGH_SEEDS * in_view):
                 break
         return best
 
-    def _fill(self, solver: Solver, solution: Solution, seeds: Indices, warps: Float) -> None:
+    def _fill(self, solver: Solver, solution: Solution, seeds: Indices, solved: Solution) -> None:
         """Solve every point that can be reached from the seeds, and islands from what is nearest to them."""
         grid = self._reference.grid
         whole = grid.active & ~grid.cut
-        pending = whole & ~solution.converged
-        wanted, guess, first = seeds, warps, True
-        while wanted.size:
-            rows, columns = wanted.T
-            solution.put((rows, columns), solver.solve(wanted, guess))
-            pending[rows, columns] = (whole & ~solution.converged)[rows, columns]
-            solver.propagate(solution, pending, side_by_side=first)
+        first = True
+        while True:
+            solution.put((seeds[:, 0], seeds[:, 1]), solved)
+            solver.propagate(solution, whole & ~solution.converged, side_by_side=first)
             solver.solve_beside_cracks(solution)
-            wanted = np.argwhere(grid.active & (solution.status == Status.NOT_REACHED))
-            guess = solver.from_nearest(solution, wanted)
+            seeds = np.argwhere(grid.active & (solution.status == Status.NOT_REACHED))
+            if not seeds.size:
+                return
+            solved = solver.solve(seeds, solver.from_nearest(solution, seeds))
             first = False
 
-    def _look_anew(self, solver: Solver, solution: Solution, deformed: Grey, previous: Field | None) -> None:
+    def _look_anew(self, solver: Solver, solution: Solution, deformed: Grey, previous: Field | None) -> bool:
         """Look for many lost points as if nothing were known: they may lie on a body that moves on its own.
 
         Points that had been lost before are left alone, or every image of a series were searched for them.
@@ -188,23 +201,25 @@ class Correlator:
         if previous is not None:
             lost &= previous.converged
         if lost.sum() < max(_FEWEST_SEEDS, _LOST * grid.active.sum()):
-            return
-        _, seeds, warps = self._seeds(solver, deformed, _scattered(lost))
-        if len(seeds) >= _FEWEST_SEEDS:
-            self._fill(solver, solution, seeds, warps)
+            return False
+        _, seeds, solved = self._seeds(solver, deformed, _scattered(lost))
+        if len(seeds) < _FEWEST_SEEDS:
+            return False
+        self._fill(solver, solution, seeds, solved)
+        return True
 
-    def _believed(self, solution: Solution, start: str) -> Field:
-        """Return the field of those points that a neighbour predicts."""
+    def _doubt(self, solver: Solver, solution: Solution) -> None:
+        """Take back the points that no neighbour predicts, after one more try from those that agree."""
         grid = self._reference.grid
-        converged = grid.active & solution.converged
-        agreed = agreeing_field(grid.x, grid.y, solution.warps, converged)
-        solution.status[converged & ~agreed] = Status.INCONSISTENT
-        failed = ~solution.converged
-        solution.warps[failed] = solution.deviations[failed] = np.nan
-        return Field(
-            grid.x, grid.y, solution.warps, solution.deviations, solution.zncc, solution.iterations,
-            solution.status, grid.active, start,
-        )  # fmt: skip
+        for last in (False, True):
+            converged = grid.active & solution.converged
+            alone = converged & ~agreeing_field(grid.x, grid.y, solution.warps, converged)
+            if not alone.any():
+                return
+            solution.status[alone] = Status.INCONSISTENT
+            if not last:
+                solver.propagate(solution, alone & ~grid.cut, side_by_side=False)
+                solver.solve_beside_cracks(solution)
 
 
 def _scattered(points: Mask) -> Indices:

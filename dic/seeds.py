@@ -156,7 +156,7 @@ def search(
         left, top = max(0, x - half - radius_px), max(0, y - half - radius_px)
         window = turned_back[top : y + half + radius_px + 1, left : x + half + radius_px + 1]
         template = reference[y - half : y + half + 1, x - half : x + half + 1]
-        if half < 3 or template.std() == 0.0 or window.std() == 0.0:
+        if half < 3 or np.ptp(template) == 0.0 or np.ptp(window) == 0.0:
             continue
         scores = cv2.matchTemplate(window, template, cv2.TM_CCOEFF_NORMED)
         row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
