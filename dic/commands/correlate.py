@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,10 +26,29 @@ _FILE = click.Path(path_type=Path)
 @click.option("--subset", default=31, show_default=True, help="Width of the subsets, odd, px.")
 @click.option("--step", default=10, show_default=True, help="Distance of the points, px.")
 @click.option("--spline", default=5, show_default=True, help="Order of the interpolation, 3 or 5.")
+@click.option("--shape", default="affine", show_default=True, help="Shape function, affine or quadratic.")
 @click.option("--min-zncc", default=0.8, show_default=True, help="Points that correlate less are left out.")
 @strain_options
 @click.option(
     "--roi", type=_FILE, help="Mask image, white where to measure. Default: wherever there is texture."
+)
+@click.option(
+    "--polygon",
+    "polygons",
+    multiple=True,
+    help='Region as a polygon: "x,y x,y x,y ..." in pixels, or a TOML, JSON or CSV file. May be repeated:'
+    " one inside another is a hole. With --roi, what lies in both.",
+)
+@click.option(
+    "--incremental",
+    default="auto",
+    show_default=True,
+    help="New reference: auto (when the correlation drops), never, or always (each image before).",
+)
+@click.option(
+    "--motion",
+    help="Expected rigid motion of every image, a hint: degrees, counter-clockwise, about the image's centre;"
+    ' or "degrees,right,down" with a shift in px.',
 )
 @click.option("-o", "--output", type=_FILE, help="Result file, HDF5.")
 @click.option("--csv", "csv_folder", type=_FILE, help="Folder for one CSV per image.")
@@ -43,11 +63,15 @@ def correlate(
     subset: int,
     step: int,
     spline: int,
+    shape: str,
     min_zncc: float,
     strain_measure: str,
     strain_window: int,
     strain_from: str,
     roi: Path | None,
+    polygons: tuple[str, ...],
+    incremental: str,
+    motion: str | None,
     output: Path | None,
     csv_folder: Path | None,
     maps_folder: Path | None,
@@ -61,30 +85,34 @@ def correlate(
     """
     from dic.calibration import Calibration
     from dic.commands.console import fail, progress, say, stopping_between
-    from dic.commands.mask import read_mask
+    from dic.commands.mask import read_region
     from dic.commands.places import require_places
-    from dic.correlate import Correlator
     from dic.errors import MeasurementError
     from dic.images import read_image
     from dic.measurement import measure
+    from dic.series import Series
     from dic.settings import CorrelationSettings
     from dic.strain import StrainSettings, gauge_text
 
-    settings = CorrelationSettings(subset_px=subset, step_px=step, order=spline, min_zncc=min_zncc)
+    settings = CorrelationSettings(
+        subset_px=subset, step_px=step, shape=shape, order=spline, min_zncc=min_zncc
+    )
     strain = StrainSettings(measure=strain_measure, window_points=strain_window, source=strain_from)
     files = _SeriesFiles(output, csv_folder, maps_folder, deformed)
-    require_places([reference, *deformed, calibration_file, roi], [json_file, *files.all()])
+    drawn = [path for path in map(Path, polygons) if path.is_file()]
+    require_places([reference, *deformed, calibration_file, roi, *drawn], [json_file, *files.all()])
     calibration = None if calibration_file is None else Calibration.load(calibration_file)
     image = read_image(reference)
     if calibration is not None:
         _require_calibration_fits(calibration, image.shape, str(reference))
-    region = None if roi is None else read_mask(roi)
-    correlator = Correlator(image, region, settings)
+    hint = None if motion is None else _read_motion(motion, image.shape)
+    region = read_region(roi, polygons, image.shape)
+    series = Series(image, region, settings, incremental=incremental)
 
     gauge_px = strain.gauge_px(settings)
     say(gauge_text(gauge_px, None if calibration is None else gauge_px * calibration.mm_per_px))
     results = _Outputs(image, settings, files)
-    summaries, failures, bad, previous = [], [], [], None
+    summaries, failures, bad = [], [], []
     with results, progress("correlating", len(deformed)) as advance, stopping_between() as stopped:
         for number, path in enumerate(deformed):
             if stopped():
@@ -93,7 +121,7 @@ def correlate(
                 fail(f"{path}: {rest}; those before it are kept")
                 break
             try:
-                field = correlator.correlate(read_image(path), previous=previous)
+                field = series.correlate(read_image(path), hint=hint)
                 measurement = measure(str(path), field, calibration, settings, strain)
                 results.write(number, measurement)
             except MeasurementError as error:
@@ -102,8 +130,7 @@ def correlate(
                 continue
             finally:
                 advance()
-            previous = field
-            summaries.append(measurement.summary() | {"good": measurement.good})
+            summaries.append(measurement.summary() | {"updates": series.updates, "good": measurement.good})
             say(_line(summaries[-1]))
             if measurement.objection is not None:
                 bad.append(f"{path}: measured, but {measurement.objection}")
@@ -113,6 +140,27 @@ def correlate(
     for sentence in bad:
         fail(sentence)
     context.exit(2 if failures else 1 if bad else 0)
+
+
+def _read_motion(text: str, shape: tuple[int, ...]) -> Any:
+    from dic.errors import CorrelationError
+    from dic.seeds import rigid_motion
+
+    try:
+        numbers = [float(part) for part in text.split(",")]
+        angle_deg, right_px, down_px = numbers if len(numbers) == 3 else (*numbers, 0.0, 0.0)
+        if not all(map(isfinite, numbers)):
+            raise ValueError
+    except ValueError as error:
+        raise CorrelationError(
+            "settings",
+            "motion",
+            expected='degrees, or "degrees,right,down"',
+            got=text,
+            remedy="correct the setting",
+        ) from error
+    centre = (shape[1] - 1) / 2, (shape[0] - 1) / 2
+    return rigid_motion(angle_deg, (right_px, down_px), centre)
 
 
 def _require_calibration_fits(calibration: "Calibration", shape: tuple[int, ...], source: str) -> None:
@@ -200,6 +248,8 @@ def _line(summary: dict[str, Any]) -> str:
         if kind in summary:
             parts.append(f"{kind} " + _strain_text(summary[kind]))
     parts.append(f"rotation {summary['raw']['rotation_deg'] or 0.0:.3f}°, start from {summary['start']}")
+    if summary["updates"]:
+        parts.append(f"over {summary['updates']} new references")
     return "; ".join(parts)
 
 

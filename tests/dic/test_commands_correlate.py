@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from dic.cli import main
 from dic.commands.correlate import correlate
-from dic.errors import OutputError
+from dic.errors import CorrelationError, OutputError
 
 P = (2.4, 0.010, 0.0, -1.3, 0.0, -0.004)
 
@@ -165,3 +165,64 @@ def test_too_few_points_for_a_strain_are_called_that(folder):
     result = run(folder / "ref.png", folder / "still.png", "--step", 1000)
     assert result.exit_code == 1
     assert "too few for a mean strain" in result.stderr
+
+
+class TestRegionsAndMotion:
+    def converged(self, folder, tmp_path, *options):
+        table = tmp_path / "csv"
+        result = run(
+            folder / "ref.png", folder / "moved.png", "--subset", 21, "--step", 6, "--csv", table, *options
+        )
+        assert result.exit_code == 0, result.output
+        with (table / "moved.csv").open() as file:
+            rows = [row for row in csv.DictReader(file) if row["status"] == "converged"]
+        return np.array([[float(row["x_px"]), float(row["y_px"])] for row in rows])
+
+    def test_a_polygon_with_a_hole_limits_the_points(self, folder, tmp_path):
+        hole = tmp_path / "hole.json"
+        hole.write_text('{"polygon": [[80, 60], [110, 60], [110, 90], [80, 90]]}')
+        outer = "40,30 140,30 140,130 40,130"
+        at = self.converged(folder, tmp_path, "--polygon", outer, "--polygon", hole)
+        inside = (at > [40, 30]).all(axis=1) & (at < [140, 130]).all(axis=1)
+        in_hole = (at > [80, 60]).all(axis=1) & (at < [110, 90]).all(axis=1)
+        assert len(at) > 150
+        assert inside.all()
+        assert not in_hole.any()
+
+    def test_mask_and_polygon_together_mean_what_lies_in_both(self, folder, tmp_path):
+        mask = np.zeros((160, 180), np.uint8)
+        mask[:, 80:] = 255
+        cv2.imwrite(str(tmp_path / "mask.png"), mask)
+        outer = "40,30 140,30 140,130 40,130"
+        at = self.converged(folder, tmp_path, "--polygon", outer, "--roi", tmp_path / "mask.png")
+        assert at[:, 0].min() >= 80
+        assert at[:, 0].max() < 140
+
+    def test_a_given_motion_is_used_as_a_hint(self, speckle, turn, tmp_path):
+        pattern, centre = speckle(seed=22, shape=(200, 200)), (99.5, 99.5)
+        for name, angle in (("still", 0.0), ("turned", 100.0)):
+            picture = np.rint(pattern.draw(turn(angle, centre))).astype(np.uint8)
+            cv2.imwrite(str(tmp_path / f"{name}.png"), picture)
+        files, report = (tmp_path / "still.png", tmp_path / "turned.png"), tmp_path / "r.json"
+        result = run(*files, "--subset", 21, "--motion", "98", "--json", report)
+        assert result.exit_code == 0, result.output
+        image = json.loads(report.read_text())["images"][0]
+        assert image["start"] == "hint"
+        assert image["raw"]["rotation_deg"] == pytest.approx(100.0, abs=0.01)
+
+    @pytest.mark.parametrize(
+        ("option", "value", "sentence"),
+        [
+            ("--polygon", "1,2 3,4", "fewer than 3 corners"),
+            ("--polygon", "1,1 5,1 5,5", "an area with texture"),
+            ("--polygon", "900,900 990,900 950,990", "an area with texture"),
+            ("--motion", "ninety", "degrees,right,down"),
+            ("--motion", "nan", "degrees,right,down"),
+            ("--incremental", "often", "auto or never or always"),
+            ("--shape", "cubic", "affine or quadratic"),
+        ],
+    )
+    def test_what_makes_no_sense_is_refused(self, folder, option, value, sentence):
+        result = run(folder / "ref.png", folder / "moved.png", option, value)
+        assert isinstance(result.exception, CorrelationError)
+        assert sentence in str(result.exception)

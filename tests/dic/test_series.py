@@ -1,0 +1,166 @@
+"""Series over several references: patterns that change and large strain, with exact truth."""
+
+import gc
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from dic.carry import carried_region, chain
+from dic.correlate import Correlator
+from dic.errors import CorrelationError
+from dic.series import Series
+from dic.settings import CorrelationSettings
+
+SETTINGS = CorrelationSettings(subset_px=21, step_px=7)
+SHAPE = (90, 260)
+CENTRE_X = 129.5
+PERIOD_PX = 60.0
+FRAMES = 16
+MEAN_STRAIN = 0.6
+
+
+def displacement(x, share):
+    """60 % strain in the mean, from none to 120 % and back in every period."""
+    wave = 2 * np.pi / PERIOD_PX
+    return share * MEAN_STRAIN * (x - CENTRE_X + np.sin(wave * (x - CENTRE_X)) / wave)
+
+
+def back_of(share):
+    here = np.linspace(-50, 310, 36001)
+    there = here + displacement(here, share)
+    return lambda x, y: (np.interp(x, there, here), y)
+
+
+@pytest.fixture(scope="module")
+def region():
+    region = np.zeros(SHAPE, bool)
+    region[15:75, 65:195] = True
+    return region
+
+
+@pytest.fixture(scope="module")
+def stretching(speckle):
+    pattern = speckle(seed=51, shape=SHAPE, margin=10, noise=1.0)
+    return [pattern.draw(back_of(k / FRAMES), k) for k in range(FRAMES + 1)]
+
+
+def measured(series, frames):
+    for image in frames[1:]:
+        field = series.correlate(image)
+    return field
+
+
+def test_large_strain_that_direct_correlation_loses_is_followed(stretching, region):
+    settings = CorrelationSettings(subset_px=21, step_px=7, shape="quadratic")
+    direct = measured(Series(stretching[0], region, settings, incremental="never"), stretching)
+    assert direct.converged.sum() < 0.7 * direct.active.sum()
+    series = Series(stretching[0], region, settings)
+    field = measured(series, stretching)
+    assert 1 <= series.updates < FRAMES
+    assert field.converged.sum() > 0.97 * field.active.sum()
+    truth = np.broadcast_to(displacement(field.x_px, 1.0), field.u_px.shape)
+    error = (field.u_px - truth)[field.converged]
+    # Subsets of 21 px smooth a wave of 60 px, whose crests are 5.7 px high, by one or two per cent.
+    assert np.sqrt(np.mean(error**2)) < 0.1
+    assert np.sqrt(np.mean(field.v_px[field.converged] ** 2)) < 0.05
+    slope = np.polyfit(
+        np.broadcast_to(field.x_px, truth.shape)[field.converged], field.u_px[field.converged], 1
+    )
+    expected = np.polyfit(
+        np.broadcast_to(field.x_px, truth.shape)[field.converged], truth[field.converged], 1
+    )
+    assert slope[0] == pytest.approx(expected[0], abs=1e-3)
+
+
+def test_a_reference_that_serves_is_kept(speckle):
+    pattern = speckle(seed=53, noise=1.0)
+    series = Series(pattern.draw(), settings=SETTINGS)
+    for k in range(1, 5):
+        field = series.correlate(pattern.draw(lambda x, y, k=k: (x - 0.8 * k, y), noise_seed=k))
+    assert series.updates == 0
+    np.testing.assert_allclose(field.u_px[field.converged], 3.2, atol=0.05)
+
+
+def test_the_stated_error_grows_with_every_update(speckle):
+    pattern = speckle(seed=54, noise=2.0)
+    series = Series(pattern.draw(noise_seed=99), settings=SETTINGS, incremental="always")
+    stated = []
+    for k in range(1, 6):
+        field = series.correlate(pattern.draw(lambda x, y, k=k: (x - 0.8 * k, y + 0.3 * k), noise_seed=k))
+        stated.append(np.nanmedian(field.std_u_px))
+    assert series.updates == 4
+    np.testing.assert_allclose(stated, stated[0] * np.sqrt(np.arange(1, 6)), rtol=0.1)
+    error = (field.u_px - 4.0)[field.converged]
+    assert abs(error.mean()) < 0.01
+    assert np.sqrt(np.mean(error**2)) < 1.2 * stated[-1]
+
+
+def test_a_chain_of_two_fields_is_their_exact_composition(speckle, turn):
+    """A turn by 7 degrees, then one by 8: sub-pixel places, gradients that matter, exact truth."""
+    pattern, centre = speckle(seed=55, shape=(200, 200)), (99.5, 99.5)
+    pictures = [pattern.draw(turn(angle, centre)) for angle in (0.0, 7.0, 15.0)]
+    first = Correlator(pictures[0], settings=SETTINGS).correlate(pictures[1])
+    second = Correlator(pictures[1], settings=SETTINGS).correlate(pictures[2])
+    field = chain(first, second)
+    x, y = np.meshgrid(field.x_px - centre[0], field.y_px - centre[1])
+    c, s = np.cos(np.radians(15.0)), np.sin(np.radians(15.0))
+    inner = np.hypot(x, y) < 60
+    assert field.converged[inner].all()
+    np.testing.assert_allclose(field.u_px[inner], (c * x + s * y - x)[inner], atol=3e-3)
+    np.testing.assert_allclose(field.v_px[inner], (-s * x + c * y - y)[inner], atol=3e-3)
+    shape = (inner.sum(), 4)
+    np.testing.assert_allclose(
+        field.gradient[inner], np.broadcast_to([c - 1, s, -s, c - 1], shape), atol=1e-3
+    )
+
+
+def test_the_carried_region_goes_with_the_surface(speckle, turn):
+    pattern, centre = speckle(seed=56, shape=(200, 220)), (109.5, 99.5)
+    y, x = np.mgrid[:200, :220]
+    ring = (np.hypot(x - 95, y - 99.5) < 60) & (np.hypot(x - 95, y - 99.5) > 20)
+    field = Correlator(pattern.draw(), ring, SETTINGS).correlate(pattern.draw(turn(30.0, centre)))
+    c, s = np.cos(np.radians(30.0)), np.sin(np.radians(30.0))
+    to_x, to_y = centre[0] + c * -14.5, centre[1] - s * -14.5
+    distance = np.hypot(x - to_x, y - to_y)
+    carried = carried_region(ring, field)
+    assert carried[(distance < 54) & (distance > 26)].mean() > 0.99
+    assert not carried[(distance > 62) | (distance < 18)].any()
+
+
+def test_an_image_that_fails_does_not_end_the_series(speckle):
+    pattern, other = speckle(seed=57, noise=1.0), speckle(seed=58)
+    series = Series(pattern.draw(), settings=SETTINGS)
+    series.correlate(pattern.draw(lambda x, y: (x - 0.5, y), noise_seed=1))
+    with pytest.raises(CorrelationError):
+        series.correlate(other.draw())
+    field = series.correlate(pattern.draw(lambda x, y: (x - 1.5, y), noise_seed=2))
+    np.testing.assert_allclose(field.u_px[field.converged], 1.5, atol=0.05)
+    assert series.updates == 0
+
+
+@pytest.mark.parametrize(("incremental", "images"), [("never", 60), ("always", 15)])
+def test_memory_does_not_grow_with_the_number_of_images(speckle, incremental, images):
+    pattern = speckle(seed=59, shape=(80, 90), margin=10)
+    series = Series(pattern.draw(), settings=SETTINGS, incremental=incremental, threads=1)
+    image = pattern.draw(lambda x, y: (x - 0.5, y))
+
+    def in_use_after_all():
+        for _ in range(images):
+            series.correlate(image.copy())
+        gc.collect()
+        return tracemalloc.get_traced_memory()[0]
+
+    tracemalloc.start()
+    try:
+        in_use_after_all()
+        growth = -in_use_after_all() + in_use_after_all()
+    finally:
+        tracemalloc.stop()
+    # One image kept for each that was measured would be 60 or 15 times as much.
+    assert growth < image.nbytes
+
+
+def test_an_unknown_way_is_refused(speckle):
+    with pytest.raises(CorrelationError, match="auto or never or always, got sometimes"):
+        Series(speckle().draw(), settings=SETTINGS, incremental="sometimes")
