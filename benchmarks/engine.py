@@ -12,7 +12,7 @@ from dic import kernel
 from dic.correlate import Correlator
 from dic.field import Field, Status
 from dic.settings import CorrelationSettings
-from dic.spline import halfway_noise_gain, spline_image
+from dic.spline import halfway_noise_gain, slope_noise_gain, spline_image
 
 Grey = NDArray[np.float32]
 Float = NDArray[np.float64]
@@ -92,6 +92,7 @@ class KernelAlone:
         self._limits = kernel.Limits(
             settings.radius_px, settings.min_zncc, settings.tolerance_px, settings.max_iterations,
             halfway_noise_gain(settings.order),
+            slope_noise_gain(settings.order),
         )  # fmt: skip
 
     def time(self, threads: int) -> tuple[Timing, float]:

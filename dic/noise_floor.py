@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.settings import CorrelationSettings
-from dic.spline import SplineImage, spline_image
+from dic.spline import SplineImage, slope_noise_gain
 
 Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -70,7 +70,7 @@ def predicted_std(
         Infinite where there is no texture.
     """
     terms, k = _terms(settings), settings.parameters // 2
-    gradient_noise = noise**2 * _noise_gain(settings.order)
+    gradient_noise = noise**2 * slope_noise_gain(settings.order)
     deviations = np.full((len(points), 2), np.inf)
     planes = [spline.grey, *spline.gradient(), region]
     for n, (f, fx, fy, use) in enumerate(_pieces(planes, points, settings.subset_px)):
@@ -149,10 +149,3 @@ def _pieces(
     for x, y in points:
         here = (slice(y - r, y + r + 1), slice(x - r, x + r + 1))
         yield [plane[here].astype(np.float64) for plane in planes]
-
-
-def _noise_gain(order: int) -> float:
-    """Return the variance that white noise of variance 1 has in the derivative of its spline."""
-    impulse = np.zeros((65, 65), np.float32)
-    impulse[32, 32] = 1.0
-    return float((spline_image(impulse, order).gradient()[0].astype(np.float64) ** 2).sum())

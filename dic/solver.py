@@ -12,7 +12,7 @@ from dic.cut_subsets import CutReference, visible_neighbours
 from dic.field import Status
 from dic.region import PointGrid
 from dic.settings import CorrelationSettings
-from dic.spline import halfway_noise_gain
+from dic.spline import halfway_noise_gain, slope_noise_gain
 
 Float = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -106,6 +106,7 @@ class Solver:
             settings.tolerance_px,
             settings.max_iterations,
             halfway_noise_gain(settings.order),
+            slope_noise_gain(settings.order),
         )
 
     def solve(self, indices: Indices, warps: Float) -> Solution:

@@ -84,6 +84,12 @@ def halfway_noise_gain(order: int) -> float:
 
 
 @cache
+def slope_noise_gain(order: int) -> float:
+    """Return the variance that white noise of variance 1 has in the spline's derivative at the pixels."""
+    return float(np.sum(np.convolve(_inverse_filter(order), _slopes(order)) ** 2))
+
+
+@cache
 def _slopes(order: int) -> NDArray[np.float64]:
     """Return the taps that, correlated with coefficients, give the spline's derivative at the integers.
 

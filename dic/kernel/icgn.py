@@ -43,13 +43,18 @@ _FACTOR = np.array([1, 1, 1, 1, 1, 1, 0.5, 1, 0.5, 0.5, 1, 0.5])
 
 
 class Limits(NamedTuple):
-    """The settings of a correlation that the kernel needs; `radius` is half of the subset's width."""
+    """The settings of a correlation that the kernel needs.
+
+    `radius` is half of the subset's width; the gains are those of `dic.spline`, of white noise by
+    interpolation half-way between pixels and by the derivative.
+    """
 
     radius: int
     min_zncc: float
     tolerance_px: float
     max_iterations: int
     noise_gain: float
+    slope_noise_gain: float
 
 
 class Workspace(NamedTuple):
@@ -281,6 +286,21 @@ def _deviations(L: Float, variance: float, y: Float, deviations: Float) -> None:
 
 
 @inner
+def _widen(Q: Flat, n: int, slope_noise: float, deviations: Float) -> None:
+    """Take the noise out of the slopes' sums of squares, which it makes look like texture.
+
+    What is left tells by how much the deviations along each axis are too small; without texture they are
+    infinite. `slope_noise` is the variance of the noise in a slope.
+    """
+    for side in range(2):
+        apparent = Q[m.PRODUCTS + 30 * side]
+        texture = apparent - n * slope_noise
+        factor = apparent / texture if texture > 0.0 else np.inf
+        for k in range(3 * side, 3 * side + 3):
+            deviations[k] *= factor
+
+
+@inner
 def _noise_variance(residual2: float, n: int, p: Float, r: int, noise_gain: float) -> float:
     """Return twice the variance of the images' noise, as the residuals of n pixels of a subset tell.
 
@@ -359,5 +379,6 @@ def correlate_point(
             residual2 = 2.0 * norm2 * max(0.0, 1.0 - zncc)
             variance = _noise_variance(residual2, pixels, p, r, limits.noise_gain)
             _deviations(H, variance, d, deviations)
+            _widen(work.Q, pixels, variance / 2.0 * limits.slope_noise_gain, deviations)
             return (CONVERGED if zncc >= limits.min_zncc else LOW_CORRELATION), zncc, iteration
     return NOT_CONVERGED, zncc, limits.max_iterations
