@@ -60,22 +60,20 @@ def agreeing_field(
     ndarray of bool, shape (rows, columns)
         A grid of a single converged point, which nothing can contradict, keeps it.
     """
-    gradients, believable = _believable(warps)
+    _, believable = _believable(warps)
     known = converged & believable
     if known.sum() == 1:
         return known
-    x, y = np.meshgrid(x_px, y_px)
-    place = np.stack([x + warps[..., 0], y + warps[..., 3]], axis=-1)
-    at = np.stack([x, y], axis=-1).astype(np.float64)
+    u, u_x, u_y, v, v_x, v_y = np.moveaxis(warps[..., :6], -1, 0)
     agrees = np.zeros(converged.shape, np.bool_)
     for rows, columns in ((0, 1), (1, 0), (1, 1), (1, -1)):
         here, there = _shifted(converged.shape, rows, columns)
         both = known[here] & known[there]
         for one, other in ((here, there), (there, here)):
-            offset = at[one] - at[other]
-            predicted = place[other] + np.einsum("rcab,rcb->rca", gradients[other], offset)
-            error = np.linalg.norm(place[one] - predicted, axis=-1)
-            agrees[one] |= both & (error < _TOLERANCE_PX + _TOLERANCE * np.linalg.norm(offset, axis=-1))
+            dx, dy = x_px[one[1]] - x_px[other[1]], (y_px[one[0]] - y_px[other[0]])[:, None]
+            off_x = u[one] - u[other] - u_x[other] * dx - u_y[other] * dy
+            off_y = v[one] - v[other] - v_x[other] * dx - v_y[other] * dy
+            agrees[one] |= both & (np.hypot(off_x, off_y) < _TOLERANCE_PX + _TOLERANCE * np.hypot(dx, dy))
     return agrees
 
 

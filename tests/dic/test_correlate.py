@@ -170,6 +170,15 @@ def test_impossible_settings_are_refused(values, word):
         CorrelationSettings(**values)
 
 
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int32, np.float64])
+def test_images_of_any_number_are_measured_alike(speckle, dtype):
+    pattern = speckle(seed=14)
+    images = [np.rint(pattern.draw(back)) for back in (lambda x, y: (x, y), lambda x, y: (x - 0.5, y))]
+    expected = Correlator(images[0], settings=SMALL).correlate(images[1])
+    field = Correlator(images[0].astype(dtype), settings=SMALL).correlate(images[1].astype(dtype))
+    np.testing.assert_array_equal(field.warps, expected.warps)
+
+
 class TestUnusableImages:
     def test_without_texture(self):
         with pytest.raises(CorrelationError, match="texture"):
@@ -191,6 +200,24 @@ class TestUnusableImages:
         with pytest.raises(CorrelationError, match="finite"):
             Correlator(image, settings=SMALL)
 
+    def test_a_deformed_one_with_infinity(self, speckle):
+        image = speckle().draw()
+        correlator = Correlator(image, settings=SMALL)
+        spoilt = image.copy()
+        spoilt[10, 10] = np.inf
+        with pytest.raises(CorrelationError, match="deformed image: read: expected finite"):
+            correlator.correlate(spoilt)
+
+    @pytest.mark.parametrize("dtype", [complex, bool, "S4", "datetime64[s]"])
+    def test_of_a_kind_that_holds_no_grey_levels(self, dtype):
+        with pytest.raises(CorrelationError, match="grey levels"):
+            Correlator(np.zeros((100, 100), dtype), settings=SMALL)
+
+    def test_in_colour(self, speckle):
+        colour = np.repeat(speckle().draw()[..., None], 3, axis=2)
+        with pytest.raises(CorrelationError, match="a grey image"):
+            Correlator(colour, settings=SMALL)
+
     def test_smaller_than_a_subset(self):
         with pytest.raises(CorrelationError, match="subset of 21 px"):
             Correlator(np.zeros((15, 200), np.float32), settings=SMALL)
@@ -200,6 +227,10 @@ class TestUnusableImages:
         region[80:83, 90:93] = True
         with pytest.raises(CorrelationError, match="holds subsets"):
             Correlator(speckle().draw(), region, SMALL)
+
+    def test_region_without_points(self, speckle):
+        with pytest.raises(CorrelationError, match="region of interest"):
+            Correlator(speckle().draw(), np.zeros((160, 180), bool), SMALL)
 
     def test_region_of_another_size(self, speckle):
         with pytest.raises(CorrelationError, match="region of interest"):
