@@ -71,8 +71,10 @@ def agreeing_field(
         both = known[here] & known[there]
         for one, other in ((here, there), (there, here)):
             dx, dy = x_px[one[1]] - x_px[other[1]], (y_px[one[0]] - y_px[other[0]])[:, None]
-            off_x = u[one] - u[other] - u_x[other] * dx - u_y[other] * dy
-            off_y = v[one] - v[other] - v_x[other] * dx - v_y[other] * dy
+            # Points that failed hold what IC-GN left there, infinities too.
+            with np.errstate(invalid="ignore", over="ignore"):
+                off_x = u[one] - u[other] - u_x[other] * dx - u_y[other] * dy
+                off_y = v[one] - v[other] - v_x[other] * dx - v_y[other] * dy
             agrees[one] |= both & (np.hypot(off_x, off_y) < _TOLERANCE_PX + _TOLERANCE * np.hypot(dx, dy))
     return agrees
 
