@@ -80,7 +80,11 @@ def _interpolated(field: Field, place: Float) -> _Moved:
         complete &= field.converged[row, column]
         corner = _extrapolated(field, row, column, place, 0.5)
         warps += weight[:, None] * np.where(np.isfinite(corner), corner, 0.0)
-        deviations += weight[:, None] * np.nan_to_num(field.deviations[row, column]) ** 2
+        variance = np.square(field.deviations[row, column])
+        # A point without texture above the noise has an infinite one, which matters only where it is used.
+        deviations += np.multiply(
+            weight[:, None], variance, out=np.zeros_like(variance), where=weight[:, None] > 0
+        )
     deviations = np.sqrt(deviations)
     row, column = _nearest_converged(field, at)
     status = np.full(len(place), Status.NOT_REACHED, np.int8)
