@@ -35,6 +35,9 @@ EDGE_PX = 2
 _FAR_PX = 0.5
 """A quadratic step longer than this is replaced by the affine one."""
 
+_WIDEST = 5.0
+"""Deviations are never widened by more than this."""
+
 # For each parameter: whether it moves along x (0) or y (1), and powers of x and y and factor of its monomial.
 _SIDE = np.array([0, 0, 0, 1, 1, 1, 0, 0, 0, 1, 1, 1])
 _POWER_X = np.array([0, 1, 0, 0, 1, 0, 2, 1, 0, 2, 1, 0])
@@ -289,13 +292,14 @@ def _deviations(L: Float, variance: float, y: Float, deviations: Float) -> None:
 def _widen(Q: Flat, n: int, slope_noise: float, deviations: Float) -> None:
     """Take the noise out of the slopes' sums of squares, which it makes look like texture.
 
-    What is left tells by how much the deviations along each axis are too small; without texture they are
-    infinite. `slope_noise` is the variance of the noise in a slope.
+    What is left tells by how much the deviations along each axis are too small, at most `_WIDEST` times: a
+    larger residual is not noise but light or paint that changed. `slope_noise` is the noise's variance in a
+    slope.
     """
     for side in range(2):
         apparent = Q[m.PRODUCTS + 30 * side]
-        texture = apparent - n * slope_noise
-        factor = apparent / texture if texture > 0.0 else np.inf
+        texture = max(apparent - n * slope_noise, apparent / _WIDEST)
+        factor = apparent / texture
         for k in range(3 * side, 3 * side + 3):
             deviations[k] *= factor
 
