@@ -110,27 +110,27 @@ run_protocol(Path({str(short_protocol(tmp_path))!r}), rig, folder / "killed.h5",
 
 
 class TestNoRunFile:
-    def refused(self, path, word):
+    def check_refused(self, path, word):
         with pytest.raises(RunFileError, match=word):
             RunFile(path)
 
     def test_missing(self, tmp_path):
-        self.refused(tmp_path / "none.h5", "no such file")
+        self.check_refused(tmp_path / "none.h5", "no such file")
 
     def test_text(self, tmp_path):
         (tmp_path / "text.h5").write_text("not a run")
-        self.refused(tmp_path / "text.h5", "cut off or is no HDF5")
+        self.check_refused(tmp_path / "text.h5", "cut off or is no HDF5")
 
     @pytest.mark.parametrize("share", [0.05, 0.5, 0.95])
     def test_cut_off(self, run_file, tmp_path, share):
         content = run_file.read_bytes()
         (tmp_path / "cut.h5").write_bytes(content[: int(share * len(content))])
-        self.refused(tmp_path / "cut.h5", "cut off")
+        self.check_refused(tmp_path / "cut.h5", "cut off")
 
     def test_another_kind(self, tmp_path):
         with h5py.File(tmp_path / "other.h5", "w") as file:
             file["x"] = 1
-        self.refused(tmp_path / "other.h5", "another kind")
+        self.check_refused(tmp_path / "other.h5", "another kind")
 
     def test_a_run_that_ended_before_the_reference(self, run_file, tmp_path):
         short = tmp_path / "short.h5"

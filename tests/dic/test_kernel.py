@@ -14,7 +14,7 @@ def waves(x, y):
     return x - 1.4 - 0.01 * x - 1e-4 * (y - 80) ** 2, y + 0.8 + 0.012 * x - 6e-5 * (x - 90) ** 2
 
 
-def compare(reference, deformed, settings, region=None, points=3, atol=1e-5):
+def check_same_as_numpy(reference, deformed, settings, region=None, points=3, atol=1e-5):
     usable = np.ones(reference.shape, bool) if region is None else region
     field = Correlator(reference, usable, settings).correlate(deformed)
     f, g = (spline_image(image, settings.order) for image in (reference, deformed))
@@ -36,7 +36,7 @@ def compare(reference, deformed, settings, region=None, points=3, atol=1e-5):
 def test_a_smooth_warp_is_that_of_plain_numpy(speckle, shape, order, subset_px):
     pattern = speckle(seed=30, noise=1.0)
     settings = CorrelationSettings(subset_px, 25, shape=shape, order=order, tolerance_px=1e-7)
-    compare(pattern.draw(noise_seed=1), pattern.draw(waves, noise_seed=2), settings)
+    check_same_as_numpy(pattern.draw(noise_seed=1), pattern.draw(waves, noise_seed=2), settings)
 
 
 @pytest.mark.parametrize("shape", ["affine", "quadratic"])
@@ -44,7 +44,7 @@ def test_a_large_rotation_is_that_of_plain_numpy(speckle, turn, shape):
     pattern = speckle(seed=31, noise=1.0, margin=60)
     settings = CorrelationSettings(21, 25, shape=shape, tolerance_px=2e-6)
     moved = pattern.draw(turn(37.0, (90, 80), scale=1.05), noise_seed=2)
-    compare(pattern.draw(noise_seed=1), moved, settings)
+    check_same_as_numpy(pattern.draw(noise_seed=1), moved, settings)
 
 
 @pytest.mark.parametrize("angle_deg", [0.4, 37.0])
@@ -54,7 +54,7 @@ def test_a_clipped_subset_is_that_of_plain_numpy(speckle, turn, angle_deg):
     region[30:130, 40:61] = True
     settings = CorrelationSettings(21, 10, tolerance_px=1e-7)
     moved = pattern.draw(turn(angle_deg, (90, 80)), noise_seed=2)
-    compare(pattern.draw(noise_seed=1), moved, settings, region)
+    check_same_as_numpy(pattern.draw(noise_seed=1), moved, settings, region)
 
 
 def test_several_threads_find_what_one_finds(speckle):
@@ -70,8 +70,8 @@ def test_several_threads_find_what_one_finds(speckle):
 @pytest.mark.parametrize("noise", [2.0, 8.0])
 @pytest.mark.parametrize("shape", ["affine", "quadratic"])
 def test_predicted_deviations_are_those_that_repeated_images_show(speckle, shape, noise):
-    pattern = speckle(seed=34, shape=(140, 140))
-    settings = CorrelationSettings(31, 24, shape=shape, min_zncc=0.3)
+    pattern = speckle(seed=34, shape=(130, 130))
+    settings = CorrelationSettings(21, 24, shape=shape, min_zncc=0.3)
     region = np.ones(pattern.shape, bool)
     still, moved = pattern.draw(), pattern.draw(lambda x, y: (x - 0.35, y + 0.2))
     rng = np.random.default_rng(7)
@@ -83,4 +83,4 @@ def test_predicted_deviations_are_those_that_repeated_images_show(speckle, shape
         predicted.append(field.deviations)
     observed = np.sqrt(np.var(warps, axis=0).mean(axis=(0, 1)))
     stated = np.sqrt(np.mean(np.square(predicted), axis=(0, 1, 2)))
-    np.testing.assert_allclose(stated, observed, rtol=0.15)
+    np.testing.assert_allclose(stated, observed, rtol=0.10)
