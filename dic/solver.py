@@ -1,6 +1,5 @@
 """Solve points of interest of one reference in one deformed image: given guesses, and from point to point."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -8,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic import kernel
+from dic.bands import at_once, beside, even_bands
 from dic.cut_subsets import CutReference, visible_neighbours
 from dic.field import Status
 from dic.region import PointGrid
@@ -20,6 +20,9 @@ Mask = NDArray[np.bool_]
 
 _TRIES = 3
 """Neighbours from which a point beside a crack is tried."""
+
+_BANDS = 16
+"""Bands of rows that are solved side by side: enough to keep several processors busy to the end."""
 
 
 class Solution(NamedTuple):
@@ -98,6 +101,7 @@ class Solver:
     def __init__(self, reference: PreparedReference, coefficients: NDArray[np.float32]) -> None:
         settings = reference.settings
         self._reference, self._coefficients = reference, coefficients
+        self._threads = reference.threads
         # Compiled code is chosen by the length of these: one for each tap and for each parameter of a warp.
         self._taps, self._shape = (0.0,) * (settings.order + 1), (0.0,) * settings.parameters
         self._limits = kernel.Limits(
@@ -153,25 +157,43 @@ class Solver:
         """Spread from the converged points over those `pending`, the best first.
 
         Side by side, the grid is cut into bands of rows. Bands know nothing of one another: what they leave
-        at their borders is reached afterwards.
+        at their borders is reached afterwards. Their number is not that of the threads, so that results do
+        not depend on the machine.
         """
-        grid, nothing = self._reference.grid, np.empty((0, 2), np.int64)
+        if side_by_side:
+            bands = self._seeded_bands(solution, pending)
+            at_once(lambda band: self._spread(solution.part(band), pending[band], band), bands, self._threads)
+        beginning = solution.converged & beside(pending)
+        if not beginning.any():
+            return
+        # All others have nothing left to reach: hidden, they are not asked in vain.
+        status = np.where(solution.converged & ~beginning, np.int8(Status.NOT_REACHED), solution.status)
+        reached = pending.copy()
+        self._spread(solution._replace(status=status), pending, slice(None))
+        solution.status[reached] = status[reached]
 
-        def work(first: int, last: int) -> None:
-            band = slice(first, last)
-            kernel.correlate_grid(
-                self._reference.image, self._coefficients, self._taps, self._shape, self._limits,
-                grid.x, grid.y[band], grid.pixels[band], nothing,
-                *solution.part(band), pending[band], True,
-            )  # fmt: skip
+    def _spread(self, part: Solution, pending: Mask, band: slice) -> None:
+        """Run the kernel from the converged points of some rows of the grid over those pending there."""
+        grid = self._reference.grid
+        kernel.correlate_grid(
+            self._reference.image, self._coefficients, self._taps, self._shape, self._limits,
+            grid.x, grid.y[band], grid.pixels[band], np.empty((0, 2), np.int64), *part, pending, True,
+        )  # fmt: skip
 
-        bands = self._reference.threads if side_by_side else 1
-        if bands > 1:
-            edges = np.linspace(0, len(grid.y), bands + 1).astype(int)
-            with ThreadPoolExecutor(bands) as pool:
-                # The kernel runs without the interpreter's lock; asking for results lets errors be seen.
-                list(pool.map(work, edges[:-1], edges[1:]))
-        work(0, len(grid.y))
+    def _seeded_bands(self, solution: Solution, pending: Mask) -> list[slice]:
+        """Cut the grid into bands of rows of like many pending points; solve some where a band knows none."""
+        bands = even_bands(pending.sum(axis=1), _BANDS)
+        known = solution.converged
+        starts = []
+        for band in bands:
+            if not known[band].any():
+                places = np.argwhere(pending[band]) + [band.start, 0]
+                starts.append(places[len(places) // 6 :: max(1, len(places) // 3)])
+        if starts and known.any():
+            indices = np.concatenate(starts)
+            solution.put(tuple(indices.T), self.solve(indices, self.from_nearest(solution, indices)))
+            pending &= ~solution.converged
+        return bands
 
     def extrapolated(self, solution: Solution, origins: Indices, indices: Indices) -> Float:
         """Return guesses (n, 6) at grid `indices` from the warps of as many points at `origins`."""
@@ -183,11 +205,12 @@ class Solver:
 
     def from_nearest(self, solution: Solution, indices: Indices) -> Float:
         """Return guesses (n, 6) at grid `indices`, extrapolated from the nearest converged point."""
-        from scipy.ndimage import distance_transform_edt
+        from scipy.spatial import cKDTree
 
-        nearest = distance_transform_edt(~solution.converged, return_distances=False, return_indices=True)
-        rows, columns = indices.T
-        origins = np.asarray(nearest, np.int64)[:, rows, columns].T
+        known = np.argwhere(solution.converged)
+        # A balanced tree takes longer to build than these few questions to answer.
+        _, nearest = cKDTree(known, balanced_tree=False, compact_nodes=False).query(indices)
+        origins = np.asarray(known[nearest], np.int64)
         return self.extrapolated(solution, origins, indices)
 
     def solve_beside_cracks(self, solution: Solution) -> None:
