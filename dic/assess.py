@@ -6,13 +6,13 @@ plane are projected, mapped back to the grid and projected again. The distance o
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.bicubic import BicubicMap
-from dic.pinhole import PinholeCamera
+from dic.pinhole import Pinhole
 
 Points = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ class Sweep:
     title: str
     axis: str
     values: tuple[float, ...]
-    camera: Callable[[float], PinholeCamera]
+    camera: Callable[[float], Pinhole]
     first_figure: int
 
     def figure(self, points: PointSet) -> int:
@@ -87,17 +87,14 @@ class Sweep:
 
 _ANGLES = tuple(float(angle) for angle in range(31))
 _DISTORTIONS = tuple(float(k) for k in 10.0 ** np.linspace(-9, -7, 17))
-_CAMERA = PinholeCamera()
-_AT_15 = replace(_CAMERA, pan_deg=15.0)
-
 SWEEPS = (
-    Sweep("pan", "pan", "pan angle, °", _ANGLES, lambda a: replace(_CAMERA, pan_deg=a), 2),
+    Sweep("pan", "pan", "pan angle, °", _ANGLES, lambda a: Pinhole.swung(pan_deg=a), 2),
     Sweep(
         "pan_tilt",
         "pan = tilt",
         "pan angle = tilt angle, °",
         _ANGLES,
-        lambda a: replace(_CAMERA, pan_deg=a, tilt_deg=a),
+        lambda a: Pinhole.swung(pan_deg=a, tilt_deg=a),
         6,
     ),
     Sweep(
@@ -105,7 +102,7 @@ SWEEPS = (
         "pan 15°, pincushion distortion",
         "distortion coefficient, 1/px²",
         _DISTORTIONS,
-        lambda k: replace(_AT_15, k1_per_px2=k),
+        lambda k: Pinhole.swung(pan_deg=15.0, k1_per_px2=k),
         9,
     ),
     Sweep(
@@ -113,13 +110,13 @@ SWEEPS = (
         "pan 15°, barrel distortion",
         "distortion coefficient, 1/px²",
         tuple(-k for k in _DISTORTIONS),
-        lambda k: replace(_AT_15, k1_per_px2=k),
+        lambda k: Pinhole.swung(pan_deg=15.0, k1_per_px2=k),
         12,
     ),
 )
 
 
-def back_projected_error(camera: PinholeCamera, points: PointSet) -> NDArray[np.float64]:
+def back_projected_error(camera: Pinhole, points: PointSet) -> NDArray[np.float64]:
     """Return the error (count, count) in px on the sensor, rows from the bottom of the grid upwards."""
     grid_mm = BASE.points_mm()
     bicubic = BicubicMap.fit(camera.project(grid_mm), grid_mm)
@@ -129,7 +126,7 @@ def back_projected_error(camera: PinholeCamera, points: PointSet) -> NDArray[np.
     return error.reshape(points.count, points.count)
 
 
-def statistics(camera: PinholeCamera, points: PointSet) -> ErrorStatistics:
+def statistics(camera: Pinhole, points: PointSet) -> ErrorStatistics:
     """Return mean, maximum and standard deviation of `back_projected_error`."""
     error = back_projected_error(camera, points)
     return ErrorStatistics(float(error.mean()), float(error.max()), float(error.std()))

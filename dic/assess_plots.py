@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from dic.assess import CLAIM_PX, OVERSIZED, POINT_SETS, SWEEPS, PointSet, Row, Sweep, back_projected_error
-from dic.pinhole import PinholeCamera
+from dic.pinhole import Pinhole
 
 _CURVES = (("maximum_px", "maximum", "-o"), ("mean_px", "mean", "-s"), ("std_px", "standard deviation", "-^"))
 # matplotlib's automatic layouts would take half of the command's time
 _MARGINS = {"left": 0.14, "right": 0.97, "bottom": 0.14, "top": 0.91}
 _MAP_FIGURE = 5
-_MAP_CAMERA = PinholeCamera(pan_deg=30.0)
+_MAP_CAMERA = Pinhole.swung(pan_deg=30.0)
 
 
 def plot_assessment(folder: Path, rows: Sequence[Row]) -> list[Path]:

@@ -1,69 +1,243 @@
-"""A pinhole camera with radial distortion, looking at the grid's centre."""
+"""A pinhole camera with lens distortion and a pose before the grid: the map that geometry gives."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.grid_points import GridPoints
+from dic.lens import distort, distortion_jacobian, folded, undistort
+from dic.pinhole_prior import Known
+
 Points = NDArray[np.float64]
+
+PARAMETERS = ("focal_px", "x_px", "y_px", "k1", "k2", "p1", "p2", "rx", "ry", "rz", "Cx_mm", "Cy_mm", "Cz_mm")
+"""Rows and columns of `Pinhole.covariance`; rx, ry, rz are a small turn of the camera's axes."""
 
 
 @dataclass(frozen=True)
-class PinholeCamera:
-    """The camera of the paper's numerical assessment.
+class Pinhole:
+    """A camera as geometry describes it: every pixel is a ray through one point, bent by the lens.
 
-    At rest it looks straight at the grid's centre, from `distance_mm` along Z. Pan turns the scene in front
-    of it about the vertical axis, then tilt turns it about the horizontal one: ``R = Rx(tilt)·Ry(pan)``.
-    That is the same as swinging the camera round the grid's centre at that distance.
+    Grid axes and camera axes are both X right, Y up, Z towards the camera; image axes x right, y down.
 
     Attributes
     ----------
     focal_px : float
-        Pinhole distance, in pixels.
-    distance_mm : float
-        From the pinhole to the grid's centre.
-    pan_deg, tilt_deg : float
-        Swing about the vertical and the horizontal axis.
-    k1_per_px2 : float
-        Radial distortion on the sensor: ``x_d = x_u·(1 + k1·r_u²)`` with r_u the undistorted distance from
-        the principal point in px. Positive is pincushion, negative barrel.
-    principal_px : tuple of float
+        Pinhole distance; pixels are square.
+    principal_px : ndarray, shape (2,)
         Where the optical axis meets the sensor.
+    distortion : ndarray, shape (4,)
+        k1 (px⁻²), k2 (px⁻⁴), p1, p2 (px⁻¹): `dic.lens`.
+    rotation : ndarray, shape (3, 3)
+        From grid axes to camera axes.
+    centre_mm : ndarray, shape (3,)
+        The pinhole C in grid coordinates; Cz > 0.
+    covariance : ndarray, shape (13, 13)
+        Of the parameters named in `PARAMETERS`, in their units, radians for the turn. It is as large as what
+        the images and the given values leave open; 0 for a camera that was not fitted.
+    noise_px : float
+        Standard deviation of a coordinate of the points it was fitted to, as the residuals tell.
+    left_out_px : float
+        Root mean square distance by which points left out of the fit were missed; NaN if none were.
     """
 
-    focal_px: float = 2800.0
-    distance_mm: float = 40.0
-    pan_deg: float = 0.0
-    tilt_deg: float = 0.0
-    k1_per_px2: float = 0.0
-    principal_px: tuple[float, float] = (0.0, 0.0)
+    focal_px: float
+    principal_px: NDArray[np.float64]
+    distortion: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    centre_mm: NDArray[np.float64]
+    covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((13, 13)))
+    noise_px: float = 0.0
+    left_out_px: float = float("nan")
 
-    @property
-    def rotation(self) -> NDArray[np.float64]:
-        """The matrix (3, 3) from grid axes to camera axes, both X right, Y up, Z towards the camera."""
-        pan, tilt = np.radians([self.pan_deg, self.tilt_deg])
+    @classmethod
+    def swung(
+        cls,
+        focal_px: float = 2800.0,
+        distance_mm: float = 40.0,
+        pan_deg: float = 0.0,
+        tilt_deg: float = 0.0,
+        k1_per_px2: float = 0.0,
+        principal_px: tuple[float, float] = (0.0, 0.0),
+    ) -> "Pinhole":
+        """Return the camera of the paper's numerical assessment, looking at the grid's centre.
+
+        At rest it looks straight, from `distance_mm` along Z. Pan turns the scene in front of it about the
+        vertical axis, then tilt about the horizontal one, ``R = Rx(tilt)·Ry(pan)``, which is the same as
+        swinging the camera round the grid's centre. Distortion is ``x_d = x_u·(1 + k1·r_u²)`` in px.
+        """
+        pan, tilt = np.radians([pan_deg, tilt_deg])
         about_y = np.array([[np.cos(pan), 0, np.sin(pan)], [0, 1, 0], [-np.sin(pan), 0, np.cos(pan)]])
         about_x = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
-        rotation: NDArray[np.float64] = about_x @ about_y
-        return rotation
+        rotation = about_x @ about_y
+        lens = np.array([k1_per_px2, 0.0, 0.0, 0.0])
+        return cls(focal_px, np.array(principal_px, float), lens, rotation, rotation[2] * distance_mm)
+
+    @classmethod
+    def fit(
+        cls,
+        grid_points: GridPoints,
+        image_shape: tuple[int, ...],
+        *,
+        focal_px: float | None = None,
+        focal_std_px: float = 0.0,
+        distance_mm: float | None = None,
+        distance_std_mm: float = 0.0,
+        principal_px: Sequence[float] | None = None,
+        principal_std_px: float | None = None,
+        k2: bool | None = None,
+    ) -> "Pinhole":
+        """Fit to the grid points of one image, by least squares in the image.
+
+        One image tells the focal length by its perspective alone: well at 30° off-axis, poorly at 10°, not
+        when the camera looks straight. What is left open shows in `covariance`.
+
+        Parameters
+        ----------
+        grid_points : GridPoints
+        image_shape : tuple of int
+            Height and width, px.
+        focal_px, distance_mm : float, optional
+            The focal length and the distance of the pinhole from the grid's centre, if known.
+        focal_std_px, distance_std_mm : float, optional
+            Their standard deviations; 0 stands for exactly.
+        principal_px : sequence of float, optional
+            The principal point. Default: the image's centre, with a standard deviation of 1 % of its width.
+        principal_std_px : float, optional
+            Its standard deviation in x and in y; by default 0 if `principal_px` is given.
+        k2 : bool, optional
+            Whether to fit k2. Default: if it predicts points better that are left out of the fit; only then
+            some are.
+
+        Raises
+        ------
+        CalibrationError
+            If given values are out of range, or the points do not determine a camera.
+        """
+        known = Known(focal_px, focal_std_px, distance_mm, distance_std_mm, principal_px, principal_std_px)
+        return cls.fit_many([grid_points], image_shape, known, k2)[0]
+
+    @classmethod
+    def fit_many(
+        cls,
+        grids: Sequence[GridPoints],
+        image_shape: tuple[int, ...],
+        known: Known | None = None,
+        k2: bool | None = None,
+    ) -> tuple["Pinhole", ...]:
+        """Fit to several images of the grid by one camera, whose lens is the same in all of them.
+
+        Images with the grid at different tilts determine the focal length even of a camera that looks
+        straight. Parameters and errors are those of `fit`; a known distance is that of the first image.
+
+        Returns
+        -------
+        tuple of Pinhole
+            One for each image, in the axes of the grid as it was in that image.
+        """
+        from dic.pinhole_fit import fit_cameras
+
+        return fit_cameras(grids, image_shape, known or Known(), k2)
+
+    @property
+    def centre_covariance_mm2(self) -> NDArray[np.float64]:
+        """Covariance of `centre_mm`, shape (3, 3)."""
+        return self.covariance[10:, 10:]
+
+    @property
+    def centre_std_mm(self) -> NDArray[np.float64]:
+        """Standard deviation of `centre_mm`, shape (3,)."""
+        return np.sqrt(np.diag(self.centre_covariance_mm2))
+
+    @property
+    def focal_std_px(self) -> float:
+        """Standard deviation of `focal_px`."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+    @property
+    def distance_mm(self) -> float:
+        """Distance of the pinhole from the grid's centre."""
+        return float(np.linalg.norm(self.centre_mm))
+
+    @property
+    def off_axis_deg(self) -> float:
+        """Angle between the line of sight through the grid's centre and the grid's normal."""
+        return float(np.degrees(np.arctan2(np.hypot(*self.centre_mm[:2]), self.centre_mm[2])))
+
+    @property
+    def off_axis_std_deg(self) -> float:
+        """Standard deviation of `off_axis_deg`, to first order; nearly straight on, an upper bound of it."""
+        x, y, z = self.centre_mm
+        across = float(np.hypot(x, y))
+        if across < 1e-12:
+            return float(np.degrees(np.sqrt(np.trace(self.centre_covariance_mm2[:2, :2])) / z))
+        slope = np.array([x * z / across, y * z / across, -across]) / (across**2 + z**2)
+        return float(np.degrees(np.sqrt(slope @ self.centre_covariance_mm2 @ slope)))
 
     def project(self, points_mm: Points) -> Points:
-        """Return where points appear on the sensor.
+        """Return where points appear in the image.
 
         Parameters
         ----------
         points_mm : ndarray, shape (n, 2) or (n, 3)
-            X right, Y up, Z towards the camera; without Z they lie in the grid's plane.
+            Grid coordinates; without Z they lie in the grid's plane.
 
         Returns
         -------
         ndarray, shape (n, 2)
-            x right, y down, px.
+            px; NaN behind the camera and where the lens shows nothing.
         """
-        rotation = self.rotation[:, : points_mm.shape[1]]
-        seen = points_mm @ rotation.T
-        depth_mm = self.distance_mm - seen[:, 2:]
-        ideal = self.focal_px * seen[:, :2] * np.array([1.0, -1.0]) / depth_mm
-        radius2 = (ideal**2).sum(axis=1, keepdims=True)
-        projected: Points = ideal * (1 + self.k1_per_px2 * radius2) + np.array(self.principal_px)
+        points = np.asarray(points_mm, np.float64)
+        seen = points @ self.rotation[:, : points.shape[1]].T - self.rotation @ self.centre_mm
+        depth = np.where(seen[:, 2:] < 0, -seen[:, 2:], np.nan)
+        ideal = self.focal_px * seen[:, :2] * np.array([1.0, -1.0]) / depth
+        projected = distort(ideal, self.distortion) + self.principal_px
+        projected[folded(ideal, self.distortion)] = np.nan
         return projected
+
+    def map(self, px: Points) -> Points:
+        """Return where the rays of image points (n, 2) in px meet the grid's plane, (n, 2) in mm.
+
+        NaN for NaN, for rays that never meet it, and where the lens shows nothing.
+        """
+        direction = self._directions(self._ideal(px))
+        depth = np.where(direction[:, 2:] < 0, direction[:, 2:], np.nan)
+        hit: Points = self.centre_mm[:2] - self.centre_mm[2] * direction[:, :2] / depth
+        return hit
+
+    def jacobian(self, px: Points) -> NDArray[np.float64]:
+        """Return ``∂(X, Y)/∂(x, y)`` of `map` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
+        ideal = self._ideal(px)
+        direction = self._directions(ideal)
+        across, depth = direction[:, :2, None], direction[:, 2, None, None]
+        # slopes of the direction by x and by y of the ideal point: (2, 2) across and (1, 2) in depth
+        slopes = (self.rotation[:2] * np.array([[1.0], [-1.0]]) / self.focal_px).T
+        by_ideal = -self.centre_mm[2] * (slopes[:2] * depth - across * slopes[2:]) / depth**2
+        with np.errstate(invalid="ignore"):
+            by_seen = np.linalg.inv(_identity_for_nan(distortion_jacobian(ideal, self.distortion)))
+        jacobian: NDArray[np.float64] = by_ideal @ by_seen
+        jacobian[~np.isfinite(ideal).all(axis=1)] = np.nan
+        return jacobian
+
+    def rays(self, px: Points) -> Points:
+        """Return the unit vectors (n, 3), in grid axes, from the pinhole through image points (n, 2) in px.
+
+        They point from the camera into the scene: towards the grid, their Z is negative.
+        """
+        direction = self._directions(self._ideal(px))
+        return np.asarray(direction / np.linalg.norm(direction, axis=1, keepdims=True))
+
+    def _ideal(self, px: Points) -> Points:
+        return undistort(np.asarray(px, np.float64).reshape(-1, 2) - self.principal_px, self.distortion)
+
+    def _directions(self, ideal_px: Points) -> Points:
+        """Return directions (n, 3) in grid axes, of length 1 along the optical axis."""
+        in_camera = np.column_stack([ideal_px * [1.0, -1.0] / self.focal_px, -np.ones(len(ideal_px))])
+        directions: Points = in_camera @ self.rotation
+        return directions
+
+
+def _identity_for_nan(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.where(np.isfinite(matrices), matrices, np.eye(2))

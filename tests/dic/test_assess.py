@@ -10,9 +10,9 @@ from dic.assess import (
     claim_limit,
     statistics,
 )
-from dic.pinhole import PinholeCamera
+from dic.pinhole import Pinhole
 
-PAN_30 = PinholeCamera(pan_deg=30)
+PAN_30 = Pinhole.swung(pan_deg=30)
 
 
 def test_pan_30_degrees_gives_the_paper_s_mean_and_maximum_on_the_base_grid() -> None:
@@ -31,13 +31,13 @@ def test_points_beyond_the_grid_are_far_worse() -> None:
 
 
 def test_pincushion_of_1e_8_at_15_degrees_gives_the_paper_s_maximum() -> None:
-    error = statistics(PinholeCamera(pan_deg=15, k1_per_px2=1e-8), BASE)
+    error = statistics(Pinhole.swung(pan_deg=15, k1_per_px2=1e-8), BASE)
 
     assert error.maximum_px == pytest.approx(2.8e-3, abs=0.05e-3)
 
 
 def test_a_camera_that_looks_straight_has_no_error() -> None:
-    assert statistics(PinholeCamera(), OVERSIZED).maximum_px < 1e-9
+    assert statistics(Pinhole.swung(), OVERSIZED).maximum_px < 1e-9
 
 
 def test_the_error_map_is_as_large_as_the_grid_and_worst_on_the_camera_s_side() -> None:
@@ -50,9 +50,9 @@ def test_the_error_map_is_as_large_as_the_grid_and_worst_on_the_camera_s_side() 
 
 @pytest.mark.parametrize("swing", [(25, 25), (-25, 25), (25, -25)])
 def test_signs_of_pan_and_tilt_do_not_matter(swing: tuple[float, float]) -> None:
-    expected = statistics(PinholeCamera(pan_deg=25, tilt_deg=25), BASE)
+    expected = statistics(Pinhole.swung(pan_deg=25, tilt_deg=25), BASE)
 
-    assert statistics(PinholeCamera(pan_deg=swing[0], tilt_deg=swing[1]), BASE).maximum_px == pytest.approx(
+    assert statistics(Pinhole.swung(pan_deg=swing[0], tilt_deg=swing[1]), BASE).maximum_px == pytest.approx(
         expected.maximum_px, rel=1e-6
     )
 

@@ -7,9 +7,9 @@ import pytest
 from dic.calibration import Calibration
 from dic.errors import CalibrationError
 from dic.grid_points import GridPoints
-from dic.pinhole import PinholeCamera
+from dic.pinhole import Pinhole
 
-CAMERA = PinholeCamera(pan_deg=30, principal_px=(450, 450))
+CAMERA = Pinhole.swung(pan_deg=30, principal_px=(450, 450))
 
 
 def _grid(lines: tuple[int, int] = (21, 21), missing: tuple[tuple[int, int], ...] = ()) -> GridPoints:

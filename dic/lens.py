@@ -1,0 +1,92 @@
+"""Lens distortion on the sensor: where a lens moves the points that a pinhole would show, and back.
+
+Radial and decentring distortion of Brown, *Close-range camera calibration* (1971), in the order that is usual
+since. Everything is in px from the principal point, so that the coefficients do not depend on the focal
+length: k1 in px⁻², k2 in px⁻⁴, p1 and p2 in px⁻¹. Positive k1 is pincushion, negative barrel.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+_MOST_STEPS = 50
+_EXACT_PX = 1e-10
+
+
+def distortion_basis(ideal_px: Floats) -> Floats:
+    """Return what k1, k2, p1 and p2 add per unit, shape (n, 2, 4), at ideal points (n, 2)."""
+    x, y = ideal_px[:, 0], ideal_px[:, 1]
+    square = x * x + y * y
+    fourth, across = square * square, 2 * x * y
+    along_x = [x * square, x * fourth, across, square + 2 * x * x]
+    along_y = [y * square, y * fourth, square + 2 * y * y, across]
+    return np.ascontiguousarray(np.moveaxis(np.array([along_x, along_y]), 2, 0))
+
+
+def distort(ideal_px: Floats, distortion: Floats) -> Floats:
+    """Return where points (n, 2) of an ideal pinhole appear, shape (n, 2).
+
+    Parameters
+    ----------
+    ideal_px : ndarray, shape (n, 2)
+        From the principal point, px.
+    distortion : ndarray, shape (4,)
+        k1, k2, p1, p2.
+    """
+    moved: Floats = ideal_px + distortion_basis(ideal_px) @ distortion
+    return moved
+
+
+def distortion_jacobian(ideal_px: Floats, distortion: Floats) -> Floats:
+    """Return ∂ distorted / ∂ ideal, shape (n, 2, 2), at ideal points (n, 2)."""
+    k1, k2, p1, p2 = distortion
+    x, y = ideal_px[:, 0], ideal_px[:, 1]
+    square = x * x + y * y
+    radial = 1 + k1 * square + k2 * square**2
+    # half the slope of the radial factor by the squared radius
+    slope = 2 * (k1 + 2 * k2 * square)
+    across = slope * x * y + 2 * (p1 * x + p2 * y)
+    jacobian = np.empty((len(x), 2, 2))
+    jacobian[:, 0, 0] = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
+    jacobian[:, 0, 1] = jacobian[:, 1, 0] = across
+    jacobian[:, 1, 1] = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
+    return jacobian
+
+
+def undistort(seen_px: Floats, distortion: Floats) -> Floats:
+    """Return the ideal points (n, 2) of points (n, 2) that are seen; NaN where no ideal point is seen.
+
+    Newton's method from the point itself. Barrel distortion has a largest radius beyond which nothing is
+    seen; there, and where the lens would show the scene folded over, there is no answer.
+    """
+    ideal = np.array(seen_px, np.float64)
+    if not np.any(distortion):
+        return ideal
+    with np.errstate(all="ignore"):
+        for _ in range(_MOST_STEPS):
+            step = _solved(distortion_jacobian(ideal, distortion), distort(ideal, distortion) - seen_px)
+            ideal -= step
+            if not np.any(np.abs(step) > _EXACT_PX):
+                break
+        left = np.abs(distort(ideal, distortion) - seen_px).max(axis=1)
+        lost = ~(left < 1e-6) | folded(ideal, distortion)
+    ideal[lost] = np.nan
+    return ideal
+
+
+def folded(ideal_px: Floats, distortion: Floats) -> NDArray[np.bool_]:
+    """Tell at which ideal points (n, 2) the distortion turns the image inside out; NaN is not."""
+    jacobian = distortion_jacobian(ideal_px, distortion)
+    determinant = jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] ** 2
+    # past two folds the determinant is positive again, but both directions are reversed
+    reversed_: NDArray[np.bool_] = (determinant <= 0) | (jacobian[:, 0, 0] + jacobian[:, 1, 1] <= 0)
+    return reversed_
+
+
+def _solved(matrices: Floats, vectors: Floats) -> Floats:
+    """Return matrices⁻¹ · vectors, (n, 2); not finite where a matrix is singular."""
+    a, b, c, d = (matrices[:, i, j] for i in (0, 1) for j in (0, 1))
+    determinant = a * d - b * c
+    x, y = vectors[:, 0], vectors[:, 1]
+    return np.stack([(d * x - b * y) / determinant, (a * y - c * x) / determinant], axis=1)

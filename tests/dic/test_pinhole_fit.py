@@ -1,0 +1,201 @@
+"""Pinhole cameras fitted to points whose truth comes from the simulators' optics and from OpenCV."""
+
+import cv2
+import numpy as np
+import pytest
+
+from dic.errors import CalibrationError
+from dic.grid_points import GridPoints
+from dic.pinhole import Pinhole
+from dic.pinhole_prior import Known
+from simulators.optics import PinholeCamera
+
+SHAPE = (900, 1000)
+NOISE_PX = 0.01
+
+
+def _points(count: int = 21, half_mm: float = 5.0) -> tuple[np.ndarray, np.ndarray]:
+    index = np.stack(np.meshgrid(range(count), range(count)), axis=-1).reshape(-1, 2)
+    return index, (index - (count - 1) / 2) * 2 * half_mm / (count - 1)
+
+
+def _grid(uv_px: np.ndarray, count: int = 21) -> GridPoints:
+    index, _ = _points(count)
+    return GridPoints.on_lattice(index, uv_px, (count, count), 10 / (count - 1))
+
+
+def _seen(camera: PinholeCamera, noise_px: float = 0.0, seed: int = 0, count: int = 21) -> GridPoints:
+    _, xy = _points(count)
+    uv = camera.project(np.column_stack([xy, np.zeros(len(xy))]))
+    return _grid(uv + np.random.default_rng(seed).normal(0, 1, uv.shape) * noise_px, count)
+
+
+def _residual_px(fitted: Pinhole, grid: GridPoints) -> float:
+    return float(np.sqrt(((grid.uv_px - fitted.project(grid.xy_mm)) ** 2).sum(axis=1).mean()))
+
+
+def _swung(**options: float) -> PinholeCamera:
+    return PinholeCamera(SHAPE[1], SHAPE[0], **options)
+
+
+@pytest.mark.parametrize("k1", [-1e-7, -1e-8, 0.0, 1e-8, 1e-7])
+def test_exact_points_are_met_where_the_bicubic_map_fails(k1: float) -> None:
+    camera = _swung(pan_deg=25, tilt_deg=25, k1_per_px2=k1)
+    grid = _seen(camera)
+    fitted = Pinhole.fit(grid, SHAPE)
+
+    assert _residual_px(fitted, grid) < 1e-6
+    assert fitted.left_out_px < 1e-6
+    assert fitted.distortion[0] == pytest.approx(k1, rel=1e-6, abs=1e-15)
+    # decentring is nearly a shift of the principal point: 1e-9 is 1e-4 px at the grid's corner
+    assert np.abs(fitted.distortion[1:]).max() < 1e-9
+    assert fitted.centre_mm == pytest.approx(camera.centre_mm, abs=1e-3)
+    assert fitted.off_axis_deg == pytest.approx(34.775, abs=1e-3)
+
+
+@pytest.mark.parametrize("k1", [-1e-7, 1e-7])
+def test_noisy_points_leave_no_more_than_their_noise(k1: float) -> None:
+    camera = _swung(pan_deg=25, tilt_deg=25, k1_per_px2=k1)
+    grid = _seen(camera, NOISE_PX)
+    fitted = Pinhole.fit(grid, SHAPE)
+
+    # the points' scatter in both coordinates, less the 12 of 882 that the fit takes up, 5 % for chance
+    assert _residual_px(fitted, grid) < 1.05 * NOISE_PX * np.sqrt(2)
+    assert fitted.noise_px == pytest.approx(NOISE_PX, rel=0.1)
+    truth = camera.project(np.column_stack([grid.xy_mm, np.zeros(grid.found)]))
+    error = np.sqrt(((fitted.project(grid.xy_mm) - truth) ** 2).sum(axis=1).mean())
+    # twelve of 882 degrees of freedom: √(12/441) of the noise
+    assert error < 2 * NOISE_PX * np.sqrt(12 / 441)
+
+
+def test_every_term_of_a_lens_that_opencv_draws_is_found() -> None:
+    _, xy = _points()
+    matrix = np.array([[2800, 0, 499.5], [0, 2800, 449.5], [0, 0, 1.0]])
+    lens = np.array([0.3, -1.2, 2e-3, -3e-3])
+    pose = cv2.Rodrigues(np.radians([0.0, 28.0, 0.0]))[0] @ np.diag([1.0, -1.0, -1.0])
+    points = np.column_stack([xy, np.zeros(len(xy))])
+    px, _ = cv2.projectPoints(points, cv2.Rodrigues(pose)[0], np.array([0.4, -0.2, 40.0]), matrix, lens)
+    fitted = Pinhole.fit(_grid(px[:, 0]), SHAPE, principal_px=(499.5, 449.5))
+
+    assert fitted.distortion * 2800.0 ** np.array([2, 4, 1, 1]) == pytest.approx(lens, rel=1e-4)
+    assert fitted.focal_px == pytest.approx(2800, rel=1e-5)
+    assert fitted.centre_mm == pytest.approx(-pose.T @ [0.4, -0.2, 40.0], abs=1e-3)
+
+
+def test_k2_is_left_out_unless_it_predicts_points_better() -> None:
+    grid = _seen(_swung(pan_deg=20, k1_per_px2=3e-8), NOISE_PX)
+
+    assert Pinhole.fit(grid, SHAPE).distortion[1] == 0.0
+    assert Pinhole.fit(grid, SHAPE, k2=True).distortion[1] != 0.0
+
+
+def test_the_focal_length_is_the_less_certain_the_straighter_the_camera_looks() -> None:
+    fits = {pan: Pinhole.fit(_seen(_swung(pan_deg=pan), NOISE_PX), SHAPE, k2=False) for pan in (30, 10, 3, 0)}
+    share = {pan: fitted.focal_std_px / fitted.focal_px for pan, fitted in fits.items()}
+
+    assert share[30] < 0.01
+    assert share[30] < share[10] < share[3] < share[0]
+    # straight on nothing but what is usual tells it: known to a factor of three
+    assert share[0] == pytest.approx(np.log(3), rel=0.05)
+    assert fits[0].centre_std_mm[2] > 0.9 * fits[0].centre_mm[2]
+    # where it points is known all the same
+    assert fits[0].off_axis_deg < 3 * fits[0].off_axis_std_deg < 1.0
+
+
+@pytest.mark.parametrize("known", [{"focal_px": 2800.0}, {"distance_mm": 40.0}])
+def test_a_known_length_fixes_a_camera_that_looks_straight(known: dict[str, float]) -> None:
+    grid = _seen(_swung(), NOISE_PX)
+    fitted = Pinhole.fit(grid, SHAPE, **known)
+
+    assert fitted.focal_px == pytest.approx(2800, rel=1e-4)
+    assert fitted.centre_mm[2] == pytest.approx(40, rel=1e-4)
+    assert fitted.centre_std_mm[2] < 0.01
+
+
+def test_an_uncertain_length_is_carried_along() -> None:
+    grid = _seen(_swung(), NOISE_PX)
+    fitted = Pinhole.fit(grid, SHAPE, distance_mm=41.0, distance_std_mm=0.8)
+
+    # 0.8 mm of 40 mm, and the same share of 2800 px
+    assert fitted.centre_std_mm[2] == pytest.approx(0.8, rel=0.05)
+    assert fitted.focal_std_px == pytest.approx(0.8 / 40 * 2800, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("pan_deg", "k1", "known"),
+    [(30.0, 0.0, {}), (30.0, 1e-8, {"principal_std_px": 0.0}), (10.0, 0.0, {"principal_std_px": 0.0})],
+)
+def test_confidence_intervals_hold_the_truth_as_often_as_they_say(
+    pan_deg: float, k1: float, known: dict[str, float]
+) -> None:
+    rng = np.random.default_rng(5)
+    camera = _swung(pan_deg=pan_deg, k1_per_px2=k1)
+    grid = _seen(camera, count=11)
+    off_px = known.get("principal_std_px", 0.01 * SHAPE[1])
+    hits = []
+    for _ in range(200):
+        # a principal point off the image's middle by what is said of it shifts the whole image
+        moved = grid.uv_px + rng.normal(0, off_px, 2) + rng.normal(0, NOISE_PX, grid.uv_px.shape)
+        fitted = Pinhole.fit(_grid(moved, 11), SHAPE, k2=False, **known)
+        deviation = np.append(fitted.centre_mm - camera.centre_mm, fitted.focal_px - 2800)
+        std = np.append(fitted.centre_std_mm, fitted.focal_std_px)
+        hits.append(np.abs(deviation) <= 1.96 * std)
+
+    coverage = np.mean(hits, axis=0)
+    # 200 repetitions tell 95 % to ±1.5 %
+    assert (coverage >= 0.90).all()
+    assert (coverage <= 0.99).all()
+
+
+def _tilted(rotation: np.ndarray, noise_px: float, seed: int) -> GridPoints:
+    """Return the points of a grid turned before a camera that looks straight, its plane 40 mm away."""
+    _, xy = _points()
+    points = np.column_stack([xy, np.zeros(len(xy))]) @ rotation.T
+    px = _swung().project(points)
+    return _grid(px + np.random.default_rng(seed).normal(0, noise_px, px.shape))
+
+
+def test_images_of_the_tilted_grid_fix_the_focal_length_of_a_camera_that_looks_straight() -> None:
+    turns = [np.zeros(3), np.radians([25.0, 0, 0]), np.radians([0, 25.0, 0]), np.radians([-18.0, -18.0, 0])]
+    grids = [_tilted(cv2.Rodrigues(turn)[0], NOISE_PX, seed) for seed, turn in enumerate(turns)]
+    alone = Pinhole.fit(grids[0], SHAPE)
+    first, *others = Pinhole.fit_many(grids, SHAPE)
+
+    assert alone.focal_std_px > 0.5 * alone.focal_px
+    assert first.focal_std_px < 0.01 * first.focal_px
+    assert abs(first.focal_px - 2800) < 3 * first.focal_std_px
+    assert np.abs(first.centre_mm - [0, 0, 40]) == pytest.approx(0, abs=3 * first.centre_std_mm.max())
+    assert all(other.focal_px == first.focal_px for other in others)
+    # seen from the tilted grid, the camera is tilted
+    assert others[0].centre_mm == pytest.approx(cv2.Rodrigues(turns[1])[0].T @ [0, 0, 40], abs=0.5)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"focal_px": 0.0},
+        {"focal_px": np.nan},
+        {"distance_mm": -1.0},
+        {"distance_mm": 40.0, "distance_std_mm": -1.0},
+        {"focal_std_px": 10.0},
+        {"principal_px": (500.0,)},
+        {"principal_px": (500.0, np.inf)},
+        {"principal_std_px": -1.0},
+    ],
+)
+def test_what_no_camera_has_is_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(CalibrationError, match="what is known of the camera"):
+        Known(**wrong)
+
+
+def test_points_that_determine_no_camera_are_refused() -> None:
+    grid = _seen(_swung())
+    row = grid.index[:, 1] == 3
+    lines = (21, 21)
+    few = GridPoints.on_lattice(grid.index[:9], grid.uv_px[:9], lines, 0.5)
+    on_a_line = GridPoints.on_lattice(grid.index[row], grid.uv_px[row], lines, 0.5)
+
+    with pytest.raises(CalibrationError, match="9 points"):
+        Pinhole.fit(few, SHAPE)
+    with pytest.raises(CalibrationError, match="one line"):
+        Pinhole.fit(on_a_line, SHAPE)
