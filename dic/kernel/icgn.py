@@ -35,6 +35,9 @@ EDGE_PX = 2
 _FAR_PX = 0.5
 """A quadratic step longer than this is replaced by the affine one."""
 
+_EPSILON = 2.0**-23
+"""Relative distance of neighbouring float32, in which moments are summed."""
+
 _WIDEST = 5.0
 """Deviations are never widened by more than this."""
 
@@ -341,7 +344,10 @@ def correlate_point(
     centre = image.origin + y * image.pitch + x
     m.reference_moments(image, shape, centre, r, work.Q)
     mean, norm2 = _normal_matrix(work.Q, pixels, H, s, t)
-    if not norm2 > 0.0 or not _cholesky(H):
+    # Each of the rows' sums may lose a last digit: less than all of these is nothing.
+    lost = (2 * r + 1) * _EPSILON
+    flat = max(image.flat_variance * pixels, lost * work.Q[m.FF])
+    if not norm2 > flat or not _cholesky(H):
         return NO_TEXTURE, np.nan, 0
     clipped = pixels < (2 * r + 1) ** 2
     zncc, last = np.nan, 0.0
@@ -356,7 +362,7 @@ def correlate_point(
             m.moments_of_any_warp(image, c, taps, shape, centre, r, q, S)
         g_mean = S[m.G] / pixels
         g_norm2 = S[m.GG] - S[m.G] * g_mean
-        if not g_norm2 > 0.0:
+        if not g_norm2 > lost * S[m.GG]:
             return LOW_CORRELATION, np.nan, iteration
         gain = np.sqrt(norm2 / g_norm2)
         zncc = (S[m.FG] - mean * S[m.G]) * gain / norm2

@@ -16,6 +16,12 @@ Grey = NDArray[np.float32]
 
 _SLACK = 64
 
+_ROUNDING = 1.0 / 12.0
+"""Variance, in steps of the grey levels, that rounding to whole steps leaves."""
+
+_STEP = 4.0 / 255.0
+"""Step of a well exposed image of 8 bits in standard deviations, four of which fill its range."""
+
 
 class Reference(NamedTuple):
     """The reference image for the kernel.
@@ -32,6 +38,8 @@ class Reference(NamedTuple):
         Element of the image's first pixel.
     width, height : int
         Of the image, px.
+    flat_variance : float
+        Up to this variance of the grey levels, a subset shows rounding and no pattern.
     """
 
     f: Flat
@@ -42,6 +50,7 @@ class Reference(NamedTuple):
     origin: int
     width: int
     height: int
+    flat_variance: float
 
 
 def lay_reference(
@@ -58,7 +67,23 @@ def lay_reference(
     np.copyto(fy_image, slopes[1], where=region)
     np.copyto(inside_image, np.float32(1.0), where=region)
     pitch = width + 2 * MARGIN
-    return Reference(f, fx, fy, inside, pitch, _SLACK + MARGIN * pitch + MARGIN, width, height)
+    origin = _SLACK + MARGIN * pitch + MARGIN
+    return Reference(f, fx, fy, inside, pitch, origin, width, height, _flat_variance(spline.grey, region))
+
+
+def _flat_variance(grey: Grey, region: NDArray[np.bool_]) -> float:
+    """Return the variance that rounding alone may give the grey levels of a subset in the region.
+
+    Images hold grey levels in any unit. The step is taken to be that of 8 bits, and at least 1 where the grey
+    levels are whole numbers.
+    """
+    # Every fourth line tells as much as all of them.
+    some = grey[::4][region[::4]]
+    if not some.size:
+        return 0.0
+    whole = bool((some == np.rint(some)).all())
+    step = max(_STEP * float(some.std(dtype=np.float64)), 1.0 if whole else 0.0)
+    return _ROUNDING * step**2
 
 
 def lay_coefficients(spline: SplineImage, mean: float) -> Flat:

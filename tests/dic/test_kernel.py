@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dic.correlate import Correlator
+from dic.field import Status
 from dic.icgn_reference import icgn
 from dic.settings import CorrelationSettings
 from dic.spline import spline_image
@@ -84,3 +85,51 @@ def test_predicted_deviations_are_those_that_repeated_images_show(speckle, shape
     observed = np.sqrt(np.var(warps, axis=0).mean(axis=(0, 1)))
     stated = np.sqrt(np.mean(np.square(predicted), axis=(0, 1, 2)))
     np.testing.assert_allclose(stated, observed, rtol=0.10)
+
+
+def half_flat(image, seed, *, noise, grey=128.0, whole=False):
+    """The image, whose right half is one grey level with a little noise."""
+    image = image.astype(np.float64)
+    image[:, 90:] = np.random.default_rng(seed).normal(grey, noise, image[:, 90:].shape)
+    return np.rint(image) if whole else image
+
+
+@pytest.mark.parametrize("shape", ["affine", "quadratic"])
+@pytest.mark.parametrize(
+    ("flat", "scale"),
+    [
+        ({"noise": 0.0}, 1.0),
+        ({"noise": 0.0, "grey": 250.0, "whole": True}, 1.0),
+        ({"noise": 1e-3}, 1.0),
+        ({"noise": 0.05}, 1.0),
+        ({"noise": 0.2, "whole": True}, 1.0),
+        ({"noise": 1e-3}, 1 / 255),
+        ({"noise": 1e-3}, 257.0),
+    ],
+    ids=str,
+)
+def test_where_nothing_but_rounding_is_seen_there_is_no_texture(speckle, shape, flat, scale):
+    pattern = speckle(seed=35)
+    images = pattern.draw(), pattern.draw(lambda x, y: (x - 0.4, y + 0.3))
+    still, moved = (
+        (scale * half_flat(image, seed, **flat)).astype(np.float32) for seed, image in enumerate(images)
+    )
+    settings = CorrelationSettings(21, 8, shape=shape)
+    field = Correlator(still, np.ones(still.shape, bool), settings).correlate(moved)
+    patterned, plain = field.x_px < 90 - 25, field.x_px > 90 + 20
+    assert patterned.any()
+    assert plain.any()
+    assert (field.status[:, plain] == Status.NO_TEXTURE).all()
+    assert (field.status[:, patterned] == Status.CONVERGED).all()
+
+
+def test_a_faint_pattern_is_still_measured(speckle):
+    """Two grey levels of contrast, at the bright end of an image that holds much more."""
+    pattern = speckle(seed=36)
+    still, moved = pattern.draw(), pattern.draw(lambda x, y: (x - 0.4, y + 0.3))
+    for image in (still, moved):
+        image[:, 90:] = 240 + 0.04 * (image[:, 90:] - 128)
+    field = Correlator(still, np.ones(still.shape, bool), CorrelationSettings(21, 8)).correlate(moved)
+    faint = field.x_px > 90 + 20
+    assert (field.status[:, faint] == Status.CONVERGED).all()
+    np.testing.assert_allclose(field.u_px[:, faint], 0.4, atol=0.005)
