@@ -15,6 +15,9 @@ _TOLERANCE_PX, _TOLERANCE = 1.0, 0.1
 
 _SHAPE = (2.0, 0.5)
 
+_AROUND = ((0, 1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1))
+"""Rows and columns to the neighbours on a grid, in the order in which they are asked."""
+
 
 def agreeing_seeds(points: NDArray[np.int64], warps: Float) -> NDArray[np.bool_]:
     """Tell which scattered points one of their four nearest neighbours predicts.
@@ -29,7 +32,7 @@ def agreeing_seeds(points: NDArray[np.int64], warps: Float) -> NDArray[np.bool_]
     ndarray of bool, shape (n,)
         All true for fewer than three seeds of believable shape, which cannot be told from one another.
     """
-    gradients, believed = _believable(warps)
+    believed = _believable(warps.T)
     if believed.sum() < 3:
         return np.asarray(believed)
     offset = (points[:, None, :] - points[None, :, :]).astype(np.float64)
@@ -37,6 +40,7 @@ def agreeing_seeds(points: NDArray[np.int64], warps: Float) -> NDArray[np.bool_]
     distance[:, ~believed] = np.inf
     np.fill_diagonal(distance, np.inf)
     place = points + warps[:, [0, 3]]
+    gradients = warps[:, [1, 2, 4, 5]].reshape(-1, 2, 2) + np.eye(2)
     predicted = place[None, :, :] + np.einsum("jab,ijb->ija", gradients, offset)
     error = np.linalg.norm(place[:, None, :] - predicted, axis=2)
     neighbours = distance <= np.sort(distance, axis=1)[:, [min(3, len(points) - 1)]]
@@ -60,43 +64,41 @@ def agreeing_field(
     ndarray of bool, shape (rows, columns)
         A grid of a single converged point, which nothing can contradict, keeps it.
     """
-    _, believable = _believable(warps)
-    known = converged & believable
-    if known.sum() == 1:
-        return known
-    u, u_x, u_y, v, v_x, v_y = np.moveaxis(warps[..., :6], -1, 0)
-    agrees = np.zeros(converged.shape, np.bool_)
-    for rows, columns in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        here, there = _shifted(converged.shape, rows, columns)
-        both = known[here] & known[there]
-        for one, other in ((here, there), (there, here)):
-            dx, dy = x_px[one[1]] - x_px[other[1]], (y_px[one[0]] - y_px[other[0]])[:, None]
-            # Points that failed hold what IC-GN left there, infinities too.
-            with np.errstate(invalid="ignore", over="ignore"):
-                off_x = u[one] - u[other] - u_x[other] * dx - u_y[other] * dy
-                off_y = v[one] - v[other] - v_x[other] * dx - v_y[other] * dy
-            agrees[one] |= both & (np.hypot(off_x, off_y) < _TOLERANCE_PX + _TOLERANCE * np.hypot(dx, dy))
+    planes = np.ascontiguousarray(np.moveaxis(warps[..., :6], -1, 0))
+    # Points that failed hold what IC-GN left there, infinities too.
+    with np.errstate(invalid="ignore", over="ignore"):
+        known = converged & _believable(planes)
+        if known.sum() == 1:
+            return known
+        agrees = np.zeros(converged.shape, np.bool_)
+        right, left = planes[:, :, 1:], planes[:, :, :-1]
+        agrees[:, 1:] = known[:, 1:] & known[:, :-1] & _predicts(left, right, np.diff(x_px), 0)
+    # Nearly all points agree with the first neighbour: the others are asked only about the rest.
+    for down, aside in _AROUND:
+        rows, columns = np.nonzero(known & ~agrees)
+        from_rows, from_columns = rows + down, columns + aside
+        inside = (from_rows >= 0) & (from_rows < len(y_px)) & (from_columns >= 0) & (from_columns < len(x_px))
+        inside[inside] = known[from_rows[inside], from_columns[inside]]
+        here, there = (rows[inside], columns[inside]), (from_rows[inside], from_columns[inside])
+        dx, dy = x_px[here[1]] - x_px[there[1]], y_px[here[0]] - y_px[there[0]]
+        agrees[here] = _predicts(planes[:, *there], planes[:, *here], dx, dy)
     return agrees
 
 
-def _believable(warps: Float) -> tuple[Float, NDArray[np.bool_]]:
-    """Return deformation gradients (…, 2, 2) and which of them a real surface could have."""
-    gradients = warps[..., [1, 2, 4, 5]].reshape(*warps.shape[:-1], 2, 2) + np.eye(2)
+def _predicts(
+    p: Float, other: Float, dx: NDArray[np.int64], dy: NDArray[np.int64] | int
+) -> NDArray[np.bool_]:
+    """Tell whether warps `p`, shape (6, …), predict the displacements of the `other` points (dx, dy) away."""
+    off_x = other[0] - p[0] - p[1] * dx - p[2] * dy
+    off_y = other[3] - p[3] - p[4] * dx - p[5] * dy
+    limit = _TOLERANCE_PX + _TOLERANCE * np.hypot(dx, dy)
+    return np.asarray(off_x * off_x + off_y * off_y < limit * limit)
+
+
+def _believable(planes: Float) -> NDArray[np.bool_]:
+    """Tell which warps, shape (6, …), have deformation gradients that a real surface could have."""
+    a, b, c, d = 1 + planes[1], planes[2], planes[4], 1 + planes[5]
     # Singular values of a 2 x 2 matrix in closed form; the smaller is negative if the matrix mirrors.
-    (a, b), (c, d) = np.moveaxis(gradients, (-2, -1), (0, 1))
-    mean, half = np.hypot(a + d, c - b) / 2, np.hypot(a - d, b + c) / 2
+    mean, half = np.sqrt((a + d) ** 2 + (c - b) ** 2) / 2, np.sqrt((a - d) ** 2 + (b + c) ** 2) / 2
     largest, smallest = _SHAPE
-    return gradients, np.asarray((mean + half < largest) & (mean - half > smallest))
-
-
-def _shifted(
-    shape: tuple[int, ...], rows: int, columns: int
-) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Return the two views of a grid that pair every point with its neighbour `rows` and `columns` away."""
-
-    def pair(n: int, shift: int) -> tuple[slice, slice]:
-        near, far = slice(0, n - abs(shift)), slice(abs(shift), n)
-        return (near, far) if shift >= 0 else (far, near)
-
-    (row_here, row_there), (column_here, column_there) = pair(shape[0], rows), pair(shape[1], columns)
-    return (row_here, column_here), (row_there, column_there)
+    return np.asarray((mean + half < largest) & (mean - half > smallest))

@@ -70,11 +70,12 @@ class Correlator:
     ) -> None:
         self.settings = settings or CorrelationSettings()
         self._grey = _checked_image(reference, "reference image", self.settings.subset_px)
-        spline = spline_image(self._grey, self.settings.order)
-        slopes = spline.gradient()
+        self._threads = threads or len(os.sched_getaffinity(0))
+        spline = spline_image(self._grey, self.settings.order, self._threads)
+        slopes = spline.gradient(self._threads)
         usable = np.ones(reference.shape, np.bool_)
         if region is None:
-            centres = textured(*slopes, self.settings.subset_px)
+            centres = textured(*slopes, self.settings.subset_px, self._threads)
         else:
             centres = checked_region(region, reference.shape)
             usable = centres if clip else usable
@@ -87,7 +88,7 @@ class Correlator:
             usable,
             grid,
             self.settings,
-            threads or len(os.sched_getaffinity(0)),
+            self._threads,
         )
 
     def correlate(self, deformed: Grey, *, previous: Field | None = None, hint: Float | None = None) -> Field:
@@ -116,7 +117,9 @@ class Correlator:
                 remedy="use images of one camera at one format",
             )
         deformed = _checked_image(deformed, "deformed image", self.settings.subset_px)
-        coefficients = kernel.lay_coefficients(spline_image(deformed, self.settings.order), self._mean)
+        coefficients = kernel.lay_coefficients(
+            spline_image(deformed, self.settings.order, self._threads), self._mean
+        )
         solver = Solver(self._reference, coefficients)
         start, seeds, solved = self._first_guess(solver, deformed, previous, hint)
         solution = Solution.empty(self._reference.grid.active.shape, self.settings.parameters)
@@ -164,8 +167,9 @@ class Correlator:
         half_px = max(self.settings.radius_px, 15)
         best = "", indices[:0], Solution.empty((0,), self.settings.parameters)
         for name, guess in guesses(
-            self._grey, deformed, self._features, points, half_px, previous=before, hint=hint
-        ):
+            self._grey, deformed, self._features, points, half_px,
+            previous=before, hint=hint, threads=self._threads,
+        ):  # fmt: skip
             solved = solver.solve(indices, guess)
             good = solved.converged
             good[good] = agreeing_seeds(points[good], solved.warps[good])

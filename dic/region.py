@@ -1,14 +1,19 @@
 """Where points of interest can be: a region given by a mask, or wherever the reference has texture."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.bands import at_once, bands_of
 from dic.errors import CorrelationError
 
 Grey = NDArray[np.float32]
 Mask = NDArray[np.bool_]
+Bits = NDArray[np.uint8]
+Indices = NDArray[np.int64]
 
 MIN_PIXEL_FRACTION = 0.4
 """Share of a subset's pixels that must lie in the region of interest: almost half, as at a crack's lips."""
@@ -22,8 +27,14 @@ _LONE_EDGE = 0.5
 _WEAK = 0.02
 """Texture below this share of the image's strong texture (its 90th percentile) is taken for background."""
 
+_BAND_PX = 128
+"""Height of the bands in which texture is judged."""
 
-def textured(fx: Grey, fy: Grey, subset_px: int) -> Mask:
+_SAMPLE = 1000
+"""Values that tell a median well enough."""
+
+
+def textured(fx: Grey, fy: Grey, subset_px: int, threads: int = 1) -> Mask:
     """Return where whole subsets have texture in every direction: the largest such part of the image.
 
     The smaller eigenvalue of the summed gradient products is compared with its upper range over the
@@ -36,6 +47,7 @@ def textured(fx: Grey, fy: Grey, subset_px: int) -> Mask:
     fx, fy : ndarray, shape (height, width)
         Derivatives of the image along x and y.
     subset_px : int
+    threads : int
 
     Returns
     -------
@@ -44,35 +56,70 @@ def textured(fx: Grey, fy: Grey, subset_px: int) -> Mask:
     """
     import cv2
 
-    def mean(of: Grey) -> Grey:
-        return np.asarray(cv2.blur(of, (subset_px, subset_px)), np.float32)
+    weakest, shared = np.empty_like(fx), np.empty_like(fx)
+    bands = bands_of(len(fx), _BAND_PX)
 
-    # Partly in place: nowhere else does a large image take so much memory.
-    xx, yy, xy = mean(fx * fx), mean(fy * fy), mean(fx * fy)
-    power = xx + yy
-    xx -= yy
-    del yy
-    xy *= 2
-    weakest = power - np.hypot(xx, xy, out=xy)
-    strong = weakest > _WEAK * np.percentile(weakest[::4, ::4], 90)
-    del xx, xy, weakest
-    squares = fx * fx
-    squares += fy * fy
-    squares *= squares
-    shared = np.divide(power, np.sqrt(np.maximum(mean(squares), np.float32(1e-30))), out=power)
-    del squares
+    def judge(band: slice) -> None:
+        rows, own = _with_rows_around(band, subset_px // 2, len(fx))
+        weak, even = _texture(fx[rows], fy[rows], subset_px)
+        weakest[band], shared[band] = weak[own], even[own]
+
+    at_once(judge, bands, threads)
+    strong = (weakest > _WEAK * np.percentile(weakest[::4, ::4], 90)).view(np.uint8)
     # A sum over a subset sees texture from one radius outside; another radius keeps the subset whole.
-    size = 2 * subset_px - 1
-    found = np.asarray(cv2.erode(strong.astype(np.uint8), np.ones((size, size), np.uint8)))
+    found = _in_bands(cv2.erode, strong, 2 * subset_px - 1, threads)
     if found.any():
-        found &= shared > np.sqrt(_LONE_EDGE) * np.median(shared[found > 0])
+        found &= shared > np.sqrt(_LONE_EDGE) * _median_of(shared, found)
     # Threads of points between two surfaces would make one of them.
-    found = np.asarray(cv2.morphologyEx(found, cv2.MORPH_OPEN, np.ones((subset_px // 2,) * 2, np.uint8)))
+    found = _in_bands(cv2.erode, found, subset_px // 2, threads)
+    found = _in_bands(cv2.dilate, found, subset_px // 2, threads)
+    if found.all():
+        return found.view(np.bool_)
     _, labels, statistics, _ = cv2.connectedComponentsWithStats(found)
     if len(statistics) < 2:
         return np.zeros(found.shape, np.bool_)
     largest = 1 + int(np.argmax(statistics[1:, cv2.CC_STAT_AREA]))
     return np.asarray(labels == largest, np.bool_)
+
+
+def _texture(fx: Grey, fy: Grey, subset_px: int) -> tuple[Grey, Grey]:
+    """Return the weakest texture of any direction in each subset, and how evenly its pixels hold it."""
+    import cv2
+
+    def mean(of: Grey) -> Grey:
+        return np.asarray(cv2.blur(of, (subset_px, subset_px)), np.float32)
+
+    squares_x, squares_y = fx * fx, fy * fy
+    xx, yy, xy = mean(squares_x), mean(squares_y), mean(fx * fy)
+    power = xx + yy
+    weakest = power - np.sqrt(np.square(xx - yy) + 4 * np.square(xy))
+    fourth = mean(np.square(squares_x + squares_y))
+    return weakest, np.divide(power, np.sqrt(np.maximum(fourth, np.float32(1e-30))), dtype=np.float32)
+
+
+def _with_rows_around(band: slice, radius: int, height: int) -> tuple[slice, slice]:
+    """Return a band with the rows that a filter of this radius needs, and where in them the band is."""
+    first = max(0, band.start - radius)
+    rows = slice(first, min(height, band.stop + radius))
+    return rows, slice(band.start - first, band.stop - first)
+
+
+def _in_bands(filtered: Callable[..., Any], mask: Bits, width: int, threads: int) -> Bits:
+    """Return the mask after erosion or dilation by a square."""
+    square, out = np.ones((width, width), np.uint8), np.empty_like(mask)
+
+    def work(band: slice) -> None:
+        rows, own = _with_rows_around(band, width // 2, len(mask))
+        out[band] = filtered(mask[rows], square)[own]
+
+    at_once(work, bands_of(len(mask), _BAND_PX), threads)
+    return out
+
+
+def _median_of(values: Grey, where: Bits) -> float:
+    """Return the median of values where a mask is true: of every fourth in every fourth row, if they do."""
+    sample = values[::4, ::4][where[::4, ::4] > 0]
+    return float(np.median(sample if sample.size >= _SAMPLE else values[where > 0]))
 
 
 @dataclass(frozen=True)
@@ -116,15 +163,13 @@ def place_points(centres: Mask, usable: Mask, subset_px: int, step_px: int) -> P
     """
     import cv2
 
-    rows, columns = np.flatnonzero(centres.any(axis=1)), np.flatnonzero(centres.any(axis=0))
+    left, top, across, down = cv2.boundingRect(centres.view(np.uint8))
     height, width = centres.shape
-    if rows.size:
+    if across:
         edge = subset_px // 2 + EDGE_PX
-        x = _spread(max(edge, columns[0]), min(width - edge - 1, columns[-1]), step_px)
-        y = _spread(max(edge, rows[0]), min(height - edge - 1, rows[-1]), step_px)
-        box = (subset_px, subset_px)
-        counts = cv2.boxFilter(usable.astype(np.float32), -1, box, normalize=False)
-        pixels = np.rint(np.asarray(counts)[np.ix_(y, x)]).astype(np.int64)
+        x = _spread(max(edge, left), min(width - edge - 1, left + across - 1), step_px)
+        y = _spread(max(edge, top), min(height - edge - 1, top + down - 1), step_px)
+        pixels = _pixels_around(usable, subset_px, y, x)
         active = centres[np.ix_(y, x)] & usable[np.ix_(y, x)] & (pixels >= _fewest_pixels(subset_px))
         cut = np.zeros(active.shape, np.bool_)
         for row, column in np.argwhere(active & (pixels < subset_px**2)):
@@ -142,6 +187,18 @@ def place_points(centres: Mask, usable: Mask, subset_px: int, step_px: int) -> P
         got="none",
         remedy="enlarge the region or choose a smaller subset",
     )
+
+
+def _pixels_around(usable: Mask, subset_px: int, y: Indices, x: Indices) -> Indices:
+    """Return how many usable pixels the subsets at rows y and columns x have, (rows, columns)."""
+    import cv2
+
+    if usable.all():
+        return np.full((len(y), len(x)), subset_px**2, np.int64)
+    box = (subset_px, subset_px)
+    counts = np.asarray(cv2.boxFilter(usable.view(np.uint8), cv2.CV_32F, box, normalize=False))
+    pixels: Indices = np.rint(counts[np.ix_(y, x)]).astype(np.int64)
+    return pixels
 
 
 def own_part(usable: Mask, x: int, y: int, radius_px: int) -> Mask:

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.bands import at_once, bands_of
 from dic.features import FeatureFinder
 
 Float = NDArray[np.float64]
@@ -18,6 +19,9 @@ Grey = NDArray[np.float32]
 
 SEARCH_RADII_PX = (24, 80, 200)
 """Search radii, tried in this order until enough seeds converge."""
+
+_AT_ONCE = 4
+"""Templates that a thread looks for before it takes the next ones."""
 
 _SHIFT_SIDE_PX = 512
 """The shift of a whole image is sought in one shrunk to this width or height."""
@@ -32,6 +36,7 @@ def guesses(
     *,
     previous: Float | None = None,
     hint: Float | None = None,
+    threads: int = 1,
 ) -> Iterator[tuple[str, Float]]:
     """Yield named guesses, warps (n, 6) at `points` (n, 2), the most likely and cheapest first.
 
@@ -47,21 +52,26 @@ def guesses(
         The warps of the step before.
     hint : ndarray, shape (3, 3), optional
         Expected homography from the reference to the deformed image.
+    threads : int
     """
+
+    def found_around(motion: Float, radius_px: int) -> Float:
+        return search(reference, deformed, points, half_px, radius_px, motion, threads)
+
     small, middle, large = SEARCH_RADII_PX
     if hint is not None:
         for radius in SEARCH_RADII_PX:
-            yield "hint", search(reference, deformed, points, half_px, radius, hint)
+            yield "hint", found_around(hint, radius)
     if previous is not None:
         yield "previous", previous
-    yield "search", search(reference, deformed, points, half_px, small, np.eye(3))
+    yield "search", found_around(np.eye(3), small)
     shift = whole_shift(reference, deformed)
     if np.hypot(shift[0, 2], shift[1, 2]) > small / 2:
-        yield "search", search(reference, deformed, points, half_px, small, shift)
-    yield "search", search(reference, deformed, points, half_px, middle, np.eye(3))
+        yield "search", found_around(shift, small)
+    yield "search", found_around(np.eye(3), middle)
     for matches in features.find(deformed):
         yield "features", matches.warps_at(points.astype(np.float64))
-    yield "search", search(reference, deformed, points, half_px, large, np.eye(3))
+    yield "search", found_around(np.eye(3), large)
 
 
 def whole_shift(reference: Grey, deformed: Grey) -> Float:
@@ -121,7 +131,13 @@ def homography_warps(homography: Float, points: Float) -> Float:
 
 
 def search(
-    reference: Grey, deformed: Grey, points: NDArray[np.int64], half_px: int, radius_px: int, motion: Float
+    reference: Grey,
+    deformed: Grey,
+    points: NDArray[np.int64],
+    half_px: int,
+    radius_px: int,
+    motion: Float,
+    threads: int = 1,
 ) -> Float:
     """Find subsets at whole pixels by normalised cross-correlation around an expected motion.
 
@@ -151,19 +167,34 @@ def search(
             deformed, motion, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         )
     found = np.full((len(points), 2), np.nan)
-    for k, (x, y) in enumerate(points):
-        half = min(half_px, x, y, width - 1 - x, height - 1 - y)
-        left, top = max(0, x - half - radius_px), max(0, y - half - radius_px)
-        window = turned_back[top : y + half + radius_px + 1, left : x + half + radius_px + 1]
-        template = reference[y - half : y + half + 1, x - half : x + half + 1]
-        if half < 3 or np.ptp(template) == 0.0 or np.ptp(window) == 0.0:
-            continue
-        scores = cv2.matchTemplate(window, template, cv2.TM_CCOEFF_NORMED)
-        row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
-        found[k] = left + column + half, top + row + half
+
+    def work(band: slice) -> None:
+        for k in range(len(points))[band]:
+            x, y = points[k].tolist()
+            found[k] = _whole_pixel(reference, turned_back, x, y, half_px, radius_px)
+
+    at_once(work, bands_of(len(points), _AT_ONCE), threads)
     shift = found - points
     # The template at a point p looks like the turned-back image at p + shift, which shows motion(p + shift).
     warps = homography_warps(motion, found)
     warps[:, 0] += shift[:, 0]
     warps[:, 3] += shift[:, 1]
     return warps
+
+
+def _whole_pixel(
+    reference: Grey, turned_back: Grey, x: int, y: int, half_px: int, radius_px: int
+) -> tuple[float, float]:
+    """Return the pixel (x, y) that the template around a point fits best, or NaN where none fits."""
+    import cv2
+
+    height, width = reference.shape
+    half = min(half_px, x, y, width - 1 - x, height - 1 - y)
+    left, top = max(0, x - half - radius_px), max(0, y - half - radius_px)
+    window = turned_back[top : y + half + radius_px + 1, left : x + half + radius_px + 1]
+    template = reference[y - half : y + half + 1, x - half : x + half + 1]
+    if half < 3 or np.ptp(template) == 0.0 or np.ptp(window) == 0.0:
+        return np.nan, np.nan
+    scores = cv2.matchTemplate(window, template, cv2.TM_CCOEFF_NORMED)
+    _, _, _, (column, row) = cv2.minMaxLoc(scores)
+    return left + column + half, top + row + half

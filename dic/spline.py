@@ -11,9 +11,14 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.bands import at_once, bands_of
+
 ORDERS = (3, 5)
 MARGIN = 3
 """Coefficients kept beyond each edge, so that every tap of the widest spline exists inside the image."""
+
+_BAND_PX = 256
+"""Height of the bands in which images are filtered."""
 
 _TAPS = {3: 12, 5: 18}
 """Half-lengths at which the impulse response has fallen below 1e-7 of its centre."""
@@ -36,27 +41,46 @@ class SplineImage:
     grey: NDArray[np.float32]
     coefficients: NDArray[np.float32]
 
-    def gradient(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def gradient(self, threads: int = 1) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the spline's derivatives along x and y at every pixel, grey levels per pixel."""
         import cv2
 
         samples, slopes = _samples(self.order), _slopes(self.order)
-        inner = slice(MARGIN, -MARGIN)
-        along_x = cv2.sepFilter2D(self.coefficients, cv2.CV_32F, slopes, samples)[inner, inner]
-        along_y = cv2.sepFilter2D(self.coefficients, cv2.CV_32F, samples, slopes)[inner, inner]
-        return np.ascontiguousarray(along_x), np.ascontiguousarray(along_y)
+        along_x, along_y = np.empty_like(self.grey), np.empty_like(self.grey)
+
+        def work(band: slice) -> None:
+            rows = self.coefficients[band.start : band.stop + 2 * MARGIN]
+            for out, across, down in ((along_x, slopes, samples), (along_y, samples, slopes)):
+                out[band] = cv2.sepFilter2D(rows, cv2.CV_32F, across, down)[MARGIN:-MARGIN, MARGIN:-MARGIN]
+
+        at_once(work, bands_of(len(self.grey), _BAND_PX), threads)
+        return along_x, along_y
 
 
-def spline_image(grey: NDArray[np.float32], order: int) -> SplineImage:
+def spline_image(grey: NDArray[np.float32], order: int, threads: int = 1) -> SplineImage:
     """Return the B-spline of `order` that passes through `grey`, mirrored at the edges."""
     import cv2
 
-    taps = _inverse_filter(order)
-    filtered = cv2.sepFilter2D(grey, cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REFLECT_101)
-    padded = cv2.copyMakeBorder(filtered, MARGIN, MARGIN, MARGIN, MARGIN, cv2.BORDER_REFLECT_101)
-    return SplineImage(
-        order, np.ascontiguousarray(grey, np.float32), np.ascontiguousarray(padded, np.float32)
-    )
+    taps = _inverse_filter(order).astype(np.float32)
+    grey = np.ascontiguousarray(grey, np.float32)
+    height, width = grey.shape
+    padded = np.empty((height + 2 * MARGIN, width + 2 * MARGIN), np.float32)
+    reach = len(taps) // 2
+
+    def work(band: slice) -> None:
+        # Rows that the filter's end did not see right are left out, except at the edges of the image.
+        first = max(0, band.start - reach)
+        rows = grey[first : min(height, band.stop + reach)]
+        filtered = cv2.sepFilter2D(rows, cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REFLECT_101)
+        own = filtered[band.start - first : band.stop - first]
+        padded[band.start + MARGIN : band.stop + MARGIN] = cv2.copyMakeBorder(
+            own, 0, 0, MARGIN, MARGIN, cv2.BORDER_REFLECT_101
+        )
+
+    at_once(work, bands_of(height, _BAND_PX), threads)
+    for k in range(1, MARGIN + 1):
+        padded[MARGIN - k], padded[-MARGIN - 1 + k] = padded[MARGIN + k], padded[-MARGIN - 1 - k]
+    return SplineImage(order, grey, padded)
 
 
 @cache
