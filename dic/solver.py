@@ -94,13 +94,13 @@ class Solver:
     Parameters
     ----------
     reference : PreparedReference
-    coefficients : ndarray of float32
-        Of the deformed image, as `kernel.lay_coefficients` gives them.
+    deformed : kernel.Deformed
+        As `kernel.lay_coefficients` gives it; its shape may differ from the reference's.
     """
 
-    def __init__(self, reference: PreparedReference, coefficients: NDArray[np.float32]) -> None:
+    def __init__(self, reference: PreparedReference, deformed: kernel.Deformed) -> None:
         settings = reference.settings
-        self._reference, self._coefficients = reference, coefficients
+        self._reference, self._deformed = reference, deformed
         self._threads = reference.threads
         # Compiled code is chosen by the length of these: one for each tap and for each parameter of a warp.
         self._taps, self._shape = (0.0,) * (settings.order + 1), (0.0,) * settings.parameters
@@ -142,7 +142,7 @@ class Solver:
         small.put((row, column), solution.part(chosen))
         seeds, pixels = np.stack([row, column], axis=1), grid.pixels[np.ix_(rows, columns)]
         kernel.correlate_grid(
-            image, self._coefficients, self._taps, self._shape, self._limits,
+            image, self._deformed, self._taps, self._shape, self._limits,
             grid.x[columns], grid.y[rows], pixels, seeds,
             *small, np.ones(small.status.shape, np.bool_), False,
         )  # fmt: skip
@@ -176,7 +176,7 @@ class Solver:
         """Run the kernel from the converged points of some rows of the grid over those pending there."""
         grid = self._reference.grid
         kernel.correlate_grid(
-            self._reference.image, self._coefficients, self._taps, self._shape, self._limits,
+            self._reference.image, self._deformed, self._taps, self._shape, self._limits,
             grid.x, grid.y[band], grid.pixels[band], np.empty((0, 2), np.int64), *part, pending, True,
         )  # fmt: skip
 
@@ -187,8 +187,9 @@ class Solver:
         starts = []
         for band in bands:
             if not known[band].any():
-                places = np.argwhere(pending[band]) + [band.start, 0]
-                starts.append(places[len(places) // 6 :: max(1, len(places) // 3)])
+                places = np.argwhere(pending[band]) + np.array([band.start, 0])
+                middle = places[places[:, 0] == places[len(places) // 2, 0]]
+                starts.append(middle[[len(middle) // 4, len(middle) // 2, 3 * len(middle) // 4]])
         if starts and known.any():
             indices = np.concatenate(starts)
             solution.put(tuple(indices.T), self.solve(indices, self.from_nearest(solution, indices)))

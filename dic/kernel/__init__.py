@@ -5,10 +5,11 @@ Read it in this order: `layout` (how images lie in memory), `vectors` (what one 
 """
 
 from dic.kernel.icgn import Limits
-from dic.kernel.layout import Reference, lay_coefficients, lay_reference
+from dic.kernel.layout import Deformed, Reference, lay_coefficients, lay_reference
 from dic.kernel.propagation import correlate_grid
 
 __all__ = [
+    "Deformed",
     "Limits",
     "Reference",
     "correlate_grid",

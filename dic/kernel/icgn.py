@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from dic.field import Status
 from dic.kernel import moments as m
 from dic.kernel.jit import inner
-from dic.kernel.layout import Reference
+from dic.kernel.layout import Deformed, Reference
 
 Flat = NDArray[np.float32]
 Float = NDArray[np.float64]
@@ -251,7 +251,7 @@ def _step_length_px(d: Float, r: int) -> float:
 
 
 @inner
-def _in_view(image: Reference, x: int, y: int, r: int, p: Float) -> bool:
+def _in_view(image: Deformed, x: int, y: int, r: int, p: Float) -> bool:
     """Tell whether the warped subset stays in the image, by its corners and what curvature may add."""
     reach_x = r * (abs(1.0 + p[1]) + abs(p[2]))
     reach_y = r * (abs(p[4]) + abs(1.0 + p[5]))
@@ -325,7 +325,7 @@ def _noise_variance(residual2: float, n: int, p: Float, r: int, noise_gain: floa
 @inner
 def correlate_point(
     image: Reference,
-    c: Flat,
+    deformed: Deformed,
     taps: m.Taps,
     shape: m.Shape,
     limits: Limits,
@@ -342,6 +342,7 @@ def correlate_point(
     """
     r, H, s, t, d, b, q, S = limits.radius, work.H, work.s, work.t, work.d, work.b, work.q, work.S
     centre = image.origin + y * image.pitch + x
+    target = deformed.origin + y * deformed.pitch + x
     m.reference_moments(image, shape, centre, r, work.Q)
     mean, norm2 = _normal_matrix(work.Q, pixels, H, s, t)
     # Each of the rows' sums may lose a last digit: less than all of these is nothing.
@@ -352,14 +353,16 @@ def correlate_point(
     clipped = pixels < (2 * r + 1) ** 2
     zncc, last = np.nan, 0.0
     for iteration in range(1, limits.max_iterations + 1):
-        if not _in_view(image, x, y, r, p):
+        if not _in_view(deformed, x, y, r, p):
             return OUT_OF_VIEW, np.nan, iteration
         for i in range(len(p)):
             q[i] = p[i]
         if _is_smooth(p, r):
-            m.moments_of_smooth_warp(image, c, taps, shape, centre, r, q, clipped, work.shift, work.place, S)
+            m.moments_of_smooth_warp(
+                image, deformed, taps, shape, centre, target, r, q, clipped, work.shift, work.place, S
+            )
         else:
-            m.moments_of_any_warp(image, c, taps, shape, centre, r, q, S)
+            m.moments_of_any_warp(image, deformed, taps, shape, centre, target, r, q, S)
         g_mean = S[m.G] / pixels
         g_norm2 = S[m.GG] - S[m.G] * g_mean
         if not g_norm2 > lost * S[m.GG]:

@@ -1,4 +1,4 @@
-"""How the compiled kernel wants its images: flat, padded, in float32, all with one pitch.
+"""How the compiled kernel wants its images: flat, padded, in float32.
 
 Vectors read a little past the pixels they are for, so rows follow one another without gaps and there is slack
 at either end. Grey levels are relative to their mean: float32 then has digits to spare.
@@ -23,6 +23,28 @@ _STEP = 4.0 / 255.0
 """Step of a well exposed image of 8 bits in standard deviations, four of which fill its range."""
 
 
+class Deformed(NamedTuple):
+    """A deformed image for the kernel, which may be of another shape than the reference.
+
+    Attributes
+    ----------
+    c : ndarray of float32, flat
+        Coefficients of the spline, divided by the denominators of its weights, which the kernel leaves out.
+    pitch : int
+        Elements from one row to the next.
+    origin : int
+        Element of the image's first pixel.
+    width, height : int
+        Of the image, px.
+    """
+
+    c: Flat
+    pitch: int
+    origin: int
+    width: int
+    height: int
+
+
 class Reference(NamedTuple):
     """The reference image for the kernel.
 
@@ -36,8 +58,6 @@ class Reference(NamedTuple):
         Elements from one row to the next.
     origin : int
         Element of the image's first pixel.
-    width, height : int
-        Of the image, px.
     flat_variance : float
         Up to this variance of the grey levels, a subset shows rounding and no pattern.
     """
@@ -48,8 +68,6 @@ class Reference(NamedTuple):
     inside: Flat
     pitch: int
     origin: int
-    width: int
-    height: int
     flat_variance: float
 
 
@@ -66,9 +84,8 @@ def lay_reference(
     np.copyto(fx_image, slopes[0], where=region)
     np.copyto(fy_image, slopes[1], where=region)
     np.copyto(inside_image, np.float32(1.0), where=region)
-    pitch = width + 2 * MARGIN
-    origin = _SLACK + MARGIN * pitch + MARGIN
-    return Reference(f, fx, fy, inside, pitch, origin, width, height, _flat_variance(spline.grey, region))
+    pitch, origin = _pitch_and_origin(width)
+    return Reference(f, fx, fy, inside, pitch, origin, _flat_variance(spline.grey, region))
 
 
 def _flat_variance(grey: Grey, region: NDArray[np.bool_]) -> float:
@@ -86,17 +103,21 @@ def _flat_variance(grey: Grey, region: NDArray[np.bool_]) -> float:
     return _ROUNDING * step**2
 
 
-def lay_coefficients(spline: SplineImage, mean: float) -> Flat:
-    """Return a deformed image's coefficients in the reference's layout, relative to `mean`.
-
-    They are divided by the denominators of the B-spline's weights, which the kernel leaves out.
-    """
+def lay_coefficients(spline: SplineImage, mean: float) -> Deformed:
+    """Return a deformed image for the kernel, its grey levels relative to the reference's `mean`."""
     denominator = {3: 6.0, 5: 120.0}[spline.order] ** 2
     flat = np.zeros(spline.coefficients.size + 2 * _SLACK, np.float32)
     used = flat[_SLACK:-_SLACK]
     np.subtract(spline.coefficients.ravel(), np.float32(mean), out=used)
     used *= np.float32(1.0 / denominator)
-    return flat
+    height, width = spline.grey.shape
+    return Deformed(flat, *_pitch_and_origin(width), width, height)
+
+
+def _pitch_and_origin(width: int) -> tuple[int, int]:
+    """Return the pitch of an image that is so wide, and the element of its first pixel."""
+    pitch = width + 2 * MARGIN
+    return pitch, _SLACK + MARGIN * pitch + MARGIN
 
 
 def _empty_plane(height: int, width: int) -> tuple[Flat, Grey]:

@@ -1,15 +1,16 @@
 """Sums over a subset: of the reference alone, and of the reference with the warped deformed image.
 
 All that IC-GN needs of a subset is a handful of such moments, so no array of subset size exists. Images are
-flat arrays of float32, `pitch` elements a row (`dic.kernel.layout`); f is the reference, zero outside the
-region of interest like its slopes fx and fy, and g the deformed image, whose spline has the coefficients c.
+flat arrays of float32 (`dic.kernel.layout`); f is the reference, zero outside the region of interest like its
+slopes fx and fy, and g the deformed image, whose spline has the coefficients c. The subset's centre is the
+element `centre` of the reference; `target` is the element of the deformed image with the same coordinates.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.kernel.jit import inlined, inner
-from dic.kernel.layout import Reference
+from dic.kernel.layout import Deformed, Reference
 from dic.kernel.vectors import at_least, blend, fma, load, ramp8, ramp16, select, splat, spread, total
 
 Flat = NDArray[np.float32]
@@ -229,12 +230,13 @@ def _lay_rows(
 @inner
 def _strip(
     image: Reference,
-    c: Flat,
+    deformed: Deformed,
     taps: Taps,
     shape: Shape,
     x: Vector,
     left: int,
     centre: int,
+    target: int,
     r: int,
     p: Flat,
     clipped: bool,
@@ -254,18 +256,18 @@ def _strip(
         to_x, to_y = fma(splat(x, p[6]), half_square, to_x), fma(splat(x, p[9]), half_square, to_y)
         twist_x, twist_y = splat(x, p[7]) * x, splat(x, p[10]) * x
     x0, x1, x2, y0, y1, y2, s1, s2, sf = zero, zero, zero, zero, zero, zero, zero, zero, zero
-    here = centre - r * image.pitch + left
-    first_tap = (len(taps) // 2 - 1) * (image.pitch + 1)
+    here, pitch = centre - r * image.pitch + left, deformed.pitch
+    row_there = target - r * pitch + left - (len(taps) // 2 - 1) * (pitch + 1)
     for j in range(2 * r + 1):
         y = splat(x, j - r)
         tx, ty = to_x + splat(x, shift[0, j]), to_y + splat(x, shift[1, j])
         if len(shape) == 12:
             tx, ty = fma(twist_x, y, tx), fma(twist_y, y, ty)
-        there = here + place[0, j] - first_tap
+        there = row_there + place[0, j]
         if place[1, j] == 0:
-            g = blend(c, there, image.pitch, _weights(taps, tx), _weights(taps, ty))
+            g = blend(deformed.c, there, pitch, _weights(taps, tx), _weights(taps, ty))
         else:
-            g = blend(c, there, image.pitch, _weights_of_two(taps, tx), _weights_of_two(taps, ty))
+            g = blend(deformed.c, there, pitch, _weights_of_two(taps, tx), _weights_of_two(taps, ty))
         if clipped:
             g = g * load(x, image.inside, here)
         px, py = load(x, image.fx, here) * g, load(x, image.fy, here) * g
@@ -273,7 +275,7 @@ def _strip(
         if len(shape) == 12:
             x2, y2 = fma(px * y, y, x2), fma(py * y, y, y2)
         s1, s2, sf = s1 + g, fma(g, g, s2), fma(load(x, image.f, here), g, sf)
-        here += image.pitch
+        here, row_there = here + image.pitch, row_there + pitch
     x0, x1, y0, y1 = x0 * inside, x1 * inside, y0 * inside, y1 * inside
     _add_first(S, FX_G, x, x0, x1)
     _add_first(S, FY_G, x, y0, y1)
@@ -288,10 +290,11 @@ def _strip(
 @inner
 def moments_of_smooth_warp(
     image: Reference,
-    c: Flat,
+    deformed: Deformed,
     taps: Taps,
     shape: Shape,
     centre: int,
+    target: int,
     r: int,
     p: Flat,
     clipped: bool,
@@ -307,22 +310,61 @@ def moments_of_smooth_warp(
     left, remaining = -r, 2 * r + 1
     while remaining > 0:
         if remaining > 8:
-            _lay_rows(shape, image.pitch, left, min(left + 15, r), r, p, shift, place)
-            _strip(image, c, taps, shape, ramp16(left), left, centre, r, p, clipped, shift, place, S)
+            _lay_rows(shape, deformed.pitch, left, min(left + 15, r), r, p, shift, place)
+            _strip(
+                image,
+                deformed,
+                taps,
+                shape,
+                ramp16(left),
+                left,
+                centre,
+                target,
+                r,
+                p,
+                clipped,
+                shift,
+                place,
+                S,
+            )
             left, remaining = left + 16, remaining - 16
         else:
-            _lay_rows(shape, image.pitch, left, r, r, p, shift, place)
-            _strip(image, c, taps, shape, ramp8(left), left, centre, r, p, clipped, shift, place, S)
+            _lay_rows(shape, deformed.pitch, left, r, r, p, shift, place)
+            _strip(
+                image,
+                deformed,
+                taps,
+                shape,
+                ramp8(left),
+                left,
+                centre,
+                target,
+                r,
+                p,
+                clipped,
+                shift,
+                place,
+                S,
+            )
             left, remaining = left + 8, remaining - 8
 
 
 @inner
 def moments_of_any_warp(
-    image: Reference, c: Flat, taps: Taps, shape: Shape, centre: int, r: int, p: Flat, S: Flat
+    image: Reference,
+    deformed: Deformed,
+    taps: Taps,
+    shape: Shape,
+    centre: int,
+    target: int,
+    r: int,
+    p: Flat,
+    S: Flat,
 ) -> None:
     """Write the moments of the subset with the deformed image, pixel by pixel, for large rotations."""
     S[:] = 0.0
-    first_tap = (len(taps) // 2 - 1) * (image.pitch + 1)
+    pitch = deformed.pitch
+    first_tap = target - (len(taps) // 2 - 1) * (pitch + 1)
     zero, half = np.float32(0.0), np.float32(0.5)
     for j in range(-r, r + 1):
         y = np.float32(j)
@@ -336,9 +378,9 @@ def moments_of_any_warp(
                 to_x += half * p[6] * x * x + p[7] * x * y + half * p[8] * y * y
                 to_y += half * p[9] * x * x + p[10] * x * y + half * p[11] * y * y
             column, row = np.floor(to_x), np.floor(to_y)
-            there = here + np.int64(row) * image.pitch + np.int64(column) - first_tap
+            there = first_tap + (j + np.int64(row)) * pitch + i + np.int64(column)
             wx, wy = _weights(taps, to_x - column), _weights(taps, to_y - row)
-            g = spread(c, there, image.pitch, wx, wy) * image.inside[here]
+            g = spread(deformed.c, there, pitch, wx, wy) * image.inside[here]
             px, py = image.fx[here] * g, image.fy[here] * g
             x0, x1, y0, y1 = x0 + px, x1 + px * x, y0 + py, y1 + py * x
             if len(shape) == 12:

@@ -9,16 +9,16 @@ import heapq
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.kernel.icgn import CONVERGED, Flat, Float, Limits, correlate_point, extrapolate, workspace
+from dic.kernel.icgn import CONVERGED, Float, Limits, correlate_point, extrapolate, workspace
 from dic.kernel.jit import compiled
-from dic.kernel.layout import Reference
+from dic.kernel.layout import Deformed, Reference
 from dic.kernel.moments import Shape, Taps
 
 
 @compiled
 def correlate_grid(
     image: Reference,
-    c: Flat,
+    deformed: Deformed,
     taps: Taps,
     shape: Shape,
     limits: Limits,
@@ -85,7 +85,7 @@ def correlate_grid(
                 continue
             extrapolate(warps[row, column], xs[j] - xs[column], ys[i] - ys[row], start)
         outcome, quality, count = correlate_point(
-            image, c, taps, shape, limits, xs[j], ys[i], pixels[i, j], start, deviations[i, j], work
+            image, deformed, taps, shape, limits, xs[j], ys[i], pixels[i, j], start, deviations[i, j], work
         )
         status[i, j], zncc[i, j], iterations[i, j] = outcome, quality, count
         pending[i, j] = outcome != CONVERGED

@@ -3,11 +3,17 @@
 import numpy as np
 import pytest
 
+from dic import kernel
 from dic.correlate import Correlator
 from dic.field import Status
 from dic.icgn_reference import icgn
 from dic.settings import CorrelationSettings
+from dic.solver import Solver
 from dic.spline import spline_image
+
+
+NEAR = np.array([0.3, 0, 0, -0.2, 0, 0])
+"""From the truth to where iterations start."""
 
 
 def waves(x, y):
@@ -133,3 +139,47 @@ def test_a_faint_pattern_is_still_measured(speckle):
     faint = field.x_px > 90 + 20
     assert (field.status[:, faint] == Status.CONVERGED).all()
     np.testing.assert_allclose(field.u_px[:, faint], 0.4, atol=0.005)
+
+
+def solver_of(reference, deformed, settings):
+    """A solver of all points of `reference` in an image of any shape."""
+    solved = Correlator(reference, np.ones(reference.shape, bool), settings)
+    laid = kernel.lay_coefficients(spline_image(deformed, settings.order), float(reference.mean()))
+    return Solver(solved._reference, laid)
+
+
+@pytest.mark.parametrize("shape", ["affine", "quadratic"])
+@pytest.mark.parametrize(("height", "width"), [(160, 120), (130, 260)])
+def test_a_deformed_image_may_be_narrower_or_wider_than_the_reference(speckle, shape, height, width):
+    pattern = speckle(seed=37, shape=(160, 180))
+    image = pattern.draw()
+    deformed = np.pad(image, ((0, 0), (0, 80)), mode="reflect")[160 - height :, :width]
+    solver = solver_of(image, deformed, CorrelationSettings(21, 12, shape=shape))
+    rows, columns = solver._reference.grid.active.nonzero()
+    indices = np.stack([rows, columns], axis=1)
+    cropped = np.array([0.0, 0, 0, height - 160.0, 0, 0])
+    solved = solver.solve(indices, np.tile(cropped + NEAR, (len(indices), 1)))
+    x, y = solver.points_at(indices).T
+    seen = (x + 10 < width - 4) & (y - 10 + cropped[3] >= 4)
+    assert seen.any()
+    assert solved.converged[seen].all()
+    np.testing.assert_allclose(solved.warps[seen, :6], np.tile(cropped, (seen.sum(), 1)), atol=1e-4)
+    lost = (x + 10 >= width) | (y - 10 + cropped[3] < 0)
+    assert (solved.status[lost] == Status.OUT_OF_VIEW).all()
+
+
+@pytest.mark.parametrize("shape", ["affine", "quadratic"])
+def test_an_image_turned_upright_is_another_shape_and_correlates(speckle, shape):
+    """np.rot90 moves whole pixels: the pixel at (x, y) goes to (y, width - 1 - x)."""
+    pattern = speckle(seed=38, shape=(110, 180))
+    image = pattern.draw()
+    solver = solver_of(image, np.rot90(image), CorrelationSettings(21, 15, shape=shape))
+    rows, columns = solver._reference.grid.active.nonzero()
+    indices = np.stack([rows, columns], axis=1)
+    x, y = solver.points_at(indices).T
+    one = np.ones(len(x))
+    exact = np.stack([y - x, -one, one, 179 - x - y, -one, -one], axis=1)
+    solved = solver.solve(indices, exact + NEAR)
+    inside = (x > 16) & (x < 163) & (y > 16) & (y < 93)
+    assert solved.converged[inside].all()
+    np.testing.assert_allclose(solved.warps[inside, :6], exact[inside], atol=1e-4)
