@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dic import kernel
 from dic.bands import at_once, bands_of, beside, even_bands
 from dic.correlate import Correlator
 from dic.settings import CorrelationSettings
@@ -64,3 +65,25 @@ def test_fields_are_the_same_for_any_number_of_threads(speckle, turn, threads, s
         assert (~expected.converged[expected.active]).any()
         for name in ("warps", "deviations", "zncc", "status", "iterations", "active"):
             np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+
+
+def test_nearly_every_point_is_solved_in_a_band(speckle, monkeypatch):
+    """Bands without a seed of their own are given one, or the threads would have little to share."""
+    solved = {"whole grid": 0, "bands": 0}
+    correlate_grid = kernel.correlate_grid
+
+    def counting(*arguments):
+        *_, status, _, _, pending, spread = arguments
+        before = pending.sum()
+        correlate_grid(*arguments)
+        if spread:
+            solved["whole grid" if len(status) == rows else "bands"] += int(before - pending.sum())
+
+    monkeypatch.setattr(kernel, "correlate_grid", counting)
+    pattern = speckle(seed=63, shape=(420, 200))
+    settings = CorrelationSettings(subset_px=21, step_px=4)
+    correlator = Correlator(pattern.draw(), settings=settings, threads=1)
+    rows = len(np.arange(14, 420 - 14, 4))
+    field = correlator.correlate(pattern.draw(lambda x, y: (x - 3.3, y + 1.2)))
+    assert len(field.y_px) == rows
+    assert solved["bands"] > 0.95 * field.converged.sum()
