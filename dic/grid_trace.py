@@ -11,6 +11,8 @@ from dic.grid_shape import LatticeShape
 Floats = NDArray[np.float64]
 _SAMPLE_PX = 0.5
 _PASSES = 3
+# Without noise, what interpolation and grey levels leave over differs from station to station.
+_MISFIT_OF_ROUNDING = 0.03
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,11 @@ class _Template:
         """Distance from the middle beyond which the line does not reach."""
         return float(np.abs(self.offsets_px[self.level > 0.05]).max())
 
+    @property
+    def width_px(self) -> float:
+        """Width at half height."""
+        return float(np.count_nonzero(self.level > 0.5) * _SAMPLE_PX)
+
     def offsets(self, profiles: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """Return the lines' offsets c in px and which of them count, both (lines, segments, stations).
 
@@ -63,7 +70,8 @@ class _Template:
         misfit = np.sqrt(np.mean((profiles - coefficients @ design.T) ** 2, axis=-1))
         depth = coefficients[..., 2]
         usual_depth = regional_median(depth)
-        valid = (depth > 0.3 * usual_depth) & (usual_depth > 0) & (misfit < 4 * regional_median(misfit))
+        usual_misfit = np.maximum(4 * regional_median(misfit), _MISFIT_OF_ROUNDING * usual_depth)
+        valid = (depth > 0.3 * usual_depth) & (usual_depth > 0) & (misfit < usual_misfit)
         # one station's depth is noisy, and dividing by it would skew its offset
         segment_depth = median_where(valid, depth, fallback=np.inf)
         offsets = -coefficients[..., 3] / segment_depth
@@ -112,28 +120,30 @@ def trace_lines(image: GridImage, shape: LatticeShape, axis: int, numbers: range
     moved by what the comparison says and measured again until the rest is small against a line's width.
     """
     middle = station_index(axis, numbers, across, np.array([0.5]))
-    pitch_px, along_px = (np.linalg.norm(shape.step(middle, k), axis=-1) for k in (axis, 1 - axis))
-    reach_px = 0.45 * float(np.percentile(pitch_px, 5))
+    pitch_px = float(np.median(np.linalg.norm(_across(shape, axis, middle), axis=-1)))
+    along_px = float(np.median(np.linalg.norm(shape.step(middle, 1 - axis), axis=-1)))
 
     fractions = np.linspace(0.35, 0.65, 9)
-    base, normal = _stations(shape, axis, numbers, across, fractions)
-    wide = _offsets_px(0.67 * reach_px)
+    base, normal = _stations(shape, axis, numbers, across, fractions, pitch_px)
+    wide = _offsets_px(0.36 * pitch_px)
     start = _coarse_offsets(_profiles(image, base, normal, wide), wide)
-    wide = _offsets_px(reach_px)
+    wide = _offsets_px(0.45 * pitch_px)
     template = _Template.of(_profiles(image, base + start[..., None] * normal, normal, wide), wide)
 
-    clear = min(0.35, (template.half_width_px + 1) / float(np.median(along_px)))
-    count = int(np.clip((1 - 2 * clear) * np.median(along_px), 6, 40))
+    clear = min(0.35, (template.half_width_px + 1) / along_px)
+    count = int(np.clip((1 - 2 * clear) * along_px, 6, 40))
     fractions = np.linspace(clear, 1 - clear, count)
-    base, normal = _stations(shape, axis, numbers, across, fractions)
+    base, normal = _stations(shape, axis, numbers, across, fractions, pitch_px)
     moved = np.repeat(start[..., :1], count, axis=-1)
-    near = _offsets_px(min(reach_px, template.half_width_px + 3))
+    near = _offsets_px(min(0.45 * pitch_px, template.half_width_px + 3))
     for _ in range(_PASSES):
         profiles = _profiles(image, base + moved[..., None] * normal, normal, near)
         template = _Template.of(profiles, near)
         offset, valid = template.offsets(profiles)
         measured = moved + offset
         moved = _straightened(measured, valid, fractions, fallback=moved)
+    index = station_index(axis, numbers, across, fractions)
+    measured -= pitch_px * _eccentricity(shape, axis, index, template.width_px / pitch_px)
     return LineTrace(base + measured[..., None] * normal, valid)
 
 
@@ -142,14 +152,44 @@ def _offsets_px(reach_px: float) -> Floats:
     return np.arange(-count, count + 1, dtype=np.float64) * _SAMPLE_PX
 
 
-def _stations(
-    shape: LatticeShape, axis: int, numbers: range, across: range, fractions: Floats
-) -> tuple[Floats, Floats]:
-    """Return predicted stations and unit normals, both (lines, segments, stations, 2), in px."""
-    index = station_index(axis, numbers, across, fractions)
+def _across(shape: LatticeShape, axis: int, index: Floats) -> Floats:
+    """Return the vectors perpendicular to the lines at `index`, as long as the distance of the lines, px."""
     tangent = shape.step(index, 1 - axis)
     normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
-    return shape.map(index), normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    distance: Floats = np.abs((normal * shape.step(index, axis)).sum(axis=-1, keepdims=True))
+    return normal * distance
+
+
+def _stations(
+    shape: LatticeShape, axis: int, numbers: range, across: range, fractions: Floats, pitch_px: float
+) -> tuple[Floats, Floats]:
+    """Return predicted stations and normals, both (lines, segments, stations, 2), in px.
+
+    Where perspective shows the grid larger than its usual `pitch_px`, normals are longer than 1, so that one
+    template fits lines that are wider there.
+    """
+    index = station_index(axis, numbers, across, fractions)
+    return shape.map(index), _across(shape, axis, index) / pitch_px
+
+
+def _eccentricity(shape: LatticeShape, axis: int, index: Floats, width: float) -> Floats:
+    """Return how far the middle between a line's edges lies from the image of the line's middle.
+
+    In perspective the near half of a line looks wider than the far half. Both edges, `width`/2 on either side
+    in pitches, are carried to the image and met along the normal; the result is in pitches as well.
+    """
+    centre, normal = shape.map(index), _across(shape, axis, index)
+    met = []
+    for side in (-0.5, 0.5):
+        edge = index.copy()
+        edge[..., axis] += side * width
+        beside, tangent = shape.map(edge) - centre, shape.step(edge, 1 - axis)
+        turned = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
+        # the edge, straight on this scale, meets the normal where turned · (s·normal − beside) = 0
+        met.append((turned * beside).sum(axis=-1) / (turned * normal).sum(axis=-1))
+    middle: Floats = (met[0] + met[1]) / 2
+    return middle
 
 
 def _profiles(image: GridImage, base: Floats, normal: Floats, offsets_px: Floats) -> Floats:
@@ -157,14 +197,17 @@ def _profiles(image: GridImage, base: Floats, normal: Floats, offsets_px: Floats
 
 
 def _coarse_offsets(profiles: Floats, offsets_px: Floats) -> Floats:
-    """Return for each segment the offset of its brightest streak, (lines, segments, 1), px."""
+    """Return for each segment the middle of its bright streak, (lines, segments, 1), px."""
     from scipy.ndimage import median_filter, uniform_filter1d
 
     inside = np.isfinite(profiles)
     filled = np.where(inside, profiles, profiles[inside].min())
     # the same streak at all stations of a segment: their mean hides noise and dirt
     together = uniform_filter1d(np.median(filled, axis=-2), size=5, axis=-1)
-    streak = offsets_px[np.argmax(together, axis=-1)]
+    # wide lines are flat on top: the middle of what rises above half height, not the highest sample
+    low, high = together.min(axis=-1, keepdims=True), together.max(axis=-1, keepdims=True)
+    above = np.maximum(together - (low + high) / 2, 0.0)
+    streak = (above * offsets_px).sum(axis=-1) / np.maximum(above.sum(axis=-1), 1e-9)
     # the prediction errs smoothly along a line, dirt does not
     usual: Floats = median_filter(streak, size=(1, 7), mode="nearest")[..., None]
     return usual
