@@ -84,7 +84,7 @@ class Correlator:
         self._mean = float(self._grey.mean())
         self._features = FeatureFinder(self._grey, usable)
         self._reference = PreparedReference(
-            kernel.lay_reference(spline, slopes, usable, self._mean),
+            kernel.lay_reference(spline, slopes, usable, self._mean, self._threads),
             usable,
             grid,
             self.settings,
@@ -117,10 +117,8 @@ class Correlator:
                 remedy="use images of one camera at one format",
             )
         deformed = _checked_image(deformed, "deformed image", self.settings.subset_px)
-        coefficients = kernel.lay_coefficients(
-            spline_image(deformed, self.settings.order, self._threads), self._mean
-        )
-        solver = Solver(self._reference, coefficients)
+        spline = spline_image(deformed, self.settings.order, self._threads)
+        solver = Solver(self._reference, kernel.lay_coefficients(spline, self._mean, self._threads))
         start, seeds, solved = self._first_guess(solver, deformed, previous, hint)
         solution = Solution.empty(self._reference.grid.active.shape, self.settings.parameters)
         self._fill(solver, solution, seeds, solved)

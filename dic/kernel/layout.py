@@ -9,12 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.bands import at_once, bands_of
 from dic.spline import MARGIN, SplineImage
 
 Flat = NDArray[np.float32]
 Grey = NDArray[np.float32]
 
 _SLACK = 64
+_BAND_PX = 128
 
 _ROUNDING = 1.0 / 12.0
 """Variance, in steps of the grey levels, that rounding to whole steps leaves."""
@@ -72,18 +74,23 @@ class Reference(NamedTuple):
 
 
 def lay_reference(
-    spline: SplineImage, slopes: tuple[Grey, Grey], region: NDArray[np.bool_], mean: float
+    spline: SplineImage, slopes: tuple[Grey, Grey], region: NDArray[np.bool_], mean: float, threads: int = 1
 ) -> Reference:
     """Return the reference for the kernel, its grey levels relative to `mean`."""
     height, width = spline.grey.shape
     (f, f_image), (fx, fx_image), (fy, fy_image), (inside, inside_image) = (
         _empty_plane(height, width) for _ in range(4)
     )
-    # Written in place: at 20 megapixels every copy in between counts.
-    np.subtract(spline.grey, np.float32(mean), out=f_image, where=region)
-    np.copyto(fx_image, slopes[0], where=region)
-    np.copyto(fy_image, slopes[1], where=region)
-    np.copyto(inside_image, np.float32(1.0), where=region)
+
+    def lay(band: slice) -> None:
+        # Written in place: at 20 megapixels every copy in between counts.
+        own = region[band]
+        np.subtract(spline.grey[band], np.float32(mean), out=f_image[band], where=own)
+        np.copyto(fx_image[band], slopes[0][band], where=own)
+        np.copyto(fy_image[band], slopes[1][band], where=own)
+        np.copyto(inside_image[band], own)
+
+    at_once(lay, bands_of(height, _BAND_PX), threads)
     pitch, origin = _pitch_and_origin(width)
     return Reference(f, fx, fy, inside, pitch, origin, _flat_variance(spline.grey, region))
 
@@ -103,13 +110,17 @@ def _flat_variance(grey: Grey, region: NDArray[np.bool_]) -> float:
     return _ROUNDING * step**2
 
 
-def lay_coefficients(spline: SplineImage, mean: float) -> Deformed:
+def lay_coefficients(spline: SplineImage, mean: float, threads: int = 1) -> Deformed:
     """Return a deformed image for the kernel, its grey levels relative to the reference's `mean`."""
-    denominator = {3: 6.0, 5: 120.0}[spline.order] ** 2
+    factor = np.float32(1.0 / {3: 6.0, 5: 120.0}[spline.order] ** 2)
     flat = np.zeros(spline.coefficients.size + 2 * _SLACK, np.float32)
-    used = flat[_SLACK:-_SLACK]
-    np.subtract(spline.coefficients.ravel(), np.float32(mean), out=used)
-    used *= np.float32(1.0 / denominator)
+    plane = flat[_SLACK:-_SLACK].reshape(spline.coefficients.shape)
+
+    def lay(band: slice) -> None:
+        np.subtract(spline.coefficients[band], np.float32(mean), out=plane[band])
+        plane[band] *= factor
+
+    at_once(lay, bands_of(len(plane), _BAND_PX), threads)
     height, width = spline.grey.shape
     return Deformed(flat, *_pitch_and_origin(width), width, height)
 
