@@ -1,6 +1,6 @@
 """The paper's calibration function: a sixteen-parameter bicubic surface for X and one for Y."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,8 @@ class BicubicMap:
         Pixel at ξ = η = 0.
     scale_px : float
         Pixels per unit of ξ and η.
+    coefficient_errors : ndarray, shape (16, 2, q)
+        mm; times independent errors of unit variance, the coefficients' errors; q = 0 if nothing is known.
 
     References
     ----------
@@ -34,6 +36,7 @@ class BicubicMap:
     coefficients: NDArray[np.float64]
     centre_px: NDArray[np.float64]
     scale_px: float
+    coefficient_errors: NDArray[np.float64] = field(default_factory=lambda: np.zeros((16, 2, 0)))
 
     @classmethod
     def fit(cls, points_px: Points, points_mm: Points) -> "BicubicMap":
@@ -57,7 +60,9 @@ class BicubicMap:
         coefficients, _, rank, _ = np.linalg.lstsq(design, points_mm, rcond=1e-10)
         if rank < 16:
             raise _undetermined("points on fewer than four lines in one direction")
-        return cls(coefficients.reshape(4, 4, 2).astype(np.float64), centre_px, scale_px)
+        fitted = cls(coefficients.reshape(4, 4, 2).astype(np.float64), centre_px, scale_px)
+        errors = fitted._coefficient_errors(design, points_px, points_mm)
+        return cls(fitted.coefficients, centre_px, scale_px, errors)
 
     def map(self, px: Points) -> Points:
         """Return the grid coordinates of image points.
@@ -82,6 +87,29 @@ class BicubicMap:
         by_x = np.einsum("ni,nj,ijc->nc", slopes[:, 0], powers[:, 1], self.coefficients)
         by_y = np.einsum("ni,nj,ijc->nc", powers[:, 0], slopes[:, 1], self.coefficients)
         return np.stack([by_x, by_y], axis=-1)
+
+    def error_factors(self, px: Points) -> NDArray[np.float64]:
+        """Return F, shape (n, 2, q), mm: errors of mapped points (n, 2) have the covariance F Fᵀ.
+
+        They come from the scatter of the points that the map was fitted to; what the surfaces cannot follow
+        counts as scatter.
+        """
+        design = _monomials(self._normalised(px))
+        return np.asarray(np.einsum("nk,kcq->ncq", design, self.coefficient_errors))
+
+    def _coefficient_errors(
+        self, design: NDArray[np.float64], points_px: Points, points_mm: Points
+    ) -> NDArray[np.float64]:
+        """Return how errors of the points in the image, as large as what the fit leaves, move the fit."""
+        jacobian = self.jacobian(points_px)
+        left_mm = self.map(points_px) - points_mm
+        left_px = np.linalg.solve(jacobian, left_mm[:, :, None])
+        surplus = left_px.size - 32
+        noise_px = np.sqrt((left_px**2).sum() / surplus) if surplus else np.nan
+        by_point = np.einsum("kn,nca->kcna", np.linalg.pinv(design), jacobian).reshape(32, -1)
+        # as many columns as coefficients carry the same covariance
+        triangle = np.linalg.qr(by_point.T)[1].T
+        return np.asarray(noise_px * triangle.reshape(16, 2, -1))
 
     def _normalised(self, px: Points) -> Points:
         return (np.asarray(px, np.float64).reshape(-1, 2) - self.centre_px) / self.scale_px

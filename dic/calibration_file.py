@@ -1,18 +1,32 @@
 """Calibrations as HDF5 files."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import h5py
 import numpy as np
 
 from dic.bicubic import BicubicMap
-from dic.calibration import Calibration
+from dic.calibration import Calibration, Model
 from dic.errors import CalibrationError
 from dic.grid_points import GridPoints
+from dic.pinhole import Pinhole
 
 _FORMAT = "offaxis-calibration"
-_VERSION = 1
+_VERSION = 2
+_READABLE = (1, 2)
+_PINHOLE_UNITS = {
+    "focal_px": "px",
+    "principal_px": "px",
+    "distortion": "px^-2, px^-4, px^-1, px^-1",
+    "rotation": "1",
+    "centre_mm": "mm",
+    "covariance": "products of px, px, px, px^-2, px^-4, px^-1, px^-1, rad, rad, rad, mm, mm, mm",
+    "noise_px": "px",
+    "left_out_px": "px",
+}
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:
@@ -53,7 +67,7 @@ def load_calibration(path: Path) -> Calibration:
         with h5py.File(path, "r") as file:
             if file.attrs.get("file_format") != _FORMAT:
                 raise _refusal(path, "an HDF5 file of another kind")
-            if file.attrs["file_format_version"] != _VERSION:
+            if file.attrs["file_format_version"] not in _READABLE:
                 raise _refusal(path, f"version {file.attrs['file_format_version']}, newer than this program")
             return read_calibration(file)
     except KeyError as error:
@@ -63,7 +77,7 @@ def load_calibration(path: Path) -> Calibration:
 
 
 def write_calibration(group: h5py.Group, calibration: Calibration) -> None:
-    """Write a calibration into an open HDF5 group."""
+    """Write a calibration into an open HDF5 group; layout in `docs/calibration.md`."""
     grid, bicubic = calibration.grid, calibration.bicubic
     datasets = {
         "grid/index": (grid.index, "1"),
@@ -74,20 +88,61 @@ def write_calibration(group: h5py.Group, calibration: Calibration) -> None:
         "bicubic/coefficients": (bicubic.coefficients, "mm"),
         "bicubic/centre_px": (bicubic.centre_px, "px"),
         "bicubic/scale_px": (bicubic.scale_px, "px"),
+        "bicubic/coefficient_errors": (bicubic.coefficient_errors, "mm"),
+        "bicubic/left_out_px": (calibration.bicubic_left_out_px, "px"),
         "residual_mm": (calibration.residual_mm, "mm"),
         "residual_px": (calibration.residual_px, "px"),
         "image_shape": (np.array(calibration.image_shape), "px"),
+        "images": (calibration.images, "1"),
     }
-    group.attrs.update(source=calibration.source, warnings="\n".join(grid.warnings))
+    if calibration.pinhole is not None:
+        for name, units in _PINHOLE_UNITS.items():
+            datasets[f"pinhole/{name}"] = (getattr(calibration.pinhole, name), units)
+    for model, residuals in calibration.residuals.items():
+        datasets[f"{model}/residual_mm"] = (residuals.mm, "mm")
+        datasets[f"{model}/residual_px"] = (residuals.px, "px")
+    group.attrs.update(
+        source=calibration.source,
+        warnings="\n".join(grid.warnings),
+        model=calibration.model,
+        recommendation=calibration.recommendation,
+        pinhole_problem=calibration.pinhole_problem,
+    )
     for name, (value, units) in datasets.items():
         group.create_dataset(name, data=value).attrs["units"] = units
 
 
 def read_calibration(group: h5py.Group) -> Calibration:
     """Read a calibration from an open HDF5 group; `KeyError` if it lacks something."""
-    texts = str(group.attrs["warnings"])
-    lines, shape = group["grid/lines"][:], group["image_shape"][:]
-    grid = GridPoints(
+    shape = group["image_shape"][:]
+    image_shape = (int(shape[0]), int(shape[1]))
+    bicubic = group["bicubic"]
+    calibration = Calibration(
+        bicubic=BicubicMap(
+            coefficients=bicubic["coefficients"][:],
+            centre_px=bicubic["centre_px"][:],
+            scale_px=float(bicubic["scale_px"][()]),
+        ),
+        grid=_read_grid(group),
+        image_shape=image_shape,
+        source=str(group.attrs["source"]),
+        pinhole_problem="it comes from a file of version 1, which has none",
+    )
+    if "model" not in group.attrs:
+        return calibration
+    return replace(
+        calibration,
+        bicubic=replace(calibration.bicubic, coefficient_errors=bicubic["coefficient_errors"][:]),
+        pinhole=_read_pinhole(group["pinhole"]) if "pinhole" in group else None,
+        pinhole_problem=str(group.attrs["pinhole_problem"]),
+        bicubic_left_out_px=float(bicubic["left_out_px"][()]),
+        images=int(group["images"][()]),
+    ).using(cast(Model, str(group.attrs["model"])))
+
+
+def _read_grid(group: h5py.Group) -> GridPoints:
+    texts, lines = str(group.attrs["warnings"]), group["grid/lines"][:]
+    return GridPoints(
         index=group["grid/index"][:],
         xy_mm=group["grid/xy_mm"][:],
         uv_px=group["grid/uv_px"][:],
@@ -95,19 +150,17 @@ def read_calibration(group: h5py.Group) -> Calibration:
         pitch_mm=float(group["grid/pitch_mm"][()]),
         warnings=tuple(texts.split("\n")) if texts else (),
     )
-    bicubic = BicubicMap(
-        coefficients=group["bicubic/coefficients"][:],
-        centre_px=group["bicubic/centre_px"][:],
-        scale_px=float(group["bicubic/scale_px"][()]),
-    )
-    return Calibration(bicubic, grid, (int(shape[0]), int(shape[1])), str(group.attrs["source"]))
+
+
+def _read_pinhole(group: h5py.Group) -> Pinhole:
+    return Pinhole(**{name: group[name][()] for name in _PINHOLE_UNITS})
 
 
 def _refusal(path: Path, got: str) -> CalibrationError:
     return CalibrationError(
         str(path),
         "read calibration",
-        expected=f"a calibration file of version {_VERSION}",
+        expected=f"a calibration file of version {_READABLE[0]} to {_READABLE[-1]}",
         got=got,
         remedy="make it anew with `dic calibrate`",
     )

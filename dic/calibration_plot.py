@@ -60,7 +60,7 @@ def plot_calibration(path: Path, calibration: Calibration, image: NDArray[np.flo
 def _draw_axes(axes: Any, calibration: Calibration) -> None:
     grid = calibration.grid
     origin = grid.uv_px[np.argmin((grid.xy_mm**2).sum(axis=1))]
-    per_px = calibration.bicubic.jacobian(origin[None])[0]
+    per_px = calibration.jacobian(origin[None])[0]
     for name, direction in zip("XY", np.linalg.inv(per_px).T * 2 * grid.pitch_mm, strict=True):
         arrow = {"arrowstyle": "->", "color": "tab:blue", "linewidth": 2}
         axes.annotate("", origin + direction, origin, arrowprops=arrow)

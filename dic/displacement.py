@@ -103,7 +103,7 @@ def calibrated_displacement(
     after = before + np.stack([field.u_px, field.v_px], axis=-1).reshape(-1, 2)
     position, moved = calibration.map(before), calibration.map(after)
     inside = calibration.inside(before) & calibration.inside(after)
-    here, there = (calibration.bicubic.jacobian(at).reshape(*shape, 2) for at in (before, after))
+    here, there = (calibration.jacobian(at).reshape(*shape, 2) for at in (before, after))
     gradient, noise = _in_axes(field, settings, here, there)
     return Displacement(
         position.reshape(shape),

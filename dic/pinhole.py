@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.grid_points import GridPoints
-from dic.lens import distort, distortion_jacobian, folded, undistort
+from dic.lens import distort, distortion_basis, distortion_jacobian, folded, undistort
 from dic.pinhole_prior import Known
 
 Points = NDArray[np.float64]
@@ -229,6 +229,38 @@ class Pinhole:
         direction = self._directions(self._ideal(px))
         return np.asarray(direction / np.linalg.norm(direction, axis=1, keepdims=True))
 
+    def error_factors(self, px: Points) -> NDArray[np.float64]:
+        """Return F, shape (n, 2, q), mm: errors of mapped points (n, 2) have the covariance F Fᵀ.
+
+        They come from `covariance`. What that leaves open together, such as focal length and distance, hardly
+        moves points of the plane.
+        """
+        std = np.sqrt(np.diag(self.covariance))
+        fitted = np.flatnonzero(std)
+        correlation = self.covariance[np.ix_(fitted, fitted)] / np.outer(std[fitted], std[fitted])
+        variances, directions = np.linalg.eigh(correlation)
+        root = std[fitted, None] * directions * np.sqrt(np.maximum(variances, 0.0))
+        # where the image of a plane's point moves by s, the ray of its old place meets the plane J·s before
+        moved = self._slopes_by_parameters(self.map(px))[:, :, fitted] @ root
+        return np.asarray(-self.jacobian(px) @ moved)
+
+    def _slopes_by_parameters(self, points_mm: Points) -> NDArray[np.float64]:
+        """Return how the images of points (n, 2) of the plane move with each of `PARAMETERS`, (n, 2, 13)."""
+        seen = points_mm @ self.rotation[:, :2].T - self.rotation @ self.centre_mm
+        ideal = self.focal_px * seen[:, :2] * np.array([-1.0, 1.0]) / seen[:, 2:]
+        by_seen = np.zeros((len(seen), 2, 3))
+        by_seen[:, 0, 0], by_seen[:, 1, 1] = -self.focal_px / seen[:, 2], self.focal_px / seen[:, 2]
+        by_seen[:, :, 2] = -ideal / seen[:, 2:]
+        # a turn w of the camera's axes moves a point seen at s by w × s
+        by_turn = np.stack([by_seen @ _crossed(axis, seen)[:, :, None] for axis in np.eye(3)], axis=-1)[
+            :, :, 0
+        ]
+        bend = distortion_jacobian(ideal, self.distortion)
+        by_focal = bend @ (ideal / self.focal_px)[:, :, None]
+        by_principal = np.broadcast_to(np.eye(2), (len(seen), 2, 2))
+        by_pose = bend @ np.concatenate([by_turn, -by_seen @ self.rotation], axis=2)
+        return np.concatenate([by_focal, by_principal, distortion_basis(ideal), by_pose], axis=2)
+
     def _ideal(self, px: Points) -> Points:
         return undistort(np.asarray(px, np.float64).reshape(-1, 2) - self.principal_px, self.distortion)
 
@@ -237,6 +269,10 @@ class Pinhole:
         in_camera = np.column_stack([ideal_px * [1.0, -1.0] / self.focal_px, -np.ones(len(ideal_px))])
         directions: Points = in_camera @ self.rotation
         return directions
+
+
+def _crossed(axis: Points, vectors: Points) -> Points:
+    return np.asarray(np.cross(axis, vectors), np.float64)
 
 
 def _identity_for_nan(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
