@@ -1,4 +1,4 @@
-"""A picture of a calibration: the points over the grid image, and what the map leaves of them."""
+"""A picture of a calibration: the points over the grid image, and what each map leaves of them."""
 
 from pathlib import Path
 from typing import Any
@@ -7,12 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.calibration import Calibration
+from dic.residuals import Residuals
 
 Floats = NDArray[np.float64]
 
 
 def draw_calibration(calibration: Calibration, image: NDArray[np.float32]) -> Any:
-    """Return a matplotlib figure: left the points found and the axes, right the residuals, magnified.
+    """Return a matplotlib figure: the points found and the axes, then each model's residuals, magnified.
+
+    Arrows are magnified as each model needs it; their colours share one scale.
 
     Parameters
     ----------
@@ -22,39 +25,61 @@ def draw_calibration(calibration: Calibration, image: NDArray[np.float32]) -> An
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(14, 7), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    residuals = calibration.residuals
+    panels = 1 + len(residuals)
+    height, width = image.shape
+    figure = Figure(figsize=(6 * panels + 0.8, 5.6 * height / width + 0.6), layout="constrained")
+    first, *others = figure.subplots(1, panels)
     low, high = np.percentile(image, [0.5, 99.5])
-    points = calibration.grid.uv_px
-    outline = np.vstack([calibration.outline_px, calibration.outline_px[:1]])
-    for axes in (left, right):
+    _draw_image(first, calibration, image, (low, high))
+    first.plot(*calibration.grid.uv_px.T, "+", color="tab:red", markersize=5, markeredgewidth=0.8)
+    _draw_axes(first, calibration)
+    first.set_title(f"{calibration.grid.found} of {calibration.grid.expected} intersections, calibrated area")
+    longest = max(residual.max_px for residual in residuals.values())
+    arrows: Any = None
+    for axes, (model, residual) in zip(others, residuals.items(), strict=True):
         # residuals are read against a pale image
-        faded = low - (0.0 if axes is left else 3 * (high - low))
-        axes.imshow(image, cmap="gray", vmin=faded, vmax=high)
-        axes.plot(*outline.T, color="tab:orange", linewidth=1)
-        axes.set_xlabel("x, px")
-        axes.set_ylabel("y, px")
-    left.plot(*points.T, "+", color="tab:red", markersize=5, markeredgewidth=0.8)
-    _draw_axes(left, calibration)
-    left.set_title(f"{calibration.grid.found} of {calibration.grid.expected} intersections, calibrated area")
-
-    residual = calibration.residual_px
-    length = np.linalg.norm(residual, axis=1)
-    magnification = _round_down(1.5 * _spacing_px(calibration) / max(float(length.max()), 1e-9))
-    arrows = right.quiver(
-        *points.T, *residual.T, length, scale=1 / magnification, angles="xy", scale_units="xy", width=0.003
-    )
-    figure.colorbar(arrows, ax=right, label="residual, px", shrink=0.8)
-    right.set_title(
-        f"residuals × {magnification:g}: rms {calibration.rms_px:.4f} px = "
-        f"{calibration.rms_mm * 1000:.2f} µm, maximum {calibration.max_px:.4f} px"
-    )
+        _draw_image(axes, calibration, image, (low - 6 * (high - low), high))
+        arrows = _draw_residual(axes, calibration, residual, longest)
+        in_use = " (in use)" if model == calibration.model and len(residuals) > 1 else ""
+        axes.set_title(f"{model}{in_use}, {axes.get_title()}")
+    figure.colorbar(arrows, ax=others, label="residual, px", shrink=0.8)
     return figure
 
 
 def plot_calibration(path: Path, calibration: Calibration, image: NDArray[np.float32]) -> None:
     """Write `draw_calibration`'s figure as a PNG file."""
     draw_calibration(calibration, image).savefig(path, dpi=100, format="png")
+
+
+def _draw_image(
+    axes: Any, calibration: Calibration, image: NDArray[np.float32], limits: tuple[float, float]
+) -> None:
+    outline = np.vstack([calibration.outline_px, calibration.outline_px[:1]])
+    axes.imshow(image, cmap="gray", vmin=limits[0], vmax=limits[1])
+    axes.plot(*outline.T, color="tab:orange", linewidth=1)
+    axes.set_xlabel("x, px")
+    axes.set_ylabel("y, px")
+
+
+def _draw_residual(axes: Any, calibration: Calibration, residual: Residuals, longest_px: float) -> Any:
+    length = np.linalg.norm(residual.px, axis=1)
+    magnification = _round_down(2.5 * _spacing_px(calibration) / max(residual.max_px, 1e-9))
+    arrows = axes.quiver(
+        *calibration.grid.uv_px.T,
+        *residual.px.T,
+        length,
+        scale=1 / magnification,
+        angles="xy",
+        scale_units="xy",
+        width=0.003,
+        clim=(0, longest_px),
+    )
+    axes.set_title(
+        f"residuals × {magnification:g}:\nrms {residual.rms_px:.4f} px = "
+        f"{residual.rms_mm * 1000:.2f} µm, maximum {residual.max_px:.4f} px"
+    )
+    return arrows
 
 
 def _draw_axes(axes: Any, calibration: Calibration) -> None:

@@ -1,4 +1,4 @@
-"""`dic calibrate`: one image of a line grid in, a calibration out."""
+"""`dic calibrate`: images of a line grid in, a calibration out."""
 
 import json
 from pathlib import Path
@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from dic.calibration import Calibration
+    from dic.grid_points import GridPoints
 
 _FILE = click.Path(path_type=Path)
-_MM_TO_UM = 1000.0
 
 
 class _Lines(click.ParamType[tuple[int, int]]):
@@ -30,37 +33,64 @@ class _Lines(click.ParamType[tuple[int, int]]):
 
 
 @click.command()
-@click.argument("image", type=_FILE)
+@click.argument("images", type=_FILE, nargs=-1, required=True)
 @click.option("--lines", type=_Lines(), default="21x21", show_default=True, help="Lines along X and Y.")
 @click.option("--pitch-mm", type=float, default=0.5, show_default=True, help="Distance of the lines.")
+@click.option(
+    "--model",
+    type=click.Choice(["bicubic", "pinhole", "recommended"]),
+    default="bicubic",
+    show_default=True,
+    help="Which map the calibration uses: the paper's bicubic one, the pinhole camera's, or the better one.",
+)
+@click.option("--focal-px", type=float, help="Focal length, if known.")
+@click.option("--focal-std-px", type=float, default=0.0, help="Its standard deviation.  [default: exact]")
+@click.option("--distance-mm", type=float, help="From the lens's pinhole to the grid's centre, if known.")
+@click.option("--distance-std-mm", type=float, default=0.0, help="Its standard deviation.  [default: exact]")
+@click.option(
+    "--principal-px",
+    type=float,
+    nargs=2,
+    help="X and Y where the optical axis meets the sensor.  [default: the middle, to 1 % of the width]",
+)
+@click.option("--principal-std-px", type=float, help="Its standard deviation.  [default: exact if given]")
 @click.option("-o", "--output", type=_FILE, help="Calibration file, HDF5.")
 @click.option("--points", "points_file", type=_FILE, help="Grid points as CSV: X_mm, Y_mm, u_px, v_px.")
-@click.option("--plot", "plot_file", type=_FILE, help="Picture of the points and residuals, PNG.")
+@click.option("--plot", "plot_file", type=_FILE, help="Picture of the points and both residuals, PNG.")
 @click.option("--json", "json_file", type=_FILE, help="What is printed, for programs.")
 def calibrate(
-    image: Path,
+    images: tuple[Path, ...],
     lines: tuple[int, int],
     pitch_mm: float,
+    model: str,
     output: Path | None,
     points_file: Path | None,
     plot_file: Path | None,
     json_file: Path | None,
+    **known: Any,
 ) -> None:
-    """Find the line grid in IMAGE and fit the map from pixels to millimetres.
+    """Find the line grid in the first of IMAGES and fit the map from pixels to millimetres.
 
     The camera may look at the grid from anywhere. X is the grid's direction closest to the image's right,
     Y the one closest to its top, the origin is the grid's centre.
+
+    Beside the paper's bicubic map a pinhole camera is fitted. More images by the same camera, with the grid
+    tilted otherwise, tell its focal length when it looks nearly straight; the first defines the plane.
     """
     from dic.calibration import Calibration
+    from dic.commands.calibration_text import summarise, text
     from dic.commands.places import require_places
-    from dic.grid import find_grid
-    from dic.images import read_image
+    from dic.pinhole_prior import Known
 
     _require_length(pitch_mm)
-    require_places([image], [output, points_file, plot_file, json_file])
-    grey = read_image(image)
-    grid = find_grid(grey, lines, pitch_mm, source=str(image))
-    calibration = Calibration.fit(grid, grey.shape, source=str(image))
+    require_places(images, [output, points_file, plot_file, json_file])
+    camera = Known(**known)
+    grey, grids = _find_grids(images, lines, pitch_mm)
+    calibration = Calibration.fit(grids, grey.shape, str(images[0]), known=camera)
+    if model == "recommended":
+        calibration = calibration.using(calibration.recommended)
+    elif model == "pinhole":
+        calibration = calibration.using("pinhole")
     if output is not None:
         calibration.save(output)
     if points_file is not None:
@@ -71,10 +101,36 @@ def calibrate(
         plot_calibration(plot_file, calibration, grey)
     summary = summarise(calibration)
     if json_file is not None:
-        json_file.write_text(json.dumps(summary, indent=1), encoding="utf-8")
-    click.echo(_text(summary))
-    for warning in grid.warnings:
-        click.echo(f"warning: {warning}", err=True)
+        json_file.write_text(json.dumps(summary, indent=1, ensure_ascii=False), encoding="utf-8")
+    click.echo(text(summary))
+    for path, grid in zip(images, grids, strict=True):
+        for warning in grid.warnings:
+            click.echo(f"warning: {path}: {warning}", err=True)
+
+
+def _find_grids(
+    images: tuple[Path, ...], lines: tuple[int, int], pitch_mm: float
+) -> tuple["NDArray[np.float32]", list["GridPoints"]]:
+    """Return the first image and the grid in each; one camera gives images of one size."""
+    from dic.errors import CalibrationError
+    from dic.grid import find_grid
+    from dic.images import read_image
+
+    greys = [read_image(path) for path in images]
+    for path, grey in zip(images, greys, strict=True):
+        if grey.shape != greys[0].shape:
+            height, width = greys[0].shape
+            raise CalibrationError(
+                str(path),
+                "calibrate",
+                expected=f"images by one camera, {width} × {height} px as the first",
+                got=f"{grey.shape[1]} × {grey.shape[0]} px",
+                remedy="calibrate each camera by itself",
+            )
+    grids = [
+        find_grid(grey, lines, pitch_mm, source=str(path)) for path, grey in zip(images, greys, strict=True)
+    ]
+    return greys[0], grids
 
 
 def _require_length(pitch_mm: float) -> None:
@@ -99,42 +155,3 @@ def write_points(path: Path, calibration: "Calibration") -> None:
         f"{x:.7f},{y:.7f},{u:.5f},{v:.5f}" for (x, y), (u, v) in zip(grid.xy_mm, grid.uv_px, strict=True)
     ]
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
-
-
-def summarise(calibration: "Calibration") -> dict[str, Any]:
-    """Return what the command prints, by name and unit."""
-    grid = calibration.grid
-    outline = calibration.outline_px
-    x, y = outline[:, 0], outline[:, 1]
-    height, width = calibration.image_shape
-    return {
-        "image": calibration.source,
-        "width_px": width,
-        "height_px": height,
-        "lines": list(grid.lines),
-        "pitch_mm": grid.pitch_mm,
-        "found": grid.found,
-        "expected": grid.expected,
-        "rms_px": calibration.rms_px,
-        "max_px": calibration.max_px,
-        "rms_um": calibration.rms_mm * _MM_TO_UM,
-        "max_um": calibration.max_mm * _MM_TO_UM,
-        "mm_per_px": calibration.mm_per_px,
-        "area_px2": float(abs((x * (y[[*range(1, len(y)), 0]] - y[[-1, *range(len(y) - 1)]])).sum()) / 2),
-        "outline_px": outline.round(3).tolist(),
-        "warnings": list(grid.warnings),
-    }
-
-
-def _text(summary: dict[str, Any]) -> str:
-    share = summary["area_px2"] / (summary["width_px"] * summary["height_px"])
-    return "\n".join(
-        [
-            f"{summary['image']}: {summary['found']} of {summary['expected']} intersections",
-            f"  residual  rms {summary['rms_px']:.4f} px ({summary['rms_um']:.3f} µm), "
-            f"maximum {summary['max_px']:.4f} px ({summary['max_um']:.3f} µm)",
-            f"  scale     {summary['mm_per_px'] * _MM_TO_UM:.3f} µm/px at the middle of the grid",
-            f"  area      {summary['area_px2']:.0f} px², {share:.0%} of the image; "
-            "points outside it are flagged",
-        ]
-    )

@@ -75,6 +75,105 @@ def test_the_area_is_that_of_the_grid_s_outline(
     assert area == pytest.approx(cv2.contourArea(np.array(px, np.float32)), rel=1e-3)
 
 
+def test_both_models_are_printed_side_by_side_with_the_camera_and_the_recommendation(
+    dic: Callable[..., int], picture: tuple[Path, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert dic("calibrate", picture[0], "--json", tmp_path / "cal.json") == 0
+
+    printed = capsys.readouterr().out
+    summary = json.loads((tmp_path / "cal.json").read_text())
+    camera = summary["camera"]
+    for model in ("bicubic", "pinhole"):
+        for name in ("rms_px", "max_px", "left_out_px"):
+            assert f"{summary['models'][model][name]:.4f} px" in printed
+    assert summary["recommendation"] in printed
+    assert summary["model"] == "bicubic"
+    # the picture's camera: f = 1400 px, 40 mm away, 30° to the left of a grid turned by 5°
+    assert abs(camera["focal_px"] - 1400) < 3 * camera["focal_std_px"]
+    assert camera["off_axis_deg"] == pytest.approx(30, abs=0.05)
+    assert f"off-axis       {camera['off_axis_deg']:.3f}" in printed
+    assert abs(camera["distance_mm"] - 40) < 3 * max(camera["centre_std_mm"])
+
+
+@pytest.mark.parametrize(("asked", "used"), [("bicubic", "bicubic"), ("pinhole", "pinhole")])
+def test_the_model_that_is_asked_for_is_the_one_that_is_saved(
+    dic: Callable[..., int], picture: tuple[Path, Any], tmp_path: Path, asked: str, used: str
+) -> None:
+    dic("calibrate", picture[0], "--model", asked, "-o", tmp_path / "cal.h5", "--json", tmp_path / "cal.json")
+    summary = json.loads((tmp_path / "cal.json").read_text())
+
+    assert Calibration.load(tmp_path / "cal.h5").model == summary["model"] == used
+    assert summary["rms_px"] == summary["models"][used]["rms_px"]
+
+
+def test_the_recommended_model_is_the_pinhole_where_the_lens_bends(
+    dic: Callable[..., int], draw_grid: Callable[..., Any], tmp_path: Path
+) -> None:
+    drawn = draw_grid(pan_deg=20, k1_per_px2=-3e-7, noise=2)
+    cv2.imwrite(str(tmp_path / "grid.png"), drawn.image.astype(np.uint8))
+    dic("calibrate", tmp_path / "grid.png", "--model", "recommended", "--json", tmp_path / "cal.json")
+
+    summary = json.loads((tmp_path / "cal.json").read_text())
+    assert summary["model"] == "pinhole"
+    assert summary["models"]["pinhole"]["left_out_px"] < 0.7 * summary["models"]["bicubic"]["left_out_px"]
+    assert summary["camera"]["distortion"]["k1"] == pytest.approx(-3e-7, rel=0.02)
+
+
+def _straight(draw_grid: Callable[..., Any], path: Path, **view: float) -> Path:
+    cv2.imwrite(str(path), draw_grid(**view).image.astype(np.uint8))
+    return path
+
+
+def test_a_camera_that_looks_straight_says_what_it_needs_and_takes_it(
+    dic: Callable[..., int], draw_grid: Callable[..., Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    image = _straight(draw_grid, tmp_path / "grid.png")
+
+    assert dic("calibrate", image) == 0
+    assert "the focal length is open by" in capsys.readouterr().out
+
+    known = ["--distance-mm", 40, "--distance-std-mm", 0.4, "--principal-px", 224.8, 224.3]
+    assert dic("calibrate", image, *known, "--json", tmp_path / "cal.json") == 0
+    assert "the focal length is open by" not in capsys.readouterr().out
+    camera = json.loads((tmp_path / "cal.json").read_text())["camera"]
+    assert camera["focal_px"] == pytest.approx(1400, rel=0.01)
+    assert camera["centre_std_mm"][2] == pytest.approx(0.4, rel=0.05)
+    assert camera["principal_px"] == pytest.approx([224.8, 224.3], abs=1e-3)
+
+
+def test_more_images_of_the_tilted_grid_tell_the_focal_length(
+    dic: Callable[..., int], draw_grid: Callable[..., Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    views = [{}, {"pan_deg": 20.0}, {"tilt_deg": -20.0}]
+    images = [_straight(draw_grid, tmp_path / f"grid{k}.png", **view) for k, view in enumerate(views)]
+
+    assert dic("calibrate", *images, "--json", tmp_path / "cal.json") == 0
+    assert "camera from 3 images" in capsys.readouterr().out
+    camera = json.loads((tmp_path / "cal.json").read_text())["camera"]
+    assert camera["focal_std_px"] < 0.02 * 1400
+    assert abs(camera["focal_px"] - 1400) < 3 * camera["focal_std_px"] + 5
+
+
+def test_images_of_different_cameras_are_refused(
+    dic: Callable[..., int], draw_grid: Callable[..., Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = _straight(draw_grid, tmp_path / "one.png")
+    cv2.imwrite(str(tmp_path / "two.png"), cv2.imread(str(first))[:-1])
+
+    assert dic("calibrate", first, tmp_path / "two.png") == 2
+    assert "two.png: calibrate: expected images by one camera" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "known", [["--focal-px", "-1"], ["--distance-mm", "nan"], ["--focal-std-px", "3"], ["--model", "best"]]
+)
+def test_what_no_camera_has_is_refused(
+    dic: Callable[..., int], picture: tuple[Path, Any], known: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert dic("calibrate", picture[0], *known) == 2
+    assert "Traceback" not in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("arguments", [["--lines", "20x21"], ["--lines", "3x3"], ["--pitch-mm", "-1"]])
 def test_a_wrong_grid_is_one_sentence_and_status_2(
     dic: Callable[..., int],

@@ -1,0 +1,135 @@
+"""What `dic calibrate` says of a calibration, for programs and for people."""
+
+import math
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dic.calibration import Calibration
+    from dic.pinhole import Pinhole
+    from dic.residuals import Residuals
+
+_MM_TO_UM = 1000.0
+_OPEN_SHARE = 0.05
+_MOST_DIGITS = 4
+
+
+def summarise(calibration: "Calibration") -> dict[str, Any]:
+    """Return what the command prints, by name and unit; residuals and scale are those of the model in use."""
+    grid, pinhole = calibration.grid, calibration.pinhole
+    outline = calibration.outline_px
+    x, y = outline[:, 0], outline[:, 1]
+    height, width = calibration.image_shape
+    left_out_px = {"bicubic": calibration.bicubic_left_out_px}
+    if pinhole is not None:
+        left_out_px["pinhole"] = pinhole.left_out_px
+    return {
+        "image": calibration.source,
+        "images": calibration.images,
+        "width_px": width,
+        "height_px": height,
+        "lines": list(grid.lines),
+        "pitch_mm": grid.pitch_mm,
+        "found": grid.found,
+        "expected": grid.expected,
+        "model": calibration.model,
+        "recommended": calibration.recommended,
+        "recommendation": calibration.recommendation,
+        **_lengths(calibration.residuals[calibration.model]),
+        "mm_per_px": calibration.mm_per_px,
+        "models": {
+            model: _lengths(residuals) | {"left_out_px": _finite(left_out_px[model])}
+            for model, residuals in calibration.residuals.items()
+        },
+        "camera": None if pinhole is None else _camera(pinhole),
+        "area_px2": float(abs((x * (y[[*range(1, len(y)), 0]] - y[[-1, *range(len(y) - 1)]])).sum()) / 2),
+        "outline_px": outline.round(3).tolist(),
+        "warnings": list(grid.warnings),
+    }
+
+
+def text(summary: dict[str, Any]) -> str:
+    """Return the summary as lines for a terminal, both models side by side."""
+    share = summary["area_px2"] / (summary["width_px"] * summary["height_px"])
+    more = f", camera from {summary['images']} images" if summary["images"] > 1 else ""
+    lines = [f"{summary['image']}: {summary['found']} of {summary['expected']} intersections{more}"]
+    lines += _table(summary["models"])
+    lines += _camera_lines(summary["camera"])
+    lines += [
+        f"  recommended    {summary['recommendation']}",
+        f"  in use         {summary['model']}; scale {summary['mm_per_px'] * _MM_TO_UM:.3f} µm/px "
+        "at the middle of the grid",
+        f"  area           {summary['area_px2']:.0f} px², {share:.0%} of the image; "
+        "points outside it are flagged",
+    ]
+    return "\n".join(lines)
+
+
+def _lengths(residuals: "Residuals") -> dict[str, float]:
+    return {
+        "rms_px": residuals.rms_px,
+        "max_px": residuals.max_px,
+        "rms_um": residuals.rms_mm * _MM_TO_UM,
+        "max_um": residuals.max_mm * _MM_TO_UM,
+    }
+
+
+def _camera(pinhole: "Pinhole") -> dict[str, Any]:
+    return {
+        "focal_px": pinhole.focal_px,
+        "focal_std_px": pinhole.focal_std_px,
+        "principal_px": pinhole.principal_px.tolist(),
+        "distortion": dict(zip(("k1", "k2", "p1", "p2"), pinhole.distortion.tolist(), strict=True)),
+        "off_axis_deg": pinhole.off_axis_deg,
+        "off_axis_std_deg": pinhole.off_axis_std_deg,
+        "distance_mm": pinhole.distance_mm,
+        "centre_mm": pinhole.centre_mm.tolist(),
+        "centre_std_mm": pinhole.centre_std_mm.tolist(),
+        "centre_covariance_mm2": pinhole.centre_covariance_mm2.tolist(),
+        "rotation": pinhole.rotation.tolist(),
+        "noise_px": pinhole.noise_px,
+    }
+
+
+def _table(models: dict[str, Any]) -> list[str]:
+    columns = "".join(f"{name:<24}" for name in models)
+    rows = [f"{'':<17}{columns}".rstrip()]
+    for title, name in (("residual rms", "rms"), ("maximum", "max")):
+        cells = [f"{m[name + '_px']:.4f} px ({m[name + '_um']:.3f} µm)" for m in models.values()]
+        rows.append(f"  {title:<15}" + "".join(f"{cell:<24}" for cell in cells).rstrip())
+    left_out = [m["left_out_px"] for m in models.values()]
+    cells = ["too few lines" if miss is None else f"{miss:.4f} px" for miss in left_out]
+    rows.append(f"  {'left-out rms':<15}" + "".join(f"{cell:<24}" for cell in cells).rstrip())
+    return rows
+
+
+def _camera_lines(camera: dict[str, Any] | None) -> list[str]:
+    if camera is None:
+        return []
+    centre = ", ".join(
+        f"{axis} {_with_std(value, std)}"
+        for axis, value, std in zip("XYZ", camera["centre_mm"], camera["centre_std_mm"], strict=True)
+    )
+    lines = [
+        f"  focal length   {_with_std(camera['focal_px'], camera['focal_std_px'])} px",
+        f"  off-axis       {_with_std(camera['off_axis_deg'], camera['off_axis_std_deg'])}°",
+        f"  camera centre  {centre} mm",
+    ]
+    share = camera["focal_std_px"] / camera["focal_px"]
+    if share > _OPEN_SHARE:
+        lines.append(
+            f"                 the focal length is open by {share:.0%}: give it, the distance, "
+            "or images of the grid tilted"
+        )
+    return lines
+
+
+def _with_std(value: float, std: float) -> str:
+    """Return a value and its standard deviation, the latter to two digits where four decimals hold them."""
+    digits = max(0, 1 - math.floor(math.log10(std))) if std > 0 else _MOST_DIGITS
+    digits = min(digits, _MOST_DIGITS)
+    return f"{value:.{digits}f} ± {std:.{digits}f}"
+
+
+def _finite(value: float) -> float | None:
+    """Return None for what is not known, as JSON has no NaN."""
+    return value if math.isfinite(value) else None
