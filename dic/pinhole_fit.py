@@ -29,7 +29,7 @@ _EARNED = 0.99
 # Where to start, and the finest that any points can be: below it what is known would lose its weight.
 _FIRST_NOISE_PX = 0.05
 _FINEST_NOISE_PX = 1e-4
-_FOCAL_SHARES = (0.1, 10.0)
+_FOCAL_SHARES = (0.03, 100.0)
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,17 @@ def fit_cameras(
 
 def _with_or_without_k2(views: _Views, first: GridPoints, k2: bool | None) -> tuple["_Solution", float]:
     """Return the solution and by how much it misses points of the first image when they are left out, px."""
-    model, start = _start(views)
-    without = _solution(views, model, start, k2=False)
+    without = _first_solution(views)
+    contradiction = views.prior.contradiction(without.parameters)
+    if contradiction:
+        raise CalibrationError(
+            "pinhole camera",
+            "fit lens and pose",
+            expected="images that agree with what is known of the camera",
+            got=contradiction,
+            remedy="correct the given values, or give them larger standard deviations",
+        )
+    model = without.model
     if k2 is False:
         return without, float("nan")
     with_k2 = _solution(views, model, without.parameters, k2=True)
@@ -79,6 +88,17 @@ def _with_or_without_k2(views: _Views, first: GridPoints, k2: bool | None) -> tu
     if missed_px > _FINEST_NOISE_PX and missed_with_px < _EARNED * missed_px:
         return with_k2, missed_with_px
     return without, missed_px
+
+
+def _first_solution(views: _Views) -> "_Solution":
+    """Return the solution without k2, from the first start that leads to one."""
+    problem = None
+    for focal in _start_focals(views):
+        try:
+            return _solution(views, *_start(views, focal), k2=False)
+        except CalibrationError as error:
+            problem = problem or error
+    raise problem or _undetermined("nothing to start from")
 
 
 def _missed(views: _Views, whole: "_Solution", first: GridPoints, *, k2: bool) -> float:
@@ -195,13 +215,10 @@ def _camera(solution: "_Solution", view: int, missed_px: float) -> Pinhole:
     )
 
 
-def _start(views: _Views) -> tuple[CameraModel, Floats]:
+def _start(views: _Views, focal: float) -> tuple[CameraModel, Floats]:
     """Return the model and where its parameters start: an ideal lens, poses from homographies."""
-    principal = views.prior.principal_px
-    planes = [_homography(xy, uv - principal) for xy, uv in zip(views.xy_mm, views.uv_px, strict=True)]
-    focal = _start_focal(planes, views.prior)
     poses, rotations = [], []
-    for plane in planes:
+    for plane in _homographies(views):
         # camera axes: x right, y up, looking along −z
         seen = np.diag([1 / focal, -1 / focal, -1.0]) @ plane
         seen *= -np.sign(seen[2, 2]) * 2 / np.linalg.norm(seen[:, :2], axis=0).sum()
@@ -210,26 +227,33 @@ def _start(views: _Views) -> tuple[CameraModel, Floats]:
         scale = focal / -seen[2, 2]
         poses.append([0.0, 0.0, 0.0, scale * seen[0, 2], -scale * seen[1, 2], np.log(scale)])
     half_px = float(max(np.ptp(uv, axis=0).max() for uv in views.uv_px)) / 2
-    lens = [np.log(focal), *principal, 0.0, 0.0, 0.0, 0.0]
+    lens = [np.log(focal), *views.prior.principal_px, 0.0, 0.0, 0.0, 0.0]
     return CameraModel(views.xy_mm, rotations, half_px), np.concatenate([lens, *poses])
 
 
-def _start_focal(planes: Sequence[Floats], prior: Prior) -> float:
-    """Return the focal length from the right angles and equal scales that homographies must show (Zhang)."""
+def _start_focals(views: _Views) -> list[float]:
+    """Return focal lengths to start from: what is given, or else what homographies tell, and what is usual.
+
+    A plane's homography must show its right angles and equal scales (Zhang).
+    """
+    prior = views.prior
     if prior.known.focal_px is not None:
-        return prior.known.focal_px
+        return [prior.known.focal_px]
     factors, sides = [], []
-    for plane in planes:
+    for plane in _homographies(views):
         first, second = (plane[:, :2] / np.linalg.norm(plane[:2, :2])).T
         factors += [first[:2] @ second[:2], first[:2] @ first[:2] - second[:2] @ second[:2]]
         sides += [-first[2] * second[2], second[2] ** 2 - first[2] ** 2]
     squared_inverse = np.dot(factors, sides) / max(np.dot(factors, factors), 1e-300)
     usual = prior.usual_focal_px
-    if squared_inverse > 0:
-        focal = float(1 / np.sqrt(squared_inverse))
-        if _FOCAL_SHARES[0] * usual < focal < _FOCAL_SHARES[1] * usual:
-            return focal
-    return usual
+    if squared_inverse > (usual * _FOCAL_SHARES[1]) ** -2:
+        return [max(float(squared_inverse**-0.5), usual * _FOCAL_SHARES[0]), usual]
+    return [usual]
+
+
+def _homographies(views: _Views) -> list[Floats]:
+    principal = views.prior.principal_px
+    return [_homography(xy, uv - principal) for xy, uv in zip(views.xy_mm, views.uv_px, strict=True)]
 
 
 def _homography(xy_mm: Floats, uv_px: Floats) -> Floats:

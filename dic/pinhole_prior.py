@@ -19,6 +19,7 @@ PRINCIPAL_SHARE = 0.01
 _USUAL_WIDTHS = 3.0
 _USUAL_LOG_STD = math.log(3.0)
 _EXACTLY = 1e-6
+_TOO_FAR = 5.0
 
 
 @dataclass(frozen=True)
@@ -86,6 +87,17 @@ class Prior:
     principal_std_px: float
     usual_focal_px: float
 
+    def contradiction(self, parameters: Floats) -> str:
+        """Return which of the known values is off by how much, if by more than chance explains; else ""."""
+        names = ["principal point's x", "principal point's y"]
+        # what is usual is no promise
+        names.append("usual focal length" if self.known.focal_px is None else "given focal length")
+        names.append("given distance")
+        for name, off in zip(names, self.equations(parameters)[0], strict=False):
+            if abs(off) > _TOO_FAR and not name.startswith("usual"):
+                return f"a {name} that is {abs(off):.0f} standard deviations off"
+        return ""
+
     def equations(self, parameters: Floats) -> tuple[Floats, Floats]:
         """Return deviations (m,) and their derivatives (m, parameters).
 
@@ -101,7 +113,7 @@ class Prior:
             slopes.append(row)
 
         log_focal, x, y = parameters[:3]
-        focal = math.exp(log_focal)
+        focal = float(np.exp(log_focal))
         add(x - self.principal_px[0], self.principal_std_px, x=1.0)
         add(y - self.principal_px[1], self.principal_std_px, y=1.0)
         given = self.known.focal_px
@@ -113,7 +125,7 @@ class Prior:
         if away is not None:
             a, b, log_scale = parameters[10:13]
             square = a * a + b * b + focal * focal
-            distance = math.sqrt(square) * math.exp(-log_scale)
+            distance = float(np.sqrt(square) * np.exp(-log_scale))
             share = distance / square
             std = max(self.known.distance_std_mm, _EXACTLY * away)
             add(

@@ -199,3 +199,23 @@ def test_points_that_determine_no_camera_are_refused() -> None:
         Pinhole.fit(few, SHAPE)
     with pytest.raises(CalibrationError, match="one line"):
         Pinhole.fit(on_a_line, SHAPE)
+
+
+def test_values_that_the_images_contradict_are_refused() -> None:
+    grid = _seen(_swung(pan_deg=30), NOISE_PX)
+
+    # 2800 px in truth; only a principal point far off could make up for it
+    with pytest.raises(CalibrationError, match=r"principal point's x that is \d+ standard deviations off"):
+        Pinhole.fit(grid, SHAPE, focal_px=2500.0)
+    with pytest.raises(CalibrationError, match="standard deviations off"):
+        Pinhole.fit(grid, SHAPE, distance_mm=45.0, distance_std_mm=0.1)
+
+
+@pytest.mark.parametrize(("focal_px", "distance_mm"), [(600.0, 9.0), (20000.0, 286.0), (200000.0, 2860.0)])
+def test_wide_angle_and_nearly_telecentric_lenses_are_fitted(focal_px: float, distance_mm: float) -> None:
+    grid = _seen(_swung(pan_deg=30, focal_px=focal_px, distance_mm=distance_mm), NOISE_PX)
+    fitted = Pinhole.fit(grid, SHAPE)
+
+    assert abs(fitted.focal_px - focal_px) < 3 * fitted.focal_std_px
+    assert fitted.left_out_px == pytest.approx(NOISE_PX * np.sqrt(2), rel=0.1)
+    assert fitted.off_axis_deg == pytest.approx(30, abs=0.01)
