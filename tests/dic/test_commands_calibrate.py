@@ -245,6 +245,12 @@ def test_assess_prints_the_paper_s_numbers_and_where_its_claim_fails(
     assert base["figure"] == 2
     assert printed.count("does not hold") == 3
     assert "holds throughout" in printed
+    models = json.loads((tmp_path / "assess.json").read_text())["models"]
+    # exact points of a pinhole leave nothing to a pinhole; noise leaves it 12 of its 882 degrees of freedom
+    assert all(row["exact_px"]["pinhole"] < 1e-6 for row in models)
+    assert all(row["noisy_px"]["pinhole"] < 0.01 * np.sqrt(2 * 12 / 882) * 1.3 for row in models)
+    assert models[-1]["exact_px"]["bicubic"] > 0.02
+    assert f"{models[-1]['noisy_px']['bicubic']:.2e}" in printed
     figures = [f"figure_{number:02d}.png" for number in range(2, 15)]
     assert sorted(path.name for path in (tmp_path / "out").glob("*.png")) == [*figures, "overview.png"]
     assert len((tmp_path / "out" / "assessment.csv").read_text().splitlines()) == len(rows) + 1
