@@ -13,6 +13,8 @@ _SAMPLE_PX = 0.5
 _PASSES = 3
 # Without noise, what interpolation and grey levels leave over differs from station to station.
 _MISFIT_OF_ROUNDING = 0.03
+# How many times brighter than the ground a line is taken to be, at most: beyond, the ground says nothing.
+_BRIGHTEST_LINE = 4.0
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,39 @@ class _Template:
         """Width at half height."""
         return float(np.count_nonzero(self.level > 0.5) * _SAMPLE_PX)
 
+    @property
+    def _shapes(self) -> Floats:
+        slope = np.gradient(self.level, self.offsets_px)
+        step = np.cumsum(np.abs(slope)) * _SAMPLE_PX
+        widening = self.offsets_px * slope
+        return np.column_stack([np.ones_like(step), step - step.mean(), self.level, slope, widening])
+
+    def shading(self, profiles: Floats) -> tuple[Floats, Floats]:
+        """Return how steeply the light rises across each segment, beside the line and on it.
+
+        Both (lines, segments, 1), grey levels per px. Light multiplies what is printed, so it rises on a dark
+        line as much less as the line is darker than the ground. It changes slowly: neighbours share it, and
+        one station alone could not tell it from an offset. The outermost lines, beside which the ground
+        may differ, take it from the lines next to them.
+        """
+        from scipy.ndimage import median_filter
+
+        design = np.column_stack([self._shapes, self.offsets_px * (1 - self.level)])
+        coefficients = profiles @ np.linalg.pinv(design).T
+        ground, depth, beside = (
+            median_where(np.isfinite(values), values, fallback=0.0)
+            for values in (coefficients[..., 0], coefficients[..., 2], coefficients[..., 5])
+        )
+        beside = median_filter(beside, size=(3, 3, 1), mode="mirror")
+        line_to_ground = 1 + depth / np.where(ground == 0, np.inf, ground)
+        return beside, beside * np.clip(line_to_ground, 0.0, _BRIGHTEST_LINE)
+
+    def shaded(self, shading: tuple[Floats, Floats]) -> Floats:
+        """Return what such shading adds to profiles, (lines, segments, 1, offsets)."""
+        beside, on_line = (slope[..., None] for slope in shading)
+        result: Floats = self.offsets_px * (beside + (on_line - beside) * self.level)
+        return result
+
     def offsets(self, profiles: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """Return the lines' offsets c in px and which of them count, both (lines, segments, stations).
 
@@ -62,10 +97,7 @@ class _Template:
         running integral of |T'|, is a step for different brightness on the two sides of the outermost lines;
         s·T' takes up that perspective makes lines wider here and narrower there.
         """
-        slope = np.gradient(self.level, self.offsets_px)
-        step = np.cumsum(np.abs(slope)) * _SAMPLE_PX
-        widening = self.offsets_px * slope
-        design = np.column_stack([np.ones_like(step), step - step.mean(), self.level, slope, widening])
+        design = self._shapes
         coefficients = profiles @ np.linalg.pinv(design).T
         misfit = np.sqrt(np.mean((profiles - coefficients @ design.T) ** 2, axis=-1))
         depth = coefficients[..., 2]
@@ -128,7 +160,9 @@ def trace_lines(image: GridImage, shape: LatticeShape, axis: int, numbers: range
     wide = _offsets_px(0.36 * pitch_px)
     start = _coarse_offsets(_profiles(image, base, normal, wide), wide)
     wide = _offsets_px(0.45 * pitch_px)
-    template = _Template.of(_profiles(image, base + start[..., None] * normal, normal, wide), wide)
+    profiles = _profiles(image, base + start[..., None] * normal, normal, wide)
+    template = _Template.of(profiles, wide)
+    shading = template.shading(profiles)
 
     clear = min(0.35, (template.half_width_px + 1) / along_px)
     count = int(np.clip((1 - 2 * clear) * along_px, 6, 40))
@@ -139,6 +173,7 @@ def trace_lines(image: GridImage, shape: LatticeShape, axis: int, numbers: range
     for _ in range(_PASSES):
         profiles = _profiles(image, base + moved[..., None] * normal, normal, near)
         template = _Template.of(profiles, near)
+        profiles = profiles - template.shaded(shading)
         offset, valid = template.offsets(profiles)
         measured = moved + offset
         moved = _straightened(measured, valid, fractions, fallback=moved)
