@@ -1,6 +1,7 @@
 """Correlate deformed images with their reference: fields of displacements in pixels."""
 
 import os
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +11,13 @@ from dic.agreement import agreeing_field, agreeing_seeds
 from dic.errors import CorrelationError
 from dic.features import FeatureFinder
 from dic.field import Field, Status
+from dic.quarter_turn import quarters_of
 from dic.region import checked_region, place_points, textured
 from dic.seeds import guesses
 from dic.settings import CorrelationSettings
 from dic.solver import PreparedReference, Solution, Solver
 from dic.spline import spline_image
+from dic.turnable import TurnableImage
 
 Float = NDArray[np.float64]
 Grey = NDArray[np.float32]
@@ -30,6 +33,27 @@ _ENOUGH_SEEDS = 0.3
 
 _LOST = 0.05
 """Share of the points that must have failed before they are looked for anew."""
+
+
+class _Seeds(NamedTuple):
+    """Points to start from.
+
+    Attributes
+    ----------
+    start : str
+        Name of the guess that led to them.
+    quarters : int
+        Quarters by which the deformed image was turned for them.
+    indices : ndarray of int, shape (n, 2)
+        Row and column on the grid.
+    solution : Solution
+        In the turned image.
+    """
+
+    start: str
+    quarters: int
+    indices: Indices
+    solution: Solution
 
 
 class Correlator:
@@ -117,64 +141,67 @@ class Correlator:
                 remedy="use images of one camera at one format",
             )
         deformed = _checked_image(deformed, "deformed image", self.settings.subset_px)
-        spline = spline_image(deformed, self.settings.order, self._threads)
-        solver = Solver(self._reference, kernel.lay_coefficients(spline, self._mean, self._threads))
-        start, seeds, solved = self._first_guess(solver, deformed, previous, hint)
+        image = TurnableImage(self._reference, deformed, self._mean)
+        seeds = self._first_guess(image, previous, hint)
+        solver = image.solver(seeds.quarters)
         solution = Solution.empty(self._reference.grid.active.shape, self.settings.parameters)
-        self._fill(solver, solution, seeds, solved)
+        self._fill(solver, solution, seeds.indices, seeds.solution)
         self._doubt(solver, solution)
-        if self._look_anew(solver, solution, deformed, previous):
+        if self._look_anew(image, seeds.quarters, solution, previous):
             self._doubt(solver, solution)
         failed = ~solution.converged
         solution.warps[failed] = solution.deviations[failed] = np.nan
+        solution = image.turned_back(solution, seeds.quarters)
         grid = self._reference.grid
         return Field(
             grid.x, grid.y, solution.warps, solution.deviations, solution.zncc, solution.iterations,
-            solution.status, grid.active, start,
+            solution.status, grid.active, seeds.start,
         )  # fmt: skip
 
-    def _first_guess(
-        self, solver: Solver, deformed: Grey, previous: Field | None, hint: Float | None
-    ) -> tuple[str, Indices, Solution]:
-        """Return the name of the guess that worked, and the seeds (row, column) with their solution."""
+    def _first_guess(self, image: TurnableImage, previous: Field | None, hint: Float | None) -> _Seeds:
+        """Return the seeds of the guess that worked."""
         indices = _scattered(self._reference.grid.active)
-        best = self._seeds(solver, deformed, indices, previous, hint)
+        best = self._seeds(image, indices, previous, hint)
         fewest = min(_FEWEST_SEEDS, len(indices))
-        if len(best[1]) < fewest:
+        if len(best.indices) < fewest:
             raise CorrelationError(
                 "deformed image",
                 "find the reference's pattern",
                 expected=f"at least {fewest} of {len(indices)} subsets of {self.settings.subset_px} px"
                 f" with ZNCC above {self.settings.min_zncc:g}",
-                got=f"{len(best[1])} that agree",
+                got=f"{len(best.indices)} that agree",
                 remedy="check that both images show the same textured surface, or choose a larger subset",
             )
         return best
 
     def _seeds(
         self,
-        solver: Solver,
-        deformed: Grey,
+        image: TurnableImage,
         indices: Indices,
         previous: Field | None = None,
         hint: Float | None = None,
-    ) -> tuple[str, Indices, Solution]:
-        """Return the guess that most points at `indices` confirm: its name, those points, their solution."""
-        points = solver.points_at(indices)
+        quarters: int | None = None,
+    ) -> _Seeds:
+        """Return the seeds of the guess that most points at `indices` confirm.
+
+        The image is turned as each guess says, or by so many `quarters`.
+        """
+        points = self._reference.grid.points_at(indices)
         before = None if previous is None else previous.warps[indices[:, 0], indices[:, 1], :6]
         half_px = max(self.settings.radius_px, 15)
-        best = "", indices[:0], Solution.empty((0,), self.settings.parameters)
+        best = _Seeds("", 0, indices[:0], Solution.empty((0,), self.settings.parameters))
         for name, guess in guesses(
-            self._grey, deformed, self._features, points, half_px,
+            self._grey, image.grey, self._features, points, half_px,
             previous=before, hint=hint, threads=self._threads,
         ):  # fmt: skip
-            solved = solver.solve(indices, guess)
+            turn = quarters_of(guess) if quarters is None else quarters
+            solved = image.solver(turn).solve(indices, image.turned(guess, points, turn))
             good = solved.converged
             good[good] = agreeing_seeds(points[good], solved.warps[good])
-            if good.sum() > len(best[1]):
-                best = name, indices[good], solved.part(np.flatnonzero(good))
+            if good.sum() > len(best.indices):
+                best = _Seeds(name, turn, indices[good], solved.part(np.flatnonzero(good)))
             in_view = np.count_nonzero(solved.status != Status.OUT_OF_VIEW)
-            if len(best[1]) >= max(min(_FEWEST_SEEDS, len(points)), _ENOUGH_SEEDS * in_view):
+            if len(best.indices) >= max(min(_FEWEST_SEEDS, len(points)), _ENOUGH_SEEDS * in_view):
                 break
         return best
 
@@ -193,7 +220,9 @@ class Correlator:
             solved = solver.solve(seeds, solver.from_nearest(solution, seeds))
             first = False
 
-    def _look_anew(self, solver: Solver, solution: Solution, deformed: Grey, previous: Field | None) -> bool:
+    def _look_anew(
+        self, image: TurnableImage, quarters: int, solution: Solution, previous: Field | None
+    ) -> bool:
         """Look for many lost points as if nothing were known: they may lie on a body that moves on its own.
 
         Points that had been lost before are left alone, or every image of a series were searched for them.
@@ -204,10 +233,10 @@ class Correlator:
             lost &= previous.converged
         if lost.sum() < max(_FEWEST_SEEDS, _LOST * grid.active.sum()):
             return False
-        _, seeds, solved = self._seeds(solver, deformed, _scattered(lost))
-        if len(seeds) < _FEWEST_SEEDS:
+        seeds = self._seeds(image, _scattered(lost), quarters=quarters)
+        if len(seeds.indices) < _FEWEST_SEEDS:
             return False
-        self._fill(solver, solution, seeds, solved)
+        self._fill(image.solver(quarters), solution, seeds.indices, seeds.solution)
         return True
 
     def _doubt(self, solver: Solver, solution: Solution) -> None:

@@ -144,6 +144,10 @@ class PointGrid:
     pixels: NDArray[np.int64]
     cut: Mask
 
+    def points_at(self, indices: Indices) -> Indices:
+        """Return the points (x, y), shape (n, 2), at `indices` (row, column)."""
+        return np.stack([self.x[indices[:, 1]], self.y[indices[:, 0]]], axis=1)
+
 
 def place_points(centres: Mask, usable: Mask, subset_px: int, step_px: int) -> PointGrid:
     """Lay the grid of points of interest over a region.

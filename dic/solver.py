@@ -128,7 +128,7 @@ class Solver:
         if beside_cracks.size:
             image = CutReference(self._reference.image)
             for k in beside_cracks:
-                (x, y), radius = self.points_at(indices[k : k + 1])[0], self._limits.radius
+                (x, y), radius = self._reference.grid.points_at(indices[k : k + 1])[0], self._limits.radius
                 with image.limited_to(int(x), int(y), self._reference.usable, radius) as limited:
                     self._run(limited, indices, np.array([k]), solution)
         return solution
@@ -147,11 +147,6 @@ class Solver:
             *small, np.ones(small.status.shape, np.bool_), False,
         )  # fmt: skip
         solution.put((chosen,), small.part((row, column)))
-
-    def points_at(self, indices: Indices) -> NDArray[np.int64]:
-        """Return the points (x, y), shape (n, 2), at grid `indices` (row, column)."""
-        grid = self._reference.grid
-        return np.stack([grid.x[indices[:, 1]], grid.y[indices[:, 0]]], axis=1)
 
     def propagate(self, solution: Solution, pending: Mask, *, side_by_side: bool) -> None:
         """Spread from the converged points over those `pending`, the best first.
@@ -199,7 +194,8 @@ class Solver:
     def extrapolated(self, solution: Solution, origins: Indices, indices: Indices) -> Float:
         """Return guesses (n, 6) at grid `indices` from the warps of as many points at `origins`."""
         guess: Float = solution.warps[origins[:, 0], origins[:, 1], :6].copy()
-        dx, dy = (self.points_at(indices) - self.points_at(origins)).T
+        grid = self._reference.grid
+        dx, dy = (grid.points_at(indices) - grid.points_at(origins)).T
         guess[:, 0] += guess[:, 1] * dx + guess[:, 2] * dy
         guess[:, 3] += guess[:, 4] * dx + guess[:, 5] * dy
         return guess
