@@ -9,6 +9,9 @@ from dic.grid_trace import LineTrace, median_where
 
 Floats = NDArray[np.float64]
 _SEGMENTS = 4
+# A window moves off centre for stations of at least this part of a segment more, per segment.
+_MOST_SHIFT = 2
+_SHIFT_COSTS = 0.4
 _NEWTON_STEPS = 4
 _REJECTIONS = 4
 
@@ -66,11 +69,10 @@ def intersect(first: LineTrace, second: LineTrace, predicted: Floats) -> tuple[F
 
 def _local_curves(trace: LineTrace, predicted: Floats) -> _LocalCurve:
     lines, segments = trace.valid.shape[:2]
-    used = min(_SEGMENTS, segments)
-    first = np.clip(np.arange(segments + 1) - used // 2, 0, segments - used)
-    nearby = first[:, None] + np.arange(used)
-    stations = trace.station_px[:, nearby].reshape(lines, segments + 1, -1, 2)
-    valid = trace.valid[:, nearby].reshape(lines, segments + 1, -1)
+    nearby = _windows(trace.valid.mean(axis=-1))
+    line = np.arange(lines)[:, None, None]
+    stations = trace.station_px[line, nearby].reshape(lines, segments + 1, -1, 2)
+    valid = trace.valid[line, nearby].reshape(lines, segments + 1, -1)
     chord = stations[:, :, -1] - stations[:, :, 0]
     scale = np.linalg.norm(chord, axis=-1)
     tangent = chord / scale[..., None]
@@ -79,7 +81,33 @@ def _local_curves(trace: LineTrace, predicted: Floats) -> _LocalCurve:
     s = np.einsum("abkc,abc->abk", relative, tangent) / scale[..., None]
     h = np.einsum("abkc,abc->abk", relative, normal)
     coefficients, kept = _robust_parabolas(s, h, valid)
-    return _LocalCurve(predicted, tangent, normal, scale, coefficients, kept.mean(axis=-1) > 0.6)
+    sound = (kept.mean(axis=-1) > 0.6) & _touched(trace.valid)
+    return _LocalCurve(predicted, tangent, normal, scale, coefficients, sound)
+
+
+def _windows(seen: Floats) -> NDArray[np.int64]:
+    """Return the segments whose stations describe each line at each intersection, (lines, segments + 1, 4).
+
+    Two on either side; where something hides those of one side, more of the other, as at the grid's rim.
+    """
+    segments = seen.shape[1]
+    used = min(_SEGMENTS, segments)
+    centred = np.clip(np.arange(segments + 1) - used // 2, 0, segments - used)
+    total = np.lib.stride_tricks.sliding_window_view(seen, used, axis=1).sum(axis=-1)
+    best, first = total[:, centred], np.broadcast_to(centred, (len(seen), segments + 1))
+    for shift in range(-_MOST_SHIFT, _MOST_SHIFT + 1):
+        shifted = np.clip(centred + shift, 0, segments - used)
+        score = total[:, shifted] - _SHIFT_COSTS * np.abs(shifted - centred)
+        first = np.where(score > best, shifted, first)
+        best = np.maximum(score, best)
+    return first[..., None] + np.arange(used)
+
+
+def _touched(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell at which intersections a line is seen on at least one side, (lines, segments + 1)."""
+    seen = valid.mean(axis=-1) > 0.5
+    none = np.zeros((len(seen), 1), bool)
+    return np.asarray(np.hstack([none, seen]) | np.hstack([seen, none]))
 
 
 def _robust_parabolas(s: Floats, h: Floats, valid: NDArray[np.bool_]) -> tuple[Floats, NDArray[np.bool_]]:
