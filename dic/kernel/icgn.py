@@ -12,6 +12,7 @@ u + u_x x + u_y y + u_xx x²/2 + u_xy xy + u_yy y²/2 further right in the defor
 further down.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -71,6 +72,9 @@ class Workspace(NamedTuple):
     t: Float
     d: Float
     b: Float
+    D: Float
+    rows: Float
+    p: Float
     q: Flat
     Q: Flat
     S: Flat
@@ -78,22 +82,14 @@ class Workspace(NamedTuple):
     place: NDArray[np.int64]
 
 
-@inner
-def workspace(r: int, shape: m.Shape) -> Workspace:
-    """Return memory for subsets of radius `r`."""
-    n, k = 2 * r + 1, len(shape)
-    return Workspace(
-        np.empty((k, k)),
-        np.empty(k),
-        np.empty(k),
-        np.empty(k),
-        np.empty(k),
-        np.empty(k, np.float32),
-        np.empty(m.REFERENCE_MOMENTS, np.float32),
-        np.empty(m.MOMENTS, np.float32),
-        np.empty((2, n), np.float32),
-        np.empty((2, n), np.int64),
-    )
+def workspace(radius: int, parameters: int) -> Workspace:
+    """Return memory for subsets of a radius and warps of so many parameters."""
+    H, D, rows = np.empty((parameters, parameters)), np.empty((6, 6)), np.empty((3, 6))
+    s, t, d, b, p = np.empty((5, parameters))
+    q, Q = np.empty(parameters, np.float32), np.empty(m.REFERENCE_MOMENTS, np.float32)
+    S, width = np.empty(m.MOMENTS, np.float32), 2 * radius + 1
+    shift, place = np.empty((2, width), np.float32), np.empty((2, width), np.int64)
+    return Workspace(H, s, t, d, b, D, rows, p, q, Q, S, shift, place)
 
 
 @inner
@@ -137,7 +133,7 @@ def _cholesky(A: Float) -> bool:
             if i == j:
                 if not s > limit:
                     return False
-                A[i, i] = np.sqrt(s)
+                A[i, i] = math.sqrt(s)
             else:
                 A[i, j] = s / A[j, j]
     return True
@@ -175,56 +171,54 @@ def _compose_inverse(p: Float, d: Float) -> None:
 
 
 @inner
-def _square_matrix(p: Float, W: Float) -> None:
+def _square_matrix(d: Float, D: Float) -> None:
     """Write the matrix by which a quadratic warp takes (x², xy, y², x, y, 1) to the same of the warped pixel.
 
     Gao et al. (2015), equation 12; terms above the second degree are dropped.
     """
-    u, ux, uy, v, vx, vy = p[0], p[1], p[2], p[3], p[4], p[5]
-    uxx, uxy, uyy, vxx, vxy, vyy = p[6], p[7], p[8], p[9], p[10], p[11]
-    a, e = 1.0 + ux, 1.0 + vy
-    W[0, 0], W[0, 1], W[0, 2] = a * a + u * uxx, 2 * (u * uxy + a * uy), uy * uy + u * uyy
-    W[0, 3], W[0, 4], W[0, 5] = 2 * u * a, 2 * u * uy, u * u
-    W[1, 0] = (v * uxx + u * vxx) / 2 + a * vx
-    W[1, 1] = a * e + uy * vx + v * uxy + u * vxy
-    W[1, 2] = (v * uyy + u * vyy) / 2 + uy * e
-    W[1, 3], W[1, 4], W[1, 5] = v * a + u * vx, u * e + v * uy, u * v
-    W[2, 0], W[2, 1], W[2, 2] = vx * vx + v * vxx, 2 * (v * vxy + vx * e), e * e + v * vyy
-    W[2, 3], W[2, 4], W[2, 5] = 2 * v * vx, 2 * v * e, v * v
-    W[3, 0], W[3, 1], W[3, 2], W[3, 3], W[3, 4], W[3, 5] = uxx / 2, uxy, uyy / 2, a, uy, u
-    W[4, 0], W[4, 1], W[4, 2], W[4, 3], W[4, 4], W[4, 5] = vxx / 2, vxy, vyy / 2, vx, e, v
-    W[5, 0], W[5, 1], W[5, 2], W[5, 3], W[5, 4], W[5, 5] = 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
+    for side in range(2):
+        row, at = 3 + side, 3 * side
+        D[row, 0], D[row, 1], D[row, 2] = d[at + 6] / 2, d[at + 7], d[at + 8] / 2
+        D[row, 3], D[row, 4], D[row, 5] = d[at + 1], d[at + 2], d[at]
+        D[row, row] += 1.0
+    for row in range(3):
+        # x'x', x'y', y'y': products of the two polynomials above
+        i, j = 3 + row // 2, 3 + (row + 1) // 2
+        for k in range(5):
+            D[row, k] = D[i, k] * D[j, 5] + D[i, 5] * D[j, k]
+        D[row, 0] += D[i, 3] * D[j, 3]
+        D[row, 1] += D[i, 3] * D[j, 4] + D[i, 4] * D[j, 3]
+        D[row, 2] += D[i, 4] * D[j, 4]
+        D[row, 5] = D[i, 5] * D[j, 5]
+    for k in range(6):
+        D[5, k] = 1.0 if k == 5 else 0.0
 
 
 @inner
-def _compose_inverse_quadratic(p: Float, d: Float) -> None:
+def _compose_inverse_quadratic(p: Float, d: Float, D: Float, rows: Float) -> None:
     """Replace the quadratic warp p by p ∘ d⁻¹, up to the third power of the small step d.
 
     (I + D)⁻¹ = I - D + D² - … ; what is left out vanishes with the last step, so the result is not changed.
+    D and the rows, of the warp's matrix times 1, D and D², are memory to work in.
     """
-    W, D = np.empty((6, 6)), np.empty((6, 6))
-    _square_matrix(p, W)
     _square_matrix(d, D)
-    for i in range(6):
-        D[i, i] -= 1.0
-    once, twice = np.empty(6), np.empty(6)
+    for k in range(6):
+        D[k, k] -= 1.0
     for side in range(2):
-        row = W[3 + side]
-        for j in range(6):
-            once[j] = 0.0
-            for k in range(6):
-                once[j] += row[k] * D[k, j]
-        for j in range(6):
-            twice[j] = 0.0
-            for k in range(6):
-                twice[j] += once[k] * D[k, j]
         at = 3 * side
-        p[at] = row[5] - once[5] + twice[5]
-        p[at + 1], p[at + 2] = row[3] - once[3] + twice[3], row[4] - once[4] + twice[4]
-        p[at + 1 + side] -= 1.0
-        p[at + 6] = 2.0 * (row[0] - once[0] + twice[0])
-        p[at + 7] = row[1] - once[1] + twice[1]
-        p[at + 8] = 2.0 * (row[2] - once[2] + twice[2])
+        rows[0, 0], rows[0, 1], rows[0, 2] = p[at + 6] / 2, p[at + 7], p[at + 8] / 2
+        rows[0, 3], rows[0, 4], rows[0, 5] = p[at + 1], p[at + 2], p[at]
+        rows[0, 3 + side] += 1.0
+        for power in range(1, 3):
+            for j in range(6):
+                rows[power, j] = 0.0
+                for k in range(6):
+                    rows[power, j] += rows[power - 1, k] * D[k, j]
+        for k in range(6):
+            rows[0, k] += rows[2, k] - rows[1, k]
+        rows[0, 3 + side] -= 1.0
+        p[at + 6], p[at + 7], p[at + 8] = 2.0 * rows[0, 0], rows[0, 1], 2.0 * rows[0, 2]
+        p[at + 1], p[at + 2], p[at] = rows[0, 3], rows[0, 4], rows[0, 5]
 
 
 @inner
@@ -244,10 +238,13 @@ def extrapolate(p: Float, dx: float, dy: float, q: Float) -> None:
 @inner
 def _step_length_px(d: Float, r: int) -> float:
     """Return how far a step moves the edge of the subset, at most about."""
-    square = d[0] ** 2 + d[3] ** 2 + r * r * (d[1] ** 2 + d[2] ** 2 + d[4] ** 2 + d[5] ** 2)
-    for i in range(6, len(d)):
-        square += (_FACTOR[i] * r * r * d[i]) ** 2
-    return float(np.sqrt(square))
+    square = 0.0
+    for i in range(len(d)):
+        move = _FACTOR[i] * d[i]
+        for _ in range(_POWER_X[i] + _POWER_Y[i]):
+            move *= r
+        square += move * move
+    return math.sqrt(square)
 
 
 @inner
@@ -288,7 +285,7 @@ def _deviations(L: Float, variance: float, y: Float, deviations: Float) -> None:
                 s -= L[i, j] * y[j]
             y[i] = s / L[i, i]
             square += y[i] * y[i]
-        deviations[k] = np.sqrt(variance * square)
+        deviations[k] = math.sqrt(variance * square)
 
 
 @inner
@@ -308,6 +305,12 @@ def _widen(Q: Flat, n: int, slope_noise: float, deviations: Float) -> None:
 
 
 @inner
+def _sinc(x: float) -> float:
+    """Return sin(πx) / (πx)."""
+    return math.sin(np.pi * x) / (np.pi * x) if x != 0.0 else 1.0
+
+
+@inner
 def _noise_variance(residual2: float, n: int, p: Float, r: int, noise_gain: float) -> float:
     """Return twice the variance of the images' noise, as the residuals of n pixels of a subset tell.
 
@@ -317,7 +320,7 @@ def _noise_variance(residual2: float, n: int, p: Float, r: int, noise_gain: floa
     damping = 1.0
     for at in (0, 3):
         # A gradient passes several sub-pixel positions within the subset, which averages the cosine.
-        swing = np.cos(2.0 * np.pi * p[at]) * np.sinc(2.0 * r * p[at + 1]) * np.sinc(2.0 * r * p[at + 2])
+        swing = math.cos(2.0 * np.pi * p[at]) * _sinc(2.0 * r * p[at + 1]) * _sinc(2.0 * r * p[at + 2])
         damping *= (1.0 + noise_gain + (1.0 - noise_gain) * swing) / 2.0
     return 2.0 * residual2 / (n - len(p) - 2) / (1.0 + damping)
 
@@ -350,24 +353,22 @@ def correlate_point(
     flat = max(image.flat_variance * pixels, lost * work.Q[m.FF])
     if not norm2 > flat or not _cholesky(H):
         return NO_TEXTURE, np.nan, 0
-    clipped = pixels < (2 * r + 1) ** 2
+    clipped = pixels < (2 * r + 1) * (2 * r + 1)
     zncc, last = np.nan, 0.0
     for iteration in range(1, limits.max_iterations + 1):
         if not _in_view(deformed, x, y, r, p):
             return OUT_OF_VIEW, np.nan, iteration
         for i in range(len(p)):
             q[i] = p[i]
-        if _is_smooth(p, r):
-            m.moments_of_smooth_warp(
-                image, deformed, taps, shape, centre, target, r, q, clipped, work.shift, work.place, S
-            )
-        else:
-            m.moments_of_any_warp(image, deformed, taps, shape, centre, target, r, q, S)
+        m.moments_with_image(
+            image, deformed, taps, shape, centre, target, r, q, _is_smooth(p, r), clipped,
+            work.shift, work.place, S,
+        )  # fmt: skip
         g_mean = S[m.G] / pixels
         g_norm2 = S[m.GG] - S[m.G] * g_mean
         if not g_norm2 > lost * S[m.GG]:
             return LOW_CORRELATION, np.nan, iteration
-        gain = np.sqrt(norm2 / g_norm2)
+        gain = math.sqrt(norm2 / g_norm2)
         zncc = (S[m.FG] - mean * S[m.G]) * gain / norm2
         for i in range(len(p)):
             k = _monomial(_POWER_X[i], _POWER_Y[i]) + 6 * _SIDE[i]
@@ -376,11 +377,12 @@ def correlate_point(
         length = _step_length_px(d, r)
         if len(shape) == 12 and length > _FAR_PX:
             # Far from the goal curvature misleads: the affine part alone, whose factor leads the whole one's.
-            _solve(H, b, 6, d)
+            # (Its six parameters are those that have deviations.)
+            _solve(H, b, len(deviations), d)
         if not length < 2.0 * r:
             return NOT_CONVERGED, zncc, iteration
         if len(shape) == 12:
-            _compose_inverse_quadratic(p, d)
+            _compose_inverse_quadratic(p, d, work.D, work.rows)
         else:
             _compose_inverse(p, d)
         rate = length / last

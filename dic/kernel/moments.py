@@ -6,12 +6,27 @@ slopes fx and fy, and g the deformed image, whose spline has the coefficients c.
 element `centre` of the reference; `target` is the element of the deformed image with the same coordinates.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.kernel.jit import inlined, inner
 from dic.kernel.layout import Deformed, Reference
-from dic.kernel.vectors import at_least, blend, fma, load, ramp8, ramp16, select, splat, spread, total
+from dic.kernel.vectors import (
+    add_moments,
+    add_powers,
+    at_least,
+    blend,
+    fma,
+    load,
+    nothing,
+    ramp8,
+    ramp16,
+    select,
+    splat,
+    total,
+)
 
 Flat = NDArray[np.float32]
 Vector = NDArray[np.float32]
@@ -77,109 +92,57 @@ def _weights_of_two(taps: Taps, t: Vector) -> tuple[Vector, ...]:
     )
 
 
-@inlined
-def _add_first(M: Flat, at: int, x: Vector, s0: Vector, s1: Vector) -> None:
-    """Add the moments with 1, x and y of a strip, whose rows were summed times 1 and y."""
-    M[at] += total(s0)
-    M[at + 1] += total(s0 * x)
-    M[at + 2] += total(s1)
-
-
-@inlined
-def _add_second(M: Flat, at: int, x: Vector, s0: Vector, s1: Vector, s2: Vector) -> None:
-    """Add the moments with x², xy and y² of a strip, whose rows were summed times 1, y and y²."""
-    M[at + 3] += total(s0 * x * x)
-    M[at + 4] += total(s1 * x)
-    M[at + 5] += total(s2)
-
-
-@inlined
-def _add_fourth(
-    M: Flat, at: int, x: Vector, s0: Vector, s1: Vector, s2: Vector, s3: Vector, s4: Vector
-) -> None:
-    """Add the moments of the third and fourth degree of a strip, summed times y to the powers 0 to 4."""
-    xx = x * x
-    M[at + 6] += total(s0 * xx * x)
-    M[at + 7] += total(s1 * xx)
-    M[at + 8] += total(s2 * x)
-    M[at + 9] += total(s3)
-    M[at + 10] += total(s0 * xx * xx)
-    M[at + 11] += total(s1 * xx * x)
-    M[at + 12] += total(s2 * xx)
-    M[at + 13] += total(s3 * x)
-    M[at + 14] += total(s4)
-
-
 @inner
-def _reference_strip(
-    image: Reference, shape: Shape, x: Vector, inside: Vector, first: int, r: int, Q: Flat
-) -> None:
+def _reference_strip(image: Reference, shape: Shape, x: Vector, first: int, r: int, Q: Flat) -> None:
     """Add one strip of the subset, as wide as the vector of its offsets `x`, to the reference's moments.
 
-    Lanes beyond the subset read its neighbours: `inside` is 1 within and 0 there.
+    Lanes beyond the subset read its neighbours, which do not count.
     """
-    zero = splat(x, 0.0)
-    a0, a1, a2, a3, a4 = zero, zero, zero, zero, zero
-    b0, b1, b2, b3, b4 = zero, zero, zero, zero, zero
-    c0, c1, c2, c3, c4 = zero, zero, zero, zero, zero
-    d0, d1, d2, e0, e1, e2 = zero, zero, zero, zero, zero, zero
-    g0, g1, g2, h0, h1, h2, f1, f2 = zero, zero, zero, zero, zero, zero, zero, zero
+    inside = _inside(x, r)
+    if len(shape) == 12:
+        fxfx, fx1 = nothing(x, 5), nothing(x, 3)
+    else:
+        fxfx, fx1 = nothing(x, 3), nothing(x, 2)
+    fxfy, fyfy, fxf, fyf, fy1, f1, ff = fxfx, fxfx, fx1, fx1, fx1, splat(x, 0.0), splat(x, 0.0)
     place = first
     for j in range(-r, r + 1):
-        y = splat(x, j)
-        f = load(x, image.f, place) * inside
-        fx, fy = load(x, image.fx, place) * inside, load(x, image.fy, place) * inside
+        y, f, fx, fy = (
+            splat(x, j),
+            load(x, image.f, place),
+            load(x, image.fx, place),
+            load(x, image.fy, place),
+        )
         place += image.pitch
-        y2 = y * y
-        xx, xy, yy, xf, yf = fx * fx, fx * fy, fy * fy, fx * f, fy * f
-        a0, a1, a2 = a0 + xx, fma(xx, y, a1), fma(xx, y2, a2)
-        b0, b1, b2 = b0 + xy, fma(xy, y, b1), fma(xy, y2, b2)
-        c0, c1, c2 = c0 + yy, fma(yy, y, c1), fma(yy, y2, c2)
-        d0, d1, e0, e1 = d0 + xf, fma(xf, y, d1), e0 + yf, fma(yf, y, e1)
-        g0, g1, h0, h1 = g0 + fx, fma(fx, y, g1), h0 + fy, fma(fy, y, h1)
-        f1, f2 = f1 + f, fma(f, f, f2)
-        if len(shape) == 12:
-            y3, y4 = y2 * y, y2 * y2
-            a3, b3, c3 = fma(xx, y3, a3), fma(xy, y3, b3), fma(yy, y3, c3)
-            a4, b4, c4 = fma(xx, y4, a4), fma(xy, y4, b4), fma(yy, y4, c4)
-            d2, e2, g2, h2 = fma(xf, y2, d2), fma(yf, y2, e2), fma(fx, y2, g2), fma(fy, y2, h2)
-    _add_first(Q, PRODUCTS, x, a0, a1)
-    _add_first(Q, PRODUCTS + 15, x, b0, b1)
-    _add_first(Q, PRODUCTS + 30, x, c0, c1)
-    _add_second(Q, PRODUCTS, x, a0, a1, a2)
-    _add_second(Q, PRODUCTS + 15, x, b0, b1, b2)
-    _add_second(Q, PRODUCTS + 30, x, c0, c1, c2)
-    _add_first(Q, FX_F, x, d0, d1)
-    _add_first(Q, FY_F, x, e0, e1)
-    _add_first(Q, FX, x, g0, g1)
-    _add_first(Q, FY, x, h0, h1)
-    Q[F] += total(f1)
-    Q[FF] += total(f2)
-    if len(shape) == 12:
-        _add_fourth(Q, PRODUCTS, x, a0, a1, a2, a3, a4)
-        _add_fourth(Q, PRODUCTS + 15, x, b0, b1, b2, b3, b4)
-        _add_fourth(Q, PRODUCTS + 30, x, c0, c1, c2, c3, c4)
-        _add_second(Q, FX_F, x, d0, d1, d2)
-        _add_second(Q, FY_F, x, e0, e1, e2)
-        _add_second(Q, FX, x, g0, g1, g2)
-        _add_second(Q, FY, x, h0, h1, h2)
+        fxfx, fxfy = add_powers(fxfx, fx * fx, y), add_powers(fxfy, fx * fy, y)
+        fyfy = add_powers(fyfy, fy * fy, y)
+        fxf, fyf = add_powers(fxf, fx * f, y), add_powers(fyf, fy * f, y)
+        fx1, fy1 = add_powers(fx1, fx, y), add_powers(fy1, fy, y)
+        f1, ff = f1 + f, fma(f, f, ff)
+    add_moments(Q, PRODUCTS, fxfx, x, inside)
+    add_moments(Q, PRODUCTS + 15, fxfy, x, inside)
+    add_moments(Q, PRODUCTS + 30, fyfy, x, inside)
+    add_moments(Q, FX_F, fxf, x, inside)
+    add_moments(Q, FY_F, fyf, x, inside)
+    add_moments(Q, FX, fx1, x, inside)
+    add_moments(Q, FY, fy1, x, inside)
+    Q[F] += total(f1 * inside)
+    Q[FF] += total(ff * inside)
 
 
 @inner
 def reference_moments(image: Reference, shape: Shape, centre: int, r: int, Q: Flat) -> None:
     """Write the moments of the subset around the element `centre` of the reference."""
-    Q[:] = 0.0
-    left, remaining = -r, 2 * r + 1
-    while remaining > 0:
+    for k in range(REFERENCE_MOMENTS):
+        Q[k] = 0.0
+    left = -r
+    while left <= r:
         first = centre - r * image.pitch + left
-        if remaining > 8:
-            x = ramp16(left)
-            _reference_strip(image, shape, x, _inside(x, r), first, r, Q)
-            left, remaining = left + 16, remaining - 16
+        if r - left >= 8:
+            _reference_strip(image, shape, ramp16(left), first, r, Q)
+            left += 16
         else:
-            x8 = ramp8(left)
-            _reference_strip(image, shape, x8, _inside(x8, r), first, r, Q)
-            left, remaining = left + 8, remaining - 8
+            _reference_strip(image, shape, ramp8(left), first, r, Q)
+            left += 8
 
 
 @inlined
@@ -198,33 +161,24 @@ def _lay_rows(
     Row 0 of `place` is the offset of the first pixel's cell, row 1 tells whether the strip reaches into the
     next cell across or down. `shift` is what the row adds to the strip's warp, less the cell.
     """
-    u, ux, uy, v, vx, vy = p[0], p[1], p[2], p[3], p[4], p[5]
-    sag_x, sag_y = np.float32(0.0), np.float32(0.0)
-    if len(shape) == 12:
-        # A parabola leaves the chord between its ends by at most an eighth of curvature times length squared.
-        sag_x = abs(p[6]) * np.float32((right - left) ** 2 / 8)
-        sag_y = abs(p[9]) * np.float32((right - left) ** 2 / 8)
+    first, last, half = np.float32(left), np.float32(right), np.float32(0.5)
     for j in range(2 * r + 1):
         y = np.float32(j - r)
-        row_x, row_y, slope_x, slope_y = uy * y, vy * y, ux, vx
-        begin_x, begin_y, end_x, end_y = u, v, u, v
-        if len(shape) == 12:
-            row_x += np.float32(0.5) * p[8] * y * y
-            row_y += np.float32(0.5) * p[11] * y * y
-            slope_x, slope_y = ux + p[7] * y, vx + p[10] * y
-            begin_x += np.float32(0.5) * p[6] * left * left
-            begin_y += np.float32(0.5) * p[9] * left * left
-            end_x += np.float32(0.5) * p[6] * right * right
-            end_y += np.float32(0.5) * p[9] * right * right
-        begin_x, begin_y = begin_x + slope_x * left + row_x, begin_y + slope_y * left + row_y
-        end_x, end_y = end_x + slope_x * right + row_x, end_y + slope_y * right + row_y
-        column = np.floor(min(begin_x, end_x) - sag_x)
-        row = np.floor(min(begin_y, end_y) - sag_y)
-        shift[0, j], shift[1, j] = row_x - column, row_y - row
-        place[0, j] = np.int64(row) * pitch + np.int64(column)
-        across = max(begin_x, end_x) + sag_x - column >= 1.0
-        down = max(begin_y, end_y) + sag_y - row >= 1.0
-        place[1, j] = np.int64(across or down)
+        cells, reaches, step = 0, False, 1
+        for side in range(2):
+            at = 3 * side
+            slope, added, bend = p[at + 1], p[at + 2] * y, np.float32(0.0)
+            if len(shape) == 12:
+                slope, added, bend = slope + p[at + 7] * y, added + half * p[at + 8] * y * y, half * p[at + 6]
+            begin = p[at] + (slope + bend * first) * first + added
+            end = p[at] + (slope + bend * last) * last + added
+            # A parabola leaves the chord between its ends by at most so much.
+            sag = half * half * abs(bend) * (last - first) * (last - first)
+            cell = math.floor(min(begin, end) - sag)
+            reaches = reaches or max(begin, end) + sag - cell >= 1.0
+            shift[side, j] = added - np.float32(cell)
+            cells, step = cells + cell * step, pitch
+        place[0, j], place[1, j] = cells, reaches
 
 
 @inner
@@ -255,7 +209,8 @@ def _strip(
         half_square = splat(x, 0.5) * x * x
         to_x, to_y = fma(splat(x, p[6]), half_square, to_x), fma(splat(x, p[9]), half_square, to_y)
         twist_x, twist_y = splat(x, p[7]) * x, splat(x, p[10]) * x
-    x0, x1, x2, y0, y1, y2, s1, s2, sf = zero, zero, zero, zero, zero, zero, zero, zero, zero
+    fxg = nothing(x, 3) if len(shape) == 12 else nothing(x, 2)
+    fyg, g1, gg, fg = fxg, zero, zero, zero
     here, pitch = centre - r * image.pitch + left, deformed.pitch
     row_there = target - r * pitch + left - (len(taps) // 2 - 1) * (pitch + 1)
     for j in range(2 * r + 1):
@@ -270,25 +225,19 @@ def _strip(
             g = blend(deformed.c, there, pitch, _weights_of_two(taps, tx), _weights_of_two(taps, ty))
         if clipped:
             g = g * load(x, image.inside, here)
-        px, py = load(x, image.fx, here) * g, load(x, image.fy, here) * g
-        x0, x1, y0, y1 = x0 + px, fma(px, y, x1), y0 + py, fma(py, y, y1)
-        if len(shape) == 12:
-            x2, y2 = fma(px * y, y, x2), fma(py * y, y, y2)
-        s1, s2, sf = s1 + g, fma(g, g, s2), fma(load(x, image.f, here), g, sf)
+        fxg = add_powers(fxg, load(x, image.fx, here) * g, y)
+        fyg = add_powers(fyg, load(x, image.fy, here) * g, y)
+        g1, gg, fg = g1 + g, fma(g, g, gg), fma(load(x, image.f, here), g, fg)
         here, row_there = here + image.pitch, row_there + pitch
-    x0, x1, y0, y1 = x0 * inside, x1 * inside, y0 * inside, y1 * inside
-    _add_first(S, FX_G, x, x0, x1)
-    _add_first(S, FY_G, x, y0, y1)
-    if len(shape) == 12:
-        _add_second(S, FX_G, x, x0, x1, x2 * inside)
-        _add_second(S, FY_G, x, y0, y1, y2 * inside)
-    S[G] += total(s1 * inside)
-    S[GG] += total(s2 * inside)
-    S[FG] += total(sf * inside)
+    add_moments(S, FX_G, fxg, x, inside)
+    add_moments(S, FY_G, fyg, x, inside)
+    S[G] += total(g1 * inside)
+    S[GG] += total(gg * inside)
+    S[FG] += total(fg * inside)
 
 
 @inner
-def moments_of_smooth_warp(
+def moments_with_image(
     image: Reference,
     deformed: Deformed,
     taps: Taps,
@@ -297,102 +246,29 @@ def moments_of_smooth_warp(
     target: int,
     r: int,
     p: Flat,
+    smooth: bool,
     clipped: bool,
     shift: Flat,
     place: NDArray[np.int64],
     S: Flat,
 ) -> None:
-    """Write the moments of the subset with the deformed image, 16 or 8 pixels of a row at a time.
+    """Write the moments of the subset with the warped deformed image.
 
-    Smooth means that the warp changes by less than a pixel against the grid along 16 pixels of a row.
+    Where the warp is not smooth, neighbours of a row do not stay neighbours: strips are one pixel wide.
     """
-    S[:] = 0.0
-    left, remaining = -r, 2 * r + 1
-    while remaining > 0:
-        if remaining > 8:
-            _lay_rows(shape, deformed.pitch, left, min(left + 15, r), r, p, shift, place)
-            _strip(
-                image,
-                deformed,
-                taps,
-                shape,
-                ramp16(left),
-                left,
-                centre,
-                target,
-                r,
-                p,
-                clipped,
-                shift,
-                place,
-                S,
-            )
-            left, remaining = left + 16, remaining - 16
+    for k in range(MOMENTS):
+        S[k] = 0.0
+    left = -r
+    while left <= r:
+        width = (16 if r - left >= 8 else 8) if smooth else 1
+        _lay_rows(shape, deformed.pitch, left, min(left + width - 1, r), r, p, shift, place)
+        if width == 16:
+            x16 = ramp16(left)
+            _strip(image, deformed, taps, shape, x16, left, centre, target, r, p, clipped, shift, place, S)
+        elif width == 8:
+            x8 = ramp8(left)
+            _strip(image, deformed, taps, shape, x8, left, centre, target, r, p, clipped, shift, place, S)
         else:
-            _lay_rows(shape, deformed.pitch, left, r, r, p, shift, place)
-            _strip(
-                image,
-                deformed,
-                taps,
-                shape,
-                ramp8(left),
-                left,
-                centre,
-                target,
-                r,
-                p,
-                clipped,
-                shift,
-                place,
-                S,
-            )
-            left, remaining = left + 8, remaining - 8
-
-
-@inner
-def moments_of_any_warp(
-    image: Reference,
-    deformed: Deformed,
-    taps: Taps,
-    shape: Shape,
-    centre: int,
-    target: int,
-    r: int,
-    p: Flat,
-    S: Flat,
-) -> None:
-    """Write the moments of the subset with the deformed image, pixel by pixel, for large rotations."""
-    S[:] = 0.0
-    pitch = deformed.pitch
-    first_tap = target - (len(taps) // 2 - 1) * (pitch + 1)
-    zero, half = np.float32(0.0), np.float32(0.5)
-    for j in range(-r, r + 1):
-        y = np.float32(j)
-        x0, x1, x2, y0, y1, y2 = zero, zero, zero, zero, zero, zero
-        s1, s2, sf = zero, zero, zero
-        for i in range(-r, r + 1):
-            here = centre + j * image.pitch + i
-            x = np.float32(i)
-            to_x, to_y = p[0] + p[1] * x + p[2] * y, p[3] + p[4] * x + p[5] * y
-            if len(shape) == 12:
-                to_x += half * p[6] * x * x + p[7] * x * y + half * p[8] * y * y
-                to_y += half * p[9] * x * x + p[10] * x * y + half * p[11] * y * y
-            column, row = np.floor(to_x), np.floor(to_y)
-            there = first_tap + (j + np.int64(row)) * pitch + i + np.int64(column)
-            wx, wy = _weights(taps, to_x - column), _weights(taps, to_y - row)
-            g = spread(deformed.c, there, pitch, wx, wy) * image.inside[here]
-            px, py = image.fx[here] * g, image.fy[here] * g
-            x0, x1, y0, y1 = x0 + px, x1 + px * x, y0 + py, y1 + py * x
-            if len(shape) == 12:
-                x2, y2 = x2 + px * x * x, y2 + py * x * x
-            s1, s2, sf = s1 + g, s2 + g * g, sf + image.f[here] * g
-        for at, m0, m1, m2 in ((FX_G, x0, x1, x2), (FY_G, y0, y1, y2)):
-            S[at] += m0
-            S[at + 1] += m1
-            S[at + 2] += m0 * y
-            S[at + 3] += m2
-            S[at + 4] += m1 * y
-            S[at + 5] += m0 * y * y
-        S[G] += s1
-        S[GG] += s2
-        S[FG] += sf
+            x: Vector = splat(p[0], left)
+            _strip(image, deformed, taps, shape, x, left, centre, target, r, p, clipped, shift, place, S)
+        left += width

@@ -4,18 +4,16 @@ Points are visited from the best outwards: B. Pan, "Reliability-guided digital i
 image deformation measurement", Applied Optics 48 (2009) 1535-1542.
 """
 
-import heapq
-
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.kernel.icgn import CONVERGED, Float, Limits, correlate_point, extrapolate, workspace
+from dic.kernel.heap import Items, Keys, pop, push
+from dic.kernel.icgn import CONVERGED, Float, Limits, Workspace, correlate_point, extrapolate, workspace
 from dic.kernel.jit import compiled
 from dic.kernel.layout import Deformed, Reference
 from dic.kernel.moments import Shape, Taps
 
 
-@compiled
 def correlate_grid(
     image: Reference,
     deformed: Deformed,
@@ -55,15 +53,45 @@ def correlate_grid(
     spread : bool
         Whether to go on from the seeds and from all points that have converged before.
     """
-    work = workspace(limits.radius, shape)
+    # A point is queued at most once, except that seeds may have converged before.
+    places = status.size + len(seeds) if spread else 0
+    _correlate_grid(
+        image, deformed, taps, shape, limits, xs, ys, pixels, seeds,
+        warps, deviations, status, zncc, iterations, pending, spread,
+        workspace(limits.radius, len(shape)), np.empty(places), np.empty(places, np.int64),
+    )  # fmt: skip
+
+
+@compiled
+def _correlate_grid(
+    image: Reference,
+    deformed: Deformed,
+    taps: Taps,
+    shape: Shape,
+    limits: Limits,
+    xs: NDArray[np.int64],
+    ys: NDArray[np.int64],
+    pixels: NDArray[np.int64],
+    seeds: NDArray[np.int64],
+    warps: Float,
+    deviations: Float,
+    status: NDArray[np.int8],
+    zncc: Float,
+    iterations: NDArray[np.int16],
+    pending: NDArray[np.bool_],
+    spread: bool,
+    work: Workspace,
+    keys: Keys,
+    queued: Items,
+) -> None:
+    """Do what `correlate_grid` promises, in memory that it has set aside."""
     rows, columns = status.shape
-    start = np.empty(len(shape))
-    heap = [(0.0, 0, 0)][:0]
+    start, queue = work.p, int(np.int64(0))  # not a literal, which would be a type of its own
     if spread:
-        for row in range(rows):
-            for column in range(columns):
-                if status[row, column] == CONVERGED:
-                    heapq.heappush(heap, (-zncc[row, column], row, column))
+        for place in range(rows * columns):
+            row, column = place // columns, place % columns
+            if status[row, column] == CONVERGED and not pending[row, column]:
+                queue = push(keys, queued, queue, zncc[row, column], place)
     tasks = len(seeds)
     task, side, row, column = 0, 4, 0, 0
     while True:
@@ -74,10 +102,11 @@ def correlate_grid(
                 start[k] = warps[i, j, k]
         else:
             if side == 4:
-                if not spread or len(heap) == 0:
+                if queue == 0:
                     return
-                _, row, column = heapq.heappop(heap)
-                side = 0
+                place = pop(keys, queued, queue)
+                queue -= 1
+                row, column, side = place // columns, place % columns, 0
             i = row + (side == 0) - (side == 1)
             j = column + (side == 2) - (side == 3)
             side += 1
@@ -92,4 +121,5 @@ def correlate_grid(
         if outcome == CONVERGED:
             for k in range(len(start)):
                 warps[i, j, k] = start[k]
-            heapq.heappush(heap, (-quality, i, j))
+            if spread:
+                queue = push(keys, queued, queue, quality, i * columns + j)

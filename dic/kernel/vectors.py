@@ -3,10 +3,12 @@
 LLVM vectorises plain loops, but not the correlation loop, whose loads depend on the warp. With these types
 the loop says itself what is parallel; it needs no compiler on the user's machine and uses the widest
 instructions that the processor has. A vector's width belongs to its type, so a function written once compiles
-for each.
+for each, and for single numbers (float32) too.
 
 Public names are functions for compiled code only: `ramp16`, `ramp8`, `load`, `splat`, `fma`, `select`,
-`at_least`, `total`, `blend`, `spread`; vectors also take +, - and * with one another.
+`at_least`, `total`, `nothing`, `add_powers`, `add_moments`, `blend`; vectors also take +, - and * with one
+another. What loops over tuples is written here, where the loop costs no time at the first use: numba's
+compiler takes each operation of its own through all its stages.
 """
 
 import operator
@@ -53,7 +55,14 @@ _VECTORS = {width: _Vector(width) for width in (4, 8, 16)}
 _MASKS = {width: _Mask(width) for width in _VECTORS}
 
 
+def _width(kind: Any) -> int:
+    """Return how many numbers a value of this type is."""
+    return kind.width if isinstance(kind, _Vector) else 1
+
+
 def _broadcast(builder: Any, scalar: Any, width: int) -> Any:
+    if width == 1:
+        return scalar
     kind = ir.VectorType(_FLOAT, width)
     one = builder.insert_element(ir.Constant(kind, ir.Undefined), scalar, ir.Constant(_INDEX, 0))
     zeros = ir.Constant(ir.VectorType(_INDEX, width), [0] * width)
@@ -63,6 +72,8 @@ def _broadcast(builder: Any, scalar: Any, width: int) -> Any:
 def _load(context: Any, builder: Any, array_type: Any, array: Any, index: Any, width: int) -> Any:
     data = context.make_array(array_type)(context, builder, array).data
     place = builder.gep(data, [index], inbounds=True)
+    if width == 1:
+        return builder.load(place)
     vector = builder.load(builder.bitcast(place, ir.VectorType(_FLOAT, width).as_pointer()))
     vector.align = 4
     return vector
@@ -92,7 +103,7 @@ def load(typing_context: Any, like: Any, array: Any, index: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         place = context.cast(builder, values[2], signature.args[2], types.intp)
-        return _load(context, builder, signature.args[1], values[1], place, like.width)
+        return _load(context, builder, signature.args[1], values[1], place, _width(like))
 
     return like(like, array, index), generate
 
@@ -103,7 +114,7 @@ def splat(typing_context: Any, like: Any, scalar: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         number = context.cast(builder, values[1], scalar, types.float32)
-        return _broadcast(builder, number, like.width) if isinstance(like, _Vector) else number
+        return _broadcast(builder, number, _width(like))
 
     return like(like, scalar), generate
 
@@ -135,11 +146,13 @@ def at_least(typing_context: Any, a: Any, b: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         return builder.fcmp_ordered(">=", *values)
 
-    return _MASKS[a.width](a, b), generate
+    return (_MASKS[a.width] if isinstance(a, _Vector) else types.boolean)(a, b), generate
 
 
 def _sum(builder: Any, vector: Any, width: int) -> Any:
     """Fold halves onto one another until one element is left."""
+    if width == 1:
+        return vector
     while width > 1:
         width //= 2
         nothing = ir.Constant(vector.type, ir.Undefined)
@@ -158,9 +171,65 @@ def total(typing_context: Any, a: Any) -> Any:
     """Return the sum of the elements."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return _sum(builder, values[0], a.width)
+        return _sum(builder, values[0], _width(a))
 
     return types.float32(a), generate
+
+
+@intrinsic(prefer_literal=True)
+def nothing(typing_context: Any, like: Any, count: Any) -> Any:
+    """Return a tuple of `count` zeros, each as wide as `like`: sums that `add_powers` adds to."""
+    sums = types.UniTuple(like, count.literal_value)
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        zero = ir.Constant(context.get_value_type(like), None)
+        return context.make_tuple(builder, sums, [zero] * count.literal_value)
+
+    return sums(like, count), generate
+
+
+@intrinsic
+def add_powers(typing_context: Any, sums: Any, value: Any, y: Any) -> Any:
+    """Return the sums with value, value y, value y² … added to the first, second, third …"""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        before, term, y = values
+        after = []
+        for k in range(len(sums)):
+            term = builder.fmul(term, y, flags=_FAST) if k else term
+            after.append(builder.fadd(builder.extract_value(before, k), term, flags=_FAST))
+        return context.make_tuple(builder, sums, after)
+
+    return sums(sums, value, y), generate
+
+
+@intrinsic
+def add_moments(typing_context: Any, moments: Any, first: Any, sums: Any, x: Any, inside: Any) -> Any:
+    """Add to `moments`, from `first` on, those with the monomials 1; x, y; x², xy, y²; … of a strip.
+
+    `sums` are those that `add_powers` made over the strip's rows; `x` holds the offsets of its columns, and
+    `inside` is 0 for those that do not count, else 1.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        target, at, source, x_values, counted = values
+        data = context.make_array(moments)(context, builder, target).data
+        at = context.cast(builder, at, first, types.intp)
+        by_power = [
+            builder.fmul(builder.extract_value(source, k), counted, flags=_FAST) for k in range(len(sums))
+        ]
+        for degree in range(len(sums)):
+            for power in range(degree + 1):
+                place = builder.gep(data, [at], inbounds=True)
+                added = _sum(builder, by_power[power], _width(x))
+                builder.store(builder.fadd(builder.load(place), added, flags=_FAST), place)
+                at = builder.add(at, ir.Constant(at.type, 1))
+            # On to the next degree: everything so far times x.
+            for power in range(degree + 1):
+                by_power[power] = builder.fmul(by_power[power], x_values, flags=_FAST)
+        return context.get_dummy_value()
+
+    return types.void(moments, first, sums, x, inside), generate
 
 
 @intrinsic
@@ -168,59 +237,49 @@ def blend(typing_context: Any, array: Any, first: Any, pitch: Any, across: Any, 
     """Return Σ_j down[j] Σ_i across[i] array[first + j pitch + i], for neighbouring pixels at once.
 
     `across` and `down` are tuples of vectors, the weights of the taps. Element k of the result uses the taps
-    that begin at first + k, so every tap is one load of neighbouring elements.
+    that begin at first + k, so every tap is one load of neighbouring elements. For a single pixel, whose
+    weights are numbers, the taps of a row are the elements of one vector instead.
     """
+    alone = not isinstance(across[0], _Vector)
+    width = (4 if len(across) <= 4 else 8) if alone else across[0].width
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         source, place, step, weights_across, weights_down = values
         place = context.cast(builder, place, first, types.intp)
         step = context.cast(builder, step, pitch, types.intp)
+
+        def load_at(offset: int) -> Any:
+            at = builder.add(place, ir.Constant(place.type, offset))
+            return _load(context, builder, array, source, at, width)
+
+        weights = [builder.extract_value(weights_across, i) for i in range(len(across))]
         result = None
         for j in range(len(down)):
-            row = None
-            for i in range(len(across)):
-                tap = _load(
-                    context, builder, array, source,
-                    builder.add(place, ir.Constant(place.type, i)), across[0].width,
-                )  # fmt: skip
-                weighted = builder.fmul(builder.extract_value(weights_across, i), tap, flags=_FAST)
-                row = weighted if row is None else builder.fadd(weighted, row, flags=_FAST)
-            weighted = builder.fmul(builder.extract_value(weights_down, j), row, flags=_FAST)
+            weight = builder.extract_value(weights_down, j)
+            if alone:
+                row = load_at(0)
+                weight = _broadcast(builder, weight, width)
+            else:
+                row = _weighted_sum(builder, weights, [load_at(i) for i in range(len(across))])
+            weighted = builder.fmul(weight, row, flags=_FAST)
             result = weighted if result is None else builder.fadd(weighted, result, flags=_FAST)
             place = builder.add(place, step)
-        return result
+        if not alone:
+            return result
+        in_one = ir.Constant(ir.VectorType(_FLOAT, width), [0.0] * width)
+        for i, weight in enumerate(weights):
+            in_one = builder.insert_element(in_one, weight, ir.Constant(_INDEX, i))
+        return _sum(builder, builder.fmul(in_one, result, flags=_FAST), width)
 
     return across[0](array, first, pitch, across, down), generate
 
 
-@intrinsic
-def spread(typing_context: Any, array: Any, first: Any, pitch: Any, across: Any, down: Any) -> Any:
-    """Return Σ_j down[j] Σ_i across[i] array[first + j pitch + i] for one pixel, its taps at once.
-
-    `across` and `down` are tuples of float32. A row's taps are the elements of one vector, filled up with
-    weights of zero.
-    """
-    width = 4 if len(across) <= 4 else 8
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        source, place, step, weights_across, weights_down = values
-        place = context.cast(builder, place, first, types.intp)
-        step = context.cast(builder, step, pitch, types.intp)
-        zero = ir.Constant(_FLOAT, 0.0)
-        weights = ir.Constant(ir.VectorType(_FLOAT, width), [0.0] * width)
-        for i in range(width):
-            weight = builder.extract_value(weights_across, i) if i < len(across) else zero
-            weights = builder.insert_element(weights, weight, ir.Constant(_INDEX, i))
-        result = None
-        for j in range(len(down)):
-            row = _load(context, builder, array, source, place, width)
-            weight = _broadcast(builder, builder.extract_value(weights_down, j), width)
-            weighted = builder.fmul(weight, row, flags=_FAST)
-            result = weighted if result is None else builder.fadd(weighted, result, flags=_FAST)
-            place = builder.add(place, step)
-        return _sum(builder, builder.fmul(weights, result, flags=_FAST), width)
-
-    return types.float32(array, first, pitch, across, down), generate
+def _weighted_sum(builder: Any, weights: list[Any], terms: list[Any]) -> Any:
+    result = None
+    for weight, term in zip(weights, terms, strict=True):
+        weighted = builder.fmul(weight, term, flags=_FAST)
+        result = weighted if result is None else builder.fadd(weighted, result, flags=_FAST)
+    return result
 
 
 def _register(function: Any, instruction: str, vector: _Vector) -> None:
