@@ -104,10 +104,12 @@ def _windows(seen: Floats) -> NDArray[np.int64]:
 
 
 def _touched(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell at which intersections a line is seen on at least one side, (lines, segments + 1)."""
-    seen = valid.mean(axis=-1) > 0.5
-    none = np.zeros((len(seen), 1), bool)
-    return np.asarray(np.hstack([none, seen]) | np.hstack([seen, none]))
+    """Tell at which intersections a line is seen close by on at least one side, (lines, segments + 1)."""
+    half = valid.shape[-1] // 2
+    none = np.zeros((len(valid), 1), bool)
+    before = valid[..., -half:].mean(axis=-1) > 0.5
+    after = valid[..., :half].mean(axis=-1) > 0.5
+    return np.asarray(np.hstack([none, before]) | np.hstack([after, none]))
 
 
 def _robust_parabolas(s: Floats, h: Floats, valid: NDArray[np.bool_]) -> tuple[Floats, NDArray[np.bool_]]:

@@ -14,6 +14,12 @@ _SEGMENT_SEEN = 0.4
 _LINE_SEEN = 0.3
 _MOST_SEGMENTS = 0.75
 _IRREGULAR = 0.25
+# A line that is hidden in part has this share of its segments seen, and so many in a row. Speckle beside a
+# grid gives a tenth by chance.
+_PARTLY_SEEN = 0.25
+_RUN = 3
+_AGREEMENT = 0.6
+_SHIFT = 3
 # How many rows of cells may have been missed at the rim.
 _BEYOND = 2
 
@@ -35,7 +41,8 @@ def line_extents(image: GridImage, shape: LatticeShape, cells: CellLattice) -> t
         if not between.any() or line_irregularity(profiles[between]) > _IRREGULAR:
             return range(0), range(0)
         present = np.flatnonzero(_present(profiles, between))
-        found.append(range(int(low[axis] + present[0]), int(low[axis] + present[-1] + 1)))
+        first, last = _widened(_alike(profiles, between), int(present[0]), int(present[-1]))
+        found.append(range(int(low[axis]) + first, int(low[axis]) + last + 1))
     return found[0], found[1]
 
 
@@ -64,6 +71,51 @@ def _present(profiles: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArr
     most = np.sort(segments)[-max(1, len(segments) // 4)]
     result: NDArray[np.bool_] = (segments > _MOST_SEGMENTS * most) & (line_evidence(whole) > _LINE_SEEN)
     return result if np.any(result) else np.asarray(between.any(axis=1))
+
+
+def _widened(alike: NDArray[np.bool_], first: int, last: int) -> tuple[int, int]:
+    """Return the first and last line, with those beyond that something hides in part.
+
+    Parameters
+    ----------
+    alike : ndarray of bool, shape (lines, segments)
+        Which segments have the very profile of the grid's lines.
+    first, last : int
+        The outermost lines of which most is seen.
+    """
+    share = alike.mean(axis=1)
+    run = np.lib.stride_tricks.sliding_window_view(alike, min(_RUN, alike.shape[1]), axis=1)
+    partly = (share > _PARTLY_SEEN) & run.all(axis=-1).any(axis=-1)
+    while first > 0 and partly[first - 1]:
+        first -= 1
+    while last < len(partly) - 1 and partly[last + 1]:
+        last += 1
+    return first, last
+
+
+def _alike(profiles: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell which segments look like those between known cells in shape and height, (lines, segments).
+
+    Speckle may be as dark as a line somewhere in a segment; it is not so at all three stations alike.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    usual = _usual_evidence(line_evidence(profiles), between)
+    within = between.any(axis=0)
+    relative = (profiles / usual[..., None, None])[:, within]
+    smooth = gaussian_filter1d(np.nan_to_num(relative), 1.5, axis=-1, mode="nearest")
+    smooth -= smooth.mean(axis=-1, keepdims=True)
+    typical = np.median(smooth[between[:, within]], axis=(0, 1))
+    best = np.full(smooth.shape[:2], -np.inf)
+    for shift in range(-_SHIFT, _SHIFT + 1):
+        shifted = np.roll(typical, shift)
+        height = smooth @ shifted / (shifted @ shifted)
+        rest = smooth - height[..., None] * shifted
+        agreement = 1 - (rest**2).sum(axis=-1) / np.maximum((smooth**2).sum(axis=-1), 1e-12)
+        sized = (height > 0.5) & (height < 2.0)
+        best = np.maximum(best, np.where(sized, agreement, -np.inf).min(axis=-1))
+    result: NDArray[np.bool_] = best > _AGREEMENT
+    return result
 
 
 def _usual_evidence(evidence: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArray[np.float64]:
