@@ -106,10 +106,12 @@ class BicubicMap:
         left_px = np.linalg.solve(jacobian, left_mm[:, :, None])
         surplus = left_px.size - 32
         noise_px = np.sqrt((left_px**2).sum() / surplus) if surplus else np.nan
-        by_point = np.einsum("kn,nca->kcna", np.linalg.pinv(design), jacobian).reshape(32, -1)
-        # as many columns as coefficients carry the same covariance
-        triangle = np.linalg.qr(by_point.T)[1].T
-        return np.asarray(noise_px * triangle.reshape(16, 2, -1))
+        # design = Q·R: errors e of the points in mm move the coefficients by R⁻¹·Qᵀ·e
+        q, r = np.linalg.qr(design)
+        along = np.einsum("nka,nla->nkl", jacobian, jacobian)
+        covariance = np.einsum("nk,nl,ncd->kcld", q, q, along, optimize=True).reshape(32, 32)
+        root = np.linalg.cholesky(covariance).reshape(16, -1)
+        return np.asarray(noise_px * np.linalg.solve(r, root).reshape(16, 2, -1))
 
     def _normalised(self, px: Points) -> Points:
         return (np.asarray(px, np.float64).reshape(-1, 2) - self.centre_px) / self.scale_px
