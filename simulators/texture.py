@@ -93,6 +93,10 @@ class LineGrid:
         How far lines go on beyond the outermost crossing.
     plate_half_mm : float
         The plate ends here; beyond it lies a surface half as bright.
+    marked : bool
+        Whether three dark dots fix the origin and the axes. They lie in the middle of three of the four cells
+        around intersection ``(lines // 2, lines // 2)``, which is the middle one of an odd number; the cell
+        without one lies towards +X and +Y.
     """
 
     lines: int = 21
@@ -101,7 +105,10 @@ class LineGrid:
     edge_mm: float = 0.03
     overhang_mm: float = 0.1
     plate_half_mm: float = 6.0
+    marked: bool = False
     quadrature_order: ClassVar[int] = 3
+
+    DOT_RADIUS_IN_PITCHES: ClassVar[float] = 0.15
 
     def reflectance(self, points_mm: Array) -> Array:
         """Return the reflectance (n,) at material points (n, 2) in mm."""
@@ -113,6 +120,7 @@ class LineGrid:
             self.edge_mm,
             self.overhang_mm,
             self.plate_half_mm,
+            self.DOT_RADIUS_IN_PITCHES * self.pitch_mm if self.marked else 0.0,
         )
 
 
@@ -156,8 +164,25 @@ def _line_coverage(
 
 
 @compiled
+def _mark_coverage(x: float, y: float, lines: int, pitch: float, radius: float, edge: float) -> float:
+    """How much of the mark's three dots covers a point, 0 to 1."""
+    middle = (lines // 2 - (lines - 1) / 2) * pitch
+    x, y = x - middle, y - middle
+    if radius == 0.0 or (x > 0.0 and y > 0.0):
+        return 0.0
+    return _rise((radius - np.hypot(abs(x) - pitch / 2, abs(y) - pitch / 2)) / edge)
+
+
+@compiled
 def _line_grid(
-    points_mm: Array, lines: int, pitch: float, width: float, edge: float, overhang: float, plate_half: float
+    points_mm: Array,
+    lines: int,
+    pitch: float,
+    width: float,
+    edge: float,
+    overhang: float,
+    plate_half: float,
+    dot_radius: float,
 ) -> Array:
     end = (lines - 1) / 2 * pitch + overhang
     beyond_the_plate = BRIGHT / 2
@@ -166,7 +191,8 @@ def _line_grid(
         x, y = points_mm[k, 0], points_mm[k, 1]
         upright = _line_coverage(x, y, lines, pitch, width, edge, end)
         level = _line_coverage(y, x, lines, pitch, width, edge, end)
-        plate = DARK + (BRIGHT - DARK) * (1.0 - upright) * (1.0 - level)
+        mark = _mark_coverage(x, y, lines, pitch, dot_radius, edge)
+        plate = DARK + (BRIGHT - DARK) * (1.0 - upright) * (1.0 - level) * (1.0 - mark)
         on_plate = _rise((plate_half - max(abs(x), abs(y))) / edge)
         reflectance[k] = beyond_the_plate + (plate - beyond_the_plate) * on_plate
     return reflectance

@@ -36,6 +36,15 @@ def test_lines_overhang_and_the_plate_ends():
     assert off_the_plate == pytest.approx(BRIGHT / 2)
 
 
+def test_a_mark_is_a_dot_in_three_of_the_middle_cells():
+    cells_mm = np.array([[-0.25, -0.25], [0.25, -0.25], [-0.25, 0.25], [0.25, 0.25]])
+    edge_mm = cells_mm[:1] + np.array([0.075, 0.0])
+    marked, plain = LineGrid(marked=True), LineGrid()
+    np.testing.assert_allclose(marked.reflectance(cells_mm), [DARK, DARK, DARK, BRIGHT], atol=1e-12)
+    np.testing.assert_allclose(marked.reflectance(edge_mm), (DARK + BRIGHT) / 2, atol=1e-12)
+    np.testing.assert_array_equal(marked.reflectance(cells_mm + 0.5), plain.reflectance(cells_mm + 0.5))
+
+
 def test_speckle_is_its_formula_summed_over_every_dot():
     rng = np.random.default_rng(5)
     count = rng.poisson(1.2, 64)
