@@ -2,17 +2,20 @@
 
 The way: enclosed cells, on a lattice (`dic.grid_cells`); a smooth map from lattice index to px
 (`dic.grid_shape`); how many lines there are (`dic.grid_extent`); line centres, measured across the
-lines (`dic.grid_trace`); intersections (`dic.grid_crossings`); which way is X.
+lines (`dic.grid_trace`); intersections (`dic.grid_crossings`); which way is X (`dic.grid_axes`,
+`dic.grid_mark`).
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
+from dic.grid_axes import Axes, XAxis, axes_in_image
 from dic.grid_cells import find_cells
 from dic.grid_crossings import intersect
 from dic.grid_extent import line_extents
 from dic.grid_lines import GridImage
+from dic.grid_mark import find_mark, whole_spans, within
 from dic.grid_points import GridPoints
 from dic.grid_shape import LatticeShape
 from dic.grid_trace import trace_lines
@@ -21,7 +24,6 @@ __all__ = ["GridPoints", "find_grid"]
 
 _FEWEST_LINES = 4
 _SUFFICIENT = 0.9
-_AMBIGUOUS_DEG = 5.0
 _REMEDY = (
     "see that the whole grid is in view, sharp and evenly lit, and that --lines says how many lines it has"
 )
@@ -32,6 +34,9 @@ def find_grid(
     lines: tuple[int, int] = (21, 21),
     pitch_mm: float = 0.5,
     source: str = "grid image",
+    *,
+    x_axis: XAxis = None,
+    origin_px: tuple[float, float] | None = None,
 ) -> GridPoints:
     """Find the intersections of a line grid, seen from anywhere, to about a hundredth of a pixel.
 
@@ -45,17 +50,25 @@ def find_grid(
         Distance of neighbouring lines.
     source : str
         The image's file, for messages.
+    x_axis : str or float, optional
+        Which way X points in the image: ``"right"``, ``"up"``, ``"left"``, ``"down"``, or an angle in
+        degrees, anticlockwise from the right. The grid direction closest to it is taken.
+    origin_px : tuple of float, optional
+        About where, to 0.4 pitches, intersection ``(lines // 2, lines // 2)`` appears: the middle one of odd
+        numbers. Needed only where an outer line is hidden whole and the grid has no mark.
 
     Returns
     -------
     GridPoints
-        At least 90 % of the intersections. X is the grid direction closest to the image's right, Y the one
-        closest to its top; if that is ambiguous (near 45°), `warnings` says so.
+        At least 90 % of the intersections. A mark (`dic.grid_mark`) or `x_axis` says which way X points.
+        Without, X is the grid direction closest to the image's right, Y the one closest to its top,
+        `orientation` is ``"assumed"``, and if that is ambiguous (near 45°), `warnings` says so.
 
     Raises
     ------
     CalibrationError
-        If the image shows no line grid, another number of lines, or fewer than 90 % of the intersections.
+        If the image shows no line grid, another number of lines, or fewer than 90 % of the intersections; if
+        mark and options contradict each other; if `x_axis` lies halfway between two directions.
     """
     lines = (int(lines[0]), int(lines[1]))
     _require_possible(lines, pitch_mm, source)
@@ -69,20 +82,18 @@ def find_grid(
     extents = line_extents(sampled, shape, cells)
     if not extents[0]:
         raise _refusal(source, lines, "cells without lines between them, such as a checkerboard")
-    swap, flip, warnings = _orientation(shape, extents)
-    counts = (len(extents[0]), len(extents[1]))
-    seen = counts[::-1] if swap else counts
+    axes, spans = _named(sampled, shape, extents, lines, x_axis, origin_px, source)
+    seen = tuple(len(spans[axis]) for axis in axes.lattice_axes)
     if seen != lines:
         raise _refusal(source, lines, f"{seen[0]} × {seen[1]} lines")
-    crossing, sound = _crossings(sampled, shape, extents)
+    crossing, sound = _crossings(sampled, shape, spans)
     if np.count_nonzero(sound) < _SUFFICIENT * sound.size:
         raise _refusal(source, lines, f"only {np.count_nonzero(sound)} of {sound.size} intersections")
-    index = np.argwhere(sound)
-    if swap:
-        index = index[:, ::-1]
-    index = np.where(flip, np.array(lines) - 1 - index, index).astype(np.int64)
+    index = axes.named(np.argwhere(sound) + np.array([spans[0][0], spans[1][0]]), spans)
     by_row = np.lexsort((index[:, 0], index[:, 1]))
-    return GridPoints.on_lattice(index[by_row], crossing[sound][by_row], lines, pitch_mm, warnings)
+    return GridPoints.on_lattice(
+        index[by_row], crossing[sound][by_row], lines, pitch_mm, axes.warnings, axes.orientation
+    )
 
 
 def _require_possible(lines: tuple[int, int], pitch_mm: float, source: str) -> None:
@@ -125,26 +136,49 @@ def _lattice_vectors(shape: LatticeShape, extents: tuple[range, range]) -> NDArr
     return np.stack([shape.step(middle, 0), shape.step(middle, 1)])
 
 
-def _orientation(
-    shape: LatticeShape, extents: tuple[range, range]
-) -> tuple[bool, NDArray[np.bool_], tuple[str, ...]]:
-    """Return whether the lattice's axes are to be swapped, which of X and Y to be reversed, and warnings."""
-    vectors = _lattice_vectors(shape, extents)
-    from_right_deg = np.degrees(np.arctan2(np.abs(vectors[:, 1]), np.abs(vectors[:, 0])))
-    swap = bool(from_right_deg[1] < from_right_deg[0])
-    x_axis, y_axis = vectors[::-1] if swap else vectors
-    flip_x = bool(x_axis[0] < 0)
-    # right-handed with Y up: in the image, whose y points down, the cross product is negative
-    handed = x_axis[0] * y_axis[1] - x_axis[1] * y_axis[0]
-    flip_y = bool((handed > 0) != flip_x)
-    warnings: tuple[str, ...] = ()
-    if abs(from_right_deg[0] - from_right_deg[1]) < 2 * _AMBIGUOUS_DEG:
-        angle = float(min(from_right_deg))
-        warnings = (
-            f"the grid is turned by about {angle:.0f}° in the image, so that X and Y could be named "
-            "the other way round; X was taken along the direction closest to the image's right",
-        )
-    return swap, np.array([flip_x, flip_y]), warnings
+def _named(
+    image: GridImage,
+    shape: LatticeShape,
+    seen: tuple[range, range],
+    lines: tuple[int, int],
+    x_axis: XAxis,
+    origin_px: tuple[float, float] | None,
+    source: str,
+) -> tuple[Axes, tuple[range, range]]:
+    """Return the axes and the lattice indices of all lines: those seen, or what a mark or origin says."""
+    vectors = _lattice_vectors(shape, seen)
+    mark = find_mark(image, shape, seen, vectors, lines)
+    if mark is None:
+        axes, spans = axes_in_image(vectors, x_axis, source), seen
+    else:
+        axes, spans = mark.axes, mark.spans
+        if x_axis is not None:
+            wanted = axes_in_image(vectors, x_axis, source)
+            if (wanted.swap, wanted.flip) != (axes.swap, axes.flip):
+                raise _contradiction(source, f"a mark by which X does not point {x_axis}")
+    if origin_px is not None:
+        near = np.stack(np.meshgrid(*seen, indexing="ij"), axis=-1).reshape(-1, 2)
+        away_px = np.linalg.norm(shape.map(near.astype(float)) - np.array(origin_px), axis=1)
+        if away_px.min() > 0.4 * np.linalg.norm(vectors, axis=1).min():
+            raise _contradiction(source, f"no intersection near ({origin_px[0]:g}, {origin_px[1]:g})")
+        origin = near[np.argmin(away_px)]
+        named = whole_spans(axes, (int(origin[0]), int(origin[1])), lines)
+        if mark is not None and named != spans:
+            raise _contradiction(source, f"a mark elsewhere than ({origin_px[0]:g}, {origin_px[1]:g})")
+        if not within(seen, named):
+            raise _contradiction(source, f"lines beyond {lines[0]} × {lines[1]} around that origin")
+        spans = named
+    return axes, spans
+
+
+def _contradiction(source: str, got: str) -> CalibrationError:
+    return CalibrationError(
+        source,
+        "name the axes",
+        expected="a mark, an origin and a direction of X that agree",
+        got=got,
+        remedy="leave the option out, or correct it",
+    )
 
 
 def _refusal(source: str, lines: tuple[int, int], got: str) -> CalibrationError:

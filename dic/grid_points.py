@@ -24,6 +24,9 @@ class GridPoints:
         Distance of neighbouring lines.
     warnings : tuple of str
         What a user should know, such as axes that could be named otherwise.
+    orientation : str
+        What says which way X points: ``"mark"``, a mark on the target; ``"option"``, the user; ``"assumed"``,
+        by the image's directions.
     """
 
     index: NDArray[np.int64]
@@ -32,6 +35,7 @@ class GridPoints:
     lines: tuple[int, int]
     pitch_mm: float
     warnings: tuple[str, ...] = field(default=())
+    orientation: str = "assumed"
 
     @classmethod
     def on_lattice(
@@ -41,10 +45,11 @@ class GridPoints:
         lines: tuple[int, int],
         pitch_mm: float,
         warnings: tuple[str, ...] = (),
+        orientation: str = "assumed",
     ) -> "GridPoints":
         """Return grid points whose millimetres follow from their index: ``(index − (lines − 1)/2)·pitch``."""
         xy_mm = (index - (np.array(lines) - 1) / 2) * pitch_mm
-        return cls(index, xy_mm, uv_px, lines, pitch_mm, warnings)
+        return cls(index, xy_mm, uv_px, lines, pitch_mm, warnings, orientation)
 
     @property
     def expected(self) -> int:
