@@ -7,6 +7,7 @@ import pytest
 from dic.errors import CalibrationError
 from dic.grid_points import GridPoints
 from dic.pinhole import Pinhole
+from dic.pinhole_model import CameraModel
 from dic.pinhole_prior import Known
 from simulators.optics import PinholeCamera
 
@@ -219,3 +220,50 @@ def test_wide_angle_and_nearly_telecentric_lenses_are_fitted(focal_px: float, di
     assert abs(fitted.focal_px - focal_px) < 3 * fitted.focal_std_px
     assert fitted.left_out_px == pytest.approx(NOISE_PX * np.sqrt(2), rel=0.1)
     assert fitted.off_axis_deg == pytest.approx(30, abs=0.01)
+
+
+def test_the_slopes_that_the_fit_follows_are_those_of_the_model() -> None:
+    _, xy = _points(5)
+    start = cv2.Rodrigues(np.radians([10.0, -25.0, 3.0]))[0]
+    model = CameraModel([xy, xy[:9]], [start, start.T], 350.0)
+    lens = [np.log(2800.0), 500.0, 450.0, 0.02, -0.004, 3e-4, -2e-4]
+    at = np.array([*lens, 0.2, -0.1, 0.3, 12.0, -8.0, np.log(70.0), -0.3, 0.1, 0.0, -5.0, 9.0, np.log(65.0)])
+    steps = 1e-6 * np.maximum(np.abs(at), 1.0)
+    moved = [(model.project(at + step)[0] - model.project(at - step)[0]) for step in np.diag(steps)]
+    shifted = [model.camera(at + step, 1)[2] - model.camera(at - step, 1)[2] for step in np.diag(steps)]
+    slopes = model.camera(at, 1)[3]
+    others = [*range(7), 10, 11, 12]
+
+    assert model.project(at)[1] == pytest.approx(np.array(moved).T / (2 * steps), rel=1e-5, abs=1e-5)
+    # the turn itself has no value to differ: it is seen in the centre, which turns with it
+    assert slopes[others] == pytest.approx((np.array(shifted).T / (2 * steps))[others], rel=1e-5, abs=1e-6)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("pan_deg", [0.0, 5.0, 10.0, 20.0, 30.0, 45.0])
+@pytest.mark.parametrize("images", [1, 3])
+def test_confidence_intervals_hold_at_every_angle_with_one_image_and_with_three(
+    pan_deg: float, images: int
+) -> None:
+    rng = np.random.default_rng(7)
+    camera = _swung(pan_deg=pan_deg)
+    _, xy = _points()
+    flat = np.column_stack([xy, np.zeros(len(xy))])
+    turns = [cv2.Rodrigues(np.radians(turn))[0] for turn in ([0.0, 0, 0], [20.0, 0, 0], [0, 20.0, 0])]
+    exact = [camera.project(flat @ turn.T) for turn in turns[:images]]
+    # one image of a camera that looks straight knows the distance only if it is given
+    given = {"distance_mm": 40.0, "distance_std_mm": 0.5} if images == 1 else {}
+    hits = []
+    for _ in range(400):
+        off = rng.normal(0, 0.01 * SHAPE[1], 2)
+        grids = [_grid(px + off + rng.normal(0, NOISE_PX, px.shape)) for px in exact]
+        known = dict(given)
+        if known:
+            known["distance_mm"] = 40.0 + rng.normal(0, 0.5)
+        fitted = Pinhole.fit_many(grids, SHAPE, Known(**known), k2=False)[0]
+        deviation = np.append(fitted.centre_mm - camera.centre_mm, fitted.focal_px - 2800)
+        hits.append(np.abs(deviation) <= 1.96 * np.append(fitted.centre_std_mm, fitted.focal_std_px))
+
+    coverage = np.mean(hits, axis=0)
+    assert (coverage >= 0.92).all()
+    assert (coverage <= 0.98).all()
