@@ -1,6 +1,6 @@
 """Solve points of interest of one reference in one deformed image: given guesses, and from point to point."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,9 @@ from dic.spline import halfway_noise_gain, slope_noise_gain
 Float = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
+
+_KEPT = 4.25
+"""Most that is kept of the subsets, in images of float32: quadratic ones at a step of 5 px need no more."""
 
 _TRIES = 3
 """Neighbours from which a point beside a crack is tried."""
@@ -67,6 +70,32 @@ class Solution(NamedTuple):
         return np.asarray(self.status == Status.CONVERGED)
 
 
+class SubsetMemory:
+    """What IC-GN found out about a reference's subsets, kept for the later images of a series.
+
+    A pair has no use for it, so nothing is kept before the second image; nor is where it would take more than
+    `_KEPT` times the reference image. Results are the same with and without.
+    """
+
+    def __init__(self) -> None:
+        self._images = 0
+        self._prepared: kernel.Prepared | None = None
+
+    def of_next_image(self, grid: PointGrid, image_px: int, parameters: int) -> kernel.Prepared | None:
+        """Return what is known before another image is correlated, to be filled by it; None for a pair."""
+        self._images += 1
+        if self._images == 2:
+            size = 4 * kernel.record_length(parameters) * grid.active.size
+            if size <= _KEPT * 4 * image_px:
+                self._prepared = kernel.Prepared.empty(grid.active.shape, parameters)
+        return self._prepared
+
+    @property
+    def kept_bytes(self) -> int:
+        """How much memory is set aside."""
+        return 0 if self._prepared is None else sum(part.nbytes for part in self._prepared)
+
+
 @dataclass(frozen=True)
 class PreparedReference:
     """All of a reference that does not depend on the deformed image.
@@ -79,6 +108,7 @@ class PreparedReference:
     grid : PointGrid
     settings : CorrelationSettings
     threads : int
+    memory : SubsetMemory
     """
 
     image: kernel.Reference
@@ -86,6 +116,7 @@ class PreparedReference:
     grid: PointGrid
     settings: CorrelationSettings
     threads: int
+    memory: SubsetMemory = field(default_factory=SubsetMemory)
 
 
 class Solver:
@@ -102,6 +133,8 @@ class Solver:
         settings = reference.settings
         self._reference, self._deformed = reference, deformed
         self._threads = reference.threads
+        self._prepared: kernel.Prepared | None = None
+        self._counted = False
         # Compiled code is chosen by the length of these: one for each tap and for each parameter of a warp.
         self._taps, self._shape = (0.0,) * (settings.order + 1), (0.0,) * settings.parameters
         self._limits = kernel.Limits(
@@ -155,6 +188,11 @@ class Solver:
         at their borders is reached afterwards. Their number is not that of the threads, so that results do
         not depend on the machine.
         """
+        if not self._counted:
+            # Solvers that only try seeds, as in an image turned in vain, do not make a series.
+            size, parameters = self._reference.usable.size, self._reference.settings.parameters
+            self._prepared = self._reference.memory.of_next_image(self._reference.grid, size, parameters)
+            self._counted = True
         if side_by_side:
             bands = self._seeded_bands(solution, pending)
             at_once(lambda band: self._spread(solution.part(band), pending[band], band), bands, self._threads)
@@ -169,10 +207,13 @@ class Solver:
 
     def _spread(self, part: Solution, pending: Mask, band: slice) -> None:
         """Run the kernel from the converged points of some rows of the grid over those pending there."""
-        grid = self._reference.grid
+        grid, prepared = self._reference.grid, self._prepared
+        if prepared is not None:
+            prepared = kernel.Prepared(prepared.known[band], prepared.records[band])
         kernel.correlate_grid(
             self._reference.image, self._deformed, self._taps, self._shape, self._limits,
             grid.x, grid.y[band], grid.pixels[band], np.empty((0, 2), np.int64), *part, pending, True,
+            prepared,
         )  # fmt: skip
 
     def _seeded_bands(self, solution: Solution, pending: Mask) -> list[slice]:

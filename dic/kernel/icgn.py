@@ -6,10 +6,7 @@ computations", Experimental Mechanics 53 (2013) 1277-1289; with quadratic shape 
 "High-efficiency and high-accuracy digital image correlation for three-dimensional measurement",
 Optics and Lasers in Engineering 65 (2015) 73-80.
 
-A warp is the vector p = (u, u_x, u_y, v, v_x, v_y), which quadratic ones continue with (u_xx, u_xy, u_yy,
-v_xx, v_xy, v_yy): the subset pixel at (x, y) from the point of the reference is seen
-u + u_x x + u_y y + u_xx x²/2 + u_xy xy + u_yy y²/2 further right in the deformed image, and with v likewise
-further down.
+Warps are those of `dic.kernel.warps`.
 """
 
 import math
@@ -22,6 +19,18 @@ from dic.field import Status
 from dic.kernel import moments as m
 from dic.kernel.jit import inner
 from dic.kernel.layout import Deformed, Reference
+from dic.kernel.warps import (
+    FACTOR,
+    POWER_X,
+    POWER_Y,
+    SIDE,
+    compose_inverse,
+    compose_inverse_quadratic,
+    in_view,
+    is_smooth,
+    monomial,
+    step_length_px,
+)
 
 Flat = NDArray[np.float32]
 Float = NDArray[np.float64]
@@ -30,23 +39,17 @@ CONVERGED, NO_TEXTURE = int(Status.CONVERGED), int(Status.NO_TEXTURE)
 OUT_OF_VIEW, NOT_CONVERGED = int(Status.OUT_OF_VIEW), int(Status.NOT_CONVERGED)
 LOW_CORRELATION = int(Status.LOW_CORRELATION)
 
-EDGE_PX = 2
-"""Pixels along the deformed image's edge that are not used: the spline guesses what follows there."""
-
 _FAR_PX = 0.5
 """A quadratic step longer than this is replaced by the affine one."""
 
 _EPSILON = 2.0**-23
 """Relative distance of neighbouring float32, in which moments are summed."""
 
+# Places in the record of a point.
+_MEAN, _NORM2, _FX_FX, _FY_FY, _S = 0, 1, 2, 3, 4
+
 _WIDEST = 5.0
 """Deviations are never widened by more than this."""
-
-# For each parameter: whether it moves along x (0) or y (1), and powers of x and y and factor of its monomial.
-_SIDE = np.array([0, 0, 0, 1, 1, 1, 0, 0, 0, 1, 1, 1])
-_POWER_X = np.array([0, 1, 0, 0, 1, 0, 2, 1, 0, 2, 1, 0])
-_POWER_Y = np.array([0, 0, 1, 0, 0, 1, 0, 1, 2, 0, 1, 2])
-_FACTOR = np.array([1, 1, 1, 1, 1, 1, 0.5, 1, 0.5, 0.5, 1, 0.5])
 
 
 class Limits(NamedTuple):
@@ -62,6 +65,30 @@ class Limits(NamedTuple):
     max_iterations: int
     noise_gain: float
     slope_noise_gain: float
+
+
+class Prepared(NamedTuple):
+    """What IC-GN needs of the subsets of a reference, for those points of a grid where it is known already.
+
+    Attributes
+    ----------
+    known : ndarray of bool, shape (rows, columns)
+    records : ndarray of float32, shape (rows, columns, n)
+        Mean, norm² (NaN without texture), ∑fx² and ∑fy², then s, t and the Cholesky factor of H.
+    """
+
+    known: NDArray[np.bool_]
+    records: NDArray[np.float32]
+
+    @classmethod
+    def empty(cls, shape: tuple[int, int], parameters: int) -> "Prepared":
+        """Return room for the points of a grid, which takes memory only as it is filled."""
+        return cls(np.zeros(shape, np.bool_), np.empty((*shape, record_length(parameters)), np.float32))
+
+
+def record_length(parameters: int) -> int:
+    """Return how many numbers are kept of a point."""
+    return _S + 2 * parameters + parameters * (parameters + 1) // 2
 
 
 class Workspace(NamedTuple):
@@ -93,13 +120,6 @@ def workspace(radius: int, parameters: int) -> Workspace:
 
 
 @inner
-def _monomial(power_x: int, power_y: int) -> int:
-    """Return the place of x^power_x y^power_y among the monomials."""
-    degree = power_x + power_y
-    return degree * (degree + 1) // 2 + power_y
-
-
-@inner
 def _normal_matrix(Q: Flat, n: int, H: Float, s: Float, t: Float) -> tuple[float, float]:
     """Write the Gauss-Newton Hessian of the normalised criterion; return the mean and norm² of the subset.
 
@@ -110,14 +130,14 @@ def _normal_matrix(Q: Flat, n: int, H: Float, s: Float, t: Float) -> tuple[float
     mean = Q[m.F] / n
     norm2 = Q[m.FF] - Q[m.F] * mean
     for i in range(len(s)):
-        k = _monomial(_POWER_X[i], _POWER_Y[i]) + 6 * _SIDE[i]
-        s[i] = _FACTOR[i] * Q[m.FX + k]
-        t[i] = _FACTOR[i] * Q[m.FX_F + k] - mean * s[i]
+        k = monomial(POWER_X[i], POWER_Y[i]) + 6 * SIDE[i]
+        s[i] = FACTOR[i] * Q[m.FX + k]
+        t[i] = FACTOR[i] * Q[m.FX_F + k] - mean * s[i]
     for i in range(len(s)):
         for j in range(i + 1):
-            k = _monomial(_POWER_X[i] + _POWER_X[j], _POWER_Y[i] + _POWER_Y[j])
-            product = Q[m.PRODUCTS + 15 * (_SIDE[i] + _SIDE[j]) + k]
-            H[i, j] = _FACTOR[i] * _FACTOR[j] * product - s[i] * s[j] / n - t[i] * t[j] / norm2
+            k = monomial(POWER_X[i] + POWER_X[j], POWER_Y[i] + POWER_Y[j])
+            product = Q[m.PRODUCTS + 15 * (SIDE[i] + SIDE[j]) + k]
+            H[i, j] = FACTOR[i] * FACTOR[j] * product - s[i] * s[j] / n - t[i] * t[j] / norm2
     return mean, norm2
 
 
@@ -140,6 +160,49 @@ def _cholesky(A: Float) -> bool:
 
 
 @inner
+def _prepare(
+    image: Reference, shape: m.Shape, centre: int, r: int, pixels: int, work: Workspace, record: Flat
+) -> None:
+    """Write what iterations need of the subset around the element `centre` of the reference."""
+    Q, H, s, t = work.Q, work.H, work.s, work.t
+    m.reference_moments(image, shape, centre, r, Q)
+    mean, norm2 = _normal_matrix(Q, pixels, H, s, t)
+    flat = max(image.flat_variance * pixels, _lost(r) * Q[m.FF])
+    has_texture = norm2 > flat and _cholesky(H)
+    record[_MEAN], record[_NORM2] = mean, norm2 if has_texture else np.nan
+    record[_FX_FX], record[_FY_FY] = Q[m.PRODUCTS], Q[m.PRODUCTS + 30]
+    k = _S
+    for i in range(len(s)):
+        record[k], record[k + 1] = s[i], t[i]
+        k += 2
+        for j in range(i + 1):
+            record[k] = H[i, j]
+            k += 1
+
+
+@inner
+def _recall(record: Flat, work: Workspace) -> None:
+    """Unfold s, t and the Cholesky factor of a record.
+
+    Rounded to float32 they are the same whether they have been kept or were prepared just now.
+    """
+    H, s, t = work.H, work.s, work.t
+    k = _S
+    for i in range(len(s)):
+        s[i], t[i] = record[k], record[k + 1]
+        k += 2
+        for j in range(i + 1):
+            H[i, j] = record[k]
+            k += 1
+
+
+@inner
+def _lost(r: int) -> float:
+    """Return what share of a sum over the subset may be rounding: each of its rows may lose a last digit."""
+    return (2 * r + 1) * _EPSILON
+
+
+@inner
 def _solve(L: Float, b: Float, n: int, x: Float) -> None:
     """Solve the leading n equations of L L' x = b for the leading n unknowns; the others become 0."""
     for i in range(n):
@@ -157,124 +220,6 @@ def _solve(L: Float, b: Float, n: int, x: Float) -> None:
 
 
 @inner
-def _compose_inverse(p: Float, d: Float) -> None:
-    """Replace the affine warp p by p ∘ d⁻¹."""
-    a, b, c, e = 1.0 + d[1], d[2], d[4], 1.0 + d[5]
-    det = a * e - b * c
-    ia, ib, ic, ie = e / det, -b / det, -c / det, a / det
-    ix, iy = -(ia * d[0] + ib * d[3]), -(ic * d[0] + ie * d[3])
-    A, B, C, E = 1.0 + p[1], p[2], p[4], 1.0 + p[5]
-    p[0] += A * ix + B * iy
-    p[3] += C * ix + E * iy
-    p[1], p[2] = A * ia + B * ic - 1.0, A * ib + B * ie
-    p[4], p[5] = C * ia + E * ic, C * ib + E * ie - 1.0
-
-
-@inner
-def _square_matrix(d: Float, D: Float) -> None:
-    """Write the matrix by which a quadratic warp takes (x², xy, y², x, y, 1) to the same of the warped pixel.
-
-    Gao et al. (2015), equation 12; terms above the second degree are dropped.
-    """
-    for side in range(2):
-        row, at = 3 + side, 3 * side
-        D[row, 0], D[row, 1], D[row, 2] = d[at + 6] / 2, d[at + 7], d[at + 8] / 2
-        D[row, 3], D[row, 4], D[row, 5] = d[at + 1], d[at + 2], d[at]
-        D[row, row] += 1.0
-    for row in range(3):
-        # x'x', x'y', y'y': products of the two polynomials above
-        i, j = 3 + row // 2, 3 + (row + 1) // 2
-        for k in range(5):
-            D[row, k] = D[i, k] * D[j, 5] + D[i, 5] * D[j, k]
-        D[row, 0] += D[i, 3] * D[j, 3]
-        D[row, 1] += D[i, 3] * D[j, 4] + D[i, 4] * D[j, 3]
-        D[row, 2] += D[i, 4] * D[j, 4]
-        D[row, 5] = D[i, 5] * D[j, 5]
-    for k in range(6):
-        D[5, k] = 1.0 if k == 5 else 0.0
-
-
-@inner
-def _compose_inverse_quadratic(p: Float, d: Float, D: Float, rows: Float) -> None:
-    """Replace the quadratic warp p by p ∘ d⁻¹, up to the third power of the small step d.
-
-    (I + D)⁻¹ = I - D + D² - … ; what is left out vanishes with the last step, so the result is not changed.
-    D and the rows, of the warp's matrix times 1, D and D², are memory to work in.
-    """
-    _square_matrix(d, D)
-    for k in range(6):
-        D[k, k] -= 1.0
-    for side in range(2):
-        at = 3 * side
-        rows[0, 0], rows[0, 1], rows[0, 2] = p[at + 6] / 2, p[at + 7], p[at + 8] / 2
-        rows[0, 3], rows[0, 4], rows[0, 5] = p[at + 1], p[at + 2], p[at]
-        rows[0, 3 + side] += 1.0
-        for power in range(1, 3):
-            for j in range(6):
-                rows[power, j] = 0.0
-                for k in range(6):
-                    rows[power, j] += rows[power - 1, k] * D[k, j]
-        for k in range(6):
-            rows[0, k] += rows[2, k] - rows[1, k]
-        rows[0, 3 + side] -= 1.0
-        p[at + 6], p[at + 7], p[at + 8] = 2.0 * rows[0, 0], rows[0, 1], 2.0 * rows[0, 2]
-        p[at + 1], p[at + 2], p[at] = rows[0, 3], rows[0, 4], rows[0, 5]
-
-
-@inner
-def extrapolate(p: Float, dx: float, dy: float, q: Float) -> None:
-    """Write into q the warp that p predicts for the point (dx, dy) further on."""
-    for k in range(len(p)):
-        q[k] = p[k]
-    for at in (0, 3):
-        q[at] += p[at + 1] * dx + p[at + 2] * dy
-        if len(p) > 6:
-            xx, xy, yy = p[at + 6], p[at + 7], p[at + 8]
-            q[at] += xx * dx * dx / 2 + xy * dx * dy + yy * dy * dy / 2
-            q[at + 1] += xx * dx + xy * dy
-            q[at + 2] += xy * dx + yy * dy
-
-
-@inner
-def _step_length_px(d: Float, r: int) -> float:
-    """Return how far a step moves the edge of the subset, at most about."""
-    square = 0.0
-    for i in range(len(d)):
-        move = _FACTOR[i] * d[i]
-        for _ in range(_POWER_X[i] + _POWER_Y[i]):
-            move *= r
-        square += move * move
-    return math.sqrt(square)
-
-
-@inner
-def _in_view(image: Deformed, x: int, y: int, r: int, p: Float) -> bool:
-    """Tell whether the warped subset stays in the image, by its corners and what curvature may add."""
-    reach_x = r * (abs(1.0 + p[1]) + abs(p[2]))
-    reach_y = r * (abs(p[4]) + abs(1.0 + p[5]))
-    for i in range(6, len(p)):
-        bulge = _FACTOR[i] * r * r * abs(p[i])
-        if _SIDE[i] == 0:
-            reach_x += bulge
-        else:
-            reach_y += bulge
-    to_x, to_y = x + p[0], y + p[3]
-    across = to_x - reach_x >= EDGE_PX and to_x + reach_x < image.width - EDGE_PX - 1
-    down = to_y - reach_y >= EDGE_PX and to_y + reach_y < image.height - EDGE_PX - 1
-    return bool(across and down)
-
-
-@inner
-def _is_smooth(p: Float, r: int) -> bool:
-    """Tell whether 16 pixels of any row of the subset move alike to within a pixel."""
-    steepest_x, steepest_y = abs(p[1]), abs(p[4])
-    if len(p) > 6:
-        steepest_x += r * (abs(p[6]) + abs(p[7]))
-        steepest_y += r * (abs(p[9]) + abs(p[10]))
-    return bool(16.0 * max(steepest_x, steepest_y) < 1.0)
-
-
-@inner
 def _deviations(L: Float, variance: float, y: Float, deviations: Float) -> None:
     """Write the standard deviations of the first six parameters: of variance × (L L')⁻¹, the diagonal."""
     for k in range(6):
@@ -289,7 +234,7 @@ def _deviations(L: Float, variance: float, y: Float, deviations: Float) -> None:
 
 
 @inner
-def _widen(Q: Flat, n: int, slope_noise: float, deviations: Float) -> None:
+def _widen(record: Flat, n: int, slope_noise: float, deviations: Float) -> None:
     """Take the noise out of the slopes' sums of squares, which it makes look like texture.
 
     What is left tells by how much the deviations along each axis are too small, at most `_WIDEST` times: a
@@ -297,7 +242,7 @@ def _widen(Q: Flat, n: int, slope_noise: float, deviations: Float) -> None:
     slope.
     """
     for side in range(2):
-        apparent = Q[m.PRODUCTS + 30 * side]
+        apparent = record[_FX_FX + side]
         texture = max(apparent - n * slope_noise, apparent / _WIDEST)
         factor = apparent / texture
         for k in range(3 * side, 3 * side + 3):
@@ -337,44 +282,46 @@ def correlate_point(
     pixels: int,
     p: Float,
     deviations: Float,
+    record: Flat,
+    known: bool,
     work: Workspace,
 ) -> tuple[int, float, int]:
     """Improve the warp `p` of one point in place; return its status, ZNCC and number of iterations.
 
-    `deviations` takes the standard deviations of the first six parameters.
+    `deviations` takes the standard deviations of the first six parameters, `record` what is needed of the
+    reference's subset, unless that is known from another image.
     """
     r, H, s, t, d, b, q, S = limits.radius, work.H, work.s, work.t, work.d, work.b, work.q, work.S
     centre = image.origin + y * image.pitch + x
     target = deformed.origin + y * deformed.pitch + x
-    m.reference_moments(image, shape, centre, r, work.Q)
-    mean, norm2 = _normal_matrix(work.Q, pixels, H, s, t)
-    # Each of the rows' sums may lose a last digit: less than all of these is nothing.
-    lost = (2 * r + 1) * _EPSILON
-    flat = max(image.flat_variance * pixels, lost * work.Q[m.FF])
-    if not norm2 > flat or not _cholesky(H):
+    if not known:
+        _prepare(image, shape, centre, r, pixels, work, record)
+    _recall(record, work)
+    mean, norm2 = record[_MEAN], record[_NORM2]
+    if not norm2 > 0.0:
         return NO_TEXTURE, np.nan, 0
     clipped = pixels < (2 * r + 1) * (2 * r + 1)
     zncc, last = np.nan, 0.0
     for iteration in range(1, limits.max_iterations + 1):
-        if not _in_view(deformed, x, y, r, p):
+        if not in_view(deformed, x, y, r, p):
             return OUT_OF_VIEW, np.nan, iteration
         for i in range(len(p)):
             q[i] = p[i]
         m.moments_with_image(
-            image, deformed, taps, shape, centre, target, r, q, _is_smooth(p, r), clipped,
+            image, deformed, taps, shape, centre, target, r, q, is_smooth(p, r), clipped,
             work.shift, work.place, S,
         )  # fmt: skip
         g_mean = S[m.G] / pixels
         g_norm2 = S[m.GG] - S[m.G] * g_mean
-        if not g_norm2 > lost * S[m.GG]:
+        if not g_norm2 > _lost(r) * S[m.GG]:
             return LOW_CORRELATION, np.nan, iteration
         gain = math.sqrt(norm2 / g_norm2)
         zncc = (S[m.FG] - mean * S[m.G]) * gain / norm2
         for i in range(len(p)):
-            k = _monomial(_POWER_X[i], _POWER_Y[i]) + 6 * _SIDE[i]
-            b[i] = gain * (_FACTOR[i] * S[m.FX_G + k] - g_mean * s[i]) - t[i]
+            k = monomial(POWER_X[i], POWER_Y[i]) + 6 * SIDE[i]
+            b[i] = gain * (FACTOR[i] * S[m.FX_G + k] - g_mean * s[i]) - t[i]
         _solve(H, b, len(b), d)
-        length = _step_length_px(d, r)
+        length = step_length_px(d, r)
         if len(shape) == 12 and length > _FAR_PX:
             # Far from the goal curvature misleads: the affine part alone, whose factor leads the whole one's.
             # (Its six parameters are those that have deviations.)
@@ -382,9 +329,9 @@ def correlate_point(
         if not length < 2.0 * r:
             return NOT_CONVERGED, zncc, iteration
         if len(shape) == 12:
-            _compose_inverse_quadratic(p, d, work.D, work.rows)
+            compose_inverse_quadratic(p, d, work.D, work.rows)
         else:
-            _compose_inverse(p, d)
+            compose_inverse(p, d)
         rate = length / last
         last = length
         # Steps shrink by a nearly constant rate, which predicts what all later ones would add.
@@ -394,6 +341,6 @@ def correlate_point(
             residual2 = 2.0 * norm2 * max(0.0, 1.0 - zncc)
             variance = _noise_variance(residual2, pixels, p, r, limits.noise_gain)
             _deviations(H, variance, d, deviations)
-            _widen(work.Q, pixels, variance / 2.0 * limits.slope_noise_gain, deviations)
+            _widen(record, pixels, variance / 2.0 * limits.slope_noise_gain, deviations)
             return (CONVERGED if zncc >= limits.min_zncc else LOW_CORRELATION), zncc, iteration
     return NOT_CONVERGED, zncc, limits.max_iterations

@@ -6,8 +6,6 @@ slopes fx and fy, and g the deformed image, whose spline has the coefficients c.
 element `centre` of the reference; `target` is the element of the deformed image with the same coordinates.
 """
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -162,23 +160,27 @@ def _lay_rows(
     next cell across or down. `shift` is what the row adds to the strip's warp, less the cell.
     """
     first, last, half = np.float32(left), np.float32(right), np.float32(0.5)
+    length2 = (last - first) * (last - first)
     for j in range(2 * r + 1):
-        y = np.float32(j - r)
-        cells, reaches, step = 0, False, 1
-        for side in range(2):
-            at = 3 * side
-            slope, added, bend = p[at + 1], p[at + 2] * y, np.float32(0.0)
-            if len(shape) == 12:
-                slope, added, bend = slope + p[at + 7] * y, added + half * p[at + 8] * y * y, half * p[at + 6]
-            begin = p[at] + (slope + bend * first) * first + added
-            end = p[at] + (slope + bend * last) * last + added
-            # A parabola leaves the chord between its ends by at most so much.
-            sag = half * half * abs(bend) * (last - first) * (last - first)
-            cell = math.floor(min(begin, end) - sag)
-            reaches = reaches or max(begin, end) + sag - cell >= 1.0
-            shift[side, j] = added - np.float32(cell)
-            cells, step = cells + cell * step, pitch
-        place[0, j], place[1, j] = cells, reaches
+        place[0, j], place[1, j] = 0, 0
+    for side in range(2):
+        at, step = 3 * side, pitch if side else 1
+        shifted, along, down = p[at], p[at + 1], p[at + 2]
+        bend_x, twist, bend_y = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+        if len(shape) == 12:
+            bend_x, twist, bend_y = half * p[at + 6], p[at + 7], half * p[at + 8]
+        # A parabola leaves the chord between its ends by at most so much.
+        sag = half * half * abs(bend_x) * length2
+        # Without branches, so that rows are laid side by side.
+        for j in range(2 * r + 1):
+            y = np.float32(j - r)
+            slope, added = along + twist * y, (down + bend_y * y) * y
+            begin = shifted + (slope + bend_x * first) * first + added
+            end = shifted + (slope + bend_x * last) * last + added
+            cell = np.floor(min(begin, end) - sag)
+            shift[side, j] = added - cell
+            place[0, j] += np.int64(cell) * step
+            place[1, j] |= np.int64(max(begin, end) + sag - cell >= 1.0)
 
 
 @inner

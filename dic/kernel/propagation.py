@@ -8,10 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.kernel.heap import Items, Keys, pop, push
-from dic.kernel.icgn import CONVERGED, Float, Limits, Workspace, correlate_point, extrapolate, workspace
+from dic.kernel.icgn import (
+    CONVERGED,
+    Float,
+    Limits,
+    Prepared,
+    Workspace,
+    correlate_point,
+    workspace,
+)
 from dic.kernel.jit import compiled
 from dic.kernel.layout import Deformed, Reference
 from dic.kernel.moments import Shape, Taps
+from dic.kernel.warps import extrapolate
 
 
 def correlate_grid(
@@ -31,6 +40,7 @@ def correlate_grid(
     iterations: NDArray[np.int16],
     pending: NDArray[np.bool_],
     spread: bool,
+    prepared: Prepared | None = None,
 ) -> None:
     """Correlate the seeds from their own warps, then spread over the grid, always on from the highest ZNCC.
 
@@ -52,12 +62,16 @@ def correlate_grid(
         Points that still want a value.
     spread : bool
         Whether to go on from the seeds and from all points that have converged before.
+    prepared : Prepared, optional
+        Of these points of this reference: filled, and used where it is filled. The results are the same.
     """
     # A point is queued at most once, except that seeds may have converged before.
     places = status.size + len(seeds) if spread else 0
+    kept = prepared is not None
     _correlate_grid(
         image, deformed, taps, shape, limits, xs, ys, pixels, seeds,
         warps, deviations, status, zncc, iterations, pending, spread,
+        kept, prepared or Prepared.empty((1, 1), len(shape)),
         workspace(limits.radius, len(shape)), np.empty(places), np.empty(places, np.int64),
     )  # fmt: skip
 
@@ -80,6 +94,8 @@ def _correlate_grid(
     iterations: NDArray[np.int16],
     pending: NDArray[np.bool_],
     spread: bool,
+    kept: bool,
+    prepared: Prepared,
     work: Workspace,
     keys: Keys,
     queued: Items,
@@ -113,9 +129,12 @@ def _correlate_grid(
             if i < 0 or j < 0 or i >= rows or j >= columns or not pending[i, j]:
                 continue
             extrapolate(warps[row, column], xs[j] - xs[column], ys[i] - ys[row], start)
+        at, to = (i, j) if kept else (0, 0)
         outcome, quality, count = correlate_point(
-            image, deformed, taps, shape, limits, xs[j], ys[i], pixels[i, j], start, deviations[i, j], work
-        )
+            image, deformed, taps, shape, limits, xs[j], ys[i], pixels[i, j], start, deviations[i, j],
+            prepared.records[at, to], prepared.known[at, to], work,
+        )  # fmt: skip
+        prepared.known[at, to] = kept
         status[i, j], zncc[i, j], iterations[i, j] = outcome, quality, count
         pending[i, j] = outcome != CONVERGED
         if outcome == CONVERGED:

@@ -7,8 +7,9 @@ from dic import kernel
 from dic.correlate import Correlator
 from dic.field import Status
 from dic.icgn_reference import icgn
+from dic.region import PointGrid
 from dic.settings import CorrelationSettings
-from dic.solver import Solver
+from dic.solver import Solver, SubsetMemory
 from dic.spline import spline_image
 
 NEAR = np.array([0.3, 0, 0, -0.2, 0, 0])
@@ -187,3 +188,38 @@ def test_an_image_turned_upright_is_another_shape_and_correlates(speckle, shape)
     inside = (x > 16) & (x < 163) & (y > 16) & (y < 93)
     assert solved.converged[inside].all()
     np.testing.assert_allclose(solved.warps[inside, :6], exact[inside], atol=1e-4)
+
+
+@pytest.mark.parametrize("shape", ["affine", "quadratic"])
+def test_what_is_kept_for_a_series_does_not_change_results(speckle, shape):
+    pattern = speckle(seed=39, shape=(150, 240), noise=1.0)
+    region = np.ones(pattern.shape, bool)
+    region[40:70, 100:115] = False
+    reference = pattern.draw(noise_seed=1)
+    images = [pattern.draw(lambda x, y, k=k: waves(x + k / 4, y), noise_seed=2 + k) for k in range(3)]
+    settings = CorrelationSettings(21, 6, shape=shape)
+    series = Correlator(reference, region, settings)
+    for image in images:
+        kept = series.correlate(image)
+        alone = Correlator(reference, region, settings).correlate(image)
+        assert kept.converged.any()
+        for name in ("warps", "deviations", "zncc", "status", "iterations"):
+            np.testing.assert_array_equal(getattr(kept, name), getattr(alone, name), err_msg=name)
+    assert series._reference.memory.kept_bytes > 0
+
+
+@pytest.mark.parametrize("shape", ["affine", "quadratic"])
+@pytest.mark.parametrize("step_px", [1, 5, 20])
+def test_a_series_keeps_nothing_of_a_pair_and_no_more_than_four_and_a_quarter_images(shape, step_px):
+    side = 1000
+    at = np.arange(20, side - 20, step_px)
+    everywhere = np.ones((len(at), len(at)), bool)
+    grid = PointGrid(at, at, everywhere, everywhere.astype(np.int64), ~everywhere)
+    memory, parameters = SubsetMemory(), CorrelationSettings(shape=shape).parameters
+    sizes = []
+    for _ in range(4):
+        memory.of_next_image(grid, side * side, parameters)
+        sizes.append(memory.kept_bytes)
+    assert sizes[0] == 0
+    assert sizes[1] == sizes[2] == sizes[3] <= 4.25 * 4 * side * side + everywhere.size
+    assert (sizes[1] > 0) == (step_px >= 5)
