@@ -22,6 +22,8 @@ class Measurement:
     label : str
         The image's file, or the step of its run.
     field : Field
+    settings : CorrelationSettings
+        How the field was correlated.
     raw : Displacement
         In pixels.
     calibrated : Displacement or None
@@ -36,6 +38,7 @@ class Measurement:
 
     label: str
     field: Field
+    settings: CorrelationSettings
     raw: Displacement
     calibrated: Displacement | None
     strain_settings: StrainSettings
@@ -86,6 +89,7 @@ class Measurement:
             "out_of_view": field.count(Status.OUT_OF_VIEW),
             "failures": failures,
             "start": field.start,
+            "updates": field.updates,
             "strain": vars(self.strain_settings) | {"gauge_px": self.gauge_px, "gauge_mm": self.gauge_mm},
             "raw": self.raw_mean.as_dict(),
         }
@@ -119,4 +123,4 @@ def measure(
         calibrated = calibrated_displacement(field, calibration, settings)
         gauge_mm = gauge_px * calibration.mm_per_px
     raw = raw_displacement(field, settings)
-    return Measurement(label, field, raw, calibrated, strain, gauge_px, gauge_mm)
+    return Measurement(label, field, settings, raw, calibrated, strain, gauge_px, gauge_mm)

@@ -160,7 +160,23 @@ def mean_strain(
     fitted = mean_gradient(displacement, use)
     if fitted is None:
         return MeanStrain(rotation_deg=np.nan, points=points, **dict.fromkeys(STRAIN_KEYS, np.nan))
-    gradient, covariance = fitted
+    return strain_of_gradient(*fitted, points, measure)
+
+
+def strain_of_gradient(gradient: Float, covariance: Float | None, points: int, measure: str) -> MeanStrain:
+    """Return the strain that a displacement gradient of a whole region means.
+
+    Parameters
+    ----------
+    gradient : ndarray, shape (2, 2)
+        ∂u_i/∂x_j at [i, j].
+    covariance : ndarray, shape (4, 4), or None
+        Of its elements xx, xy, yx, yy, if known.
+    points : int
+        Number of points it comes from.
+    measure : str
+        "green-lagrange", "small" or "hencky".
+    """
     F = gradient + np.eye(2)
     rotation_deg = np.degrees(np.arctan2(F[1, 0] - F[0, 1], F[0, 0] + F[1, 1]))
     values = np.concatenate(strain_of(gradient, covariance, measure))

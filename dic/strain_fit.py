@@ -44,21 +44,47 @@ def mean_gradient(displacement: Displacement, use: Mask) -> tuple[Float, Float |
         return None
     covariance = None
     if displacement.noise is not None:
-        weights = np.zeros((*use.shape, 2))
-        weights[use] = np.linalg.solve(design.T @ design, design.T)[:2].T
-        covariance = _covariance_of_mean(weights, use, displacement.noise)
+        weights = np.zeros((*use.shape, 2, 4))
+        weights[use] = gradient_weights(position)
+        covariance = covariance_of_sums(weights, displacement.noise)
     return solution[:2].T, covariance
 
 
-def _covariance_of_mean(weights: Float, use: Mask, noise: Noise) -> Float:
-    """Return the covariance (4, 4) of Σ u_i w_j, the weights w given on the grid, (rows, columns, 2)."""
+def slopes_of(position: Float, values: Float) -> Float:
+    """Return the gradient (2, 2), ∂u_i/∂x_j at [i, j], of the plane that fits `values` (n, 2) best."""
+    centred = position - position.mean(axis=0)
+    return np.asarray(np.linalg.solve(centred.T @ centred, centred.T @ values).T)
+
+
+def gradient_weights(position: Float) -> Float:
+    """Return by which displacements at `position`, (n, 2), enter the gradient of the best plane motion.
+
+    Returns
+    -------
+    ndarray, shape (n, 2, 4)
+        For the gradient's elements xx, xy, yx, yy.
+    """
+    centred = position - position.mean(axis=0)
+    slopes = np.linalg.solve(centred.T @ centred, centred.T)
+    return np.asarray(np.einsum("ik,jn->nikj", np.eye(2), slopes).reshape(len(position), 2, 4))
+
+
+def covariance_of_sums(weights: Float, noise: Noise) -> Float:
+    """Return the covariance (p, p) of the sums Σ weights · displacement over a grid of points.
+
+    Parameters
+    ----------
+    weights : ndarray, shape (rows, columns, 2, p)
+        By which the two components of each displacement enter each sum; 0 where there is none.
+    noise : Noise
+    """
     from scipy.signal import fftconvolve
 
-    parts = np.einsum("rcia,rcj->rcija", noise.spread, weights).reshape(*use.shape, 4, 2)
-    parts = np.where(use[..., None, None], parts, 0.0)
+    parts = np.einsum("rcia,rcip->rcpa", noise.spread, weights)
+    parts = np.where((weights != 0.0).any(axis=(2, 3))[..., None, None], parts, 0.0)
     around = np.pad(noise.overlap, [(n - 1, 0) for n in noise.overlap.shape], mode="reflect")
     shared = fftconvolve(parts, around[..., None, None], mode="same", axes=(0, 1))
-    return np.asarray(np.einsum("rcia,rcja->ij", parts, shared))
+    return np.asarray(np.einsum("rcpa,rcqa->pq", parts, shared))
 
 
 def fitted_gradients(displacement: Displacement, window: int, degree: int) -> tuple[Float, Float | None]:

@@ -1,0 +1,76 @@
+"""How the specimen and the axis of its stage lie in the grid's axes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.out_of_plane.plane import Plane
+
+Float = NDArray[np.float64]
+
+_SMALL = 1e-6
+"""Slope over which derivatives are taken."""
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """How specimen and stage lie in the grid's axes; it belongs to a fixture and can serve other runs.
+
+    Attributes
+    ----------
+    slopes : ndarray, shape (4,)
+        Slopes x and y of the specimen's plane in the reference, then those of the stage's axis, which runs
+        along (slope x, slope y, 1).
+    covariance : ndarray, shape (4, 4)
+    pivot_mm : ndarray, shape (2,)
+        X and Y at which the axis passes through the specimen.
+    """
+
+    slopes: Float
+    covariance: Float
+    pivot_mm: Float
+
+    @property
+    def before(self) -> Plane:
+        """The specimen's plane in the reference; its height at the grid's centre counts as 0."""
+        return Plane(float(self.slopes[0]), float(self.slopes[1]))
+
+    def after(self, angle_deg: float) -> Plane:
+        """Return the specimen's plane after a turn by `angle_deg`, positive from X to Y."""
+        before = self.before
+        axis = np.array([*self.slopes[2:], 1.0])
+        x, y = self.pivot_mm
+        on_axis = np.array([x, y, before.slope_x * x + before.slope_y * y])
+        turned = _turned(before.normal, axis / np.linalg.norm(axis), np.radians(angle_deg))
+        return Plane.across(turned, on_axis)
+
+    def after_std(self, angle_deg: float) -> Float:
+        """Return the standard deviations of the slopes of `after`, shape (2,)."""
+        columns = []
+        for step in _SMALL * np.eye(4):
+            ahead, behind = (
+                Alignment(self.slopes + sign * step, self.covariance, self.pivot_mm).after(angle_deg)
+                for sign in (1, -1)
+            )
+            columns.append([ahead.slope_x - behind.slope_x, ahead.slope_y - behind.slope_y])
+        by_slope = np.array(columns).T / (2 * _SMALL)
+        return np.asarray(np.sqrt(np.diag(by_slope @ self.covariance @ by_slope.T)))
+
+    @property
+    def wobble_deg(self) -> Float:
+        """Slopes x and y of the axis against the specimen's normal, degrees, shape (2,)."""
+        # The normal of a plane of slopes (a, b) leans by (-a, -b).
+        return np.asarray(np.degrees(np.arctan(self.slopes[2:] + self.slopes[:2])))
+
+    @property
+    def wobble_std_deg(self) -> Float:
+        """Standard deviations of `wobble_deg`, shape (2,)."""
+        both = np.hstack([np.eye(2), np.eye(2)])
+        return np.asarray(np.degrees(np.sqrt(np.diag(both @ self.covariance @ both.T))))
+
+
+def _turned(v: Float, k: Float, angle: float) -> Float:
+    """Turn `v` about the unit vector `k` (Rodrigues' formula), radians."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.asarray(v * c + np.cross(k, v) * s + k * (k @ v) * (1.0 - c))

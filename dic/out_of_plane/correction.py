@@ -1,0 +1,118 @@
+"""What a correction for motion out of the grid's plane gives, whichever way it was found."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.calibration import Calibration
+from dic.displacement import Displacement, calibrated_displacement
+from dic.measurement import Measurement
+from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.weights import Points
+from dic.strain import MeanStrain
+
+Float = NDArray[np.float64]
+
+_STEP = 1e-3
+"""Part of the camera's distance over which derivatives by its centre are taken."""
+
+
+@dataclass(frozen=True)
+class Correction:
+    """The strain of one image after the false strain of its motion out of the grid's plane was taken away.
+
+    Attributes
+    ----------
+    method : str
+        "tilt" (one camera, by the projective signature), "rigidity" (one camera, all steps of a rotation),
+        "alignment" (a rotation's, solved before) or "two cameras"; "none" if nothing was asked for.
+    mean : MeanStrain
+        Corrected; as calibrated where the correction was declined.
+    displacement : Displacement
+        Within the specimen's plane; as calibrated where the correction was declined.
+    before, after : Plane or None
+        Where the surface was in the reference and in this image.
+    after_std : ndarray, shape (3,), or None
+        Standard deviations of slope x, slope y and shift (mm) of `after`; NaN for what was not measured.
+    declined : str or None
+        Why the data were left alone.
+    """
+
+    method: str
+    mean: MeanStrain
+    displacement: Displacement
+    before: Plane | None = None
+    after: Plane | None = None
+    after_std: Float | None = None
+    declined: str | None = None
+
+    @classmethod
+    def refused(cls, method: str, measurement: Measurement, reason: str) -> "Correction":
+        """Return a correction that leaves a calibrated measurement alone."""
+        if measurement.calibrated is None or measurement.calibrated_mean is None:
+            raise ValueError("only calibrated measurements can be corrected")
+        return cls(method, measurement.calibrated_mean, measurement.calibrated, declined=reason)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the figures that programs read, JSON-ready: see `docs/results.md`."""
+        summary = self.mean.as_dict() | {
+            "applied": self.declined is None,
+            "method": self.method,
+            "reason": self.declined,
+        }
+        slopes: dict[str, float | None] = {}
+        if self.after is not None and self.after_std is not None:
+            values = [self.after.slope_x, self.after.slope_y]
+            degrees = [np.degrees(np.arctan(values)), np.degrees(self.after_std[:2])]
+            names = ("slope_x_deg", "slope_y_deg", "slope_x_deg_std", "slope_y_deg_std")
+            slopes = dict(zip(names, map(_plain, np.concatenate(degrees)), strict=True))
+            slopes["shift_mm"] = _plain(self.after.shift_mm) if np.isfinite(self.after_std[2]) else None
+            slopes["shift_mm_std"] = _plain(self.after_std[2])
+        return summary | slopes
+
+
+def points_of(measurement: Measurement, calibration: Calibration) -> Points:
+    """Return the valid points of a measurement, mapped by the model that maps the grid best.
+
+    The paper's bicubic surface and a pinhole differ by up to 0.01 px, which matters where points move far.
+    """
+    best, field = calibration.using(calibration.recommended), measurement.field
+    displacement = calibrated_displacement(field, best, measurement.settings)
+    use = displacement.valid
+    before = field.points.reshape(*use.shape, 2)[use]
+    moved = np.stack([field.u_px, field.v_px], axis=-1)[use]
+    return Points(displacement, use, np.stack([before, before + moved]), best)
+
+
+def by_centre(estimate: Callable[[Float], Float], calibration: Calibration) -> Float:
+    """Return what the uncertainty of a camera's centre does to an estimate (p,) that depends on the centre.
+
+    Returns
+    -------
+    ndarray, shape (p, 3)
+        F, to first order: the covariance of the estimate is F Fᵀ.
+    """
+    pinhole = calibration.pinhole
+    if pinhole is None:
+        raise ValueError("this calibration knows no camera centre")
+    columns = []
+    for shift in centre_factors(calibration).T:
+        step = _STEP * pinhole.centre_mm[2] / max(float(np.linalg.norm(shift)), 1e-12)
+        ahead, behind = (estimate(pinhole.centre_mm + sign * step * shift) for sign in (1, -1))
+        columns.append((ahead - behind) / (2 * step))
+    return np.stack(columns, axis=-1)
+
+
+def centre_factors(calibration: Calibration) -> Float:
+    """Return L (3, 3), mm: the covariance of the camera's centre is L Lᵀ."""
+    if calibration.pinhole is None:
+        raise ValueError("this calibration knows no camera centre")
+    variances, directions = np.linalg.eigh(calibration.pinhole.centre_covariance_mm2)
+    return np.asarray(directions * np.sqrt(np.maximum(variances, 0.0)))
+
+
+def _plain(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

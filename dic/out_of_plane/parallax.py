@@ -1,0 +1,136 @@
+"""Heights from two cameras: how far their calibrated positions of one material point lie apart.
+
+Both cameras are calibrated on the same grid. A point at the height z over it is mapped by the camera with the
+centre C to m = P + (m - C) z/Cz, P being the point itself (X, Y). So two cameras differ by
+
+    m₁ - m₂ = z e,    e = (m₁ - C₁)/C₁z - (m₂ - C₂)/C₂z,
+
+exactly. Along e the difference tells the height, across e it must vanish.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from dic.calibration import Calibration
+from dic.field import Field
+from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.weights import Points
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Material points that both cameras see.
+
+    A material point is known by its calibrated position in the reference. That holds as far as the specimen
+    lay in the grid's plane then; a gap g displaces it by about g tan θ, which matters where strain changes.
+
+    Attributes
+    ----------
+    first, second : Points
+        Of either camera.
+    chosen : ndarray of int, shape (n,)
+        Which points of the first camera have a partner.
+    partner : sparse array, shape (n, points of the second)
+        By which the second camera's points enter the displacement at these (bilinear interpolation).
+    """
+
+    first: Points
+    second: Points
+    chosen: NDArray[np.int64]
+    partner: csr_array
+
+    @classmethod
+    def of(cls, first: Points, second: Points, field: Field) -> "Pairs":
+        """Find the partners; `field` is that of the second camera."""
+        px = _seen_by(second.calibration, first.before_mm)
+        column = (px[:, 0] - field.x_px[0]) / _pitch(field.x_px)
+        row = (px[:, 1] - field.y_px[0]) / _pitch(field.y_px)
+        number = np.full(second.use.shape, -1)
+        number[second.use] = np.arange(np.count_nonzero(second.use))
+        left, top = np.floor(column).astype(int), np.floor(row).astype(int)
+        rows, columns = number.shape
+        on_grid = (left >= 0) & (top >= 0) & (left + 1 < columns) & (top + 1 < rows)
+        left, top = np.where(on_grid, left, 0), np.where(on_grid, top, 0)
+        right, down = column - left, row - top
+        corners = np.stack([number[top + j, left + i] for j in (0, 1) for i in (0, 1)], axis=1)
+        weights = np.stack(
+            [(1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down], 1
+        )
+        chosen = np.flatnonzero(on_grid & (corners >= 0).all(axis=1))
+        entries = (weights[chosen].ravel(), (np.repeat(np.arange(len(chosen)), 4), corners[chosen].ravel()))
+        return cls(first, second, chosen, csr_array(entries, shape=(len(chosen), int(number.max()) + 1)))
+
+    def positions_mm(self) -> tuple[Float, Float]:
+        """Return where either camera maps the material points in the deformed images, (n, 2) each."""
+        start = self.first.before_mm[self.chosen]
+        moved = self.second.after_mm - self.second.before_mm
+        return self.first.after_mm[self.chosen], start + self.partner @ moved
+
+
+def _pitch(places_px: NDArray[np.int64]) -> float:
+    return float(places_px[1] - places_px[0]) if len(places_px) > 1 else 1.0
+
+
+def _seen_by(calibration: Calibration, points_mm: Float) -> Float:
+    """Return where a camera sees points (n, 2) of the grid's plane, by its own map."""
+    if calibration.pinhole is None:
+        raise ValueError("this calibration knows no camera centre")
+    px = calibration.pinhole.project(points_mm)
+    for _ in range(3):
+        wrong = points_mm - calibration.map(px)
+        px = px + np.linalg.solve(calibration.jacobian(px), wrong[:, :, None])[:, :, 0]
+    return np.asarray(px)
+
+
+@dataclass(frozen=True)
+class Heights:
+    """How high material points lie over the grid in the deformed images, relative to the reference.
+
+    Attributes
+    ----------
+    position_mm : ndarray, shape (n, 2)
+        X and Y of the points themselves.
+    z_mm : ndarray, shape (n,)
+    across_mm : ndarray, shape (n,)
+        The difference of both cameras across the parallax, which should be noise.
+    parallax : ndarray, shape (n, 2)
+        The vector e.
+    """
+
+    position_mm: Float
+    z_mm: Float
+    across_mm: Float
+    parallax: Float
+
+    @classmethod
+    def of(cls, pairs: Pairs, centres_mm: tuple[Float, Float]) -> "Heights":
+        """Triangulate the pairs, given both cameras' centres (3,)."""
+        first, second = pairs.positions_mm()
+        rises = [(m - c[:2]) / c[2] for m, c in zip((first, second), centres_mm, strict=True)]
+        e, apart = rises[0] - rises[1], first - second
+        square = (e**2).sum(axis=1)
+        z = (apart * e).sum(axis=1) / square
+        across = (apart[:, 1] * e[:, 0] - apart[:, 0] * e[:, 1]) / np.sqrt(square)
+        return cls(first - rises[0] * z[:, None], z, across, e)
+
+    def plane(self) -> tuple[Plane, Float]:
+        """Return the plane that fits best, and by what the differences m₁ - m₂ enter it.
+
+        Returns
+        -------
+        plane : Plane
+        weights : ndarray, shape (n, 2, 3)
+            For slope x, slope y and shift (mm).
+        """
+        terms = np.column_stack([self.position_mm, np.ones(len(self.z_mm))])
+        design = (self.parallax[:, :, None] * terms[:, None, :]).reshape(-1, 3)
+        inverse = np.linalg.pinv(design)
+        apart = (self.parallax * self.z_mm[:, None]).ravel()
+        slope_x, slope_y, shift_mm = inverse @ apart
+        plane = Plane(float(slope_x), float(slope_y), float(shift_mm))
+        return plane, np.asarray(inverse.T.reshape(len(self.z_mm), 2, 3))

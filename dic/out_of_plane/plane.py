@@ -1,0 +1,136 @@
+"""The plane in which a specimen's surface lies, and where calibrated points are on it.
+
+A calibration maps a pixel's ray to where it meets the grid's plane z = 0. A surface that lies elsewhere is
+met somewhere else on the same ray, from the camera's centre C through (m, 0), m being the calibrated point.
+With z = w + a x + b y the point is C + t ((m, 0) - C),
+
+    t = (Cz - w - a Cx - b Cy) / (Cz + a (mx - Cx) + b (my - Cy)).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.displacement import Displacement, Noise
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The plane z = shift + slope_x · X + slope_y · Y in the grid's axes.
+
+    Attributes
+    ----------
+    slope_x, slope_y : float
+        Tangents of the angles by which the plane rises towards the camera along X and Y.
+    shift_mm : float
+        Height at the grid's centre.
+    """
+
+    slope_x: float = 0.0
+    slope_y: float = 0.0
+    shift_mm: float = 0.0
+
+    @classmethod
+    def across(cls, normal: Float, point_mm: Float) -> "Plane":
+        """Return the plane through a point (3,) that is normal to a direction (3,)."""
+        slope_x, slope_y = -normal[0] / normal[2], -normal[1] / normal[2]
+        return cls(slope_x, slope_y, float(point_mm[2] - slope_x * point_mm[0] - slope_y * point_mm[1]))
+
+    @property
+    def normal(self) -> Float:
+        """Unit vector (3,) towards the camera."""
+        normal = np.array([-self.slope_x, -self.slope_y, 1.0])
+        return np.asarray(normal / np.linalg.norm(normal))
+
+    @property
+    def axes(self) -> Float:
+        """Unit vectors (2, 3) within the plane: X and Y, turned into it by the shortest way."""
+        normal = self.normal
+        across = np.array([-normal[1], normal[0], 0.0])
+        sine = np.hypot(normal[0], normal[1])
+        if sine == 0.0:
+            return np.eye(3)[:2]
+        k = across / sine
+        X, Y = np.eye(3)[:2]
+        return np.array([self._turned(v, k, float(sine), float(normal[2])) for v in (X, Y)])
+
+    @staticmethod
+    def _turned(v: Float, k: Float, sine: float, cosine: float) -> Float:
+        """Turn `v` about the unit vector `k` (Rodrigues' formula)."""
+        return np.asarray(v * cosine + np.cross(k, v) * sine + k * (k @ v) * (1.0 - cosine))
+
+    def within(self, calibrated_mm: Float, centre_mm: Float) -> Float:
+        """Return where calibrated points are on the surface, in isometric coordinates within the plane.
+
+        Parameters
+        ----------
+        calibrated_mm : ndarray, shape (…, 2)
+            Where rays meet the grid's plane.
+        centre_mm : ndarray, shape (3,)
+            The camera's centre in the grid's axes.
+
+        Returns
+        -------
+        ndarray, shape (…, 2)
+            mm; at the grid's centre both coordinates are 0 on the plane.
+        """
+        reach = self._numerator(centre_mm) / self._denominator(calibrated_mm, centre_mm)
+        to_grid = _in_space(calibrated_mm) - centre_mm
+        return np.asarray((centre_mm + reach[..., None] * to_grid - [0.0, 0.0, self.shift_mm]) @ self.axes.T)
+
+    def jacobian(self, calibrated_mm: Float, centre_mm: Float) -> Float:
+        """Return the derivative (…, 2, 2) of `within` by the calibrated point."""
+        denominator = self._denominator(calibrated_mm, centre_mm)
+        reach = self._numerator(centre_mm) / denominator
+        to_grid = _in_space(calibrated_mm) - centre_mm
+        slopes = np.array([self.slope_x, self.slope_y])
+        in_space = (
+            reach[..., None, None] * np.eye(3)[:, :2]
+            - (reach / denominator)[..., None, None] * to_grid[..., :, None] * slopes
+        )
+        return np.asarray(self.axes @ in_space)
+
+    def _numerator(self, centre_mm: Float) -> float:
+        x, y, z = centre_mm
+        return float(z - self.shift_mm - self.slope_x * x - self.slope_y * y)
+
+    def _denominator(self, calibrated_mm: Float, centre_mm: Float) -> Float:
+        x, y, z = centre_mm
+        m = np.asarray(calibrated_mm)
+        return np.asarray(z + self.slope_x * (m[..., 0] - x) + self.slope_y * (m[..., 1] - y))
+
+
+def _in_space(calibrated_mm: Float) -> Float:
+    m = np.asarray(calibrated_mm, np.float64)
+    return np.concatenate([m, np.zeros((*m.shape[:-1], 1))], axis=-1)
+
+
+def moved_out_of_plane(
+    calibrated: Displacement, centre_mm: Float, before: Plane, after: Plane
+) -> Displacement:
+    """Return the displacement within the surface of a specimen that went from one plane to another.
+
+    Parameters
+    ----------
+    calibrated : Displacement
+        In mm of the grid.
+    centre_mm : ndarray, shape (3,)
+        The camera's centre in the grid's axes.
+    before, after : Plane
+        Where the surface was in the reference and is in the deformed image.
+    """
+    here_mm, there_mm = calibrated.position, calibrated.position + calibrated.vector
+    position, moved = before.within(here_mm, centre_mm), after.within(there_mm, centre_mm)
+    gradient, noise = calibrated.gradient, calibrated.noise
+    there = after.jacobian(there_mm, centre_mm)
+    if gradient is not None:
+        back = np.linalg.inv(before.jacobian(here_mm, centre_mm))
+        gradient = there @ (gradient + np.eye(2)) @ back - np.eye(2)
+        if noise is not None:
+            both = np.einsum("...ik,...lj->...ijkl", there, back).reshape(*there.shape[:-2], 4, 4)
+            covariance = both @ noise.gradient @ np.swapaxes(both, -1, -2)
+            noise = Noise(there @ noise.spread, noise.overlap, covariance)
+    return replace(calibrated, position=position, vector=moved - position, gradient=gradient, noise=noise)

@@ -1,0 +1,200 @@
+"""The correction of a rotation's strains: solve the alignment of the run, or apply one solved before."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.calibration import Calibration
+from dic.measurement import Measurement
+from dic.out_of_plane.alignment import Alignment
+from dic.out_of_plane.correction import Correction, by_centre, points_of
+from dic.out_of_plane.plane import moved_out_of_plane
+from dic.out_of_plane.rotation import PRIOR_SLOPE, Steps, by_gradient, gradient_covariance, solve_alignment
+from dic.strain import strain_of_gradient
+
+Float = NDArray[np.float64]
+
+_FEWEST_POINTS = 30
+_FEWEST_STEPS = 2
+_LEAST_TURN_DEG = 5.0
+_SMALL = 1e-6
+_RIGID = 5.0
+"""Strain left over, in standard deviations (rms), up to which the specimen counts as rigid."""
+
+
+@dataclass(frozen=True)
+class RotationCorrection:
+    """The corrections of all images of a rotation, in order, and the alignment they come from, if any."""
+
+    corrections: list[Correction]
+    alignment: Alignment | None
+
+
+def correct_rotation(
+    measurements: Sequence[Measurement], calibration: Calibration, alignment: Alignment | None = None
+) -> RotationCorrection:
+    """Correct the images of a rotated specimen for its wobble and for the tilt of the grid.
+
+    Where the method does not apply, the measurements are left alone and the reason given.
+
+    Parameters
+    ----------
+    measurements : sequence of Measurement
+        Calibrated, all of the same reference.
+    calibration : Calibration
+        Of their camera.
+    alignment : Alignment, optional
+        Solved before on the same fixture; the specimen need not be rigid then.
+    """
+    usable = [k for k, m in enumerate(measurements) if m.calibrated_mean is not None and _points(m)]
+    steps = Steps.of([points_of(measurements[k], calibration) for k in usable]) if usable else None
+    reason = _objection(steps, calibration, alignment)
+    if reason is not None or steps is None or calibration.pinhole is None:
+        method = "rigidity" if alignment is None else "alignment"
+        refused = [Correction.refused(method, m, reason or "nothing was measured") for m in measurements]
+        return RotationCorrection(refused, None)
+    centre_mm, reason = calibration.pinhole.centre_mm, None
+    if alignment is not None:
+        solved: _Solved | None = _Solved.known(steps, calibration, centre_mm, alignment)
+    else:
+        solved = _Solved.from_steps(steps, calibration, centre_mm)
+        reason = _not_rigid(solved)
+    if solved is None or reason is not None:
+        refused = [Correction.refused("rigidity", m, reason or "unsolved") for m in measurements]
+        return RotationCorrection(refused, None)
+    too_few = f"fewer than {_FEWEST_POINTS} points"
+    corrections = [Correction.refused(solved.method, m, too_few) for m in measurements]
+    for place, k in enumerate(usable):
+        corrections[k] = solved.correction(place, measurements[k])
+    return RotationCorrection(corrections, solved.alignment)
+
+
+def _points(measurement: Measurement) -> bool:
+    return measurement.calibrated is not None and int(measurement.calibrated.valid.sum()) >= _FEWEST_POINTS
+
+
+def _objection(steps: Steps | None, calibration: Calibration, alignment: Alignment | None) -> str | None:
+    if calibration.pinhole is None:
+        return "the calibration knows no camera centre"
+    if steps is None:
+        return f"no image has {_FEWEST_POINTS} points"
+    if alignment is None and len(steps.points) < _FEWEST_STEPS:
+        return f"at least {_FEWEST_STEPS} images of a rotation are needed"
+    if alignment is None and np.abs(steps.angles_deg).max() < _LEAST_TURN_DEG:
+        return f"the specimen turned by less than {_LEAST_TURN_DEG:g}°, too little to tell its tilt"
+    return None
+
+
+def _not_rigid(solved: "_Solved | None") -> str | None:
+    if solved is None:
+        return "no alignment is found: the camera looks too straight on to tell tilts by their false strain"
+    left = solved.strain_left()
+    if left > _RIGID:
+        return f"the specimen was not rigid: strain of {left:.1f} standard deviations (rms) is left"
+    return None
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """An alignment with the steps it applies to.
+
+    Attributes
+    ----------
+    gradients : ndarray, shape (steps, 2, 2)
+        Corrected.
+    covariance : ndarray, shape (4 steps, 4 steps)
+        Of them all.
+    """
+
+    method: str
+    steps: Steps
+    centre_mm: Float
+    alignment: Alignment
+    gradients: Float
+    covariance: Float
+
+    @classmethod
+    def from_steps(cls, steps: Steps, calibration: Calibration, centre_mm: Float) -> "_Solved | None":
+        """Solve the alignment of these steps; None if they do not tell it."""
+        errors = gradient_covariance(steps)
+        to_strain = _block_diagonal([by_gradient(G) for G in steps.gradients(np.zeros(4), centre_mm)])
+        of_strain = to_strain @ errors @ to_strain.T
+        solution = solve_alignment(steps, centre_mm, of_strain)
+        if solution is None:
+            return None
+        slopes, gain, by_slope = solution
+        # The slopes' errors: those of the strains, and what of the prior is left where these do not tell.
+        slope_rows = -np.hstack([gain @ to_strain, np.eye(4) - gain @ by_slope])
+
+        def estimate(centre: Float) -> Float:
+            again = solve_alignment(steps, centre, of_strain, slopes)
+            found = slopes if again is None else again[0]
+            return np.concatenate([steps.gradients(found, centre).ravel(), found])
+
+        sources = _block_diagonal([errors, PRIOR_SLOPE**2 * np.eye(4)])
+        rows = _error_rows(steps, slopes, centre_mm, slope_rows)
+        of_centre = by_centre(estimate, calibration)
+        covariance = rows @ sources @ rows.T + of_centre @ of_centre.T
+        alignment = Alignment(slopes, covariance[-4:, -4:], steps.pivot_mm)
+        gradients = steps.gradients(slopes, centre_mm)
+        return cls("rigidity", steps, centre_mm, alignment, gradients, covariance[:-4, :-4])
+
+    @classmethod
+    def known(
+        cls, steps: Steps, calibration: Calibration, centre_mm: Float, alignment: Alignment
+    ) -> "_Solved":
+        """Apply an alignment that was solved before."""
+        slopes, n = alignment.slopes, len(steps.points)
+        slope_rows = np.hstack([np.zeros((4, 4 * n)), np.eye(4)])
+
+        def estimate(centre: Float) -> Float:
+            return steps.gradients(slopes, centre).ravel()
+
+        sources = _block_diagonal([gradient_covariance(steps), alignment.covariance])
+        rows = _error_rows(steps, slopes, centre_mm, slope_rows)[:-4]
+        of_centre = by_centre(estimate, calibration)
+        covariance = rows @ sources @ rows.T + of_centre @ of_centre.T
+        return cls("alignment", steps, centre_mm, alignment, steps.gradients(slopes, centre_mm), covariance)
+
+    def strain_left(self) -> float:
+        """Return the strain that is left, in standard deviations, rms."""
+        to_strain = _block_diagonal([by_gradient(G) for G in self.gradients])
+        deviations = np.sqrt(np.diag(to_strain @ self.covariance @ to_strain.T))
+        strains = self.steps.strains(self.alignment.slopes, self.centre_mm)
+        return float(np.sqrt(np.mean((strains / deviations) ** 2)))
+
+    def correction(self, place: int, measurement: Measurement) -> Correction:
+        """Return the correction of one step."""
+        points, at = self.steps.points[place], slice(4 * place, 4 * place + 4)
+        before, after = self.alignment.before, self.alignment.after(self.steps.angles_deg[place])
+        mean = strain_of_gradient(
+            self.gradients[place],
+            self.covariance[at, at],
+            len(points.before_mm),
+            measurement.strain_settings.measure,
+        )
+        moved = moved_out_of_plane(points.displacement, self.centre_mm, before, after)
+        std = self.alignment.after_std(self.steps.angles_deg[place])
+        return Correction(self.method, mean, moved, before, after, np.array([*std, np.nan]))
+
+
+def _error_rows(steps: Steps, slopes: Float, centre_mm: Float, slope_rows: Float) -> Float:
+    """Return by which errors of the gradients, and the others of `slope_rows`, enter gradients and slopes."""
+    by_slope = np.column_stack(
+        [
+            (steps.gradients(slopes + d, centre_mm) - steps.gradients(slopes - d, centre_mm)).ravel()
+            / (2 * _SMALL)
+            for d in _SMALL * np.eye(4)
+        ]
+    )
+    n = len(by_slope)
+    direct = np.hstack([np.eye(n), np.zeros((n, slope_rows.shape[1] - n))])
+    return np.vstack([direct + by_slope @ slope_rows, slope_rows])
+
+
+def _block_diagonal(blocks: Sequence[Float]) -> Float:
+    from scipy.linalg import block_diag
+
+    return np.asarray(block_diag(*blocks))

@@ -1,0 +1,111 @@
+"""Tension seen by one camera: each image corrected for the tilt of its specimen since the reference.
+
+`dic.out_of_plane.tilt` tells tilt from strain where the strain is uniform. What an affine motion, bending and
+tilt leave speaks against that: polynomials of second and third degree against uniform strain, all else
+against one body. Then the image is left alone.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.calibration import Calibration
+from dic.measurement import Measurement
+from dic.out_of_plane.correction import Correction, by_centre, points_of
+from dic.out_of_plane.plane import Plane, moved_out_of_plane
+from dic.out_of_plane.tilt import TiltFit, fit_tilt
+from dic.out_of_plane.weights import Points
+from dic.strain import strain_of_gradient
+from dic.strain_fit import gradient_weights, slopes_of
+
+Float = NDArray[np.float64]
+
+_FEWEST_POINTS = 30
+
+_UNEVEN_PX = 0.002
+"""A remainder (rms) up to this much, above what noise explains, is borne: the spline's and the lens's."""
+
+_TORN = 2.0
+"""Residuals are borne up to this many times what noise explains."""
+
+_BEYOND_NOISE = 3.0
+_USEFUL = 100e-6
+"""A correction that is not significant must be at least this certain (standard deviation of strain)."""
+
+
+def correct_tilt(measurement: Measurement, calibration: Calibration, poisson_ratio: float) -> Correction:
+    """Correct one image of a tension test for the tilt of its specimen since the reference.
+
+    Where the method does not apply, the measurement is left alone and the reason given.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        Calibrated.
+    calibration : Calibration
+        Of the same camera.
+    poisson_ratio : float
+        Of the specimen, for the shape of its bending.
+    """
+    pinhole = calibration.pinhole
+    if pinhole is None:
+        return Correction.refused("tilt", measurement, "the calibration knows no camera centre")
+    points = points_of(measurement, calibration)
+    if len(points.before_mm) < _FEWEST_POINTS:
+        reason = f"{len(points.before_mm)} points are too few: at least {_FEWEST_POINTS} are needed"
+        return Correction.refused("tilt", measurement, reason)
+    fit = fit_tilt(points, pinhole.centre_mm, poisson_ratio)
+    moved = moved_out_of_plane(points.displacement, pinhole.centre_mm, Plane(), fit.plane)
+    objection = _uneven(fit, points, calibration.mm_per_px)
+    if objection is not None:
+        return Correction.refused("tilt", measurement, objection)
+
+    def estimate(centre_mm: Float) -> Float:
+        found = fit_tilt(points, centre_mm, poisson_ratio).plane
+        gradient = _gradient(points, centre_mm, found)
+        return np.array([*gradient.ravel(), found.slope_x, found.slope_y])
+
+    weights = gradient_weights(points.before_mm)
+    by_slope = np.einsum("nip,nis->ps", weights, fit.by_slope)
+    total = np.concatenate([weights + fit.slope_weights @ by_slope.T, fit.slope_weights], axis=2)
+    of_centre = by_centre(estimate, calibration)
+    covariance = points.covariance(total) + of_centre @ of_centre.T
+    gradient = _gradient(points, pinhole.centre_mm, fit.plane)
+    measure = measurement.strain_settings.measure
+    mean = strain_of_gradient(gradient, covariance[:4, :4], len(points.before_mm), measure)
+    change = np.abs(gradient - _gradient(points, pinhole.centre_mm, Plane())).max()
+    std = np.sqrt(np.diag(covariance))
+    if std[:4].max() > _USEFUL and change < 2 * std[:4].max():
+        reason = f"the tilt is too uncertain here (strain ± {1e6 * std[:4].max():.0f} µε)"
+        return Correction.refused("tilt", measurement, reason)
+    after_std = np.array([*std[4:], np.nan])
+    return Correction("tilt", mean, moved, Plane(), fit.plane, after_std)
+
+
+def _gradient(points: Points, centre_mm: Float, plane: Plane) -> Float:
+    """Return the mean displacement gradient (2, 2) of the points, the deformed ones seen on `plane`."""
+    moved = plane.within(points.after_mm, centre_mm) - points.before_mm
+    return slopes_of(points.before_mm, moved)
+
+
+def _uneven(fit: TiltFit, points: Points, mm_per_px: float) -> str | None:
+    """Return why the field is not affine motion, bending and tilt, or None if it is."""
+    noise = points.displacement.noise
+    if noise is None:
+        return "the displacements come without their noise"
+    covariance = points.covariance(fit.remainder_weights)
+    expected = np.sqrt(np.einsum("nip,pq,niq->", fit.terms, covariance, fit.terms) / len(fit.terms))
+    limit_mm = _BEYOND_NOISE * expected + _UNEVEN_PX * mm_per_px
+    if fit.remainder_rms_mm > limit_mm:
+        return (
+            "the strain is not uniform (a smooth remainder of "
+            f"{fit.remainder_rms_mm / mm_per_px:.3f} px, at most {limit_mm / mm_per_px:.3f} px is explained)"
+        )
+    rms_mm = np.sqrt((fit.residual_mm**2).sum(axis=1).mean())
+    by_noise_mm = np.sqrt((noise.spread[points.use] ** 2).sum(axis=(1, 2)).mean())
+    limit_mm = _TORN * by_noise_mm + _UNEVEN_PX * mm_per_px
+    if rms_mm > limit_mm:
+        return (
+            f"the motion is not that of one body (residual {rms_mm / mm_per_px:.3f} px rms, "
+            f"at most {limit_mm / mm_per_px:.3f} px is explained)"
+        )
+    return None

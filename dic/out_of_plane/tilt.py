@@ -1,0 +1,137 @@
+"""Slopes of a specimen's plane from one camera's view of a displacement field, by their projective signature.
+
+The linear part of a tilt's displacement looks like strain, its quadratic part (a x² + b x y, a x y + b y²)/Cz
+does not: no uniform strain has one. Bending within the plane is quadratic too, (-(y² + ν x²)/2, x y) κ and
+the same with the axes exchanged, but of another shape. So the slopes are found for which the points, seen on
+the sloped plane, moved by an affine motion and bending.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.weights import Points
+
+Float = NDArray[np.float64]
+
+_STEPS = 8
+_CLOSE = 1e-9
+"""A step of the slopes that ends the iteration; 1e-9 makes less than 1e-3 µε."""
+
+_SMALL = 1e-6
+"""Slope over which derivatives are taken."""
+
+_MIMICKED = 1e-3
+"""Terms of which less than this part is left beside the fit say nothing of their own."""
+
+
+@dataclass(frozen=True)
+class TiltFit:
+    """The slopes that explain one displacement field best.
+
+    Attributes
+    ----------
+    plane : Plane
+        Where the surface is in the deformed image, relative to the reference.
+    slope_weights : ndarray, shape (n, 2, 2)
+        By which errors of the displacements, on the sloped plane, enter the two slopes.
+    by_slope : ndarray, shape (n, 2, 2)
+        Derivative of the positions on the plane by the slopes, the last axis.
+    residual_mm : ndarray, shape (n, 2)
+        What affine motion, bending and tilt leave.
+    remainder_mm : ndarray, shape (n, 2)
+        The part of it that is a polynomial of second and third degree.
+    remainder_weights : ndarray, shape (n, 2, 14)
+        By which the residual enters the remainder's coefficients.
+    terms : ndarray, shape (n, 2, 14)
+        The remainder's terms.
+    """
+
+    plane: Plane
+    slope_weights: Float
+    by_slope: Float
+    residual_mm: Float
+    remainder_mm: Float
+    remainder_weights: Float
+    terms: Float
+
+    @property
+    def remainder_rms_mm(self) -> float:
+        """Root mean square length of the remainder."""
+        return float(np.sqrt((self.remainder_mm**2).sum(axis=1).mean()))
+
+
+def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float) -> TiltFit:
+    """Find the slopes for which a field is affine motion and bending within the specimen's plane.
+
+    Parameters
+    ----------
+    points : Points
+        Some dozens at least.
+    centre_mm : ndarray, shape (3,)
+        The camera's centre in the grid's axes.
+    poisson_ratio : float
+        Of the specimen, for the shape of its bending.
+    """
+    shape = _Basis.of(points.before_mm, poisson_ratio)
+    after = points.after_mm
+    plane = Plane()
+    for _ in range(_STEPS):
+        moved = plane.within(after, centre_mm) - points.before_mm
+        by_slope = _by_slope(after, centre_mm, plane)
+        design = np.concatenate([shape.uniform, -by_slope], axis=2).reshape(2 * len(after), -1)
+        inverse = np.linalg.pinv(design)
+        step = (inverse @ moved.ravel())[-2:]
+        plane = Plane(plane.slope_x + step[0], plane.slope_y + step[1])
+        if np.abs(step).max() < _CLOSE:
+            break
+    moved = plane.within(after, centre_mm) - points.before_mm
+    residual = (moved.ravel() - design @ (inverse @ moved.ravel())).reshape(-1, 2)
+    # The remainder's terms as far as affine motion, bending and tilt cannot mimic them.
+    terms = shape.remainder.reshape(2 * len(after), -1)
+    terms = terms - design @ (inverse @ terms)
+    weights = np.linalg.pinv(terms, rcond=_MIMICKED)
+    remainder = terms @ (weights @ residual.ravel())
+    n = len(after)
+    return TiltFit(
+        plane,
+        inverse[-2:].T.reshape(n, 2, 2),
+        by_slope,
+        residual,
+        remainder.reshape(n, 2),
+        np.asarray(weights.T.reshape(n, 2, -1)),
+        terms.reshape(n, 2, -1),
+    )
+
+
+def _by_slope(after: Float, centre_mm: Float, plane: Plane) -> Float:
+    """Return the derivative of the positions on the plane by both slopes, (n, 2, 2)."""
+    sides = []
+    for dx, dy in ((_SMALL, 0.0), (0.0, _SMALL)):
+        ahead, behind = (
+            Plane(plane.slope_x + sign * dx, plane.slope_y + sign * dy).within(after, centre_mm)
+            for sign in (1, -1)
+        )
+        sides.append((ahead - behind) / (2 * _SMALL))
+    return np.stack(sides, axis=-1)
+
+
+@dataclass(frozen=True)
+class _Basis:
+    """Displacement fields: affine ones and bending, (n, 2, 8), and all others up to the third degree."""
+
+    uniform: Float
+    remainder: Float
+
+    @classmethod
+    def of(cls, position_mm: Float, poisson_ratio: float) -> "_Basis":
+        centred = position_mm - position_mm.mean(axis=0)
+        x, y = (centred / np.abs(centred).max()).T
+        one, none, nu = np.ones_like(x), np.zeros_like(x), poisson_ratio
+        affine = [(t, none) for t in (one, x, y)] + [(none, t) for t in (one, x, y)]
+        bending = [(-(y * y + nu * x * x) / 2, x * y), (x * y, -(x * x + nu * y * y) / 2)]
+        others = (x * x, x * y, y * y, x**3, x * x * y, x * y * y, y**3)
+        remainder = [(t, none) for t in others] + [(none, t) for t in others]
+        return cls(*(np.array(fields).transpose(2, 1, 0) for fields in (affine + bending, remainder)))

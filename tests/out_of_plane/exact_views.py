@@ -1,0 +1,111 @@
+"""What cameras measure of a moving specimen, by exact geometry of the simulators, with noise of known size.
+
+No images: reference points are followed along their rays to the material and, after the motion, back into the
+camera. So the truth is known to rounding, and a whole campaign takes seconds.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dic.calibration import Calibration
+from dic.field import Field, Status
+from dic.grid_points import GridPoints
+from dic.measurement import measure
+from dic.settings import CorrelationSettings
+from simulators.optics import PinholeCamera
+from simulators.pose import Pose
+from simulators.scene import Surface
+
+
+class Blank:
+    """A texture that nobody looks at."""
+
+    quadrature_order = 1
+
+
+@dataclass(frozen=True)
+class State:
+    """Where the specimen is, and how it is deformed within its plane."""
+
+    pose: Pose = field(default_factory=Pose)
+    F: np.ndarray = field(default_factory=lambda: np.eye(2))
+    within: object = None  # further motion within the plane: (n, 2) mm to (n, 2) mm
+
+    def world(self, material_mm):
+        moved = material_mm if self.within is None else self.within(material_mm)
+        return Surface(Blank(), self.pose, self.F).world(moved)
+
+
+@dataclass(frozen=True)
+class View:
+    """One camera, calibrated from one noisy image of the grid."""
+
+    camera: PinholeCamera
+    noise_px: float = 0.004
+    grid_noise_px: float = 0.004
+    subset_px: int = 31
+    half_mm: float = 4.2
+    seed: int = 0
+
+    @property
+    def settings(self):
+        # Subsets side by side: their errors are independent.
+        return CorrelationSettings(subset_px=self.subset_px, step_px=self.subset_px)
+
+    def calibration(self) -> Calibration:
+        rng = np.random.default_rng([self.seed, 1])
+        index = np.stack(np.meshgrid(np.arange(21), np.arange(21)), axis=-1).reshape(-1, 2)
+        xyz = np.column_stack([(index - 10) * 0.5, np.zeros(len(index))])
+        seen = self.camera.project(xyz) + rng.normal(0.0, self.grid_noise_px, (len(index), 2))
+        grid = GridPoints.on_lattice(index.astype(np.int64), seen, (21, 21), 0.5)
+        return Calibration.fit(grid, (self.camera.height_px, self.camera.width_px))
+
+    def measurements(self, states, calibration, reference=None):
+        """Return a measurement per state, all against the same (noisy) reference image."""
+        rng = np.random.default_rng([self.seed, 2])
+        reference = reference or State()
+        step = self.subset_px
+        x_px = np.arange(step, self.camera.width_px - step, step)
+        y_px = np.arange(step, self.camera.height_px - step, step)
+        shape = (len(y_px), len(x_px))
+        px = np.stack(np.meshgrid(x_px, y_px), axis=-1).reshape(-1, 2).astype(float)
+        material = Surface(Blank(), reference.pose, reference.F).material(*self.camera.ray(px))
+        active = (np.abs(calibration.map(px)).max(axis=1) < self.half_mm).reshape(shape)
+        # Each image has half of the variance; the reference's is common to all steps.
+        of_reference = rng.normal(0.0, self.noise_px / np.sqrt(2), px.shape)
+        results = []
+        for number, state in enumerate(states):
+            own = rng.normal(0.0, self.noise_px / np.sqrt(2), px.shape)
+            moved = self.camera.project(state.world(material)) - px + own + of_reference
+            warps = np.full((*shape, 6), 0.0)
+            warps[..., 0], warps[..., 3] = (moved[:, k].reshape(shape) for k in (0, 1))
+            result = Field(
+                x_px=x_px,
+                y_px=y_px,
+                warps=np.where(active[..., None], warps, np.nan),
+                deviations=np.full((*shape, 6), self.noise_px),
+                zncc=np.ones(shape),
+                iterations=np.ones(shape, np.int16),
+                status=np.where(active, Status.CONVERGED, Status.NOT_REACHED).astype(np.int8),
+                active=active,
+                start="search",
+            )
+            results.append(measure(f"state {number}", result, calibration, self.settings))
+        return results
+
+
+def strains(correction):
+    """Return exx, eyy, exy of a correction in µε."""
+    mean = correction.mean
+    return 1e6 * np.array([mean.exx, mean.eyy, mean.exy])
+
+
+def deviations(correction):
+    mean = correction.mean
+    return 1e6 * np.array([mean.exx_std, mean.eyy_std, mean.exy_std])
+
+
+def green_lagrange(F):
+    E = (F.T @ F - np.eye(2)) / 2
+    return 1e6 * np.array([E[0, 0], E[1, 1], E[0, 1]])
