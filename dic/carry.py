@@ -49,8 +49,9 @@ def chain(first: Field, second: Field) -> Field:
     status[rows, columns] = np.where(known, Status.CONVERGED, moved.status)
     zncc[rows, columns], iterations[rows, columns] = moved.zncc, moved.iterations
     return Field(
-        first.x_px, first.y_px, warps, deviations, zncc, iterations, status, first.active, second.start
-    )
+        first.x_px, first.y_px, warps, deviations, zncc, iterations, status, first.active, second.start,
+        first.updates + 1 + second.updates,
+    )  # fmt: skip
 
 
 class _Moved(NamedTuple):

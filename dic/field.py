@@ -47,6 +47,8 @@ class Field:
         Which points lie in the region of interest; the others were not tried.
     start : str
         Where the first guess came from: "previous", "hint", "search" or "features".
+    updates : int
+        Over how many new references the points were carried; each adds to `deviations`.
     """
 
     x_px: NDArray[np.int64]
@@ -58,6 +60,7 @@ class Field:
     status: NDArray[np.int8]
     active: NDArray[np.bool_]
     start: str
+    updates: int = 0
 
     @property
     def u_px(self) -> Float:

@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.calibration import Calibration
-from dic.correlate import Correlator
 from dic.errors import CalibrationError, CorrelationError
-from dic.field import Field
 from dic.grid import find_grid
 from dic.measurement import Measurement, measure
 from dic.run_file import RunFile, RunInfo, RunStep
+from dic.series import Series
 from dic.settings import CorrelationSettings
 from dic.strain import StrainSettings
 
@@ -64,6 +63,7 @@ def process_run(
     settings: CorrelationSettings | None = None,
     strain: StrainSettings | None = None,
     *,
+    incremental: str = "auto",
     on_image: Callable[[], None] = lambda: None,
     on_count: Callable[[int], None] = lambda _: None,
 ) -> RunResult:
@@ -75,6 +75,8 @@ def process_run(
         A run file, of a finished or a killed run.
     settings : CorrelationSettings, optional
     strain : StrainSettings, optional
+    incremental : str
+        When a camera takes a new reference: "auto" when its correlation drops, "never", or "always".
     on_image : callable, optional
         Called after each image.
     on_count : callable, optional
@@ -95,7 +97,7 @@ def process_run(
         with ThreadPoolExecutor() as pool:
             stopped = Event()
             tasks = [
-                pool.submit(_process_camera, run, name, settings, strain, on_image, stopped)
+                pool.submit(_process_camera, run, name, settings, strain, incremental, on_image, stopped)
                 for name in run.cameras
             ]
             try:
@@ -112,6 +114,7 @@ def _process_camera(
     camera: str,
     settings: CorrelationSettings,
     strain: StrainSettings,
+    incremental: str,
     on_image: Callable[[], None],
     stopped: Event,
 ) -> CameraResult:
@@ -120,18 +123,17 @@ def _process_camera(
     reference = run.image(camera, first)
     region = _calibrated_region(calibration, reference.shape)
     threads = max(1, len(os.sched_getaffinity(0)) // len(run.cameras))
-    correlator = Correlator(reference, region, settings, clip=False, threads=threads)
+    series = Series(reference, region, settings, incremental=incremental, clip=False, threads=threads)
     turn = _Turn(calibration, first.angle_deg)
     steps, measurements, failures = [], [], []
-    previous: Field | None = None
     for step in others:
         if stopped.is_set():
             break
         label = f"step {step.index}"
         try:
             image = run.image(camera, step)
-            previous = correlator.correlate(image, previous=previous, hint=turn.hint(step))
-            measurements.append(measure(label, previous, calibration, settings, strain))
+            field = series.correlate(image, hint=turn.hint(step))
+            measurements.append(measure(label, field, calibration, settings, strain))
             steps.append(step)
         except CorrelationError as error:
             failures.append(f"{run.path}: {camera}, {label}: {error}")

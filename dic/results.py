@@ -73,6 +73,7 @@ class ResultWriter:
             "zncc": field.zncc,
             "status": field.status,
             "iterations": field.iterations,
+            "updates": field.updates,
         }
         rows |= {name: getattr(measurement.strain, name) for name in STRAIN_KEYS}
         rows |= {f"raw_mean/{name}": getattr(measurement.raw_mean, name) for name in STRAIN_KEYS}
@@ -127,6 +128,7 @@ class ResultWriter:
         growing("std_gradient", "1", "f8", (*shape, 4))
         growing("status", "1", "u1", shape)
         growing("iterations", "1", "u2", shape)
+        growing("updates", "1", "u2")
         for name in STRAIN_KEYS:
             growing(name, _strain_units(name), "f8", shape)
             growing(f"raw_mean/{name}", _strain_units(name), "f8")

@@ -115,6 +115,8 @@ def _read_field(series: Any, k: int) -> Field:
         status=series["status"][k].astype(np.int8),
         active=series["active"][:].astype(np.bool_),
         start=str(series["start"].asstr()[k]),
+        # Files of the time before runs were measured over new references have none.
+        updates=int(series["updates"][k]) if "updates" in series else 0,
     )
 
 

@@ -87,6 +87,8 @@ class Series:
     incremental : str
         "never" compares every image with the reference itself; "always" with the image before; "auto" with
         the reference until correlation drops, then with the last image that was well correlated.
+    clip : bool, optional
+        Whether subsets are clipped at the region's edge; if not told, they are where a region is given.
     threads : int
         How many to work with; 0 for as many as there are processors.
 
@@ -103,6 +105,7 @@ class Series:
         settings: CorrelationSettings | None = None,
         *,
         incremental: str = "auto",
+        clip: bool | None = None,
         threads: int = 0,
     ) -> None:
         if incremental not in INCREMENTAL:
@@ -113,8 +116,9 @@ class Series:
                 got=incremental,
                 remedy="correct the setting",
             )
-        self._incremental, self._clip, self._threads = incremental, region is not None, threads
-        self._link = _Link(Correlator(reference, region, settings, threads=threads))
+        self._incremental, self._threads = incremental, threads
+        self._clip = region is not None if clip is None else clip
+        self._link = _Link(Correlator(reference, region, settings, clip=self._clip, threads=threads))
         self._first_region = self._link.correlator.region
 
     @property

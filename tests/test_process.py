@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from dic.cli import main
+from dic.commands.process import as_dict, table
 from dic.errors import RunFileError
 from dic.process import process_run
 from dic.run_file import RunFile
@@ -191,3 +192,34 @@ def test_an_interrupt_does_not_wait_for_the_rest_of_the_run(run_file):
     finally:
         signal.signal(signal.SIGINT, before)
     assert len(images) < expected[0]
+
+
+def test_a_run_takes_new_references_as_it_is_told(run_file, tmp_path):
+    runs = {way: process_run(run_file, COARSE, incremental=way) for way in ("never", "always")}
+    for never, always in zip(runs["never"].cameras, runs["always"].cameras, strict=True):
+        assert [m.field.updates for m in never.measurements] == [0, 0]
+        assert [m.field.updates for m in always.measurements] == [0, 1]
+        one, other = never.measurements[1].field, always.measurements[1].field
+        both = one.converged & other.converged
+        assert both.sum() > 0.9 * one.converged.sum()
+        assert np.median(np.hypot(one.u_px - other.u_px, one.v_px - other.v_px)[both]) < 0.05
+        # The second reference adds an error like that of the first, in variance.
+        first = always.measurements[0].field
+        stated = [np.median(np.hypot(f.std_u_px, f.std_v_px)[both & first.converged]) for f in (first, other)]
+        assert stated[1] == pytest.approx(np.sqrt(2) * stated[0], rel=0.15)
+    save_run_result(runs["always"], tmp_path / "r.h5")
+    again = load_run_result(tmp_path / "r.h5")
+    assert [[m.field.updates for m in camera.measurements] for camera in again.cameras] == [[0, 1], [0, 1]]
+    printed = table(runs["always"])
+    assert printed.count("over 1 new references: std u") == 2
+    assert "new references" not in table(runs["never"])
+    steps = as_dict(runs["always"])["cameras"]["on_axis"]["steps"]
+    assert [step["updates"] for step in steps] == [0, 1]
+
+
+def test_the_command_passes_on_when_to_take_a_new_reference(run_file, tmp_path, monkeypatch, capsys):
+    arguments = ("process", run_file, "--step", 40, "-o", tmp_path / "r.h5", "--incremental")
+    assert dic(monkeypatch, *arguments, "always") == 0
+    assert "over 1 new references" in capsys.readouterr().out
+    assert dic(monkeypatch, *arguments, "sometimes") == 2
+    assert "auto or never or always, got sometimes" in capsys.readouterr().err

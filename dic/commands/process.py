@@ -9,6 +9,7 @@ import click
 from dic.commands.strain_options import strain_options
 
 if TYPE_CHECKING:
+    from dic.measurement import Measurement
     from dic.process import RunResult
 
 _FILE = click.Path(path_type=Path)
@@ -21,6 +22,12 @@ _STRAINS = ("exx", "eyy", "exy")
 @click.option("--report", "report_file", type=_FILE, help="Also write the report, one HTML file.")
 @click.option("--subset", default=31, show_default=True, help="Width of the subsets, odd, px.")
 @click.option("--step", default=10, show_default=True, help="Distance of the points, px.")
+@click.option(
+    "--incremental",
+    default="auto",
+    show_default=True,
+    help="New reference: auto (when the correlation drops), never, or always (each image before).",
+)
 @strain_options
 @click.option("--json", "json_file", type=_FILE, help="What is printed, for programs.")
 @click.pass_context
@@ -31,6 +38,7 @@ def process(
     report_file: Path | None,
     subset: int,
     step: int,
+    incremental: str,
     strain_measure: str,
     strain_window: int,
     strain_from: str,
@@ -53,7 +61,9 @@ def process(
     output = output or run.with_suffix(".results.h5")
     require_places([run], [output, report_file, json_file])
     with counted_progress("correlating") as (on_count, on_image):
-        result = process_run(run, settings, strain, on_image=on_image, on_count=on_count)
+        result = process_run(
+            run, settings, strain, incremental=incremental, on_image=on_image, on_count=on_count
+        )
     save_run_result(result, output)
     say(table(result))
     say(f"results: {output}")
@@ -96,7 +106,7 @@ def table(result: "RunResult") -> str:
             cells.append(f"{calibrated.points:6d}")
             for mean in (measurement.raw_mean, calibrated):
                 cells += [f"{1e6 * getattr(mean, name):8.0f}" for name in _STRAINS]
-            lines.append(" ".join(cells))
+            lines.append(" ".join(cells) + _updates(measurement))
     return "\n".join(lines)
 
 
@@ -129,6 +139,17 @@ def as_dict(result: "RunResult") -> dict[str, Any]:
         "settings": vars(result.settings),
         "cameras": cameras,
     }
+
+
+def _updates(measurement: "Measurement") -> str:
+    """Return over how many new references a step was measured, and the error that has added up, if any."""
+    import numpy as np
+
+    field = measurement.field
+    if not field.updates or not field.converged.any():
+        return ""
+    std_px = [1e3 * float(np.median(std[field.converged])) for std in (field.std_u_px, field.std_v_px)]
+    return f"  over {field.updates} new references: std u {std_px[0]:.1f}, v {std_px[1]:.1f} mpx"
 
 
 def _heading() -> str:
