@@ -90,7 +90,6 @@ class Measurement:
             "failures": failures,
             "start": field.start,
             "updates": field.updates,
-            "updates": field.updates,
             "strain": vars(self.strain_settings) | {"gauge_px": self.gauge_px, "gauge_mm": self.gauge_mm},
             "raw": self.raw_mean.as_dict(),
         }
