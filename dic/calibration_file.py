@@ -104,6 +104,7 @@ def write_calibration(group: h5py.Group, calibration: Calibration) -> None:
     group.attrs.update(
         source=calibration.source,
         warnings="\n".join(grid.warnings),
+        orientation=grid.orientation,
         model=calibration.model,
         recommendation=calibration.recommendation,
         pinhole_problem=calibration.pinhole_problem,
@@ -149,6 +150,7 @@ def _read_grid(group: h5py.Group) -> GridPoints:
         lines=(int(lines[0]), int(lines[1])),
         pitch_mm=float(group["grid/pitch_mm"][()]),
         warnings=tuple(texts.split("\n")) if texts else (),
+        orientation=str(group.attrs.get("orientation", "assumed")),
     )
 
 

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from dic.calibration import Calibration
-    from dic.grid_points import GridPoints
 
 _FILE = click.Path(path_type=Path)
 
@@ -32,10 +31,32 @@ class _Lines(click.ParamType[tuple[int, int]]):
         return int(parts[0]), int(parts[1])
 
 
+class _Direction(click.ParamType[str | float]):
+    """A direction in the image: a word or an angle in degrees."""
+
+    name = "right|up|left|down|DEGREES"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str | float:
+        try:
+            return float(value)
+        except ValueError:
+            # the word is judged where directions are known
+            return str(value)
+
+
 @click.command()
 @click.argument("images", type=_FILE, nargs=-1, required=True)
 @click.option("--lines", type=_Lines(), default="21x21", show_default=True, help="Lines along X and Y.")
 @click.option("--pitch-mm", type=float, default=0.5, show_default=True, help="Distance of the lines.")
+@click.option(
+    "--x-axis", type=_Direction(), help="Which way X points in the first image; degrees from right."
+)
+@click.option(
+    "--origin-px",
+    type=float,
+    nargs=2,
+    help="About where the grid's middle intersection is in the first image, if an outer line is hidden.",
+)
 @click.option(
     "--model",
     type=click.Choice(["bicubic", "pinhole", "recommended"]),
@@ -62,6 +83,8 @@ def calibrate(
     images: tuple[Path, ...],
     lines: tuple[int, int],
     pitch_mm: float,
+    x_axis: str | float | None,
+    origin_px: tuple[float, float] | None,
     model: str,
     output: Path | None,
     points_file: Path | None,
@@ -71,8 +94,8 @@ def calibrate(
 ) -> None:
     """Find the line grid in the first of IMAGES and fit the map from pixels to millimetres.
 
-    The camera may look at the grid from anywhere. X is the grid's direction closest to the image's right,
-    Y the one closest to its top, the origin is the grid's centre.
+    The camera may look at the grid from anywhere. A mark on the grid or --x-axis says which way X points;
+    without either it is the direction closest to the image's right. The origin is the grid's centre.
 
     Beside the paper's bicubic map a pinhole camera is fitted. More images by the same camera, with the grid
     tilted otherwise, tell its focal length when it looks nearly straight; the first defines the plane.
@@ -80,13 +103,18 @@ def calibrate(
     from dic.calibration import Calibration
     from dic.commands.calibration_text import summarise, text
     from dic.commands.places import require_places
+    from dic.grid import find_grid
     from dic.pinhole_prior import Known
 
     _require_length(pitch_mm)
     require_places(images, [output, points_file, plot_file, json_file])
     camera = Known(**known)
-    grey, grids = _find_grids(images, lines, pitch_mm)
-    calibration = Calibration.fit(grids, grey.shape, str(images[0]), known=camera)
+    greys = _read_images(images)
+    first = find_grid(greys[0], lines, pitch_mm, source=str(images[0]), x_axis=x_axis, origin_px=origin_px)
+    # the others tell the lens only: how their axes are named does not matter
+    others = zip(images[1:], greys[1:], strict=True)
+    grids = [first, *(find_grid(other, lines, pitch_mm, source=str(path)) for path, other in others)]
+    calibration = Calibration.fit(grids, greys[0].shape, str(images[0]), known=camera)
     if model == "recommended":
         calibration = calibration.using(calibration.recommended)
     elif model == "pinhole":
@@ -98,7 +126,7 @@ def calibrate(
     if plot_file is not None:
         from dic.calibration_plot import plot_calibration
 
-        plot_calibration(plot_file, calibration, grey)
+        plot_calibration(plot_file, calibration, greys[0])
     summary = summarise(calibration)
     if json_file is not None:
         json_file.write_text(json.dumps(summary, indent=1, ensure_ascii=False), encoding="utf-8")
@@ -108,12 +136,9 @@ def calibrate(
             click.echo(f"warning: {path}: {warning}", err=True)
 
 
-def _find_grids(
-    images: tuple[Path, ...], lines: tuple[int, int], pitch_mm: float
-) -> tuple["NDArray[np.float32]", list["GridPoints"]]:
-    """Return the first image and the grid in each; one camera gives images of one size."""
+def _read_images(images: tuple[Path, ...]) -> list["NDArray[np.float32]"]:
+    """Return the images; one camera gives images of one size."""
     from dic.errors import CalibrationError
-    from dic.grid import find_grid
     from dic.images import read_image
 
     greys = [read_image(path) for path in images]
@@ -127,10 +152,7 @@ def _find_grids(
                 got=f"{grey.shape[1]} × {grey.shape[0]} px",
                 remedy="calibrate each camera by itself",
             )
-    grids = [
-        find_grid(grey, lines, pitch_mm, source=str(path)) for path, grey in zip(images, greys, strict=True)
-    ]
-    return greys[0], grids
+    return greys
 
 
 def _require_length(pitch_mm: float) -> None:

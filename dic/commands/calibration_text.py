@@ -29,6 +29,7 @@ def summarise(calibration: "Calibration") -> dict[str, Any]:
         "height_px": height,
         "lines": list(grid.lines),
         "pitch_mm": grid.pitch_mm,
+        "orientation": grid.orientation,
         "found": grid.found,
         "expected": grid.expected,
         "model": calibration.model,
@@ -51,7 +52,9 @@ def text(summary: dict[str, Any]) -> str:
     """Return the summary as lines for a terminal, both models side by side."""
     share = summary["area_px2"] / (summary["width_px"] * summary["height_px"])
     more = f", camera from {summary['images']} images" if summary["images"] > 1 else ""
-    lines = [f"{summary['image']}: {summary['found']} of {summary['expected']} intersections{more}"]
+    said_by = {"mark": ", axes by the mark", "option": ", axes as given"}
+    axes = said_by.get(summary["orientation"], "")
+    lines = [f"{summary['image']}: {summary['found']} of {summary['expected']} intersections{axes}{more}"]
     lines += _table(summary["models"])
     lines += _camera_lines(summary["camera"])
     lines += [

@@ -76,6 +76,27 @@ def test_the_area_is_that_of_the_grid_s_outline(
     assert area == pytest.approx(cv2.contourArea(np.array(px, np.float32)), rel=1e-3)
 
 
+@pytest.mark.parametrize(("x_axis", "turn_deg"), [("up", 90.0), ("-90", -90.0)])
+def test_x_points_the_way_it_is_told(
+    dic: Callable[..., int], picture: tuple[Path, Any], tmp_path: Path, x_axis: str, turn_deg: float
+) -> None:
+    assert dic("calibrate", picture[0], f"--x-axis={x_axis}", "-o", tmp_path / "cal.h5") == 0
+    grid = Calibration.load(tmp_path / "cal.h5").grid
+    c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
+    order = [int(np.argmin(np.abs(picture[1].uv_px - px).sum(axis=1))) for px in grid.uv_px]
+
+    assert grid.orientation == "option"
+    # coordinates in axes turned by the angle
+    assert grid.xy_mm == pytest.approx(picture[1].xy_mm[order] @ np.array([[c, -s], [s, c]]), abs=1e-9)
+
+
+def test_a_direction_that_is_none_is_refused(
+    dic: Callable[..., int], picture: tuple[Path, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert dic("calibrate", picture[0], "--x-axis", "north") == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
 def test_both_models_are_printed_side_by_side_with_the_camera_and_the_recommendation(
     dic: Callable[..., int], picture: tuple[Path, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
