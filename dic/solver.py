@@ -245,7 +245,9 @@ class Solver:
         """Return guesses (n, 6) at grid `indices`, extrapolated from the nearest converged point."""
         from scipy.spatial import cKDTree
 
-        known = np.argwhere(solution.converged)
+        converged = solution.converged
+        # The nearest has a neighbour without a value: one step on towards the asking point would be nearer.
+        known = np.argwhere(converged & beside(~converged))
         # A balanced tree takes longer to build than these few questions to answer.
         _, nearest = cKDTree(known, balanced_tree=False, compact_nodes=False).query(indices)
         origins = np.asarray(known[nearest], np.int64)
