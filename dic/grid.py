@@ -17,7 +17,7 @@ from dic.grid_extent import line_extents
 from dic.grid_lines import GridImage
 from dic.grid_mark import find_mark, whole_spans, within
 from dic.grid_points import GridPoints
-from dic.grid_shape import LatticeShape
+from dic.grid_shape import LatticeShape, in_line
 from dic.grid_trace import trace_lines
 
 __all__ = ["GridPoints", "find_grid"]
@@ -116,18 +116,8 @@ def _crossings(
     crossing, sound = intersect(first, second, predicted)
     pitch_px = float(np.sqrt(abs(np.linalg.det(_lattice_vectors(shape, extents)))))
     sound &= np.linalg.norm(crossing - predicted, axis=-1) < 0.3 * pitch_px
-    return crossing, sound & _in_line(crossing, sound)
-
-
-def _in_line(crossing: NDArray[np.float64], sound: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell which intersections lie where the others say, within eight times the usual: dirt bends lines."""
-    if np.count_nonzero(sound) < 16:
-        return sound
-    index = np.argwhere(sound).astype(float)
-    deviation = np.linalg.norm(crossing[sound] - LatticeShape.fit(index, crossing[sound]).map(index), axis=1)
-    result = sound.copy()
-    result[sound] = deviation < 8 * np.median(deviation) + 0.05
-    return result
+    sound[sound] = in_line(np.argwhere(sound).astype(float), crossing[sound])
+    return crossing, sound
 
 
 def _lattice_vectors(shape: LatticeShape, extents: tuple[range, range]) -> NDArray[np.float64]:

@@ -1,6 +1,7 @@
 """Which way X and Y point on a lattice: by a mark on the target, by an option, or by the image."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ Floats = NDArray[np.float64]
 XAxis = str | float | None
 
 _AMBIGUOUS_DEG = 5.0
+_QUARTERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 _DIRECTIONS_DEG = {"right": 0.0, "up": 90.0, "left": 180.0, "down": 270.0}
 
 
@@ -61,7 +63,9 @@ def axes_towards(quarter: tuple[int, int], vectors: Floats, orientation: str) ->
     return Axes(swap, flip[::-1] if swap else flip, orientation)
 
 
-def axes_in_image(vectors: Floats, x_axis: XAxis, source: str) -> Axes:
+def axes_in_image(
+    vectors: Floats, x_axis: XAxis, source: str, possible: Callable[[Axes], bool] | None = None
+) -> Axes:
     """Return axes such that X is the lattice direction closest to what `x_axis` says.
 
     Parameters
@@ -73,6 +77,8 @@ def axes_in_image(vectors: Floats, x_axis: XAxis, source: str) -> Axes:
         right. Without it X is taken closest to the right.
     source : str
         The image's file, for messages.
+    possible : callable, optional
+        What the target itself, if it is not symmetric, allows; it must allow one at least.
 
     Raises
     ------
@@ -80,29 +86,28 @@ def axes_in_image(vectors: Floats, x_axis: XAxis, source: str) -> Axes:
         If `x_axis` is no direction, or lies halfway between two directions of the lattice, within 5°.
     """
     wanted_deg = _direction_deg(x_axis, source)
-    directions = np.stack([vectors[0], vectors[1], -vectors[0], -vectors[1]])
-    angle_deg = np.degrees(np.arctan2(-directions[:, 1], directions[:, 0]))
-    off_deg = np.abs((angle_deg - wanted_deg + 180.0) % 360.0 - 180.0)
-    best, second = (int(which) for which in np.argsort(off_deg)[:2])
-    halfway = bool(off_deg[second] - off_deg[best] < 2 * _AMBIGUOUS_DEG)
-    if halfway and x_axis is not None:
-        raise CalibrationError(
-            source,
-            "name the axes",
-            expected="X close to one direction of the target",
-            got=f"x_axis {x_axis}, {off_deg[best]:.0f}° from one and {off_deg[second]:.0f}° from another",
-            remedy=f"give the angle of X in the image in degrees, such as {angle_deg[best]:.0f}",
-        )
-    along, sign = best % 2, 1 if best < 2 else -1
-    quarters = [(sign, other) if along == 0 else (other, sign) for other in (1, -1)]
     orientation = "assumed" if x_axis is None else "option"
-    axes = next(
-        axes
-        for axes in (axes_towards(quarter, vectors, orientation) for quarter in quarters)
-        if axes.lattice_axes[0] == along
+    every = [axes_towards(quarter, vectors, orientation) for quarter in _QUARTERS]
+    allowed = [axes for axes in every if possible is None or possible(axes)]
+    x_px = np.array([(-1 if axes.flip[0] else 1) * vectors[axes.lattice_axes[0]] for axes in allowed])
+    angle_deg = np.degrees(np.arctan2(-x_px[:, 1], x_px[:, 0]))
+    off_deg = np.abs((angle_deg - wanted_deg + 180.0) % 360.0 - 180.0)
+    order = np.argsort(off_deg)
+    best = int(order[0])
+    if len(order) == 1:
+        return replace(allowed[best], orientation="mark")
+    second = int(order[1])
+    if off_deg[second] - off_deg[best] >= 2 * _AMBIGUOUS_DEG:
+        return allowed[best]
+    if x_axis is None:
+        return replace(allowed[best], warnings=(_halfway(off_deg[best]),))
+    raise CalibrationError(
+        source,
+        "name the axes",
+        expected="X close to one direction of the target",
+        got=f"x_axis {x_axis}, {off_deg[best]:.0f}° from one and {off_deg[second]:.0f}° from another",
+        remedy=f"give the angle of X in the image in degrees, such as {angle_deg[best]:.0f}",
     )
-    warnings = (_halfway(off_deg[best]),) if halfway else ()
-    return Axes(axes.swap, axes.flip, orientation, warnings)
 
 
 def _direction_deg(x_axis: XAxis, source: str) -> float:

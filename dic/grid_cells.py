@@ -49,9 +49,10 @@ def find_cells(grey: NDArray[np.float32], expected: int) -> CellLattice:
             continue
         for dark_lines in (True, False):
             centres, areas = _enclosed_regions(grey if dark_lines else -grey, width_px)
-            index, centres = _largest_lattice(centres, areas)
+            index, placed = lattice_of_regions(centres, areas)
+            centres = centres[placed]
             if len(index) > len(best.index):
-                best = CellLattice(_along_short_vectors(index, centres), centres, dark_lines)
+                best = CellLattice(along_short_vectors(index, centres), centres, dark_lines)
             if len(best.index) >= 0.9 * expected:
                 return best
     return best
@@ -77,13 +78,13 @@ def _enclosed_regions(
     return centres[compact].astype(np.float64), area[compact].astype(np.float64)
 
 
-def _largest_lattice(
+def lattice_of_regions(
     centres: NDArray[np.float64], areas: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return index (m, 2) and centres (m, 2) of the largest subset that forms a lattice."""
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return index (m, 2) and numbers (m,) of the regions (n,) that form the largest lattice."""
     from scipy.spatial import KDTree
 
-    none = np.empty((0, 2), np.int64), np.empty((0, 2))
+    none = np.empty((0, 2), np.int64), np.empty(0, np.int64)
     if len(centres) < 9:
         return none
     tree = KDTree(centres)
@@ -108,8 +109,7 @@ def _largest_lattice(
             grown = _grow(tree, centres, areas, seed, seeds[seed])
             seen.update(grown.values())
             best = max(best, grown, key=len)
-    cells = list(best.values())
-    return np.array(list(best), np.int64).reshape(-1, 2), centres[cells]
+    return np.array(list(best), np.int64).reshape(-1, 2), np.array(list(best.values()), np.int64)
 
 
 def _local_basis(
@@ -131,7 +131,7 @@ def _local_basis(
     return None
 
 
-def _along_short_vectors(index: NDArray[np.int64], centres: NDArray[np.float64]) -> NDArray[np.int64]:
+def along_short_vectors(index: NDArray[np.int64], centres: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return the index along the lattice's shortest vectors (Gauss's reduction).
 
     Growth that began beside a missing cell may have taken a diagonal for a lattice vector.
