@@ -3,7 +3,8 @@
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from threading import Event
 
@@ -14,6 +15,7 @@ from dic.calibration import Calibration
 from dic.errors import CalibrationError, CorrelationError
 from dic.grid import find_grid
 from dic.measurement import Measurement, measure
+from dic.run_corrections import CorrectionSettings, RunCorrections, correct_run
 from dic.run_file import RunFile, RunInfo, RunStep
 from dic.series import Series
 from dic.settings import CorrelationSettings
@@ -56,6 +58,12 @@ class RunResult:
     info: RunInfo
     settings: CorrelationSettings
     cameras: list[CameraResult]
+    correcting: CorrectionSettings = field(default_factory=CorrectionSettings)
+
+    @cached_property
+    def corrections(self) -> RunCorrections:
+        """The strains corrected for motion out of the grid's plane."""
+        return correct_run(self.cameras, self.correcting)
 
 
 def process_run(
@@ -63,6 +71,7 @@ def process_run(
     settings: CorrelationSettings | None = None,
     strain: StrainSettings | None = None,
     *,
+    correcting: CorrectionSettings | None = None,
     incremental: str = "auto",
     on_image: Callable[[], None] = lambda: None,
     on_count: Callable[[int], None] = lambda _: None,
@@ -74,7 +83,9 @@ def process_run(
     path : Path
         A run file, of a finished or a killed run.
     settings : CorrelationSettings, optional
+        Default: quadratic shape functions.
     strain : StrainSettings, optional
+    correcting : CorrectionSettings, optional
     incremental : str
         When a camera takes a new reference: "auto" when its correlation drops, "never", or "always".
     on_image : callable, optional
@@ -88,7 +99,9 @@ def process_run(
         If the file cannot be read, a grid is not found, or a camera's reference cannot be used. A single step
         that cannot be correlated is named in `failures` instead.
     """
-    settings, strain = settings or CorrelationSettings(), strain or StrainSettings()
+    # Seen off-axis, a subset that turns or grows does not stay affine.
+    settings = settings or CorrelationSettings(shape="quadratic")
+    strain = strain or StrainSettings()
     with RunFile(path) as run:
         run.step_of_kind("grid")
         run.step_of_kind("reference")
@@ -106,7 +119,7 @@ def process_run(
                 # The pool waits for its threads: without this an interrupt takes as long as the whole run.
                 stopped.set()
                 raise
-        return RunResult(str(path), run.info, settings, cameras)
+        return RunResult(str(path), run.info, settings, cameras, correcting or CorrectionSettings())
 
 
 def _process_camera(
@@ -132,8 +145,8 @@ def _process_camera(
         label = f"step {step.index}"
         try:
             image = run.image(camera, step)
-            field = series.correlate(image, hint=turn.hint(step))
-            measurements.append(measure(label, field, calibration, settings, strain))
+            found = series.correlate(image, hint=turn.hint(step))
+            measurements.append(measure(label, found, calibration, settings, strain))
             steps.append(step)
         except CorrelationError as error:
             failures.append(f"{run.path}: {camera}, {label}: {error}")

@@ -1,6 +1,7 @@
 """The result file: fields and strains of whole series, HDF5, layout in `docs/results.md`."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -9,11 +10,20 @@ import numpy as np
 
 from dic.errors import RunFileError
 from dic.measurement import Measurement
+from dic.out_of_plane.correction import Correction
 from dic.settings import CorrelationSettings
 from dic.strain import STRAIN_KEYS
 
 FORMAT = "offaxis-results"
 VERSION = 1
+CORRECTION_UNITS = {
+    "slope_x_deg": "deg",
+    "slope_y_deg": "deg",
+    "slope_x_deg_std": "deg",
+    "slope_y_deg_std": "deg",
+    "shift_mm": "mm",
+    "shift_mm_std": "mm",
+}
 
 
 class ResultWriter:
@@ -87,6 +97,24 @@ class ResultWriter:
             dataset.resize(n + 1, axis=0)
             dataset[n] = value
 
+    def add_corrections(self, series: str, corrections: Sequence[Correction]) -> None:
+        """Write the corrected mean strains of a whole series, of which all measurements were added before."""
+        import h5py
+
+        group = self._file[series].create_group("corrected_mean")
+        summaries = [correction.as_dict() for correction in corrections]
+        for name in STRAIN_KEYS:
+            group[name] = _column(summaries, name)
+            group[name].attrs["units"] = _strain_units(name)
+        for name, units in CORRECTION_UNITS.items():
+            group[name] = _column(summaries, name)
+            group[name].attrs["units"] = units
+        group["applied"] = np.array([summary["applied"] for summary in summaries], np.uint8)
+        group["applied"].attrs["units"] = "1"
+        for name in ("method", "reason"):
+            texts = [summary[name] or "" for summary in summaries]
+            group.create_dataset(name, data=texts, dtype=h5py.string_dtype())
+
     def group(self, name: str) -> Any:
         """Return the group `name` of the open file, made if it does not exist."""
         return self._file.require_group(name)
@@ -141,6 +169,11 @@ class ResultWriter:
             for name in STRAIN_KEYS:
                 growing(f"calibrated_mean/{name}", _strain_units(name), "f8")
         return group
+
+
+def _column(summaries: Sequence[dict[str, Any]], name: str) -> Any:
+    values = [summary.get(name) for summary in summaries]
+    return np.array([np.nan if value is None else value for value in values], np.float64)
 
 
 def _strain_units(name: str) -> str:

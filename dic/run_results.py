@@ -12,6 +12,7 @@ from dic.field import Field
 from dic.measurement import measure
 from dic.process import CameraResult, RunResult
 from dic.results import FORMAT, VERSION, ResultWriter
+from dic.run_corrections import CorrectionSettings
 from dic.run_file import RunInfo, RunStep
 from dic.settings import CorrelationSettings
 from dic.strain import StrainSettings
@@ -42,6 +43,10 @@ def save_run_result(result: RunResult, path: Path) -> None:
             group.create_dataset("reference", data=camera.reference).attrs["units"] = "grey level"
             write_calibration(group.create_group("calibration"), camera.calibration)
             _write_steps(group.create_group("steps"), camera.steps)
+            if camera.measurements:
+                corrections = result.corrections.cameras[camera.camera].images
+                writer.add_corrections(f"{name}/series", corrections)
+        writer.group("settings").attrs["correcting"] = result.correcting.as_text()
         writer.group("settings").attrs.update(vars(result.settings))
 
 
@@ -65,9 +70,11 @@ def load_run_result(path: Path) -> RunResult:
                 raise _refusal(path, f"version {file.attrs['file_format_version']}, newer than this program")
             run = dict(file["run"].attrs)
             info = RunInfo(**{f.name: _plain(run[f.name]) for f in fields(RunInfo)})
-            settings = CorrelationSettings(**{k: _plain(v) for k, v in file["settings"].attrs.items()})
+            attributes = {k: _plain(v) for k, v in file["settings"].attrs.items()}
+            correcting = CorrectionSettings.from_text(attributes.pop("correcting"))
+            settings = CorrelationSettings(**attributes)
             cameras = [_read_camera(name, group, settings) for name, group in file["cameras"].items()]
-            return RunResult(str(run["source"]), info, settings, cameras)
+            return RunResult(str(run["source"]), info, settings, cameras, correcting)
     except (KeyError, TypeError) as error:
         raise _refusal(path, "a result file that lacks some of its data") from error
     except OSError as error:

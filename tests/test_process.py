@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from dic.cli import main
-from dic.commands.process import as_dict, table
+from dic.commands.run_table import as_dict, table
 from dic.errors import RunFileError
 from dic.process import process_run
 from dic.run_file import RunFile

@@ -4,7 +4,7 @@ import json
 from collections import Counter
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import click
 
@@ -12,7 +12,12 @@ from dic.commands.strain_options import strain_options
 
 if TYPE_CHECKING:
     from dic.calibration import Calibration
+    from dic.commands.corrected import CorrectedSeries
     from dic.measurement import Measurement
+    from dic.out_of_plane.correction import Correction
+    from dic.series import Series
+    from dic.settings import CorrelationSettings
+    from dic.strain import StrainSettings
 
 _FILE = click.Path(path_type=Path)
 
@@ -46,10 +51,21 @@ _FILE = click.Path(path_type=Path)
     help="New reference: auto (when the correlation drops), never, or always (each image before).",
 )
 @click.option(
-    "--motion",
-    help="Expected rigid motion of every image, a hint: degrees, counter-clockwise, about the image's centre;"
+    "--hint",
+    "hint_text",
+    help="Expected rigid motion of every image: degrees, counter-clockwise, about the image's centre;"
     ' or "degrees,right,down" with a shift in px.',
 )
+@click.option(
+    "--motion",
+    default="free",
+    show_default=True,
+    help="What the specimen does, to correct calibrated strain for motion out of the grid's plane:"
+    " rigid (a rotation), tension, or free (unknown: no correction).",
+)
+@click.option("--poisson-ratio", default=0.33, show_default=True, help="Of the specimen, for its bending.")
+@click.option("--alignment", "alignment_file", type=_FILE, help="Of an earlier rotation on this fixture.")
+@click.option("--save-alignment", type=_FILE, help="Keep the alignment that --motion rigid solves, JSON.")
 @click.option("-o", "--output", type=_FILE, help="Result file, HDF5.")
 @click.option("--csv", "csv_folder", type=_FILE, help="Folder for one CSV per image.")
 @click.option("--maps", "maps_folder", type=_FILE, help="Folder for one PNG with maps per image.")
@@ -71,7 +87,11 @@ def correlate(
     roi: Path | None,
     polygons: tuple[str, ...],
     incremental: str,
-    motion: str | None,
+    hint_text: str | None,
+    motion: str,
+    poisson_ratio: float,
+    alignment_file: Path | None,
+    save_alignment: Path | None,
     output: Path | None,
     csv_folder: Path | None,
     maps_folder: Path | None,
@@ -84,12 +104,12 @@ def correlate(
     was measured badly, 2 if one could not be measured.
     """
     from dic.calibration import Calibration
-    from dic.commands.console import fail, progress, say, stopping_between
+    from dic.commands.console import fail, say
+    from dic.commands.corrected import CorrectedSeries
     from dic.commands.mask import read_region
     from dic.commands.places import require_places
-    from dic.errors import MeasurementError
     from dic.images import read_image
-    from dic.measurement import measure
+    from dic.out_of_plane.alignment import load_alignment
     from dic.series import Series
     from dic.settings import CorrelationSettings
     from dic.strain import StrainSettings, gauge_text
@@ -100,49 +120,117 @@ def correlate(
     strain = StrainSettings(measure=strain_measure, window_points=strain_window, source=strain_from)
     files = _SeriesFiles(output, csv_folder, maps_folder, deformed)
     drawn = [path for path in map(Path, polygons) if path.is_file()]
-    require_places([reference, *deformed, calibration_file, roi, *drawn], [json_file, *files.all()])
+    inputs = [reference, *deformed, calibration_file, roi, *drawn, alignment_file]
+    require_places(inputs, [json_file, save_alignment, *files.all()])
     calibration = None if calibration_file is None else Calibration.load(calibration_file)
+    alignment = None if alignment_file is None else load_alignment(alignment_file)
+    corrected = CorrectedSeries(motion, calibration, poisson_ratio, alignment)
     image = read_image(reference)
     if calibration is not None:
         _require_calibration_fits(calibration, image.shape, str(reference))
-    hint = None if motion is None else _read_motion(motion, image.shape)
+    hint = None if hint_text is None else _read_hint(hint_text, image.shape)
     region = read_region(roi, polygons, image.shape)
     series = Series(image, region, settings, incremental=incremental)
 
     gauge_px = strain.gauge_px(settings)
     say(gauge_text(gauge_px, None if calibration is None else gauge_px * calibration.mm_per_px))
-    results = _Outputs(image, settings, files)
-    summaries, failures, bad = [], [], []
-    with results, progress("correlating", len(deformed)) as advance, stopping_between() as stopped:
-        for number, path in enumerate(deformed):
-            if stopped():
-                rest = f"stopped by a signal, {len(deformed) - number} of {len(deformed)} images not measured"
-                failures.append({"file": str(path), "error": rest})
-                fail(f"{path}: {rest}; those before it are kept")
-                break
-            try:
-                field = series.correlate(read_image(path), hint=hint)
-                measurement = measure(str(path), field, calibration, settings, strain)
-                results.write(number, measurement)
-            except MeasurementError as error:
-                failures.append({"file": str(path), "error": str(error)})
-                fail(f"{path}: {error}" if str(path) not in str(error) else str(error))
-                continue
-            finally:
-                advance()
-            summaries.append(measurement.summary() | {"updates": series.updates, "good": measurement.good})
-            say(_line(summaries[-1]))
-            if measurement.objection is not None:
-                bad.append(f"{path}: measured, but {measurement.objection}")
+    with _Outputs(image, settings, files) as results:
+        measured = _Measured(series, calibration, settings, strain, corrected, results)
+        measured.all(deformed, hint)
+        content = {"reference": str(reference), "settings": vars(settings), "images": measured.summaries}
+        content |= corrected.finish()
+        results.write_corrections(corrected.corrections)
+    if save_alignment is not None:
+        _save_alignment(save_alignment, corrected)
     if json_file is not None:
-        content = {"reference": str(reference), "settings": vars(settings), "images": summaries}
-        json_file.write_text(json.dumps(content | {"failures": failures}, indent=1), encoding="utf-8")
-    for sentence in bad:
+        content |= {"failures": measured.failures}
+        json_file.write_text(json.dumps(content, indent=1), encoding="utf-8")
+    for sentence in measured.bad:
         fail(sentence)
-    context.exit(2 if failures else 1 if bad else 0)
+    context.exit(2 if measured.failures else 1 if measured.bad else 0)
 
 
-def _read_motion(text: str, shape: tuple[int, ...]) -> Any:
+class _Measured:
+    """The images of a series, measured one after the other, and what is said of them.
+
+    Attributes
+    ----------
+    summaries : list of dict
+        Of the images that were measured.
+    failures : list of dict
+        Of those that could not be: `file` and `error`.
+    bad : list of str
+        One sentence per image that was measured badly.
+    """
+
+    def __init__(
+        self,
+        series: "Series",
+        calibration: "Calibration | None",
+        settings: "CorrelationSettings",
+        strain: "StrainSettings",
+        corrected: "CorrectedSeries",
+        results: "_Outputs",
+    ) -> None:
+        self._series, self._corrected, self._results = series, corrected, results
+        self._how = calibration, settings, strain
+        self.summaries: list[dict[str, Any]] = []
+        self.failures: list[dict[str, str]] = []
+        self.bad: list[str] = []
+
+    def all(self, deformed: tuple[Path, ...], hint: Any) -> None:
+        """Measure the images until the last, or a signal."""
+        from dic.commands.console import fail, progress, stopping_between
+        from dic.errors import MeasurementError
+
+        with progress("correlating", len(deformed)) as advance, stopping_between() as stopped:
+            for number, path in enumerate(deformed):
+                if stopped():
+                    left = len(deformed) - number
+                    rest = f"stopped by a signal, {left} of {len(deformed)} images not measured"
+                    self.failures.append({"file": str(path), "error": rest})
+                    fail(f"{path}: {rest}; those before it are kept")
+                    break
+                try:
+                    self._image(number, path, hint)
+                except MeasurementError as error:
+                    self.failures.append({"file": str(path), "error": str(error)})
+                    fail(f"{path}: {error}" if str(path) not in str(error) else str(error))
+                finally:
+                    advance()
+
+    def _image(self, number: int, path: Path, hint: Any) -> None:
+        from dic.commands.console import say
+        from dic.images import read_image
+        from dic.measurement import measure
+
+        field = self._series.correlate(read_image(path), hint=hint)
+        measurement = measure(str(path), field, *self._how)
+        self._results.write(number, measurement)
+        summary = measurement.summary() | {"updates": self._series.updates, "good": measurement.good}
+        self._corrected.add(summary, measurement)
+        self.summaries.append(summary)
+        say(_line(summary))
+        if measurement.objection is not None:
+            self.bad.append(f"{path}: measured, but {measurement.objection}")
+
+
+def _save_alignment(path: Path, corrected: "CorrectedSeries") -> None:
+    from dic.errors import CorrelationError
+    from dic.out_of_plane.alignment import save_alignment
+
+    if corrected.alignment is None:
+        raise CorrelationError(
+            str(path),
+            "save alignment",
+            expected="one that --motion rigid has solved",
+            got="none: see why the images were not corrected",
+            remedy="correlate a rotation of at least 5° with a calibration",
+        )
+    save_alignment(corrected.alignment, path)
+
+
+def _read_hint(text: str, shape: tuple[int, ...]) -> Any:
     from dic.errors import CorrelationError
     from dic.seeds import rigid_motion
 
@@ -154,7 +242,7 @@ def _read_motion(text: str, shape: tuple[int, ...]) -> Any:
     except ValueError as error:
         raise CorrelationError(
             "settings",
-            "motion",
+            "hint",
             expected='degrees, or "degrees,right,down"',
             got=text,
             remedy="correct the setting",
@@ -216,9 +304,10 @@ class _Outputs:
         self._image, self._settings, self._files = image, settings, files
         self._writer = None if files.output is None else ResultWriter(files.output)
 
-    def __enter__(self) -> None:
+    def __enter__(self) -> Self:
         if self._writer is not None:
             self._writer.__enter__()
+        return self
 
     def __exit__(self, *error: Any) -> None:
         if self._writer is not None:
@@ -238,6 +327,11 @@ class _Outputs:
             title = f"{name}, subset {self._settings.subset_px} px, step {self._settings.step_px} px"
             write_maps(self._files.maps[number], measurement, self._image, title)
 
+    def write_corrections(self, corrections: "list[Correction]") -> None:
+        """Write what the images' corrections found, once all are known."""
+        if self._writer is not None and corrections:
+            self._writer.add_corrections("series", corrections)
+
 
 def _line(summary: dict[str, Any]) -> str:
     share = 100.0 * summary["converged"] / max(1, summary["points"])
@@ -247,6 +341,10 @@ def _line(summary: dict[str, Any]) -> str:
     for kind in ("raw", "calibrated"):
         if kind in summary:
             parts.append(f"{kind} " + _strain_text(summary[kind]))
+    if summary.get("corrected", {"method": "none"})["method"] != "none":
+        from dic.commands.corrected import corrected_text
+
+        parts.append(corrected_text(summary["corrected"]))
     parts.append(f"rotation {summary['raw']['rotation_deg'] or 0.0:.3f}°, start from {summary['start']}")
     if summary["updates"]:
         parts.append(f"over {summary['updates']} new references")

@@ -1,14 +1,18 @@
 """How the specimen and the axis of its stage lie in the grid's axes."""
 
+import json
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.errors import CalibrationError
 from dic.out_of_plane.plane import Plane
 
 Float = NDArray[np.float64]
 
+_FORMAT = "offaxis-alignment"
 _SMALL = 1e-6
 """Slope over which derivatives are taken."""
 
@@ -74,3 +78,38 @@ def _turned(v: Float, k: Float, angle: float) -> Float:
     """Turn `v` about the unit vector `k` (Rodrigues' formula), radians."""
     c, s = np.cos(angle), np.sin(angle)
     return np.asarray(v * c + np.cross(k, v) * s + k * (k @ v) * (1.0 - c))
+
+
+def save_alignment(alignment: Alignment, path: Path) -> None:
+    """Write an alignment as JSON, for other runs on the same fixture."""
+    content = {"file_format": _FORMAT} | {k: np.asarray(v).tolist() for k, v in vars(alignment).items()}
+    path.write_text(json.dumps(content, indent=1), encoding="utf-8")
+
+
+def load_alignment(path: Path) -> Alignment:
+    """Read an alignment written by `save_alignment`.
+
+    Raises
+    ------
+    CalibrationError
+        If the file is missing or holds none.
+    """
+    shapes = {"slopes": (4,), "covariance": (4, 4), "pivot_mm": (2,)}
+    got = "no such file"
+    if path.is_file():
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+            values = {name: np.array(content[name], np.float64) for name in shapes}
+            sound = all(values[n].shape == s and np.isfinite(values[n]).all() for n, s in shapes.items())
+            if content.get("file_format") == _FORMAT and sound:
+                return Alignment(**values)
+            got = "a file of another kind"
+        except (ValueError, KeyError, TypeError, AttributeError):
+            got = "a file that is no alignment or was cut off"
+    raise CalibrationError(
+        str(path),
+        "read alignment",
+        expected="an alignment that was solved from a rotation",
+        got=got,
+        remedy="make it with --save-alignment",
+    )

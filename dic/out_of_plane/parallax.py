@@ -53,7 +53,7 @@ class Pairs:
         number = np.full(second.use.shape, -1)
         number[second.use] = np.arange(np.count_nonzero(second.use))
         left, top = np.floor(column).astype(int), np.floor(row).astype(int)
-        rows, columns = number.shape
+        rows, columns = second.use.shape
         on_grid = (left >= 0) & (top >= 0) & (left + 1 < columns) & (top + 1 < rows)
         left, top = np.where(on_grid, left, 0), np.where(on_grid, top, 0)
         right, down = column - left, row - top

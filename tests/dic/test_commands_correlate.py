@@ -204,7 +204,7 @@ class TestRegionsAndMotion:
             picture = np.rint(pattern.draw(turn(angle, centre))).astype(np.uint8)
             cv2.imwrite(str(tmp_path / f"{name}.png"), picture)
         files, report = (tmp_path / "still.png", tmp_path / "turned.png"), tmp_path / "r.json"
-        result = run(*files, "--subset", 21, "--motion", "98", "--json", report)
+        result = run(*files, "--subset", 21, "--hint", "98", "--json", report)
         assert result.exit_code == 0, result.output
         image = json.loads(report.read_text())["images"][0]
         assert image["start"] == "hint"
@@ -216,8 +216,8 @@ class TestRegionsAndMotion:
             ("--polygon", "1,2 3,4", "fewer than 3 corners"),
             ("--polygon", "1,1 5,1 5,5", "an area with texture"),
             ("--polygon", "900,900 990,900 950,990", "an area with texture"),
-            ("--motion", "ninety", "degrees,right,down"),
-            ("--motion", "nan", "degrees,right,down"),
+            ("--hint", "ninety", "degrees,right,down"),
+            ("--hint", "nan", "degrees,right,down"),
             ("--incremental", "often", "auto or never or always"),
             ("--shape", "cubic", "affine or quadratic"),
         ],

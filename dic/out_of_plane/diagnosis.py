@@ -1,0 +1,188 @@
+"""What a set-up's false strain says about the set-up: how sensitive it is, what is misaligned, what to do."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.calibration import Calibration
+from dic.out_of_plane.alignment import Alignment
+from dic.out_of_plane.correction import Correction
+
+Float = NDArray[np.float64]
+
+_HARMONICS = 5
+_CLEAR = 3.0
+"""A misalignment is spoken of from this many standard deviations on."""
+
+_WORTH_DEG = 0.01
+_MICRO = 1e6
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """How much false strain a camera sees for motion out of the grid's plane.
+
+    Attributes
+    ----------
+    off_axis_deg : float
+        Angle of the line from the camera's centre to the grid's middle with the grid's normal.
+    per_mdeg : float
+        Strain in the direction of the camera's tilt for a slope of a thousandth of a degree in it.
+    per_um : float
+        Isotropic strain for a micrometre towards the camera.
+    """
+
+    off_axis_deg: float
+    per_mdeg: float
+    per_um: float
+
+    @classmethod
+    def of(cls, calibration: Calibration) -> "Sensitivity | None":
+        """Return that of a calibrated camera, None if its centre is not known."""
+        if calibration.pinhole is None:
+            return None
+        x, y, z = calibration.pinhole.centre_mm
+        tangent = float(np.hypot(x, y) / z)
+        return cls(float(np.degrees(np.arctan(tangent))), tangent * np.radians(1e-3), 1e-3 / float(z))
+
+    @property
+    def text(self) -> str:
+        """What people read."""
+        return (
+            f"{self.off_axis_deg:.1f}° off-axis: {_MICRO * self.per_mdeg:.1f} µε per millidegree of tilt, "
+            f"{_MICRO * self.per_um:.1f} µε per µm towards the camera"
+        )
+
+
+@dataclass(frozen=True)
+class Harmonics:
+    """Strain against the angle of rotation φ, as c₀ + c₁ cos φ + s₁ sin φ + c₂ cos 2φ + s₂ sin 2φ.
+
+    Strain is that in the grid's axes, which stand still: a wobble then shows once a turn, a grid that was
+    tilted against the specimen twice.
+
+    Attributes
+    ----------
+    coefficients : ndarray, shape (5, 3)
+        In this order, of exx, eyy, exy.
+    """
+
+    coefficients: Float
+
+    @classmethod
+    def of(cls, angles_deg: Float, strains: Float) -> "Harmonics | None":
+        """Fit them by least squares; None if the angles do not tell them apart.
+
+        Parameters
+        ----------
+        angles_deg : ndarray, shape (n,)
+        strains : ndarray, shape (n, 3)
+            exx, eyy, exy in the axes of the undeformed specimen, which turn with it; NaN where unknown.
+        """
+        known = np.isfinite(strains).all(axis=1)
+        phi, (exx, eyy, exy) = np.radians(angles_deg[known]), strains[known].T
+        c, s = np.cos(phi), np.sin(phi)
+        across = (exx - eyy) * c * s + exy * (c * c - s * s)
+        along_x, along_y = (
+            c * c * exx - 2 * c * s * exy + s * s * eyy,
+            s * s * exx + 2 * c * s * exy + c * c * eyy,
+        )
+        standing = np.column_stack([along_x, along_y, across])
+        waves = [np.cos(phi), np.sin(phi), np.cos(2 * phi), np.sin(2 * phi)]
+        design = np.column_stack([np.ones(len(phi)), *waves])
+        if len(design) < _HARMONICS or np.linalg.cond(design) > 1e3:
+            return None
+        return cls(np.linalg.lstsq(design, standing, rcond=None)[0])
+
+    @property
+    def amplitudes(self) -> Float:
+        """Amplitudes (2, 3) of the first and the second harmonic of exx, eyy, exy."""
+        c1, s1, c2, s2 = self.coefficients[1:]
+        return np.array([np.hypot(c1, s1), np.hypot(c2, s2)])
+
+
+def rotation_findings(harmonics: Harmonics | None, alignment: Alignment | None) -> list[str]:
+    """Return what a rotation says about the alignment of stage, specimen and grid, and what to do."""
+    findings = []
+    if harmonics is not None:
+        first, second = _MICRO * harmonics.amplitudes.max(axis=1)
+        findings.append(
+            f"false strain varies by ±{first:.0f} µε once a turn (a wobbling specimen) "
+            f"and by ±{second:.0f} µε twice a turn (a grid tilted against the specimen)"
+        )
+    if alignment is None:
+        return findings
+    grid_std_deg = np.degrees(np.sqrt(np.diag(alignment.covariance)[:2]))
+    for what, slopes, std, remedy in (
+        (
+            "the stage's axis leans off the specimen's normal",
+            alignment.wobble_deg,
+            alignment.wobble_std_deg,
+            "shim the specimen's holder on the stage",
+        ),
+        (
+            "the specimen is tilted against the grid's plane",
+            np.degrees(np.arctan(alignment.slopes[:2])),
+            grid_std_deg,
+            "attach the grid flat on the specimen's own surface",
+        ),
+    ):
+        if _is_clear(slopes, std):
+            findings.append(
+                f"{what} by {_slopes_text(slopes, std)}: {remedy}, "
+                "or apply this alignment to other runs on the same fixture"
+            )
+    return findings
+
+
+def tension_findings(corrections: Sequence[Correction], loads_n: Float) -> list[str]:
+    """Return how the specimen tilted and shifted with the load, and what to do."""
+    applied = [
+        (load_n, c.after, c.after_std)
+        for load_n, c in zip(loads_n, corrections, strict=True)
+        if c.declined is None and c.after is not None and c.after_std is not None and np.isfinite(load_n)
+    ]
+    if not applied:
+        return []
+    slopes = np.degrees(np.arctan([[plane.slope_x, plane.slope_y] for _, plane, _ in applied]))
+    stds = np.degrees([std[:2] for _, _, std in applied])
+    clear = [k for k in range(len(applied)) if _is_clear(slopes[k], stds[k])]
+    if not clear:
+        return ["the specimen kept its plane while it was loaded, as far as can be told"]
+    at = max(clear, key=lambda k: float(np.hypot(*slopes[k])))
+    finding = (
+        f"the specimen tilted by {_slopes_text(slopes[at], stds[at])} (largest, at {applied[at][0]:.0f} N): "
+        "take the reference at a small preload, once the grips have straightened it"
+    )
+    shifts = [1e3 * p.shift_mm for _, p, s in applied if np.isfinite(s[2])]
+    if not shifts:
+        return [finding]
+    return [finding, f"it moved by {min(shifts):+.1f} to {max(shifts):+.1f} µm towards the camera"]
+
+
+def _is_clear(slopes_deg: Float, std_deg: Float) -> bool:
+    return bool(((np.abs(slopes_deg) > _CLEAR * std_deg) & (np.abs(slopes_deg) > _WORTH_DEG)).any())
+
+
+def _slopes_text(slopes_deg: Float, std_deg: Float) -> str:
+    parts = [
+        f"{slope:+.4f}° ± {std:.4f}° along {axis}"
+        for slope, std, axis in zip(slopes_deg, std_deg, "XY", strict=True)
+    ]
+    return " and ".join(parts)
+
+
+def alignment_as_dict(alignment: Alignment) -> dict[str, Any]:
+    """Return an alignment for programs, in degrees and mm."""
+    degrees = np.degrees(np.arctan(alignment.slopes))
+    std = np.degrees(np.sqrt(np.diag(alignment.covariance)))
+    names = ("specimen_slope_x_deg", "specimen_slope_y_deg", "axis_slope_x_deg", "axis_slope_y_deg")
+    summary = dict(zip(names, degrees.tolist(), strict=True))
+    summary |= {f"{name}_std": value for name, value in zip(names, std.tolist(), strict=True)}
+    summary |= dict(zip(("wobble_x_deg", "wobble_y_deg"), alignment.wobble_deg.tolist(), strict=True))
+    wobble_std = alignment.wobble_std_deg.tolist()
+    summary |= dict(zip(("wobble_x_deg_std", "wobble_y_deg_std"), wobble_std, strict=True))
+    return summary | dict(zip(("axis_x_mm", "axis_y_mm"), alignment.pivot_mm.tolist(), strict=True))
