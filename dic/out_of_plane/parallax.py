@@ -129,7 +129,7 @@ class Heights:
         """
         terms = np.column_stack([self.position_mm, np.ones(len(self.z_mm))])
         design = (self.parallax[:, :, None] * terms[:, None, :]).reshape(-1, 3)
-        inverse = np.linalg.pinv(design)
+        inverse = np.linalg.solve(design.T @ design, design.T)
         apart = (self.parallax * self.z_mm[:, None]).ravel()
         slope_x, slope_y, shift_mm = inverse @ apart
         plane = Plane(float(slope_x), float(slope_y), float(shift_mm))

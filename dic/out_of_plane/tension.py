@@ -12,7 +12,7 @@ from dic.calibration import Calibration
 from dic.measurement import Measurement
 from dic.out_of_plane.correction import Correction, by_centre, points_of
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
-from dic.out_of_plane.tilt import TiltFit, fit_tilt
+from dic.out_of_plane.tilt import TiltFit, fit_tilt, tilt_seen_from
 from dic.out_of_plane.weights import Points
 from dic.strain import strain_of_gradient
 from dic.strain_fit import gradient_weights, slopes_of
@@ -50,8 +50,11 @@ def correct_tilt(measurement: Measurement, calibration: Calibration, poisson_rat
     if pinhole is None:
         return Correction.refused("tilt", measurement, "the calibration knows no camera centre")
     points = points_of(measurement, calibration)
-    if len(points.before_mm) < _FEWEST_POINTS:
-        reason = f"{len(points.before_mm)} points are too few: at least {_FEWEST_POINTS} are needed"
+    if len(points.before_mm) < _FEWEST_POINTS or not points.determine(2):
+        reason = (
+            f"{len(points.before_mm)} points are too few, or lie on too few rows: "
+            f"at least {_FEWEST_POINTS} all over the gauge section are needed"
+        )
         return Correction.refused("tilt", measurement, reason)
     fit = fit_tilt(points, pinhole.centre_mm, poisson_ratio)
     moved = moved_out_of_plane(points.displacement, pinhole.centre_mm, Plane(), fit.plane)
@@ -60,7 +63,7 @@ def correct_tilt(measurement: Measurement, calibration: Calibration, poisson_rat
         return Correction.refused("tilt", measurement, objection)
 
     def estimate(centre_mm: Float) -> Float:
-        found = fit_tilt(points, centre_mm, poisson_ratio).plane
+        found = tilt_seen_from(points, centre_mm, poisson_ratio, fit.plane)
         gradient = _gradient(points, centre_mm, found)
         return np.array([*gradient.ravel(), found.slope_x, found.slope_y])
 

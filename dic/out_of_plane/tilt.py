@@ -76,18 +76,12 @@ def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float) -> TiltFit:
         Of the specimen, for the shape of its bending.
     """
     shape = _Basis.of(points.before_mm, poisson_ratio)
+    plane = _solve(points, centre_mm, shape, Plane())
     after = points.after_mm
-    plane = Plane()
-    for _ in range(_STEPS):
-        moved = plane.within(after, centre_mm) - points.before_mm
-        by_slope = _by_slope(after, centre_mm, plane)
-        design = np.concatenate([shape.uniform, -by_slope], axis=2).reshape(2 * len(after), -1)
-        inverse = np.linalg.pinv(design)
-        step = (inverse @ moved.ravel())[-2:]
-        plane = Plane(plane.slope_x + step[0], plane.slope_y + step[1])
-        if np.abs(step).max() < _CLOSE:
-            break
     moved = plane.within(after, centre_mm) - points.before_mm
+    by_slope = _by_slope(after, centre_mm, plane)
+    design = _design(shape, by_slope)
+    inverse = np.linalg.solve(design.T @ design, design.T)
     residual = (moved.ravel() - design @ (inverse @ moved.ravel())).reshape(-1, 2)
     # The remainder's terms as far as affine motion, bending and tilt cannot mimic them.
     terms = shape.remainder.reshape(2 * len(after), -1)
@@ -97,7 +91,7 @@ def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float) -> TiltFit:
     n = len(after)
     return TiltFit(
         plane,
-        inverse[-2:].T.reshape(n, 2, 2),
+        np.asarray(inverse[-2:].T.reshape(n, 2, 2)),
         by_slope,
         residual,
         remainder.reshape(n, 2),
@@ -106,15 +100,35 @@ def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float) -> TiltFit:
     )
 
 
+def tilt_seen_from(points: Points, centre_mm: Float, poisson_ratio: float, start: Plane) -> Plane:
+    """Return the plane alone that `fit_tilt` finds, from one that is known to be near."""
+    return _solve(points, centre_mm, _Basis.of(points.before_mm, poisson_ratio), start)
+
+
+def _solve(points: Points, centre_mm: Float, shape: "_Basis", plane: Plane) -> Plane:
+    """Find the plane by Gauss-Newton; affine motion and bending are linear, solved along with each step."""
+    after = points.after_mm
+    for _ in range(_STEPS):
+        moved = plane.within(after, centre_mm) - points.before_mm
+        design = _design(shape, _by_slope(after, centre_mm, plane))
+        step = np.linalg.solve(design.T @ design, design.T @ moved.ravel())[-2:]
+        plane = Plane(plane.slope_x + step[0], plane.slope_y + step[1])
+        if np.abs(step).max() < _CLOSE:
+            break
+    return plane
+
+
+def _design(shape: "_Basis", by_slope: Float) -> Float:
+    """Return affine motion, bending and the slopes as columns, (2 n, 10)."""
+    return np.asarray(np.concatenate([shape.uniform, -by_slope], axis=2).reshape(2 * len(by_slope), -1))
+
+
 def _by_slope(after: Float, centre_mm: Float, plane: Plane) -> Float:
     """Return the derivative of the positions on the plane by both slopes, (n, 2, 2)."""
-    sides = []
+    here, sides = plane.within(after, centre_mm), []
     for dx, dy in ((_SMALL, 0.0), (0.0, _SMALL)):
-        ahead, behind = (
-            Plane(plane.slope_x + sign * dx, plane.slope_y + sign * dy).within(after, centre_mm)
-            for sign in (1, -1)
-        )
-        sides.append((ahead - behind) / (2 * _SMALL))
+        ahead = Plane(plane.slope_x + dx, plane.slope_y + dy).within(after, centre_mm)
+        sides.append((ahead - here) / _SMALL)
     return np.stack(sides, axis=-1)
 
 

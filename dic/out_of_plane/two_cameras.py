@@ -89,6 +89,8 @@ def correct_with_two_cameras(
     pairs = Pairs.of(first, second, measurements[1].field)
     if len(pairs.chosen) < _FEWEST_PAIRS:
         return declined(f"the cameras share {len(pairs.chosen)} points, at least {_FEWEST_PAIRS} are needed")
+    if not (first.determine(1) and second.determine(1)):
+        return declined("the points lie on one line")
     both = _Both.of(pairs, calibrations)
     objection = _objection(pairs, Heights.of(pairs, both.centres_mm), calibrations[0].mm_per_px)
     return declined(objection) if objection is not None else both.step(measurements)

@@ -17,6 +17,9 @@ from dic.strain_fit import covariance_of_sums
 Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+_DETERMINED = 1e8
+"""Condition number of normal equations up to which they are solved."""
+
 
 @dataclass(frozen=True)
 class Points:
@@ -47,6 +50,14 @@ class Points:
     def after_mm(self) -> Float:
         """Calibrated positions in the deformed image, (n, 2)."""
         return self.before_mm + self.displacement.vector[self.use]
+
+    def determine(self, degree: int) -> bool:
+        """Tell whether the points lie so that they determine polynomials of this degree, 1 or 2."""
+        centred = self.before_mm - self.before_mm.mean(axis=0)
+        x, y = (centred / max(float(np.abs(centred).max(initial=0.0)), 1e-12)).T
+        terms = [np.ones_like(x), x, y] + ([x * x, x * y, y * y] if degree == 2 else [])
+        design = np.column_stack(terms)
+        return len(x) > len(terms) and bool(np.linalg.cond(design.T @ design) < _DETERMINED)
 
     def noise_covariance(self, weights: Float) -> Float:
         """Return the covariance (p, p) that noise gives to the sums Σ weights · displacement.
