@@ -5,6 +5,7 @@ It knows nothing of registers; `simulators.frame_wire` puts it on a network.
 
 import math
 import threading
+from dataclasses import replace
 from enum import Enum
 from typing import Protocol
 
@@ -30,6 +31,9 @@ class LoadString(Protocol):
     def stretch_to(self, displacement_mm: float) -> float:
         """Bring the crosshead to `displacement_mm` from the start of the test and return the load in N."""
 
+    def break_now(self) -> None:
+        """Break; no load is carried from now on."""
+
 
 class Control(Enum):
     """What the crosshead follows."""
@@ -52,6 +56,13 @@ class FrameDevice:
         The machine's ratings: the widest limits that can be set.
     rng : numpy.random.Generator, optional
         Source of the measurement noise (2 N and 0.2 µm); without one there is none.
+
+    Attributes
+    ----------
+    executed : list of (float, str)
+        Every command that was taken, with its time: what the machine did, whatever its answers said.
+    power_ups : int
+        How often it was switched on.
     """
 
     def __init__(
@@ -75,15 +86,27 @@ class FrameDevice:
             speed_max_mm_s,
             load_rate_max_n_s,
         )
-        self._limits = self.ratings
+        self.executed: list[tuple[float, str]] = []
+        self.power_ups = 0
         self._clock = clock
         self._string = load_string
         self._rng = rng
         self._lock = threading.RLock()
-        self._start_s = clock.now_s()
-        self._tick = 0
         self._position_mm = 0.0
         self._force_n = load_string.stretch_to(0.0)
+        self._estop = False
+        self._jammed = False
+        self._cell_broken = False
+        self._watchdog_lost = False
+        self._frozen: Readings | None = None
+        self._switch_on()
+
+    def _switch_on(self) -> None:
+        """Forget what a controller forgets: its zeros, limits, watchdog and count of samples."""
+        self.power_ups += 1
+        self._start_s = self._clock.now_s()
+        self._tick = 0
+        self._limits = self.ratings
         self._zero_mm = 0.0
         self._zero_n = 0.0
         self._stiffness_n_mm = STIFFNESS_GUESS_N_MM
@@ -93,8 +116,7 @@ class FrameDevice:
         self._setpoint_n = 0.0
         self._speed_mm_s = 0.0
         self._at_target = False
-        self._fault = Fault.NONE
-        self._estop = False
+        self._fault = Fault.ESTOP if self._estop else Fault.NONE
         self._watchdog_s = 0.0
         self._heartbeat = 0
         self._beat_tick = 0
@@ -137,7 +159,7 @@ class FrameDevice:
             raise RefusedError(Refusal.BEYOND_LIMITS)
         with self._lock:
             self._advance()
-            self._watchdog_s = timeout_s
+            self._watchdog_s = 0.0 if self._watchdog_lost else timeout_s
             self._beat_tick = self._tick
 
     @property
@@ -161,7 +183,7 @@ class FrameDevice:
                 self._noise_tick = self._tick
                 self._noise = self._draw_noise()
             load_error_n, displacement_error_mm = self._noise
-            return Readings(
+            readings = Readings(
                 sample=self._tick,
                 time_s=self._tick * CONTROL_PERIOD_S,
                 moving=self._control is not Control.HOLD and not self._at_target,
@@ -169,10 +191,19 @@ class FrameDevice:
                 holding=self._control is Control.HOLD,
                 fault=self._fault,
                 estop=self._estop,
-                load_n=self._force_n - self._zero_n + load_error_n,
+                load_n=math.nan if self._cell_broken else self._force_n - self._zero_n + load_error_n,
                 displacement_mm=self._position_mm - self._zero_mm + displacement_error_mm,
                 speed_mm_s=self._speed_mm_s,
                 target=self._target,
+            )
+            if (frozen := self._frozen) is None:
+                return readings
+            return replace(
+                readings,
+                sample=frozen.sample,
+                time_s=frozen.time_s,
+                load_n=frozen.load_n,
+                displacement_mm=frozen.displacement_mm,
             )
 
     def go_to_displacement(self, displacement_mm: float, speed_mm_s: float) -> None:
@@ -194,6 +225,7 @@ class FrameDevice:
         """Stop and hold position."""
         with self._lock:
             self._advance()
+            self._note("hold")
             self._stand(Control.HOLD)
             self._at_target = False
 
@@ -203,6 +235,7 @@ class FrameDevice:
             self._advance()
             if self.read().moving:
                 raise RefusedError(Refusal.NOT_READY)
+            self._note("tare")
             self._zero_n, self._zero_mm = self._force_n, self._position_mm
             self._stand(Control.HOLD)
             self._at_target = False
@@ -218,6 +251,60 @@ class FrameDevice:
         """Close the emergency stop chain again; nothing moves by itself."""
         self._estop = False
 
+    def hit_limit_switch(self) -> None:
+        """Trip as a limit switch does that the crosshead runs into."""
+        with self._lock:
+            self._advance()
+            self._trip(Fault.DISPLACEMENT_LIMIT)
+
+    def jam(self) -> None:
+        """Block the crosshead: a motion under way stalls, and so does every one that is begun."""
+        with self._lock:
+            self._advance()
+            self._jammed = True
+
+    def free(self) -> None:
+        """Take away what blocks the crosshead."""
+        with self._lock:
+            self._advance()
+            self._jammed = False
+
+    def break_load_cell(self, broken: bool) -> None:
+        """Let the load be no number, or a number again."""
+        self._cell_broken = broken
+
+    def freeze(self) -> None:
+        """Let the readings and their counter stand still; the machine goes on."""
+        with self._lock:
+            self._frozen = self.read()
+
+    def thaw(self) -> None:
+        """Let the readings follow the machine again."""
+        self._frozen = None
+
+    def lose_watchdog(self, lost: bool) -> None:
+        """Switch the watchdog off for good, or let it be set again."""
+        with self._lock:
+            self._advance()
+            self._watchdog_lost = lost
+            self._watchdog_s = 0.0
+
+    def break_specimen(self) -> None:
+        """Break what is in the grips."""
+        with self._lock:
+            self._advance()
+            self._string.break_now()
+            self._force_n = self._string.stretch_to(self._position_mm)
+
+    def power_cycle(self) -> None:
+        """Switch off and on: the crosshead stays where it is; zeros, limits and the watchdog are lost."""
+        with self._lock:
+            self._advance()
+            self._switch_on()
+
+    def _note(self, command: str) -> None:
+        self.executed.append((self._clock.now_s(), command))
+
     def _go(self, control: Control, target: float, inside: bool, rate: float, rate_max: float) -> None:
         self._advance()
         if self._estop:
@@ -226,6 +313,7 @@ class FrameDevice:
             raise RefusedError(Refusal.BEYOND_LIMITS)
         if not 0 < rate <= rate_max:
             raise RefusedError(Refusal.TOO_FAST)
+        self._note(f"{control.value} {target:g} at {rate:g}")
         self._control, self._target, self._rate = control, target, rate
         self._at_target = False
         self._fault = Fault.NONE
@@ -244,6 +332,9 @@ class FrameDevice:
         self._tick = max(self._tick, due)
 
     def _follow(self) -> None:
+        if self._jammed:
+            self._trip(Fault.STALL)
+            return
         if self._control is Control.DISPLACEMENT:
             wanted_mm = self._target - (self._position_mm - self._zero_mm)
             speed_mm_s = self._rate

@@ -12,6 +12,7 @@ class Fault(IntEnum):
     LOAD_LIMIT = 2
     DISPLACEMENT_LIMIT = 3
     ESTOP = 4
+    STALL = 5
 
 
 class Refusal(IntEnum):

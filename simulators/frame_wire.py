@@ -1,55 +1,57 @@
-"""The load frame on a network: Modbus TCP, written from the specification alone.
+"""The load frame on a network or a serial line: Modbus TCP, Modbus RTU, and RTU over TCP.
 
-Sources: MODBUS Application Protocol Specification V1.1b3, MODBUS Messaging on TCP/IP Guide V1.0b.
-The registers, all 32-bit values with the more significant word first (ABCD):
-
-==============  ===========================================================================================
-input 0–17      map revision u16, sample u32, status u16, fault u16, executed sequence u16, result u16,
-                spare u16, load f32 N, displacement f32 mm, speed f32 mm/s, target f32, time u32 ms
-input 32–34     serial number u32, firmware u16 (1.4 is 0x0104)
-holding 0–9     command u16 (1 hold, 2 go to displacement, 3 go to load, 4 tare), displacement f32 mm,
-                speed f32 mm/s, load f32 N, load rate f32 N/s, sequence u16
-holding 32–43   limits f32: load min, load max N, displacement min, max mm, speed max mm/s,
-                load rate max N/s
-holding 64–65   watchdog time f32 s, 0 is off
-holding 66      heartbeat u16
-==============  ===========================================================================================
-
-A holding block is written whole, in one request. A command is executed when its sequence number is newer than
-the last one executed: the same request twice, or one overtaken by another, does nothing.
+Written from the specification alone; `simulators.frame_layout` says what stands where.
 """
 
-import math
-import socket
 import struct
-import threading
-from typing import Any
 
+from simulators.device_faults import frame_faults
+from simulators.faults import LOAD_FRAME, FaultPanel
 from simulators.frame_device import FrameDevice
-from simulators.frame_state import Fault, Limits, Readings, Refusal, RefusedError
-from simulators.tcp_server import TcpServer
+from simulators.frame_layout import GENERIC, Layout
+from simulators.frame_registers import FrameRegisters
+from simulators.modbus_framing import HEADER, crc, cut_rtu, cut_tcp
+from simulators.ports import PtyPort, TcpPort
 
-MAP_REVISION = 1
-FIRMWARE = 0x0104
-STATE, IDENTITY = 0, 32
-COMMAND, LIMITS, WATCHDOG, HEARTBEAT = 0, 32, 64, 66
-STATE_FORMAT = ">HIHHHHHffffI"
-COMMAND_FORMAT = ">HffffH"
-HOLD, GO_TO_DISPLACEMENT, GO_TO_LOAD, TARE = 1, 2, 3, 4
-READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY = 3, 4, 6, 16
-ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, TARGET_SILENT = 1, 2, 3, 11
-READ_MAX, WRITE_MAX = 125, 123
+TARGET_SILENT = 11
+BROADCAST = 0
+SERIAL = 220001
 
 
-class ExceptionReply(Exception):
-    """The request is answered with a Modbus exception code."""
+class _FrameWire:
+    """What every line of a load frame has; the parameters are those of `FrameServer`."""
 
-    def __init__(self, code: int) -> None:
-        self.code = code
-        super().__init__(f"exception {code}")
+    _port: PtyPort | TcpPort
+
+    def __init__(
+        self,
+        device: FrameDevice,
+        unit: int,
+        serial: int,
+        layout: Layout,
+        faults: FaultPanel | None,
+        registers: FrameRegisters | None,
+    ) -> None:
+        self.device = device
+        self.unit = unit
+        self.faults = faults or frame_faults(FaultPanel(LOAD_FRAME), device)
+        self.registers = registers or FrameRegisters(device, layout, serial, self.faults)
+
+    @property
+    def address(self) -> str:
+        """Where it is found."""
+        return self._port.address
+
+    def answer(self, unit: int, request: bytes) -> bytes | None:
+        """Act on one protocol data unit (function code and data) and return the answer's, or None."""
+        return self.registers.answer(request)
+
+    def close(self) -> None:
+        """Stop serving; harmless when repeated."""
+        self._port.close()
 
 
-class FrameServer:
+class FrameServer(_FrameWire):
     """A load frame's Modbus TCP port.
 
     Parameters
@@ -62,12 +64,19 @@ class FrameServer:
         The unit identifier it answers to.
     serial : int
         The serial number it reports.
+    layout : Layout
+    faults : FaultPanel, optional
+        One is made if none is given.
+    registers : FrameRegisters, optional
+        Those of another line, which it shares; `serial` and `layout` mean nothing then.
 
     Attributes
     ----------
     address : str
         ``host:port``.
     """
+
+    _port: TcpPort
 
     def __init__(
         self,
@@ -76,169 +85,104 @@ class FrameServer:
         port: int = 0,
         *,
         unit: int = 1,
-        serial: int = 220001,
+        serial: int = SERIAL,
+        layout: Layout = GENERIC,
+        faults: FaultPanel | None = None,
+        registers: FrameRegisters | None = None,
     ) -> None:
-        self.device = device
-        self.unit = unit
-        self.serial = serial
-        self._turn = threading.Lock()
-        self._executed = 0
-        self._result = 0
-        self._command = bytes(struct.calcsize(COMMAND_FORMAT))
-        self._server = TcpServer(self._converse, host, port)
-        self.address = self._server.address
+        super().__init__(device, unit, serial, layout, faults, registers)
+        self._port = TcpPort(self, host, port)
 
     def drop_clients(self) -> None:
         """Cut every connection; new ones are accepted."""
-        self._server.drop_clients()
-
-    def close(self) -> None:
-        """Stop serving; harmless when repeated."""
-        self._server.close()
-
-    def _converse(self, connection: socket.socket) -> None:
-        with connection.makefile("rb") as stream:
-            while len(header := stream.read(7)) == 7:
-                transaction, protocol, length, unit = struct.unpack(">HHHB", header)
-                if protocol != 0 or not 2 <= length <= 254:
-                    return
-                request = stream.read(length - 1)
-                if len(request) < length - 1:
-                    return
-                reply = self.answer(unit, request)
-                if reply is not None:
-                    connection.sendall(struct.pack(">HHHB", transaction, 0, len(reply) + 1, unit) + reply)
+        self._port.drop_clients()
 
     def answer(self, unit: int, request: bytes) -> bytes | None:
-        """Act on one protocol data unit (function code and data) and return the answer's, or None."""
-        function = request[0]
-        try:
-            with self._turn:
-                return self._execute(unit, function, request[1:])
-        except ExceptionReply as exception:
-            return struct.pack(">BB", function | 0x80, exception.code)
-
-    def _execute(self, unit: int, function: int, data: bytes) -> bytes:
+        """Act on one protocol data unit; a foreign unit is answered as by a gateway that cannot reach it."""
         if unit != self.unit:
-            raise ExceptionReply(TARGET_SILENT)
-        if function in (READ_HOLDING, READ_INPUT):
-            address, count = _unpack(">HH", data)
-            if not 1 <= count <= READ_MAX:
-                raise ExceptionReply(ILLEGAL_VALUE)
-            blocks = self._input() if function == READ_INPUT else self._holding()
-            values = _cut(blocks, address, count)
-            return struct.pack(">BB", function, len(values)) + values
-        if function == WRITE_ONE:
-            (address,) = _unpack(">H", data[:2])
-            self._write(address, data[2:])
-            return struct.pack(">B", function) + data
-        if function == WRITE_MANY:
-            address, count, size = _unpack(">HHB", data[:5])
-            if not 1 <= count <= WRITE_MAX or size != 2 * count or len(data) != 5 + size:
-                raise ExceptionReply(ILLEGAL_VALUE)
-            self._write(address, data[5:])
-            return struct.pack(">BHH", function, address, count)
-        raise ExceptionReply(ILLEGAL_FUNCTION)
+            return struct.pack(">BB", request[0] | 0x80, TARGET_SILENT)
+        return super().answer(unit, request)
 
-    def _input(self) -> dict[int, bytes]:
-        readings = self.device.read()
-        state = struct.pack(
-            STATE_FORMAT,
-            MAP_REVISION,
-            readings.sample % 2**32,
-            _status(readings),
-            readings.fault,
-            self._executed,
-            self._result,
-            0,
-            readings.load_n,
-            readings.displacement_mm,
-            readings.speed_mm_s,
-            readings.target,
-            round(readings.time_s * 1000) % 2**32,
-        )
-        return {STATE: state, IDENTITY: struct.pack(">IH", self.serial, FIRMWARE)}
+    def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
+        """Return the complete messages in a buffer, and the rest."""
+        return cut_tcp(buffer)
 
-    def _holding(self) -> dict[int, bytes]:
-        limits = self.device.limits
-        return {
-            COMMAND: self._command,
-            LIMITS: struct.pack(
-                ">6f",
-                limits.load_min_n,
-                limits.load_max_n,
-                limits.displacement_min_mm,
-                limits.displacement_max_mm,
-                limits.speed_max_mm_s,
-                limits.load_rate_max_n_s,
-            ),
-            WATCHDOG: struct.pack(">f", self.device.watchdog_s),
-            HEARTBEAT: struct.pack(">H", self.device.heartbeat),
-        }
+    def respond(self, message: bytes) -> bytes:
+        """Act on one message and return the answer under the same transaction number."""
+        transaction, _, _, unit = struct.unpack(">HHHB", message[:HEADER])
+        reply = self.answer(unit, message[HEADER:])
+        if reply is None:
+            return b""
+        return struct.pack(">HHHB", transaction, 0, len(reply) + 1, unit) + reply
 
-    def _write(self, address: int, values: bytes) -> None:
-        block = self._holding().get(address)
-        if block is None or len(block) != len(values):
-            raise ExceptionReply(ILLEGAL_ADDRESS)
-        try:
-            if address == COMMAND:
-                self._obey(values)
-            elif address == LIMITS:
-                self.device.set_limits(Limits(*_unpack(">6f", values)))
-            elif address == WATCHDOG:
-                self.device.set_watchdog(*_unpack(">f", values))
-            else:
-                self.device.beat(*_unpack(">H", values))
-        except RefusedError as refusal:
-            raise ExceptionReply(ILLEGAL_VALUE) from refusal
+    def damaged(self, reply: bytes) -> bytes:
+        """Return the answer with another function: TCP lets no bit fall, but a gateway may mix up answers."""
+        return reply[:HEADER] + bytes([reply[HEADER] ^ 0x40]) + reply[HEADER + 1 :]
 
-    def _obey(self, values: bytes) -> None:
-        command, displacement_mm, speed_mm_s, load_n, rate_n_s, sequence = _unpack(COMMAND_FORMAT, values)
-        if not 0 < (sequence - self._executed) % 2**16 < 2**15:
-            return
-        self._command = values
-        self._executed, self._result = sequence, 0
-        try:
-            if command == HOLD:
-                self.device.hold()
-            elif command == GO_TO_DISPLACEMENT:
-                self.device.go_to_displacement(displacement_mm, speed_mm_s)
-            elif command == GO_TO_LOAD:
-                self.device.go_to_load(load_n, rate_n_s)
-            elif command == TARE:
-                self.device.tare()
-            else:
-                raise RefusedError(Refusal.UNKNOWN)
-        except RefusedError as refusal:
-            self._result = refusal.reason
+    def readdressed(self, reply: bytes) -> bytes:
+        """Return the answer as another unit would have signed it."""
+        return reply[: HEADER - 1] + bytes([reply[HEADER - 1] ^ 0x02]) + reply[HEADER:]
 
 
-def _status(readings: Readings) -> int:
-    """Status bits from 0: ready, moving, at target, hold, limit hit, watchdog tripped, e-stop, load valid."""
-    bits = (
-        not readings.estop,
-        readings.moving,
-        readings.at_target,
-        readings.holding,
-        readings.fault in (Fault.LOAD_LIMIT, Fault.DISPLACEMENT_LIMIT),
-        readings.fault is Fault.WATCHDOG,
-        readings.estop,
-        math.isfinite(readings.load_n),
-    )
-    return sum(1 << position for position, bit in enumerate(bits) if bit)
+class FrameRtuServer(_FrameWire):
+    """The same frame as Modbus RTU on a pseudo-terminal; `address` is the path to open.
+
+    A message for another unit, or a damaged one, is met with silence; one for everybody (unit 0) is obeyed in
+    silence.
+    """
+
+    def __init__(
+        self,
+        device: FrameDevice,
+        *,
+        unit: int = 1,
+        serial: int = SERIAL,
+        layout: Layout = GENERIC,
+        faults: FaultPanel | None = None,
+        registers: FrameRegisters | None = None,
+    ) -> None:
+        super().__init__(device, unit, serial, layout, faults, registers)
+        self._port = PtyPort(self)
+
+    def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
+        """Return the complete messages in a buffer, and the rest."""
+        return cut_rtu(buffer)
+
+    def respond(self, message: bytes) -> bytes:
+        """Act on one message and return the answer, empty when it is for another unit or for all."""
+        unit = message[0]
+        if unit not in (self.unit, BROADCAST):
+            return b""
+        reply = self.answer(unit, message[1:-2])
+        return b"" if reply is None or unit == BROADCAST else _sealed(bytes([unit]) + reply)
+
+    def damaged(self, reply: bytes) -> bytes:
+        """Return the answer with one bit turned: its checksum tells."""
+        return reply[:2] + bytes([reply[2] ^ 0x10]) + reply[3:]
+
+    def readdressed(self, reply: bytes) -> bytes:
+        """Return the answer as another unit of the line would give it."""
+        return _sealed(bytes([reply[0] ^ 0x02]) + reply[1:-2])
 
 
-def _cut(blocks: dict[int, bytes], address: int, count: int) -> bytes:
-    """Return `count` registers from inside one block; a request that leaves it is refused."""
-    for start, block in blocks.items():
-        first = 2 * (address - start)
-        if first >= 0 and first + 2 * count <= len(block):
-            return block[first : first + 2 * count]
-    raise ExceptionReply(ILLEGAL_ADDRESS)
+class FrameRtuTcpServer(FrameRtuServer):
+    """RTU messages on a TCP port, as a serial device server carries them; `address` is ``host:port``."""
+
+    def __init__(
+        self,
+        device: FrameDevice,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        *,
+        unit: int = 1,
+        serial: int = SERIAL,
+        layout: Layout = GENERIC,
+        faults: FaultPanel | None = None,
+        registers: FrameRegisters | None = None,
+    ) -> None:
+        _FrameWire.__init__(self, device, unit, serial, layout, faults, registers)
+        self._port = TcpPort(self, host, port)
 
 
-def _unpack(format: str, data: bytes) -> tuple[Any, ...]:
-    try:
-        return struct.unpack(format, data)
-    except struct.error as error:
-        raise ExceptionReply(ILLEGAL_VALUE) from error
+def _sealed(message: bytes) -> bytes:
+    return message + crc(message)

@@ -99,6 +99,10 @@ class Specimen:
         self.state = self._state_at(displacement_mm, 0.0 if broken else load_n, broken)
         return self.state.load_n
 
+    def break_now(self) -> None:
+        """Break whatever the strain."""
+        self.state = self._state_at(self.state.displacement_mm, 0.0, True)
+
     def _state_at(self, displacement_mm: float, load_n: float, broken: bool) -> SpecimenState:
         elastic = load_n / self._elastic_n
         plastic = self._plastic_strain(self._highest_n)

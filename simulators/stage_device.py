@@ -94,6 +94,13 @@ class StageDevice:
         The settings `maxspeed` and `accel` after switching on.
     limit_min_deg, limit_max_deg : float
         The settings `limit.min` and `limit.max` after switching on; a rotary stage may turn many times.
+
+    Attributes
+    ----------
+    executed : list of (float, str)
+        Every motion that was begun, with its time: what the stage did, whatever its answers said.
+    power_ups : int
+        How often it was switched on.
     """
 
     def __init__(
@@ -112,10 +119,14 @@ class StageDevice:
         self.acceleration_microsteps_s2 = acceleration_deg_s2 * microsteps_per_deg
         self.limit_min = round(limit_min_deg * microsteps_per_deg)
         self.limit_max = round(limit_max_deg * microsteps_per_deg)
+        self.executed: list[tuple[float, str]] = []
+        self._jammed = False
+        self.power_ups = 1
         self._clock = clock
         self._lock = threading.RLock()
         self._flags = {"WR"}
         self._disabled = False
+        self._estop = False
         self._homing = False
         self._offset_deg = power_up_angle_deg
         self._motion = _chain(clock.now_s(), power_up_angle_deg, [(0.0, 0.0, 0.0)])
@@ -131,6 +142,18 @@ class StageDevice:
         """The counter, in microsteps."""
         with self._lock:
             return round((self.angle_deg() - self._offset_deg) * self.microsteps_per_deg)
+
+    @property
+    def speed_deg_s(self) -> float:
+        """True speed of the shaft now."""
+        with self._lock:
+            now_s = self._advance()
+            return self._segment(now_s).speed_at(now_s) if now_s < self._motion[-1].end_s else 0.0
+
+    @property
+    def enabled(self) -> bool:
+        """Whether the motor driver is on."""
+        return not self._disabled
 
     @property
     def moving(self) -> bool:
@@ -157,41 +180,73 @@ class StageDevice:
             self._flags -= {"WR", "WH"}
         return now_s
 
-    def _start(self, plan: list[float]) -> None:
+    def _start(
+        self, name: str, plan: list[float], speed: float | None = None, acceleration: float | None = None
+    ) -> None:
         """Begin to visit shaft angles in turn; a motion under way is pre-empted and braked first."""
         if self._disabled:
             raise RefusedError("DRIVERDISABLED")
-        speed = self.speed_microsteps_s / self.microsteps_per_deg
-        acceleration = self.acceleration_microsteps_s2 / self.microsteps_per_deg
+        speed = (speed or self.speed_microsteps_s) / self.microsteps_per_deg
+        acceleration = (acceleration or self.acceleration_microsteps_s2) / self.microsteps_per_deg
         if self.moving:
             self._flags.add("NI")
             self._homing = False
         now_s = self._advance()
+        self.executed.append((now_s, name))
         segment = self._segment(now_s)
         motion = braking(now_s, segment.angle_at(now_s), segment.speed_at(now_s), acceleration)
         for target in plan:
             last = motion[-1]
             motion += trapezoid(last.end_s, last.angle_at(last.end_s), target, speed, acceleration)
         self._motion = motion
+        if self._jammed and plan:
+            self.fail("FS")
 
     def home(self) -> None:
         """Begin to seek the index mark: past it, then onto it from below; `RefusedError` when disabled."""
         with self._lock:
-            self._start([-HOMING_BACKOFF_DEG, 0.0])
-            self._homing = True
+            self._start("home", [-HOMING_BACKOFF_DEG, 0.0])
+            self._homing = not self._jammed
 
-    def move_to(self, position: int) -> None:
-        """Begin to move to a counter value; `RefusedError` beyond the limits or when disabled."""
+    def move_to(self, position: int, speed: float | None = None, acceleration: float | None = None) -> None:
+        """Begin to move to a counter value, with a speed and acceleration of its own if they are given.
+
+        `RefusedError` beyond the limits or when disabled.
+        """
         with self._lock:
-            if not self.limit_min <= position <= self.limit_max:
-                raise RefusedError("BADDATA")
-            self._start([position / self.microsteps_per_deg + self._offset_deg])
+            self._require_within(position)
+            angle_deg = position / self.microsteps_per_deg + self._offset_deg
+            self._start(f"move {position}", [angle_deg], speed, acceleration)
 
-    def stop(self) -> None:
+    def move_by(self, distance: int, speed: float | None = None, acceleration: float | None = None) -> None:
+        """Begin to move by a distance in microsteps from where the shaft is now."""
+        with self._lock:
+            self.move_to(self.position + distance, speed, acceleration)
+
+    def turn(self, speed: float, acceleration: float | None = None) -> None:
+        """Begin to turn at a speed in microsteps/s, until a limit or the next motion; 0 is a stop."""
+        with self._lock:
+            if speed == 0:
+                self.stop()
+                return
+            end = self.limit_max if speed > 0 else self.limit_min
+            angle_deg = end / self.microsteps_per_deg + self._offset_deg
+            self._start(f"turn {speed:g}", [angle_deg], abs(speed), acceleration)
+
+    def set_position(self, position: int) -> None:
+        """Give the counter a new value; the shaft stays."""
+        with self._lock:
+            self._offset_deg = self.angle_deg() - position / self.microsteps_per_deg
+
+    def stop(self, acceleration: float | None = None) -> None:
         """Brake to a standstill. A motion that is cut short raises NI."""
         with self._lock:
             if self.moving:
-                self._start([])
+                self._start("stop", [], acceleration=acceleration)
+
+    def _require_within(self, position: int) -> None:
+        if not self.limit_min <= position <= self.limit_max:
+            raise RefusedError("BADDATA")
 
     def clear_flags(self) -> None:
         """Forget the flags that tell of the past; a lost reference and a disabled driver remain."""
@@ -199,10 +254,36 @@ class StageDevice:
             self._flags &= {"WR", "WH", *(DISABLING_FLAGS if self._disabled else ())}
 
     def enable_driver(self) -> None:
-        """Switch the motor driver on again after a fault."""
+        """Switch the motor driver on again; `RefusedError` while the emergency stop is pressed."""
         with self._lock:
+            if self._estop:
+                raise RefusedError("DRIVERDISABLED")
             self._disabled = False
             self._flags -= set(DISABLING_FLAGS)
+
+    def disable_driver(self) -> None:
+        """Switch the motor driver off; a motion ends at once."""
+        self.fail("FO")
+
+    def jam(self) -> None:
+        """Block the shaft: a motion under way stalls, and so does every one that is begun."""
+        with self._lock:
+            self._jammed = True
+            if self.moving:
+                self.fail("FS")
+
+    def free(self) -> None:
+        """Take away what blocks the shaft."""
+        self._jammed = False
+
+    def press_estop(self) -> None:
+        """Open the emergency stop chain: the driver is off until it is closed and the driver enabled."""
+        self._estop = True
+        self.fail("FH")
+
+    def release_estop(self) -> None:
+        """Close the emergency stop chain again; nothing moves by itself."""
+        self._estop = False
 
     def fail(self, flag: str) -> None:
         """Stop dead with a fault such as FS (stalled), FH (emergency stop) or FE (limit error)."""
@@ -220,6 +301,7 @@ class StageDevice:
             angle_deg = self._segment(now_s).angle_at(now_s)
             self._motion = _chain(now_s, angle_deg, [(0.0, 0.0, 0.0)])
             self._homing = False
-            self._disabled = False
+            self._disabled = self._estop
+            self.power_ups += 1
             self._offset_deg = angle_deg
-            self._flags = {"WR"}
+            self._flags = {"WR", "FH"} if self._estop else {"WR"}

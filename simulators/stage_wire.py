@@ -2,25 +2,21 @@
 
 A message is ``/[address] [axis] [id|--] command[:LRC]`` and CR or LF; the answer
 ``@AA x [id] OK|RJ BUSY|IDLE FLAG|-- data[:LRC]`` and CR LF. Whoever sends an id or a checksum gets one back.
+Source: Zaber ASCII Protocol Manual (https://www.zaber.com/protocol-manual).
 """
 
-import contextlib
-import os
 import re
-import select
-import socket
 import threading
-import tty
-from collections.abc import Callable
 
+from simulators.device_faults import stage_faults
+from simulators.faults import STAGE, FaultPanel
+from simulators.ports import PtyPort, TcpPort
 from simulators.stage_device import RefusedError, StageDevice
-from simulators.tcp_server import TcpServer
+from simulators.stage_settings import ACCELERATION_UNIT, SPEED_UNIT, StageSettings
 
-# The data value of a speed is microsteps/s times 1.6384, of an acceleration microsteps/s² times 1.6384e-4.
-SPEED_UNIT = 1.6384
-ACCELERATION_UNIT = 1.6384e-4
 MESSAGE = re.compile(r"/(?:(?P<address>\d+)(?: +(?P<axis>\d+)(?: +(?P<id>\d+|--))?)?)? *(?P<command>[^:]*)$")
 LINE_MAX = 128
+AXES = 1
 
 
 def checksum(text: str) -> str:
@@ -28,8 +24,8 @@ def checksum(text: str) -> str:
     return f"{-sum(text.encode('ascii', 'replace')) & 0xFF:02X}"
 
 
-class StageServer:
-    """The stage's line on a pseudo-terminal.
+class StageWire:
+    """What the stage makes of messages.
 
     Parameters
     ----------
@@ -38,55 +34,42 @@ class StageServer:
         The stage's own address; 0 and no address mean everybody.
     serial : int
         The serial number it reports.
-
-    Attributes
-    ----------
-    address : str
-        The real path of the terminal to open.
+    faults : FaultPanel, optional
+        One is made if none is given.
     """
 
-    def __init__(self, device: StageDevice, *, device_address: int = 1, serial: int = 110001) -> None:
+    def __init__(
+        self,
+        device: StageDevice,
+        *,
+        device_address: int = 1,
+        serial: int = 110001,
+        faults: FaultPanel | None = None,
+    ) -> None:
         self.device = device
-        self.device_address = device_address
-        self.serial = serial
+        self.settings = StageSettings(device, device_address, serial)
+        self.faults = faults or stage_faults(FaultPanel(STAGE), device)
         self._turn = threading.Lock()
-        self._open()
 
-    def _open(self) -> None:
-        # our own descriptor of the far end stays open, so that a client may leave and come back
-        self._near, self._far = os.openpty()
-        tty.setraw(self._far)
-        self.address = os.ttyname(self._far)
-        self._wake_read, self._wake_write = os.pipe()
-        self._thread = threading.Thread(target=self._serve, name=f"stage {self.address}", daemon=True)
-        self._thread.start()
-
-    def _serve(self) -> None:
-        buffer = b""
-        while True:
-            ready, _, _ = select.select([self._near, self._wake_read], [], [])
-            if self._wake_read in ready:
-                return
-            buffer = self._consume(buffer + os.read(self._near, 4096), lambda r: os.write(self._near, r))
-
-    def _consume(self, buffer: bytes, send: Callable[[bytes], object]) -> bytes:
-        """Answer every complete line of `buffer` and return the rest."""
+    def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
+        """Return the complete lines in a buffer, and the rest."""
         *lines, rest = re.split(rb"[\r\n]", buffer)
-        for line in lines:
-            with self._turn:
-                reply = self.answer(line)
-            if reply:
-                send(reply)
-        return rest[-LINE_MAX:]
+        return lines, rest[-LINE_MAX:]
 
-    def close(self) -> None:
-        """Hang up and end the thread; harmless when repeated."""
-        if not self._thread.is_alive():
-            return
-        os.write(self._wake_write, b"x")
-        self._thread.join()
-        for descriptor in (self._near, self._far, self._wake_read, self._wake_write):
-            os.close(descriptor)
+    def respond(self, message: bytes) -> bytes:
+        """Act on one line, one client after the other."""
+        with self._turn:
+            return self.answer(message)
+
+    def damaged(self, reply: bytes) -> bytes:
+        """Return the answer with one bit of one character turned: its checksum, if it has one, tells."""
+        return _changed(reply, len(reply) // 2, reply[len(reply) // 2] ^ 0x04)
+
+    def readdressed(self, reply: bytes) -> bytes:
+        """Return the answer as the next device of the chain would give it."""
+        body, colon, _ = reply.decode("ascii").strip().partition(":")
+        body = f"{self.settings.address + 1:02d}{body[3:]}"
+        return f"@{body}{':' + checksum(body) if colon else ''}\r\n".encode("ascii")
 
     def answer(self, line: bytes) -> bytes:
         """Act on one line and return the bytes to send back: none when it is damaged or for somebody else."""
@@ -95,7 +78,7 @@ class StageServer:
         if colon and lrc.upper() != checksum(text[1:]):
             return b""
         message = MESSAGE.match(text)
-        if message is None or int(message["address"] or 0) not in (0, self.device_address):
+        if message is None or int(message["address"] or 0) not in (0, self.settings.address):
             return b""
         ok, data = self._execute(int(message["axis"] or 0), message["command"].split())
         if message["id"] == "--":
@@ -103,20 +86,23 @@ class StageServer:
         flags = self.device.flags
         number = f" {int(message['id']):02d}" if message["id"] else ""
         body = (
-            f"{self.device_address:02d} {message['axis'] or 0}{number} {'OK' if ok else 'RJ'} "
+            f"{self.settings.address:02d} {message['axis'] or 0}{number} {'OK' if ok else 'RJ'} "
             f"{'BUSY' if self.device.moving else 'IDLE'} {flags[0] if flags else '--'} {data}"
         )
-        return f"@{body}{':' + checksum(body) if colon else ''}\r\n".encode("ascii")
+        with_checksum = colon or self.settings.always_checksum
+        return f"@{body}{':' + checksum(body) if with_checksum else ''}\r\n".encode("ascii")
 
     def _execute(self, axis: int, words: list[str]) -> tuple[bool, str]:
-        if axis > 1:
+        if axis > AXES:
             return False, "BADAXIS"
+        if (reason := self.faults.take("reject")) is not None:
+            return False, reason
         try:
-            return True, self._command(words)
-        except RefusedError as reason:
-            return False, str(reason)
+            return True, self._command(axis, words)
+        except RefusedError as refusal:
+            return False, str(refusal)
 
-    def _command(self, words: list[str]) -> str:
+    def _command(self, axis: int, words: list[str]) -> str:
         device = self.device
         match words:
             case []:
@@ -125,8 +111,12 @@ class StageServer:
                 device.home()
             case ["stop"]:
                 device.stop()
-            case ["move", "abs", value]:
-                device.move_to(_integer(value))
+            case ["estop"] if device.moving:
+                device.fail("NI")
+            case ["estop"]:
+                pass
+            case ["move", *rest]:
+                self._move(rest)
             case ["warnings"]:
                 return " ".join([f"{len(device.flags):02d}", *device.flags])
             case ["warnings", "clear"]:
@@ -134,56 +124,68 @@ class StageServer:
                 return "00"
             case ["driver", "enable"]:
                 device.enable_driver()
+            case ["driver", "disable"]:
+                device.disable_driver()
             case ["get", name]:
-                return self._get(name)
+                return self.settings.get(axis, name)
             case ["set", name, value]:
-                self._set(name, _integer(value))
+                self.settings.set(axis, name, _integer(value))
+            case ["tools", "echo", *rest]:
+                return " ".join(rest)
+            case ["system", "reset"] if axis == 0:
+                device.power_cycle()
             case _:
                 raise RefusedError("BADCOMMAND")
         return "0"
 
-    def _get(self, name: str) -> str:
-        device = self.device
-        values: dict[str, Callable[[], object]] = {
-            "pos": lambda: device.position,
-            "maxspeed": lambda: round(device.speed_microsteps_s * SPEED_UNIT),
-            "accel": lambda: round(device.acceleration_microsteps_s2 * ACCELERATION_UNIT),
-            "limit.min": lambda: device.limit_min,
-            "limit.max": lambda: device.limit_max,
-            "resolution": lambda: 64,
-            "deviceid": lambda: 50081,
-            "system.serial": lambda: self.serial,
-            "system.axiscount": lambda: 1,
-            "version": lambda: "7.38",
-            "version.build": lambda: 16451,
-            "comm.address": lambda: self.device_address,
-        }
-        if name not in values:
+    def _move(self, words: list[str]) -> None:
+        """Begin one of the kinds of motion: target or speed, then optionally speed and acceleration."""
+        device, (kind, *values) = self.device, [*words, ""]
+        numbers = [_integer(value) for value in values if value]
+        ends = {"min": device.limit_min, "max": device.limit_max}
+        if kind in ends:
+            numbers.insert(0, ends[kind])
+        if not 1 <= len(numbers) <= 3:
+            raise RefusedError("BADDATA" if kind in ("abs", "rel", "vel", *ends) else "BADCOMMAND")
+        target, *rest = numbers
+        if any(number <= 0 for number in rest):
+            raise RefusedError("BADDATA")
+        if kind == "vel":
+            device.turn(target / SPEED_UNIT, *(number / ACCELERATION_UNIT for number in rest[:1]))
+            return
+        own = [number / unit for number, unit in zip(rest, (SPEED_UNIT, ACCELERATION_UNIT), strict=False)]
+        if kind == "rel":
+            device.move_by(target, *own)
+        elif kind == "abs" or kind in ends:
+            device.move_to(target, *own)
+        else:
             raise RefusedError("BADCOMMAND")
-        return str(values[name]())
-
-    def _set(self, name: str, value: int) -> None:
-        device = self.device
-        match name:
-            case "maxspeed" if value > 0:
-                device.speed_microsteps_s = value / SPEED_UNIT
-            case "accel" if value > 0:
-                device.acceleration_microsteps_s2 = value / ACCELERATION_UNIT
-            case "limit.min" if value < device.limit_max:
-                device.limit_min = value
-            case "limit.max" if value > device.limit_min:
-                device.limit_max = value
-            case "maxspeed" | "accel" | "limit.min" | "limit.max":
-                raise RefusedError("BADDATA")
-            case _:
-                raise RefusedError("BADCOMMAND")
 
 
-def _integer(text: str) -> int:
-    try:
-        return int(text)
-    except ValueError as error:
-        raise RefusedError("BADDATA") from error
+class StageServer(StageWire):
+    """The stage's line on a pseudo-terminal; `address` is the real path to open."""
+
+    _port: PtyPort | TcpPort
+
+    def __init__(
+        self,
+        device: StageDevice,
+        *,
+        device_address: int = 1,
+        serial: int = 110001,
+        faults: FaultPanel | None = None,
+    ) -> None:
+        super().__init__(device, device_address=device_address, serial=serial, faults=faults)
+        self._port = PtyPort(self)
+
+    @property
+    def address(self) -> str:
+        """Where it is found."""
+        return self._port.address
+
+    def close(self) -> None:
+        """Hang up and end the threads; harmless when repeated."""
+        self._port.close()
 
 
 class StageTcpServer(StageServer):
@@ -197,20 +199,18 @@ class StageTcpServer(StageServer):
         port: int = 0,
         device_address: int = 1,
         serial: int = 110001,
+        faults: FaultPanel | None = None,
     ) -> None:
-        self._host, self._port = host, port
-        super().__init__(device, device_address=device_address, serial=serial)
+        StageWire.__init__(self, device, device_address=device_address, serial=serial, faults=faults)
+        self._port = TcpPort(self, host, port)
 
-    def _open(self) -> None:
-        self._server = TcpServer(self._converse, self._host, self._port)
-        self.address = self._server.address
 
-    def _converse(self, connection: socket.socket) -> None:
-        buffer = b""
-        while received := connection.recv(4096):
-            buffer = self._consume(buffer + received, connection.sendall)
+def _changed(reply: bytes, place: int, byte: int) -> bytes:
+    return reply[:place] + bytes([byte]) + reply[place + 1 :]
 
-    def close(self) -> None:
-        """Cut every client and end the threads; harmless when repeated."""
-        with contextlib.suppress(OSError):
-            self._server.close()
+
+def _integer(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError as error:
+        raise RefusedError("BADDATA") from error

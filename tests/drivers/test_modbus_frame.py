@@ -251,7 +251,7 @@ def test_a_counter_that_stands_still_is_stale(frame, port, clock):
 def test_a_restarted_machine_is_not_trusted(frame, port, clock, spring):
     clock.sleep(10.0)
     frame.read()
-    port.device = FrameDevice(clock, spring)
+    port.device.power_cycle()
     clock.sleep(1.0)
     with pytest.raises(DeviceFault, match="a restarted machine"):
         frame.read()

@@ -1,0 +1,182 @@
+"""What can go wrong with a simulated device: every fault by name, switched on and off while it runs.
+
+A fault is written ``NAME[:VALUE][:COUNT]``, such as ``drop``, ``drop:2`` (the next two messages only),
+``delay:0.2`` or ``delay:0.2:1``; a value is there only for faults that have one.
+"""
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+
+STAGE, NEWPORT, LOAD_FRAME, CAMERA = "stage", "newport", "load_frame", "camera"
+LINES = (STAGE, NEWPORT, LOAD_FRAME)
+DEVICES = (*LINES, CAMERA)
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that can go wrong.
+
+    Attributes
+    ----------
+    name : str
+    summary : str
+        What happens while it is on.
+    devices : tuple of str
+        The kinds of device that can have it.
+    value : str
+        What its value means; empty when it has none.
+    default : str
+        The value when none is given.
+    counted : bool
+        Whether it strikes single messages, and may be limited to a number of them. Others stay until cleared.
+    """
+
+    name: str
+    summary: str
+    devices: tuple[str, ...]
+    value: str = ""
+    default: str = ""
+    counted: bool = False
+
+    @property
+    def usage(self) -> str:
+        """How it is written."""
+        value = f"[:{self.value}]" if self.value else ""
+        return self.name + value + ("[:COUNT]" if self.counted else "")
+
+
+FAULTS = {
+    fault.name: fault
+    for fault in (
+        Fault("lose-request", "the message never reaches the device", LINES, counted=True),
+        Fault("drop", "the device acts, but its answer is lost", DEVICES, counted=True),
+        Fault("corrupt", "the answer arrives damaged", DEVICES, counted=True),
+        Fault("split", "the answer arrives in pieces", LINES, counted=True),
+        Fault("delay", "the answer comes so much later", DEVICES, "SECONDS", "0.02", counted=True),
+        Fault("duplicate", "the answer arrives twice", LINES, counted=True),
+        Fault("late", "the answer arrives only when the next message was sent", LINES, counted=True),
+        Fault("stale", "what comes is older than what was asked for", DEVICES, counted=True),
+        Fault("wrong-unit", "the answer bears another device's address", (STAGE, LOAD_FRAME), counted=True),
+        Fault(
+            "exception",
+            "the device answers with a Modbus exception",
+            (LOAD_FRAME,),
+            "CODE",
+            "6",
+            counted=True,
+        ),
+        Fault("reject", "the device refuses the message", (STAGE,), "REASON", "STATUSBUSY", counted=True),
+        Fault(
+            "error",
+            "the command is not executed, and the device keeps an error code",
+            (NEWPORT,),
+            "CODE",
+            "115",
+            counted=True,
+        ),
+        Fault("unplug", "the cable is out", DEVICES),
+        Fault("reset", "the device is switched off and on, in motion or not", LINES),
+        Fault("stall", "the drive stalls: nothing moves, or no frame comes", DEVICES),
+        Fault("limit", "a limit switch trips", LINES),
+        Fault("e-stop", "the emergency stop is pressed", LINES),
+        Fault("nan-load", "the load cell is broken: the load is no number", (LOAD_FRAME,)),
+        Fault("frozen-counter", "the readings and their counter stand still", (LOAD_FRAME,)),
+        Fault("broken-specimen", "the specimen breaks, for good", (LOAD_FRAME,)),
+        Fault("watchdog-off", "the machine's watchdog is off and takes no time", (LOAD_FRAME,)),
+    )
+}
+
+
+class FaultPanel:
+    """The faults of one device; any thread may switch them.
+
+    Parameters
+    ----------
+    device : str
+        ``stage``, ``newport``, ``load_frame`` or ``camera``.
+    """
+
+    def __init__(self, device: str) -> None:
+        self.device = device
+        self._lock = threading.Lock()
+        self._on: dict[str, tuple[str, int | None]] = {}
+        self._effects: dict[str, list[tuple[Callable[[], None], Callable[[], None]]]] = {}
+
+    def when(self, name: str, on: Callable[[], None], off: Callable[[], None]) -> None:
+        """Say what is done when the fault of that name is switched on, and when it is cleared."""
+        self._effects.setdefault(name, []).append((on, off))
+
+    def switch_on(self, text: str) -> None:
+        """Switch a fault on, written as ``NAME[:VALUE][:COUNT]``.
+
+        Raises
+        ------
+        ValueError
+            If there is no such fault, this device cannot have it, or it is written wrongly.
+        """
+        fault, value, count = parse(text)
+        if self.device not in fault.devices:
+            raise ValueError(
+                f"fault {fault.name!r}: expected one that {self.device} can have "
+                f"({', '.join(names(self.device))}), got one of {', '.join(fault.devices)}"
+            )
+        with self._lock:
+            fresh = fault.name not in self._on
+            self._on[fault.name] = (value, count)
+        for on, _ in self._effects.get(fault.name, ()) if fresh else ():
+            on()
+
+    def clear(self, name: str = "") -> None:
+        """Switch one fault off, or all of them; harmless when it is not on."""
+        with self._lock:
+            gone = [each for each in self._on if name in ("", each)]
+            for each in gone:
+                del self._on[each]
+        for each in gone:
+            for _, off in self._effects.get(each, ()):
+                off()
+
+    @property
+    def active(self) -> list[str]:
+        """The names of the faults that are on."""
+        with self._lock:
+            return list(self._on)
+
+    def take(self, name: str) -> str | None:
+        """Return the value of a fault if it strikes now, else None; a counted one is used up by one."""
+        with self._lock:
+            if name not in self._on:
+                return None
+            value, count = self._on[name]
+            if count == 1:
+                del self._on[name]
+            elif count is not None:
+                self._on[name] = (value, count - 1)
+            return value
+
+
+def names(device: str) -> list[str]:
+    """Return the names of the faults a kind of device can have."""
+    return [name for name, fault in FAULTS.items() if device in fault.devices]
+
+
+def parse(text: str) -> tuple[Fault, str, int | None]:
+    """Read ``NAME[:VALUE][:COUNT]``; ValueError says what is wrong with it."""
+    name, *rest = text.strip().split(":")
+    fault = FAULTS.get(name)
+    if fault is None:
+        raise ValueError(f"fault {name!r}: expected one of {', '.join(FAULTS)}")
+    value = (rest.pop(0) if rest else fault.default) if fault.value else ""
+    count = rest.pop(0) if rest and fault.counted else None
+    if rest or (count is not None and not (count.isdecimal() and int(count) > 0)):
+        raise ValueError(f"fault {text!r}: expected {fault.usage}")
+    if fault.value in ("SECONDS", "CODE"):
+        _require_number(fault, value, text)
+    return fault, value, None if count is None else int(count)
+
+
+def _require_number(fault: Fault, value: str, text: str) -> None:
+    digits = value.replace(".", "", 1) if fault.value == "SECONDS" else value
+    if not digits.isdecimal():
+        raise ValueError(f"fault {text!r}: expected {fault.usage} with a number, got {value!r}")
