@@ -15,12 +15,15 @@ class MappedDevice:
     ----------
     link : ModbusLink
     register_map : RegisterMap
+    urgent : bool
+        Go first on a link that others use too.
     """
 
-    def __init__(self, link: ModbusLink, register_map: RegisterMap) -> None:
+    def __init__(self, link: ModbusLink, register_map: RegisterMap, *, urgent: bool = False) -> None:
         self.name = link.name
         self._link = link
         self._map = register_map
+        self._urgent = urgent
 
     def read(self, block: Block, step: str, names: Collection[str] | None = None) -> dict[str, Number]:
         """Return a block's values, or those named, each in its unit.
@@ -30,7 +33,7 @@ class MappedDevice:
         DeviceFault
             If one of them is NaN, a sentinel or out of range.
         """
-        words = self._link.read(block.table, block.address, block.count)
+        words = self._words(block)
         try:
             return block.decode(words, self._map.word_order, names)
         except ValueError as error:
@@ -38,15 +41,24 @@ class MappedDevice:
                 step, "valid values", str(error), "check sensor, cable and register map"
             ) from error
 
+    def read_status(self, step: str) -> dict[str, Number]:
+        """Return status word and executed command, and nothing that a broken load cell can spoil."""
+        blocks = self._map.blocks
+        return self.read(blocks.status or blocks.state, step, names=("status", "executed"))
+
     def read_state(self, step: str) -> dict[str, Number]:
-        """Return the values of the block `state`.
+        """Return the values of the block `state`, and those of `status` where they stand apart.
+
+        The status is read first then: what it says of the machine is never newer than load and displacement.
 
         Raises
         ------
         DeviceFault
             Also if it is of another revision of the map, or marks the load as invalid.
         """
-        values = self.read(self._map.blocks.state, step)
+        blocks = self._map.blocks
+        values = {} if blocks.status is None else self.read(blocks.status, step)
+        values |= self.read(blocks.state, step)
         if values["revision"] != self._map.revision:
             expected, got = f"register map revision {self._map.revision}", f"{values['revision']:g}"
             raise self.fault(step, expected, got, "use the map that belongs to the machine")
@@ -58,17 +70,22 @@ class MappedDevice:
 
     def write(self, block: Block, values: Mapping[str, Number], step: str) -> None:
         """Write a block in one request; registers that are not named become 0."""
-        self._link.write(block.address, self._encode(block, values, step))
+        self._write_words(block, self._encode(block, values, step))
 
     def write_checked(self, block: Block, values: Mapping[str, Number], step: str) -> None:
         """Write a block and read it back; `DeviceFault` unless every word is the same."""
         words = self._encode(block, values, step)
-        self._link.write(block.address, words)
-        if self._link.read(block.table, block.address, block.count) != words:
+        self._write_words(block, words)
+        if self._words(block) != words:
             found = _shown(self.read(block, step))
             raise self.fault(
                 step, _shown(values), f"{found} on reading back", "check the machine's own settings"
             )
+
+    def set(self, block: Block, values: Mapping[str, Number], step: str) -> None:
+        """Make a block of settings hold `values`; written only if it does not: memory wears with writing."""
+        if self._words(block) != self._encode(block, values, step):
+            self.write_checked(block, values, step)
 
     def fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
         """Return an error of this device, to be raised."""
@@ -77,6 +94,12 @@ class MappedDevice:
     def close(self) -> None:
         """Release the connection; harmless when repeated."""
         self._link.close()
+
+    def _words(self, block: Block) -> list[int]:
+        return self._link.read(block.table, block.address, block.count, urgent=self._urgent)
+
+    def _write_words(self, block: Block, words: list[int]) -> None:
+        self._link.write(block.address, words, urgent=self._urgent, single=block.single)
 
     def _encode(self, block: Block, values: Mapping[str, Number], step: str) -> list[int]:
         try:

@@ -1,4 +1,4 @@
-"""Tensile load frame on Modbus TCP, described by a register map."""
+"""Tensile load frame on Modbus TCP or RTU, described by a register map."""
 
 import contextlib
 import math
@@ -11,7 +11,7 @@ from drivers.freshness import Freshness
 from drivers.interfaces import DeviceInfo, FrameLimits, FrameState, OpenContext
 from drivers.mapped_device import MappedDevice
 from drivers.modbus_frame_settings import ModbusFrameSettings
-from drivers.modbus_link import ModbusLink
+from drivers.modbus_link import ModbusLink, Overtaken
 from drivers.patience import Patience
 from drivers.register_map import RegisterMap, load_map
 from drivers.registers import Number
@@ -23,7 +23,7 @@ COMMAND_ATTEMPTS = 2
 
 
 class ModbusFrame:
-    """A `LoadFrame` on Modbus TCP; construct it with `open_frame`.
+    """A `LoadFrame` on Modbus; construct it with `open_frame`.
 
     Parameters
     ----------
@@ -31,7 +31,8 @@ class ModbusFrame:
     context : OpenContext
     register_map : RegisterMap
     work, safety : MappedDevice
-        Two connections to the same machine: the second is kept for `hold`, which nothing else may delay.
+        Two ways to the same machine, the second kept for `hold`, which nothing else may delay: a connection of
+        its own, or the right to go first where there is only one.
     """
 
     info: DeviceInfo
@@ -65,8 +66,8 @@ class ModbusFrame:
             firmware=f"{firmware >> 8}.{firmware & 0xFF}",
             simulated=settings.address.startswith("@"),
         )
-        work.write_checked(blocks.limits, settings.limits_by_register, "set limits")
-        work.write_checked(blocks.watchdog, {"timeout": settings.watchdog_s}, "set watchdog")
+        work.set(blocks.limits, settings.limits_by_register, "set limits")
+        work.set(blocks.watchdog, {"timeout": settings.watchdog_s}, "set watchdog")
         # the machine has them word for word: what differs is only the rounding of its registers
         self.limits = settings.limits
         safety.read_state("open the connection for hold")
@@ -145,12 +146,8 @@ class ModbusFrame:
             try:
                 sequence = self._draw()
                 self._write_command(self._safety, self._map.commands.hold, {}, sequence)
-                values = self._safety.read(
-                    # a broken load cell must not keep the machine from confirming
-                    self._map.blocks.state,
-                    "hold",
-                    names=("status", "executed"),
-                )
+                # a broken load cell must not keep the machine from confirming
+                values = self._safety.read_status("hold")
                 self._follow(int(values["executed"]))
                 status, bits = self._map.status, int(values["status"])
                 # that it holds is not enough: only an executed hold makes a motion command under way too old
@@ -175,6 +172,8 @@ class ModbusFrame:
         self._heartbeat = (self._heartbeat + 1) % 2**16
         try:
             self._work.write(self._map.blocks.heartbeat, {"heartbeat": self._heartbeat}, "feed the watchdog")
+        except Overtaken:
+            return  # by a hold: nothing moves that the watchdog would have to guard
         except (DeviceTimeout, LinkLost):
             self._link_was_lost = True
             raise
@@ -231,8 +230,12 @@ class ModbusFrame:
     def _write_command(
         self, device: MappedDevice, command: int, values: Mapping[str, float], sequence: int
     ) -> None:
-        content = {**values, "command": command, "sequence": sequence}
-        device.write(self._map.blocks.command, content, "send a command")
+        blocks = self._map.blocks
+        if blocks.setpoints is not None:
+            if values:
+                device.write_checked(blocks.setpoints, values, "write set points")
+            values = {}
+        device.write(blocks.command, {**values, "command": command, "sequence": sequence}, "send a command")
 
     def _fresh_state(self, step: str) -> dict[str, Number]:
         try:
@@ -269,13 +272,16 @@ def open_frame(settings: ModbusFrameSettings, context: OpenContext) -> ModbusFra
         If the register map has mistakes.
     """
     register_map = load_map(settings.map)
-    address = resolve_address(settings.address, context)
-    host, _, port = address.rpartition(":")
-    name = f"{context.name} ({address})"
-    work, safety = (
-        MappedDevice(ModbusLink(name, host, int(port), settings.unit, settings.reply_timeout_s), register_map)
-        for _ in range(2)
-    )
+    place = settings.place(resolve_address(settings.address, context))
+    shared = place.rtu or settings.connections == 1
+    links = [
+        ModbusLink(f"{context.name} ({place.text})", place, settings.unit, settings.reply_timeout_s)
+        for _ in range(1 if shared else 2)
+    ]
+    identity = register_map.blocks.identity
+    for link in links:
+        link.prove_by(identity.table, identity.address, identity.count)
+    work, safety = MappedDevice(links[0], register_map), MappedDevice(links[-1], register_map, urgent=True)
     try:
         return ModbusFrame(settings, context, register_map, work, safety)
     except DeviceError:

@@ -1,10 +1,11 @@
 """What a rig file says about a Modbus load frame."""
 
-from typing import Self
+from typing import Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
 from drivers.interfaces import FrameLimits
+from drivers.modbus_address import SERIAL_UNITS, ModbusAddress, address_mistake
 from drivers.settings import Settings
 
 
@@ -14,11 +15,18 @@ class ModbusFrameSettings(Settings):
     Attributes
     ----------
     address : str
-        ``host:port``, or ``@name`` of a simulated rig's server.
+        ``host:port`` for Modbus TCP, ``rtu://host:port`` for a gateway that passes RTU frames over TCP, the path
+        of a serial port for Modbus RTU, or ``@name`` of a simulated rig's server.
+    baud : int
+    parity : str
+    stop_bits : int
+        Of a serial port; the defaults are those of the specification.
     map : str
         A shipped register map's name, or the path of a map.
     unit : int
         Modbus unit identifier.
+    connections : int
+        Over TCP: 2, so that a hold has one of its own, or 1 for a machine that takes no more.
     load_min_n, load_max_n, displacement_min_mm, displacement_max_mm : float
     speed_max_mm_s, load_rate_max_n_s : float
         Limits, also written to the machine and read back.
@@ -31,6 +39,10 @@ class ModbusFrameSettings(Settings):
     """
 
     address: str
+    baud: int = Field(default=19_200, ge=300, le=4_000_000)
+    parity: Literal["N", "E", "O"] = "E"
+    stop_bits: Literal[1, 2] = 1
+    connections: Literal[1, 2] = 2
     map: str = "generic"
     unit: int = Field(default=1, ge=0, le=255)
     load_min_n: float = -100.0
@@ -46,18 +58,29 @@ class ModbusFrameSettings(Settings):
     @field_validator("address")
     @classmethod
     def _reachable(cls, address: str) -> str:
-        host, colon, port = address.rpartition(":")
-        if not address.startswith("@") and not (
-            host and colon and port.isdecimal() and 0 < int(port) < 65536
-        ):
-            raise ValueError("expected host:port, or @name in a simulated rig")
+        if not address.startswith("@") and (mistake := address_mistake(address)):
+            raise ValueError(mistake)
         return address
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        place = self.place(self.address)
+        line = self.model_fields_set & {"baud", "parity", "stop_bits"}
+        if line and not (place.serial or self.address.startswith("@")):
+            raise ValueError(f"{', '.join(sorted(line))} belong to a serial port; remove them")
+        if place.rtu and self.unit not in SERIAL_UNITS:
+            raise ValueError("a unit from 1 to 247 is expected on a serial line: nobody answers a broadcast")
+        return self
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if self.load_min_n >= self.load_max_n or self.displacement_min_mm >= self.displacement_max_mm:
             raise ValueError("every minimum must be below its maximum")
         return self
+
+    def place(self, address: str) -> ModbusAddress:
+        """The machine's place, once ``@name`` was looked up."""
+        return ModbusAddress(address, self.baud, self.parity, self.stop_bits)
 
     @property
     def limits(self) -> FrameLimits:

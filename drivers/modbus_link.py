@@ -1,56 +1,71 @@
-"""Modbus TCP requests with answers that can be believed; the only module that knows pymodbus.
+"""Modbus requests with answers that can be believed.
 
-pymodbus repeats what was not answered, writes included, and takes an answer of another kind or length for a
-good one. So here nothing is repeated below, and every answer is compared with its request.
+Every answer is compared with its request. Nothing that writes is ever repeated here. Where answers carry no
+number (RTU), a line on which one is missing stays quiet until none can be late any more, and proves itself by
+a known answer, before anything but a hold goes out.
 """
 
-import logging
-import threading
-from typing import Any
+from collections.abc import Callable
+from typing import TypeVar
 
+from drivers.channel import CHANNEL_ERRORS, OvertakenError
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
-
-# a failed connection is raised as our own error: without a handler it would also be printed
-logging.getLogger("pymodbus").addHandler(logging.NullHandler())
+from drivers.modbus_address import ModbusAddress
+from drivers.modbus_pdu import (
+    ExceptionAnswerError,
+    ForeignAnswerError,
+    Request,
+    read_request,
+    write_one_request,
+    write_request,
+)
+from drivers.modbus_wire import SilenceError, Wire
+from drivers.turn import Turn
 
 READ_ATTEMPTS = 2
-READ_HOLDING, READ_INPUT, WRITE_MANY = 3, 4, 16
-EXCEPTIONS = {
-    1: "illegal function",
-    2: "illegal data address",
-    3: "illegal data value",
-    4: "device failure",
-    5: "acknowledge only",
-    6: "device busy",
-    10: "gateway path unavailable",
-    11: "gateway target does not answer",
-}
+
+T = TypeVar("T")
+
+
+class Overtaken(DeviceTimeout):
+    """Something urgent went first; the device may have acted on the request all the same."""
 
 
 class ModbusLink:
-    """One TCP connection with one request in flight; made when first needed, and again after it was lost.
+    """One connection with one request in flight; made when first needed, and again after it was lost.
 
     Parameters
     ----------
     name : str
         The device's name and address, for messages.
-    host : str
-    port : int
+    address : ModbusAddress
     unit : int
         The unit identifier behind that address.
     reply_timeout_s : float
         Deadline for connecting, and for an answer; real time.
     """
 
-    def __init__(self, name: str, host: str, port: int, unit: int, reply_timeout_s: float) -> None:
+    def __init__(self, name: str, address: ModbusAddress, unit: int, reply_timeout_s: float) -> None:
         self.name = name
-        self._host, self._port, self._unit = host, port, unit
+        self._address, self._unit = address, unit
         self._reply_timeout_s = reply_timeout_s
-        self._lock = threading.RLock()
-        self._client: Any = None
+        self._turn = Turn()
+        self._wire: Wire | None = None
+        self._suspect = False
+        self._probe: Request | None = None
+        self._closed = False
 
-    def read(self, table: str, address: int, count: int) -> list[int]:
+    def prove_by(self, table: str, address: int, count: int) -> None:
+        """Name the registers to read after a missing answer: as many as no other request asks for."""
+        self._probe = read_request(table, address, count)
+
+    def read(self, table: str, address: int, count: int, *, urgent: bool = False) -> list[int]:
         """Return `count` registers of the `input` or `holding` table; repeated once, for reading is harmless.
+
+        Parameters
+        ----------
+        urgent : bool
+            Go first, and end the wait of whoever else uses this link.
 
         Raises
         ------
@@ -59,22 +74,27 @@ class ModbusLink:
         DeviceFault
             If the device answered with an exception.
         """
-        function = READ_INPUT if table == "input" else READ_HOLDING
-        step = f"read {table} registers {address} to {address + count - 1}"
-        for attempt in range(READ_ATTEMPTS):
+        request = read_request(table, address, count)
+        failures = 0
+        while True:
             try:
-                with self._lock:
-                    registers = list(self._exchange(step, function, address=address, count=count).registers)
-                    if len(registers) != count:
-                        raise self._drop(self._stranger(step, f"{count} registers", f"{len(registers)}"))
-                return registers
+                return self._exchange(request, urgent)
+            except Overtaken:
+                continue
             except (DeviceTimeout, LinkLost):
-                if attempt == READ_ATTEMPTS - 1:
+                failures += 1
+                if failures == READ_ATTEMPTS:
                     raise
-        raise AssertionError("unreachable")
 
-    def write(self, address: int, words: list[int]) -> None:
+    def write(self, address: int, words: list[int], *, urgent: bool = False, single: bool = False) -> None:
         """Write holding registers in one request; never repeated.
+
+        Parameters
+        ----------
+        urgent : bool
+            Go first, and end the wait of whoever else uses this link.
+        single : bool
+            Write the one register by function 6 instead of 16.
 
         Raises
         ------
@@ -83,85 +103,100 @@ class ModbusLink:
         DeviceFault
             If the device answered with an exception.
         """
-        step = f"write holding registers {address} to {address + len(words) - 1}"
-        with self._lock:
-            response = self._exchange(step, WRITE_MANY, address=address, values=words)
-            if (response.address, response.count) != (address, len(words)):
-                got = f"{response.count} from {response.address}"
-                raise self._drop(self._stranger(step, f"{len(words)} registers from {address}", got))
+        self._exchange(
+            write_one_request(address, words[0]) if single else write_request(address, words), urgent
+        )
 
     def close(self) -> None:
         """Close the connection; harmless when repeated."""
-        client, self._client = self._client, None
-        if client is not None:
-            client.close()
+        with self._turn.urgent():
+            self._closed = True
+            self._drop()
+        self._turn.close()
 
-    def _exchange(self, step: str, function: int, **request: Any) -> Any:
-        from pymodbus.exceptions import ConnectionException, ModbusException
+    def _exchange(self, request: Request, urgent: bool) -> list[int]:
+        if urgent:
+            with self._turn.urgent():
+                return self._told(request, lambda: self._ask(request, None))
+        with self._turn.ordinary():
+            return self._told(request, lambda: self._ask_in_turn(request))
 
-        client = self._connected(step)
-        send = {
-            READ_HOLDING: client.read_holding_registers,
-            READ_INPUT: client.read_input_registers,
-            WRITE_MANY: client.write_registers,
-        }[function]
+    def _ask_in_turn(self, request: Request) -> list[int]:
+        if self._suspect:
+            wire = self._connected()
+            wire.quieten(self._reply_timeout_s, self._turn.wake)
+            if self._probe is not None:
+                self._ask(self._probe, self._turn.wake)
+            self._suspect = False
+        return self._ask(request, self._turn.wake)
+
+    def _ask(self, request: Request, wake: int | None) -> list[int]:
+        answer = self._connected().ask(self._unit, request.pdu, self._reply_timeout_s, wake)
+        return request.registers(answer)
+
+    def _connected(self) -> Wire:
+        if self._closed:
+            raise ConnectionAbortedError("the link was closed")
+        if self._wire is None:
+            self._wire = self._address.open(self._reply_timeout_s)
+        return self._wire
+
+    def _told(self, request: Request, ask: Callable[[], T]) -> T:
+        """Turn what can go wrong on the wire into an error of this device."""
+        step = request.step
         try:
-            response = send(**request, device_id=self._unit)
-        except (ConnectionException, OSError) as error:
-            raise self._drop(self._lost(step, "an open connection", str(error))) from error
-        except ModbusException:
-            raise self._drop(
+            return ask()
+        except ExceptionAnswerError as refusal:
+            remedy = "compare the register map and the limits with the machine's manual"
+            raise DeviceFault(
+                self.name, step, expected="acceptance", got=str(refusal), remedy=remedy
+            ) from None
+        except OvertakenError:
+            self._suspect = True
+            raise Overtaken(
+                self.name,
+                step,
+                expected="an answer",
+                got="a hold that went first",
+                remedy="look what the machine does, then repeat it if it is wanted",
+            ) from None
+        except SilenceError as silence:
+            raise self._distrust(
                 DeviceTimeout(
                     self.name,
                     step,
                     expected=f"an answer within {self._reply_timeout_s:g} s",
-                    got="none",
-                    remedy="check that the controller runs and its unit number",
+                    got=str(silence),
+                    remedy="check that the controller runs, its unit number and the line's settings",
                 )
             ) from None
-        return self._genuine(step, function, response)
-
-    def _connected(self, step: str) -> Any:
-        from pymodbus.client import ModbusTcpClient
-
-        if self._client is None:
-            client = ModbusTcpClient(
-                self._host, port=self._port, timeout=self._reply_timeout_s, retries=0, name=self.name
-            )
-            if not client.connect():
-                raise self._lost(step, f"a connection to {self._host}:{self._port}", "none")
-            self._client = client
-        return self._client
-
-    def _genuine(self, step: str, function: int, response: Any) -> Any:
-        from pymodbus.pdu import ExceptionResponse
-
-        if isinstance(response, ExceptionResponse) and response.function_code == function | 0x80:
-            code = response.exception_code
-            raise DeviceFault(
+        except ForeignAnswerError as stranger:
+            remedy = "check that nothing else answers at this address"
+            raise self._distrust(
+                LinkLost(self.name, step, expected=stranger.expected, got=stranger.got, remedy=remedy)
+            ) from None
+        except CHANNEL_ERRORS as error:
+            connected = self._wire is not None
+            self._drop()
+            raise LinkLost(
                 self.name,
                 step,
-                expected="acceptance",
-                got=f"exception {code} ({EXCEPTIONS.get(code, 'unknown')})",
-                remedy="compare the register map and the limits with the machine's manual",
-            )
-        if response.function_code != function:
-            raise self._drop(
-                self._stranger(
-                    step, f"an answer to function {function}", f"one to function {response.function_code}"
-                )
-            )
-        return response
+                expected="an open connection" if connected else f"a connection to {self._address.text}",
+                got=getattr(error, "strerror", None) or str(error) or type(error).__name__,
+                remedy="check the cable, the address and that the controller runs and is free",
+            ) from error
 
-    def _drop(self, error: DeviceError) -> DeviceError:
-        """Close the connection, so that a late answer cannot be taken for the next one's."""
-        self.close()
+    def _distrust(self, error: DeviceError) -> DeviceError:
+        """See that a late answer cannot be taken for the next one's: reconnect, or wait before going on."""
+        if self._wire is not None and self._wire.numbered:
+            self._drop()
+        else:
+            self._suspect = True
         return error
 
-    def _lost(self, step: str, expected: str, got: str) -> LinkLost:
-        remedy = "check the cable, the address and that the controller runs"
-        return LinkLost(self.name, step, expected=expected, got=got, remedy=remedy)
-
-    def _stranger(self, step: str, expected: str, got: str) -> LinkLost:
-        remedy = "check that nothing else answers at this address"
-        return LinkLost(self.name, step, expected=expected, got=got, remedy=remedy)
+    def _drop(self) -> None:
+        wire, self._wire = self._wire, None
+        # a new connection does not keep late answers away on a line
+        self._suspect = self._address.rtu
+        if wire is not None:
+            wire.close()

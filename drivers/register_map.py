@@ -36,12 +36,26 @@ NEEDED: dict[str, dict[str, Unit]] = {
     "watchdog": {"timeout": "s"},
     "heartbeat": {"heartbeat": ""},
 }  # fmt: skip
+# Blocks a map may have besides, and the registers that stand there then, and in which block they stand else.
+APART = {
+    "status": ("state", ("status", "fault", "executed", "result")),
+    "setpoints": ("command", ("displacement", "speed", "load", "load_rate")),
+}
 COUNTERS = {"sequence": ["u16"], "executed": ["u16"], "heartbeat": ["u16"], "sample": ["u16", "u32"]}
-WRITTEN = ("command", "limits", "watchdog", "heartbeat")
+WRITTEN = ("command", "setpoints", "limits", "watchdog", "heartbeat")
 
 
 class Blocks(Settings):
-    """The blocks every map has."""
+    """The blocks every map has, and two that some machines keep apart.
+
+    Attributes
+    ----------
+    state, identity, command, limits, watchdog, heartbeat : Block
+    status : Block, optional
+        Where status word, fault and executed command do not stand beside load and displacement.
+    setpoints : Block, optional
+        Where targets and rates do not stand beside the command word; they are written and read back first.
+    """
 
     state: Block
     identity: Block
@@ -49,6 +63,8 @@ class Blocks(Settings):
     limits: Block
     watchdog: Block
     heartbeat: Block
+    status: Block | None = None
+    setpoints: Block | None = None
 
 
 class Status(Settings):
@@ -71,10 +87,17 @@ class Status(Settings):
 class Commands(Settings):
     """Values of the register `command`."""
 
-    hold: int
-    go_to_displacement: int
-    go_to_load: int
-    tare: int
+    hold: int = Field(ge=0, le=0xFFFF)
+    go_to_displacement: int = Field(ge=0, le=0xFFFF)
+    go_to_load: int = Field(ge=0, le=0xFFFF)
+    tare: int = Field(ge=0, le=0xFFFF)
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Self:
+        values = [self.hold, self.go_to_displacement, self.go_to_load, self.tare]
+        if len(set(values)) < len(values):
+            raise ValueError("every command must have a value of its own")
+        return self
 
 
 class RegisterMap(Settings):
@@ -133,6 +156,7 @@ def parse_map(data: Mapping[str, Any], source: str) -> RegisterMap:
     """Check a map's content; `source` names it in messages. Raises `ConfigurationError` like `load_map`."""
     mistakes: list[str] = []
     register_map = None
+    needed = _needed(_tables(data.get("blocks")))
     try:
         register_map = RegisterMap.model_validate(data)
     except ValidationError as error:
@@ -140,7 +164,7 @@ def parse_map(data: Mapping[str, Any], source: str) -> RegisterMap:
     request_max = data.get("request_max", WRITE_MAX)
     blocks = {name: _Understood(name, block) for name, block in _tables(data.get("blocks")).items()}
     for block in blocks.values():
-        mistakes += block.layout_mistakes() + block.use_mistakes()
+        mistakes += block.layout_mistakes() + block.use_mistakes(needed.get(block.name, {}))
         if isinstance(request_max, int) and block.count > request_max:
             mistakes.append(f"{block.where}: {block.count} registers, more than {request_max} in one request")
     mistakes += _collisions(list(blocks.values()))
@@ -156,6 +180,7 @@ class _Understood:
         self.name = name
         self.where = f"blocks.{name}"
         self.table = raw.get("table")
+        self.single = raw.get("single") is True
         written = _tables(raw.get("registers"))
         self.names = set(written)
         self.placed: list[tuple[str, Register]] = []
@@ -193,9 +218,8 @@ class _Understood:
             mistakes.append(f"{self.where}: ends beyond register 65535")
         return mistakes
 
-    def use_mistakes(self) -> list[str]:
+    def use_mistakes(self, needed: Mapping[str, Unit]) -> list[str]:
         """What the driver needs of this block and does not find."""
-        needed = NEEDED.get(self.name, {})
         mistakes = [
             f"{self.where}.registers.{name}: is missing; add it" for name in needed if name not in self.names
         ]
@@ -206,9 +230,20 @@ class _Understood:
                 mistakes.append(f"{where}.unit: must be {unit!r}, got {register.unit!r}; convert by scale")
             if name in COUNTERS and register.type not in COUNTERS[name]:
                 mistakes.append(f"{where}.type: must be {' or '.join(COUNTERS[name])}, got {register.type!r}")
+        if self.single and self.count != 1:
+            mistakes.append(f"{self.where}.single: one register is expected, got {self.count}")
         if self.name in WRITTEN and self.table == "input":
             mistakes.append(f"{self.where}.table: must be 'holding', because it is written")
         return mistakes
+
+
+def _needed(blocks: Mapping[str, object]) -> dict[str, dict[str, Unit]]:
+    """Return the registers each block of a map must have, where some stand apart."""
+    needed = {name: dict(registers) for name, registers in NEEDED.items()}
+    for name, (home, registers) in APART.items():
+        if name in blocks:
+            needed[name] = {register: needed[home].pop(register) for register in registers}
+    return needed
 
 
 def _collisions(blocks: list[_Understood]) -> list[str]:

@@ -12,6 +12,7 @@ from drivers.settings import Settings
 Number = int | float
 WordOrder = Literal["ABCD", "CDAB", "BADC", "DCBA"]
 Unit = Literal["", "N", "mm", "N/s", "mm/s", "s"]
+RAW_BOUNDS = {"u16": (0, 2**16), "i16": (-(2**15), 2**15), "u32": (0, 2**32), "i32": (-(2**31), 2**31)}
 FORMATS = {"u16": "H", "i16": "h", "u32": "I", "i32": "i", "f32": "f"}
 
 
@@ -43,6 +44,16 @@ class Register(Settings):
     def _ordered_range(self) -> Self:
         if self.valid is not None and self.valid[0] >= self.valid[1]:
             raise ValueError("valid must be a lower and a higher value")
+        return self
+
+    @model_validator(mode="after")
+    def _possible_sentinels(self) -> Self:
+        low, high = RAW_BOUNDS.get(self.type, (-math.inf, math.inf))
+        for raw in self.invalid:
+            if not low <= raw < high:
+                raise ValueError(
+                    f"invalid: {raw} never stands in {self.type}; write it as signed or unsigned"
+                )
         return self
 
     @property
@@ -92,10 +103,13 @@ class Block(Settings):
     ----------
     table : str
         `input`, read by function 4, or `holding`, read by 3 and written by 16.
+    single : bool
+        Write the block, which is one register, by function 6: some devices know no other.
     registers : dict of Register
     """
 
     table: Literal["input", "holding"]
+    single: bool = False
     registers: dict[str, Register] = Field(min_length=1)
 
     @property

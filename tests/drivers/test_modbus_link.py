@@ -6,6 +6,7 @@ from contextlib import contextmanager
 import pytest
 
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
+from drivers.modbus_address import ModbusAddress
 from drivers.modbus_link import ModbusLink
 from simulators.tcp_server import TcpServer
 
@@ -21,8 +22,7 @@ def served(device: Device) -> Iterator[ModbusLink]:
             connection.sendall(device(request))
 
     server = TcpServer(converse, "127.0.0.1", 0)
-    host, _, port = server.address.partition(":")
-    link = ModbusLink("frame", host, int(port), unit=1, reply_timeout_s=0.3)
+    link = ModbusLink("frame", ModbusAddress(server.address), unit=1, reply_timeout_s=0.3)
     try:
         yield link
     finally:
@@ -140,10 +140,10 @@ def test_an_answer_of_another_transaction_or_unit_is_not_believed():
 def test_no_listener_is_a_lost_link(capfd):
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
-    link = ModbusLink("frame", "127.0.0.1", port, unit=1, reply_timeout_s=0.3)
+    link = ModbusLink("frame", ModbusAddress(f"127.0.0.1:{port}"), unit=1, reply_timeout_s=0.3)
     with pytest.raises(LinkLost, match=f"expected a connection to 127.0.0.1:{port}"):
         link.read("input", 0, 1)
-    # the library below prints nothing of its own
+    link.close()
     assert capfd.readouterr().err == ""
 
 

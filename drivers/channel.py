@@ -1,0 +1,147 @@
+"""Bytes to and from a device, over TCP or a serial port, with a wait that another thread can end."""
+
+import contextlib
+import os
+import select
+import socket
+import termios
+from typing import Any, Protocol
+
+from drivers.clock import SystemClock
+
+CHUNK = 4096
+# pyserial's SerialException is an OSError, termios.error is none
+CHANNEL_ERRORS = (OSError, termios.error)
+
+
+class OvertakenError(Exception):
+    """The wait was ended by something urgent."""
+
+
+class _Port(Protocol):
+    def fileno(self) -> int: ...
+    def close(self) -> None: ...
+
+
+class Channel:
+    """An open connection; any of its calls may raise one of `CHANNEL_ERRORS` when it is gone.
+
+    Parameters
+    ----------
+    port : socket or serial port
+        Owned, and closed with the channel.
+    """
+
+    def __init__(self, port: _Port) -> None:
+        self._port = port
+        self._clock = SystemClock()
+
+    def send(self, data: bytes) -> None:
+        """Hand all of `data` to the system."""
+        raise NotImplementedError
+
+    def discard(self) -> None:
+        """Forget what was received and not read, and what was sent and has not left yet."""
+        raise NotImplementedError
+
+    def receive(self, deadline_s: float, wake: int | None = None) -> bytes:
+        """Return what has come, at least a byte; nothing when the deadline passes first.
+
+        Parameters
+        ----------
+        deadline_s : float
+            On the system's clock.
+        wake : int, optional
+            A descriptor that ends the wait when it becomes readable.
+
+        Raises
+        ------
+        OvertakenError
+            If `wake` ended the wait.
+        """
+        descriptor = self._port.fileno()
+        waiting = select.poll()
+        waiting.register(descriptor, select.POLLIN)
+        if wake is not None:
+            waiting.register(wake, select.POLLIN)
+        left_s = max(0.0, deadline_s - self._clock.now_s())
+        ready = [ready_descriptor for ready_descriptor, _ in waiting.poll(left_s * 1000)]
+        if wake is not None and wake in ready:
+            raise OvertakenError
+        if not ready:
+            return b""
+        if not (data := os.read(descriptor, CHUNK)):
+            raise ConnectionResetError("the other end closed the connection")
+        return data
+
+    def close(self) -> None:
+        """Close it; harmless when repeated."""
+        with contextlib.suppress(*CHANNEL_ERRORS):
+            self._port.close()
+
+
+class TcpChannel(Channel):
+    """A TCP connection; messages leave at once.
+
+    Parameters
+    ----------
+    host : str
+    port : int
+    timeout_s : float
+        For connecting, and for sending.
+    """
+
+    def __init__(self, host: str, port: int, timeout_s: float) -> None:
+        self._socket = socket.create_connection((host, port), timeout=timeout_s)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        super().__init__(self._socket)
+
+    def send(self, data: bytes) -> None:
+        """Hand all of `data` to the system."""
+        self._socket.sendall(data)
+
+    def discard(self) -> None:
+        """Forget what was received and not read; what was sent cannot be called back."""
+        while self.receive(0.0):
+            pass
+
+
+class SerialChannel(Channel):
+    """A serial port, opened exclusively.
+
+    Parameters
+    ----------
+    path : str
+    baud : int
+    parity : str
+        ``N``, ``E`` or ``O``.
+    stop_bits : int
+    timeout_s : float
+        For sending.
+    """
+
+    def __init__(self, path: str, baud: int, parity: str, stop_bits: int, timeout_s: float) -> None:
+        import serial
+
+        try:
+            self._serial: Any = serial.Serial(
+                path,
+                baudrate=baud,
+                parity=parity,
+                stopbits=stop_bits,
+                timeout=0,
+                write_timeout=timeout_s,
+                exclusive=True,
+            )
+        except ValueError as error:
+            raise OSError(str(error)) from error
+        super().__init__(self._serial)
+
+    def send(self, data: bytes) -> None:
+        """Hand all of `data` to the system."""
+        self._serial.write(data)
+
+    def discard(self) -> None:
+        """Forget what was received and not read, and what was sent and has not left yet."""
+        self._serial.reset_output_buffer()
+        self._serial.reset_input_buffer()

@@ -1,0 +1,70 @@
+"""Whose turn it is on a line that carries one request at a time: what is urgent goes first."""
+
+import contextlib
+import os
+import threading
+from collections.abc import Iterator
+
+
+class Turn:
+    """One request at a time.
+
+    Whoever waits for an ordinary answer watches `wake`: it becomes readable as soon as something urgent comes,
+    and the wait must end then. No ordinary request begins while an urgent one waits.
+
+    Attributes
+    ----------
+    wake : int
+        A file descriptor.
+    """
+
+    def __init__(self) -> None:
+        self.wake, self._waker = os.pipe()
+        os.set_blocking(self.wake, False)
+        self._changed = threading.Condition()
+        self._taken = False
+        self._urgent = 0
+        self._closed = False
+
+    @contextlib.contextmanager
+    def ordinary(self) -> Iterator[None]:
+        """Wait for the end of every other request, then hold the turn."""
+        with self._changed:
+            self._changed.wait_for(lambda: not self._taken and not self._urgent)
+            self._taken = True
+        try:
+            yield
+        finally:
+            self._release()
+
+    @contextlib.contextmanager
+    def urgent(self) -> Iterator[None]:
+        """End the wait of an ordinary request under way, then hold the turn."""
+        with self._changed:
+            self._urgent += 1
+            if not self._closed:
+                os.write(self._waker, b"!")
+            self._changed.wait_for(lambda: not self._taken)
+            self._taken = True
+            if not self._closed:
+                with contextlib.suppress(BlockingIOError):
+                    os.read(self.wake, 64)
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._urgent -= 1
+            self._release()
+
+    def _release(self) -> None:
+        with self._changed:
+            self._taken = False
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """Release the descriptors; harmless when repeated. Nobody may wait any more."""
+        with self._changed:
+            if not self._closed:
+                self._closed = True
+                os.close(self.wake)
+                os.close(self._waker)
