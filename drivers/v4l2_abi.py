@@ -1,0 +1,223 @@
+"""What the Linux kernel's camera interface looks like in memory: structures, request codes and constants.
+
+Facts of the kernel's user-space ABI (``linux/videodev2.h``, ``linux/v4l2-controls.h``; 64 bits,
+little-endian); a test compares every size and offset with what a C compiler says.
+"""
+
+import ctypes
+from enum import IntEnum, IntFlag
+
+CAPTURE = 1
+"""V4L2_BUF_TYPE_VIDEO_CAPTURE"""
+MMAP = 1
+"""V4L2_MEMORY_MMAP"""
+PRIORITY_RECORD = 3
+NEXT_CONTROL = 0x8000_0000
+CONTROL_NAMES = 32
+
+
+class Capability(IntFlag):
+    """What a device node can do."""
+
+    VIDEO_CAPTURE = 0x1
+    VIDEO_CAPTURE_MPLANE = 0x1000
+    STREAMING = 0x0400_0000
+    DEVICE_CAPS = 0x8000_0000
+
+
+class BufferFlag(IntFlag):
+    """Flags of a filled buffer; the clock's kind and the stamp's place are fields of several bits."""
+
+    ERROR = 0x40
+    CLOCK = 0xE000
+    MONOTONIC = 0x2000
+    STAMP_PLACE = 0x70000
+    STAMP_AT_START = 0x10000
+
+
+class ControlFlag(IntFlag):
+    """What may be done to a control now."""
+
+    DISABLED = 0x1
+    GRABBED = 0x2
+    READ_ONLY = 0x4
+    INACTIVE = 0x10
+    WRITE_ONLY = 0x40
+
+
+class ControlType(IntEnum):
+    """The kinds of control that hold one 32-bit number."""
+
+    INTEGER = 1
+    BOOLEAN = 2
+    MENU = 3
+    BUTTON = 4
+    BITMASK = 8
+    INTEGER_MENU = 9
+
+
+class ControlId(IntEnum):
+    """The controls that decide what a grey level means."""
+
+    AUTO_WHITE_BALANCE = 0x98090C
+    EXPOSURE = 0x980911
+    AUTOGAIN = 0x980912
+    GAIN = 0x980913
+    POWER_LINE_FREQUENCY = 0x980918
+    HUE_AUTO = 0x980919
+    BACKLIGHT_COMPENSATION = 0x98091C
+    CHROMA_AGC = 0x98091D
+    AUTOBRIGHTNESS = 0x980920
+    EXPOSURE_AUTO = 0x9A0901
+    EXPOSURE_ABSOLUTE = 0x9A0902
+    EXPOSURE_AUTO_PRIORITY = 0x9A0903
+    FOCUS_AUTO = 0x9A090C
+    AUTO_N_PRESET_WHITE_BALANCE = 0x9A0914
+    WIDE_DYNAMIC_RANGE = 0x9A0915
+    IMAGE_STABILIZATION = 0x9A0916
+    ISO_SENSITIVITY_AUTO = 0x9A0918
+    ANALOGUE_GAIN = 0x9E0903
+
+
+class CapabilityInfo(ctypes.Structure):
+    """``struct v4l2_capability``"""
+
+    _fields_ = (
+        ("driver", ctypes.c_char * 16),
+        ("card", ctypes.c_char * 32),
+        ("bus_info", ctypes.c_char * 32),
+        ("version", ctypes.c_uint32),
+        ("capabilities", ctypes.c_uint32),
+        ("device_caps", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32 * 3),
+    )
+
+
+class PixelFormat(ctypes.Structure):
+    """``struct v4l2_pix_format``"""
+
+    _fields_ = tuple(
+        (name, ctypes.c_uint32)
+        for name in (
+            *("width", "height", "pixelformat", "field", "bytesperline", "sizeimage", "colorspace"),
+            *("priv", "flags", "ycbcr_enc", "quantization", "xfer_func"),
+        )
+    )
+
+
+class _FormatUnion(ctypes.Union):
+    _fields_ = (("pix", PixelFormat), ("raw", ctypes.c_uint8 * 200), ("_align", ctypes.c_uint64))
+
+
+class Format(ctypes.Structure):
+    """``struct v4l2_format``"""
+
+    _fields_ = (("type", ctypes.c_uint32), ("fmt", _FormatUnion))
+
+
+class CaptureParameters(ctypes.Structure):
+    """``struct v4l2_captureparm`` in a ``struct v4l2_streamparm``; the interval is a fraction of a second."""
+
+    _fields_ = (
+        ("type", ctypes.c_uint32),
+        ("capability", ctypes.c_uint32),
+        ("capturemode", ctypes.c_uint32),
+        ("numerator", ctypes.c_uint32),
+        ("denominator", ctypes.c_uint32),
+        ("extendedmode", ctypes.c_uint32),
+        ("readbuffers", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint8 * 176),
+    )
+
+
+class BufferRequest(ctypes.Structure):
+    """``struct v4l2_requestbuffers``"""
+
+    _fields_ = (
+        ("count", ctypes.c_uint32),
+        ("type", ctypes.c_uint32),
+        ("memory", ctypes.c_uint32),
+        ("capabilities", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32),
+    )
+
+
+class Buffer(ctypes.Structure):
+    """``struct v4l2_buffer``"""
+
+    _fields_ = (
+        ("index", ctypes.c_uint32),
+        ("type", ctypes.c_uint32),
+        ("bytesused", ctypes.c_uint32),
+        ("flags", ctypes.c_uint32),
+        ("field", ctypes.c_uint32),
+        ("seconds", ctypes.c_int64),
+        ("microseconds", ctypes.c_int64),
+        ("timecode", ctypes.c_uint32 * 4),
+        ("sequence", ctypes.c_uint32),
+        ("memory", ctypes.c_uint32),
+        ("offset", ctypes.c_uint64),
+        ("length", ctypes.c_uint32),
+        ("reserved2", ctypes.c_uint32),
+        ("request_fd", ctypes.c_uint32),
+    )
+
+
+class ControlQuery(ctypes.Structure):
+    """``struct v4l2_queryctrl``"""
+
+    _fields_ = (
+        ("id", ctypes.c_uint32),
+        ("type", ctypes.c_uint32),
+        ("name", ctypes.c_char * CONTROL_NAMES),
+        ("minimum", ctypes.c_int32),
+        ("maximum", ctypes.c_int32),
+        ("step", ctypes.c_int32),
+        ("default_value", ctypes.c_int32),
+        ("flags", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32 * 2),
+    )
+
+
+class ControlValue(ctypes.Structure):
+    """``struct v4l2_control``"""
+
+    _fields_ = (("id", ctypes.c_uint32), ("value", ctypes.c_int32))
+
+
+_WRITE, _READ = 1, 2
+
+
+def _request(direction: int, number: int, size: int) -> int:
+    """Return the code that ``_IOC(direction, 'V', number, size)`` gives in C."""
+    return direction << 30 | size << 16 | ord("V") << 8 | number
+
+
+class Request(IntEnum):
+    """The requests (``VIDIOC_…``) that the driver makes."""
+
+    QUERYCAP = _request(_READ, 0, ctypes.sizeof(CapabilityInfo))
+    G_FMT = _request(_READ | _WRITE, 4, ctypes.sizeof(Format))
+    S_FMT = _request(_READ | _WRITE, 5, ctypes.sizeof(Format))
+    REQBUFS = _request(_READ | _WRITE, 8, ctypes.sizeof(BufferRequest))
+    QUERYBUF = _request(_READ | _WRITE, 9, ctypes.sizeof(Buffer))
+    QBUF = _request(_READ | _WRITE, 15, ctypes.sizeof(Buffer))
+    DQBUF = _request(_READ | _WRITE, 17, ctypes.sizeof(Buffer))
+    STREAMON = _request(_WRITE, 18, 4)
+    STREAMOFF = _request(_WRITE, 19, 4)
+    S_PARM = _request(_READ | _WRITE, 22, ctypes.sizeof(CaptureParameters))
+    G_CTRL = _request(_READ | _WRITE, 27, ctypes.sizeof(ControlValue))
+    S_CTRL = _request(_READ | _WRITE, 28, ctypes.sizeof(ControlValue))
+    QUERYCTRL = _request(_READ | _WRITE, 36, ctypes.sizeof(ControlQuery))
+    S_INPUT = _request(_READ | _WRITE, 39, 4)
+    S_PRIORITY = _request(_WRITE, 68, 4)
+
+
+def fourcc(code: str) -> int:
+    """Return the number of a four-character code such as ``GREY`` or ``Y10 ``."""
+    return int.from_bytes(code.ljust(4).encode("ascii"), "little")
+
+
+def code_of(number: int) -> str:
+    """Return the four characters of a pixel format's number, for messages."""
+    return number.to_bytes(4, "little").decode("ascii", "replace").strip()

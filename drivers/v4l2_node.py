@@ -1,0 +1,134 @@
+"""The seam between the camera driver and the kernel: one opened device node, and where nodes are found.
+
+Everything above speaks to the two protocols here; the tests put a kernel of their own behind them.
+"""
+
+import ctypes
+import errno
+import os
+from collections.abc import MutableMapping
+from pathlib import Path
+from typing import Any, Protocol
+
+from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
+
+
+class Node(Protocol):
+    """An opened device node."""
+
+    def ioctl(self, request: int, argument: ctypes.Structure | ctypes.c_int | ctypes.c_uint32) -> None:
+        """Make one request; the kernel's answer is in `argument`. Raises `OSError`."""
+
+    def map(self, length: int, offset: int) -> Any:
+        """Return the driver's buffer as writable memory with a method ``close``."""
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait for a filled buffer or an error; False when the time is over."""
+
+    def close(self) -> None:
+        """Release the node; harmless when repeated."""
+
+
+class System(Protocol):
+    """Where device nodes are found."""
+
+    def paths(self) -> list[str]:
+        """Return the paths of all video nodes, in order."""
+
+    def open(self, path: str) -> Node:
+        """Open a node. Raises `OSError`."""
+
+    def usb_facts(self, path: str) -> MutableMapping[str, str]:
+        """Return ``serial``, ``manufacturer`` and ``bcdDevice`` of the node's USB device, as far as known."""
+
+
+class KernelNode:
+    """A node of this machine's kernel."""
+
+    def __init__(self, path: str) -> None:
+        self._file = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
+
+    def ioctl(self, request: int, argument: ctypes.Structure | ctypes.c_int | ctypes.c_uint32) -> None:
+        """Make one request, again when a signal interrupts it."""
+        import fcntl
+
+        while True:
+            try:
+                fcntl.ioctl(self._file, request, argument)
+                return
+            except InterruptedError:
+                continue
+
+    def map(self, length: int, offset: int) -> Any:
+        """Map a buffer of the driver."""
+        import mmap
+
+        return mmap.mmap(self._file, length, mmap.MAP_SHARED, offset=offset)
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until there is something to dequeue, be it an error."""
+        import select
+
+        poll = select.poll()
+        poll.register(self._file, select.POLLIN)
+        return bool(poll.poll(max(0.0, timeout_s) * 1000))
+
+    def close(self) -> None:
+        """Close the file; harmless when repeated."""
+        file, self._file = self._file, -1
+        if file >= 0:
+            os.close(file)
+
+
+class KernelSystem:
+    """This machine."""
+
+    def paths(self) -> list[str]:
+        """Return ``/dev/video0``, ``/dev/video1`` … as far as they exist."""
+        found = [path for path in Path("/dev").glob("video*") if path.name[5:].isdigit()]
+        return [str(path) for path in sorted(found, key=lambda path: int(path.name[5:]))]
+
+    def open(self, path: str) -> KernelNode:
+        """Open a node without waiting for anything."""
+        return KernelNode(path)
+
+    def usb_facts(self, path: str) -> MutableMapping[str, str]:
+        """Read what sysfs says of the USB device behind a node; nothing for other buses."""
+        # the node's device is an interface of the USB device, whose folder is one up
+        folder = Path("/sys/class/video4linux") / Path(path).resolve().name / "device" / ".."
+        facts = {}
+        for name in ("serial", "manufacturer", "bcdDevice"):
+            try:
+                facts[name] = (folder / name).read_text("utf-8", "replace").strip()
+            except OSError:
+                continue
+        return facts
+
+
+_MEANINGS: dict[int, tuple[type[DeviceError], str, str]] = {
+    errno.ENOENT: (LinkLost, "no such device", "plug the camera in, or name it by its bus or serial number"),
+    errno.ENODEV: (LinkLost, "an unplugged camera", "plug the camera in again"),
+    errno.ENXIO: (LinkLost, "an unplugged camera", "plug the camera in again"),
+    errno.EBUSY: (DeviceFault, "a camera in use", "end the other program that films with it"),
+    errno.ENOTTY: (DeviceFault, "a device that does not know the request", "name another device"),
+    errno.ENOSPC: (DeviceFault, "too little USB bandwidth", "give the camera a USB controller of its own"),
+    errno.EPIPE: (DeviceFault, "a refusal by the camera", "choose a value that the camera takes"),
+    errno.ERANGE: (DeviceFault, "a value out of range", "choose a value that the camera takes"),
+    errno.EIO: (DeviceFault, "an input/output error", "check cable and power, then plug the camera in again"),
+    errno.EPROTO: (DeviceFault, "a USB protocol error", "check cable and hub"),
+    errno.ETIMEDOUT: (DeviceTimeout, "no answer", "check cable and power, then plug the camera in again"),
+}
+
+
+def translate(error: OSError, device: str, step: str, expected: str) -> DeviceError:
+    """Return what an error of the kernel means for the person at the rig."""
+    number = error.errno or 0
+    kind: type[DeviceError]
+    if number in (errno.EACCES, errno.EPERM):
+        kind, got, remedy = DeviceFault, "a refusal of access", "join the group 'video' and log in again"
+    else:
+        kind, got, remedy = _MEANINGS.get(
+            number, (DeviceFault, "an error", "see the kernel's log (dmesg) for its cause")
+        )
+    name = errno.errorcode.get(number, str(number))
+    return kind(device, step, expected=expected, got=f"{got} ({name})", remedy=remedy)

@@ -1,0 +1,294 @@
+"""A camera behind the seam `drivers.v4l2_node`: what the kernel answers, with every fault that it can have.
+
+It films on the virtual clock. Each picture shows its own number, so that a test can see which frames it got.
+"""
+
+import errno
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from drivers.clock import VirtualClock
+from drivers.v4l2_abi import (
+    NEXT_CONTROL,
+    Buffer,
+    BufferFlag,
+    Capability,
+    ControlFlag,
+    ControlId,
+    ControlType,
+    Request,
+    fourcc,
+)
+
+
+@dataclass
+class FakeControl:
+    """One control; `keeps` is what a camera makes of every value that is written."""
+
+    name: str
+    value: int
+    minimum: int = 0
+    maximum: int = 1
+    step: int = 1
+    flags: int = 0
+    keeps: int | None = None
+    type: int = ControlType.INTEGER
+
+
+def uvc_controls() -> dict[int, FakeControl]:
+    """The controls of a usual USB camera as it is plugged in: everything automatic."""
+    return {
+        ControlId.AUTO_WHITE_BALANCE: FakeControl("White Balance, Automatic", 1),
+        ControlId.GAIN: FakeControl("Gain", 20, 0, 100),
+        ControlId.POWER_LINE_FREQUENCY: FakeControl("Power Line Frequency", 1, 0, 2),
+        ControlId.EXPOSURE_AUTO: FakeControl("Auto Exposure", 3, 0, 3),
+        ControlId.EXPOSURE_ABSOLUTE: FakeControl(
+            "Exposure Time, Absolute", 156, 1, 10_000, flags=ControlFlag.INACTIVE
+        ),
+        ControlId.EXPOSURE_AUTO_PRIORITY: FakeControl("Exposure, Dynamic Framerate", 1),
+    }
+
+
+@dataclass
+class FakeCamera:
+    """A plugged-in camera and its kernel driver; what goes wrong is set by its attributes.
+
+    `frame_faults` maps the number of a picture to what happens to it: ``lost``, ``damaged`` or ``short``;
+    with ``uncounted`` three frames' time passes besides, with ``repeat`` the counter does not grow, with
+    ``broken`` the stream reports an input/output error.
+    `errors` maps a request to errors that its next calls raise.
+    """
+
+    clock: VirtualClock
+    path: str = "/dev/video0"
+    driver: bytes = b"uvcvideo"
+    card: bytes = b"Mono 12"
+    bus: bytes = b"usb-0000:00:14.0-2"
+    serial: str = "A17"
+    code: str = "Y12"
+    width: int = 32
+    height: int = 20
+    padding: int = 0
+    interval_s: float = 1 / 32
+    caps: int = Capability.VIDEO_CAPTURE | Capability.STREAMING
+    stamp: int = BufferFlag.MONOTONIC | BufferFlag.STAMP_AT_START
+    stamp_offset_s: float = 0.0
+    controls: dict[int, FakeControl] = field(default_factory=uvc_controls)
+    frame_faults: dict[int, str] = field(default_factory=dict)
+    errors: dict[int, list[int]] = field(default_factory=dict)
+    first_counter: int = 0
+    offered: tuple[str, ...] = ("GREY", "Y10", "Y12", "Y16", "YUYV")
+    offers_rate: bool = True
+    level_mask: int = 0xFFF
+    present: bool = True
+    stalled: bool = False
+
+    def __post_init__(self) -> None:
+        self.stride = 0
+        self.streaming = False
+        self.queued: deque[int] = deque()
+        self.filled: deque[Buffer] = deque()
+        self.memory: list[bytearray] = []
+        self.mapped = 0
+        self.open_nodes = 0
+        self.begun_s = 0.0
+        self.shown = 0
+        self.counter = 0
+
+    @property
+    def pixel_bytes(self) -> int:
+        return 1 if self.code == "GREY" else 2
+
+    def picture(self, number: int) -> bytes:
+        """The picture of that number: rows of one grey level, the padding full of rubbish."""
+        level = (number * 37 + 11) & self.level_mask
+        if self.code == "YUYV":
+            row = bytes([level & 0xFF, 128] * self.width)
+        else:
+            row = level.to_bytes(2, "little")[: self.pixel_bytes] * self.width
+        return (row + b"\xee" * (self.stride - len(row))) * self.height
+
+    def pass_time(self) -> None:
+        """Expose all frames that are due by now."""
+        while self.streaming and not self.stalled and self.present:
+            begin_s = self.begun_s + self.counter * self.interval_s
+            if begin_s + self.interval_s > self.clock.now_s():
+                return
+            number, counter = self.shown, (self.counter + self.first_counter) % 2**32
+            self.shown += 1
+            self.counter += 1
+            fault = self.frame_faults.get(number, "")
+            if fault == "uncounted":
+                self.begun_s += 3 * self.interval_s
+            if fault == "repeat":
+                self.first_counter -= 1
+            if fault == "broken":
+                self.errors[Request.DQBUF] = [errno.EIO]
+            if fault in ("lost", "uncounted", "broken") or not self.queued:
+                continue
+            index = self.queued.popleft()
+            data = self.picture(number)
+            used = len(data) // 2 if fault == "short" else len(data)
+            self.memory[index][:used] = data[:used]
+            stamp_s = begin_s + self.stamp_offset_s
+            flags = self.stamp | (BufferFlag.ERROR if fault == "damaged" else 0)
+            seconds = int(stamp_s)
+            self.filled.append(
+                Buffer(
+                    index=index,
+                    bytesused=used,
+                    flags=flags,
+                    sequence=counter,
+                    seconds=seconds,
+                    microseconds=round((stamp_s - seconds) * 1e6),
+                )
+            )
+
+
+class FakeNode:
+    def __init__(self, camera: FakeCamera) -> None:
+        self.camera = camera
+        self.closed = False
+        camera.open_nodes += 1
+
+    def ioctl(self, request: int, argument: object) -> None:
+        camera = self.camera
+        if not camera.present:
+            raise OSError(errno.ENODEV, "gone")
+        if camera.errors.get(request):
+            raise OSError(camera.errors[request].pop(0), "injected")
+        camera.pass_time()
+        getattr(self, Request(request).name.lower())(argument)
+
+    def map(self, length: int, offset: int) -> object:
+        return _mapped(self.camera, offset // 4096)
+
+    def wait(self, timeout_s: float) -> bool:
+        camera, step_s = self.camera, self.camera.interval_s / 8
+        end_s = camera.clock.now_s() + timeout_s
+        while camera.clock.now_s() < end_s:
+            if not camera.present or camera.errors.get(Request.DQBUF):
+                return True
+            camera.pass_time()
+            if camera.filled:
+                return True
+            camera.clock.sleep(min(step_s, timeout_s))
+        return False
+
+    def close(self) -> None:
+        if not self.closed:
+            self.closed = True
+            self.camera.open_nodes -= 1
+
+    def querycap(self, info) -> None:
+        camera = self.camera
+        info.driver, info.card, info.bus_info = camera.driver, camera.card, camera.bus
+        info.version = 6 << 16 | 1 << 8
+        info.capabilities = camera.caps | Capability.DEVICE_CAPS | Capability.VIDEO_CAPTURE
+        info.device_caps = camera.caps
+
+    def s_priority(self, argument) -> None:
+        pass
+
+    def s_input(self, argument) -> None:
+        if argument.value:
+            raise OSError(errno.EINVAL, "no such input")
+
+    def s_fmt(self, format) -> None:
+        pix, camera = format.fmt.pix, self.camera
+        codes = {fourcc(code): code for code in camera.offered}
+        camera.code = codes.get(pix.pixelformat, camera.offered[0])
+        pix.width, pix.height = min(pix.width, 64), min(pix.height, 64)
+        camera.width, camera.height = pix.width, pix.height
+        camera.stride = pix.width * camera.pixel_bytes + camera.padding
+        self.g_fmt(format)
+
+    def g_fmt(self, format) -> None:
+        pix, camera = format.fmt.pix, self.camera
+        pix.pixelformat = fourcc(camera.code)
+        pix.bytesperline, pix.sizeimage, pix.field = camera.stride, camera.stride * camera.height, 1
+
+    def s_parm(self, parameters) -> None:
+        if not self.camera.offers_rate:
+            parameters.numerator, parameters.denominator = 1, 25
+
+    def reqbufs(self, request) -> None:
+        self.streamoff(None)
+        self.camera.memory = [
+            bytearray(self.camera.stride * self.camera.height) for _ in range(request.count)
+        ]
+
+    def querybuf(self, buffer) -> None:
+        buffer.length, buffer.offset = len(self.camera.memory[0]), buffer.index * 4096
+
+    def qbuf(self, buffer) -> None:
+        assert buffer.index not in self.camera.queued
+        self.camera.queued.append(buffer.index)
+
+    def dqbuf(self, buffer) -> None:
+        if not self.camera.filled:
+            raise BlockingIOError(errno.EAGAIN, "nothing yet")
+        done = self.camera.filled.popleft()
+        for name in ("index", "bytesused", "flags", "sequence", "seconds", "microseconds"):
+            setattr(buffer, name, getattr(done, name))
+
+    def streamon(self, argument) -> None:
+        camera = self.camera
+        camera.streaming, camera.begun_s, camera.counter = True, camera.clock.now_s(), 0
+
+    def streamoff(self, argument) -> None:
+        self.camera.streaming = False
+        self.camera.queued.clear()
+        self.camera.filled.clear()
+
+    def queryctrl(self, query) -> None:
+        after = query.id & ~NEXT_CONTROL
+        later = [id for id in sorted(self.camera.controls) if id > after]
+        if not later:
+            raise OSError(errno.EINVAL, "no more")
+        control = self.camera.controls[later[0]]
+        query.id, query.type, query.name = later[0], control.type, control.name.encode()
+        query.minimum, query.maximum = control.minimum, control.maximum
+        query.step, query.flags = control.step, control.flags
+
+    def g_ctrl(self, request) -> None:
+        request.value = self.camera.controls[request.id].value
+
+    def s_ctrl(self, request) -> None:
+        controls = self.camera.controls
+        control = controls[request.id]
+        automatic = controls.get(ControlId.EXPOSURE_AUTO)
+        if request.id == ControlId.EXPOSURE_ABSOLUTE and automatic is not None and automatic.value != 1:
+            raise PermissionError(errno.EACCES, "automatic")
+        control.value = request.value if control.keeps is None else control.keeps
+
+
+def _mapped(camera: FakeCamera, index: int) -> object:
+    class Mapped(np.ndarray):
+        def close(self) -> None:
+            camera.mapped -= 1
+
+    camera.mapped += 1
+    return np.frombuffer(camera.memory[index], np.uint8).view(Mapped)
+
+
+@dataclass
+class FakeSystem:
+    """A machine with these cameras at its sockets."""
+
+    cameras: list[FakeCamera]
+
+    def paths(self) -> list[str]:
+        return [camera.path for camera in self.cameras if camera.present]
+
+    def open(self, path: str) -> FakeNode:
+        for camera in self.cameras:
+            if camera.path == path and camera.present:
+                return FakeNode(camera)
+        raise FileNotFoundError(errno.ENOENT, "no such device")
+
+    def usb_facts(self, path: str) -> dict[str, str]:
+        camera = next(camera for camera in self.cameras if camera.path == path)
+        return {"serial": camera.serial, "manufacturer": "Maker"} if camera.serial else {}

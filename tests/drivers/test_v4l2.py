@@ -1,0 +1,362 @@
+import errno
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from drivers.clock import VirtualClock
+from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
+from drivers.interfaces import OpenContext
+from drivers.registry import find_driver
+from drivers.v4l2 import V4l2Camera, open_camera
+from drivers.v4l2_abi import BufferFlag, ControlFlag, ControlId, Request
+from drivers.v4l2_session import SHORT
+from drivers.v4l2_settings import V4l2Settings
+from tests.drivers.fake_kernel import FakeCamera, FakeControl, FakeSystem
+
+EXPOSURE_US = 10_000.0
+
+
+def settings(**changes: object) -> V4l2Settings:
+    values = {
+        "device": "/dev/video0",
+        "format": "Y12",
+        "width_px": 32,
+        "height_px": 20,
+        "rate_hz": 32.0,
+        "exposure_us": EXPOSURE_US,
+        "gain": 4,
+    }
+    return V4l2Settings.model_validate(values | changes)
+
+
+@pytest.fixture
+def clock() -> VirtualClock:
+    clock = VirtualClock()
+    clock.sleep(100.0)
+    return clock
+
+
+@pytest.fixture
+def plugged(clock: VirtualClock) -> Iterator[FakeCamera]:
+    camera = FakeCamera(clock)
+    yield camera
+    assert camera.open_nodes == 0
+    assert camera.mapped == 0
+
+
+def opened(plugged: FakeCamera, context: OpenContext, **changes: object) -> V4l2Camera:
+    return open_camera(settings(**changes), context, FakeSystem([plugged]))
+
+
+@pytest.fixture
+def camera(plugged: FakeCamera, context: OpenContext) -> Iterator[V4l2Camera]:
+    camera = opened(plugged, context)
+    yield camera
+    camera.close()
+    camera.close()
+
+
+def number_of(image: np.ndarray, mask: int = 0xFFF, most: int = 5000) -> int:
+    """Which picture a frame shows."""
+    levels = {(number * 37 + 11) & mask: number for number in range(min(most, mask // 37))}
+    assert image.min() == image.max()
+    return levels[int(image[0, 0])]
+
+
+def test_says_who_it_is_and_is_found_by_its_name(camera):
+    info = camera.info
+    assert (info.vendor, info.model, info.serial) == ("Maker", "Mono 12", "A17")
+    assert (info.width_px, info.height_px, info.bits, info.simulated) == (32, 20, 12, False)
+    assert find_driver("v4l2").kind == "camera"
+
+
+@pytest.mark.parametrize("padding", [0, 24])
+@pytest.mark.parametrize(
+    ("code", "bits", "dtype"),
+    [
+        ("GREY", 8, np.uint8),
+        ("Y10", 10, np.uint16),
+        ("Y12", 12, np.uint16),
+        ("Y16", 16, np.uint16),
+        ("YUYV", 8, np.uint8),
+    ],
+)
+def test_every_format_arrives_at_full_depth_without_its_padding(code, bits, dtype, padding, plugged, context):
+    plugged.padding, plugged.level_mask = padding, (1 << bits) - 1
+    camera = opened(plugged, context, format=code)
+    try:
+        frame = camera.grab(1.0)
+    finally:
+        camera.close()
+    assert camera.info.bits == bits
+    assert (frame.image.dtype, frame.image.shape) == (dtype, (20, 32))
+    assert frame.image.flags.c_contiguous
+    assert np.unique(frame.image).tolist() == [((plugged.shown - 1) * 37 + 11) & (1 << bits) - 1]
+
+
+def test_switches_every_automatic_off_and_reads_back(camera, plugged):
+    controls = plugged.controls
+    for automatic, off in [
+        (ControlId.EXPOSURE_AUTO, 1),
+        (ControlId.EXPOSURE_AUTO_PRIORITY, 0),
+        (ControlId.AUTO_WHITE_BALANCE, 0),
+        (ControlId.POWER_LINE_FREQUENCY, 0),
+    ]:
+        assert controls[automatic].value == off
+    assert controls[ControlId.EXPOSURE_ABSOLUTE].value == 100  # of 100 µs each, by the kernel's documentation
+    frame = camera.grab(1.0)
+    assert (frame.exposure_us, frame.gain) == (EXPOSURE_US, 4.0)
+
+
+@pytest.mark.parametrize("pause_s", [0.0, 0.01, 0.5, 3600.0])
+def test_a_frame_was_exposed_after_the_call_whatever_the_pause(pause_s, camera, clock):
+    camera.grab(1.0)
+    for phase in range(8):
+        clock.sleep(pause_s + phase / 256)
+        asked_s = clock.now_s()
+        frame = camera.grab(1.0)
+        assert frame.exposed_s >= asked_s
+        assert frame.received_s - asked_s <= 1.5 / 32 + EXPOSURE_US * 1e-6 + 1 / 256 + 0.5 / 32
+
+
+def test_the_stamp_of_a_usb_camera_is_the_first_packets_not_the_exposures(plugged, context, clock):
+    for driver, early_s in ((b"uvcvideo", EXPOSURE_US * 1e-6), (b"imx", 0.0)):
+        plugged.driver = driver
+        camera = opened(plugged, context)
+        try:
+            frame = camera.grab(1.0)
+        finally:
+            camera.close()
+        stamp_s = plugged.begun_s + frame.sequence / 32
+        assert frame.exposed_s == pytest.approx(stamp_s - early_s, abs=2e-6)
+
+
+def test_a_stamp_at_the_end_counts_exposure_and_readout_back(plugged, context):
+    plugged.stamp = BufferFlag.MONOTONIC
+    plugged.stamp_offset_s = 1 / 32
+    for transfer_us, back_s in ((None, 1 / 32), (5000.0, 0.005)):
+        camera = opened(plugged, context, transfer_us=transfer_us)
+        try:
+            frame = camera.grab(1.0)
+        finally:
+            camera.close()
+        stamp_s = plugged.begun_s + (frame.sequence + 1) / 32
+        assert frame.exposed_s == pytest.approx(stamp_s - EXPOSURE_US * 1e-6 - back_s, abs=2e-6)
+
+
+def test_the_date_belongs_to_the_exposure(camera, clock):
+    frame = camera.grab(1.0)
+    age_s = (clock.utc() - frame.utc).total_seconds()
+    assert age_s == pytest.approx(clock.now_s() - frame.exposed_s, abs=2e-6)
+
+
+def test_a_damaged_and_a_short_frame_carry_flags(plugged, context):
+    plugged.frame_faults = dict.fromkeys(range(2, 40), "damaged") | dict.fromkeys(range(40, 80), "short")
+    camera = opened(plugged, context)
+    try:
+        frame = camera.grab(1.0)
+        assert frame.flags == BufferFlag.ERROR
+        while plugged.shown < 45:
+            frame = camera.grab(1.0)
+        assert frame.flags == SHORT
+        assert (frame.image[10:] == 0).all()
+        assert (frame.image[:10] == (plugged.shown - 1) * 37 + 11).all()
+    finally:
+        camera.close()
+
+
+def test_names_the_camera_by_bus_or_serial_number(plugged, context, clock):
+    other = FakeCamera(clock, path="/dev/video1", bus=b"usb-0000:00:14.0-3", serial="B42")
+    nodes = [other, plugged]
+    # a UVC camera's second node gives metadata, no pictures
+    nodes.append(FakeCamera(clock, path="/dev/video2", caps=0x0480_0000))
+    for device, serial in [("serial:A17", "A17"), ("bus:usb-0000:00:14.0-3", "B42")]:
+        camera = open_camera(settings(device=device), context, FakeSystem(nodes))
+        camera.close()
+        assert camera.info.serial == serial
+    with pytest.raises(LinkLost, match="expected one camera 'serial:C3', got none; plug the camera in"):
+        open_camera(settings(device="serial:C3"), context, FakeSystem(nodes))
+    other.serial = "A17"
+    with pytest.raises(DeviceFault, match=r"got /dev/video1 and /dev/video0; name one of them by its path"):
+        open_camera(settings(device="serial:A17"), context, FakeSystem(nodes))
+    assert all(node.open_nodes == 0 for node in nodes)
+
+
+def test_an_unplugged_camera_is_found_again_at_another_socket(plugged, context):
+    camera = opened(plugged, context, device="serial:A17")
+    try:
+        camera.grab(1.0)
+        plugged.present = False
+        with pytest.raises(
+            LinkLost, match=r"device \(serial:A17\): get frame: .*unplugged camera \(ENODEV\)"
+        ):
+            camera.grab(1.0)
+        assert (plugged.open_nodes, plugged.mapped) == (0, 0)
+        with pytest.raises(LinkLost, match="got none; plug the camera in"):
+            camera.grab(1.0)
+        plugged.present, plugged.path, plugged.bus = True, "/dev/video3", b"usb-0000:00:14.0-9"
+        plugged.controls[ControlId.EXPOSURE_AUTO].value = 3
+        plugged.controls[ControlId.GAIN].value = 99
+        frame = camera.grab(1.0)
+        assert frame.flags == 0
+        assert plugged.controls[ControlId.GAIN].value == 4
+    finally:
+        camera.close()
+
+
+def test_another_camera_at_the_same_path_is_not_taken_for_the_first(plugged, context):
+    camera = opened(plugged, context)
+    try:
+        plugged.present = False
+        with pytest.raises(LinkLost):
+            camera.grab(1.0)
+        plugged.present, plugged.serial = True, "B42"
+        with pytest.raises(LinkLost, match="expected Mono 12 A17, got Mono 12 B42"):
+            camera.grab(1.0)
+    finally:
+        camera.close()
+
+
+def test_a_stalled_camera_is_given_up_at_the_deadline_and_taken_again(camera, plugged, clock):
+    plugged.stalled = True
+    asked_s = clock.now_s()
+    with pytest.raises(DeviceTimeout, match=r"grab: expected a frame exposed after the call, within 0.5 s"):
+        camera.grab(0.5)
+    assert clock.now_s() - asked_s == pytest.approx(0.5, abs=0.01)
+    plugged.stalled = False
+    assert camera.grab(1.0).flags == 0
+
+
+def test_one_stream_error_is_healed_and_a_lasting_one_reported(camera, plugged):
+    camera.grab(1.0)
+    plugged.errors[Request.DQBUF] = [errno.EIO]
+    first = camera.grab(1.0)
+    assert first.flags == 0
+    plugged.errors[Request.DQBUF] = [errno.EIO] * 9
+    with pytest.raises(DeviceFault, match=r"get frame: expected a frame, got an input/output error \(EIO\)"):
+        camera.grab(1.0)
+    plugged.errors.clear()
+    assert camera.grab(1.0).sequence > first.sequence
+
+
+def test_a_buffer_that_the_kernel_refused_is_offered_again(camera, plugged):
+    plugged.errors[Request.QBUF] = [errno.EAGAIN, errno.ENOMEM, errno.EINTR]
+    for _ in range(6):
+        camera.grab(1.0)
+    plugged.pass_time()
+    assert len(plugged.queued) + len(plugged.filled) == 4
+
+
+@pytest.mark.parametrize(
+    ("request_", "number", "kind", "message"),
+    [
+        (Request.QUERYCAP, errno.ENOTTY, DeviceFault, "identify camera: expected a camera"),
+        (Request.S_PRIORITY, errno.EBUSY, DeviceFault, "claim camera: .*a camera in use"),
+        (Request.S_FMT, errno.EBUSY, DeviceFault, r"set format: expected 32 x 20 px Y12, .*in use \(EBUSY\)"),
+        (Request.S_PARM, errno.ENOTTY, DeviceFault, "set frame rate: expected 32 Hz"),
+        (Request.REQBUFS, errno.EBUSY, DeviceFault, "get buffers: .*end the other program"),
+        (Request.STREAMON, errno.ENOSPC, DeviceFault, "start: .*too little USB bandwidth"),
+        (Request.S_CTRL, errno.EPIPE, DeviceFault, r"set auto_exposure: expected 1, got a refusal.*EPIPE"),
+        (Request.S_CTRL, errno.EACCES, DeviceFault, "set auto_exposure: .*switch off the automatic"),
+        (Request.G_CTRL, errno.ETIMEDOUT, DeviceTimeout, r"read auto_exposure: .*no answer \(ETIMEDOUT\)"),
+        (Request.QUERYCTRL, errno.EIO, DeviceFault, "list controls: "),
+    ],
+)
+def test_every_error_of_opening_names_step_and_remedy_and_leaves_nothing_open(
+    request_, number, kind, message, plugged, context
+):
+    plugged.errors[request_] = [number]
+    with pytest.raises(kind, match=message):
+        opened(plugged, context)
+    assert (plugged.open_nodes, plugged.mapped) == (0, 0)
+    opened(plugged, context).close()
+
+
+def test_what_the_camera_answers_instead_is_refused(plugged, context):
+    for changes, message in [
+        ({"width_px": 640}, r"set format: expected 640 x 20 px Y12, got 64 x 20 px Y12"),
+        ({"exposure_us": 10_050.0}, r"set exposure: .*got 10050 µs; choose a multiple of 100 µs"),
+        ({"exposure_us": None}, r"got no `exposure_us`; add it"),
+        ({"gain": 101}, r"set gain: expected 0 to 100 in steps of 1, got 101"),
+        ({"controls": {"sharpness": 1}}, r"set sharpness: .*where it has auto_exposure, "),
+        ({"input": 1}, r"choose input: expected input 1"),
+    ]:
+        with pytest.raises(DeviceFault, match=message):
+            opened(plugged, context, **changes)
+    plugged.offers_rate = False
+    with pytest.raises(DeviceFault, match="set frame rate: expected 32 Hz, got 25 Hz"):
+        opened(plugged, context)
+    plugged.offers_rate, plugged.offered = True, ("YUYV", "GREY")
+    with pytest.raises(DeviceFault, match="expected 32 x 20 px Y12, got 32 x 20 px YUYV"):
+        opened(plugged, context)
+
+
+def test_a_control_that_keeps_another_value_is_refused_unless_it_is_accepted(plugged, context):
+    plugged.controls[ControlId.POWER_LINE_FREQUENCY].keeps = 1
+    with pytest.raises(DeviceFault, match="set power_line_frequency: expected 0, got 1 on reading back"):
+        opened(plugged, context)
+    opened(plugged, context, controls={"power_line_frequency": 1}).close()
+    plugged.controls[ControlId.BACKLIGHT_COMPENSATION] = FakeControl(
+        "Backlight Compensation", 1, flags=ControlFlag.READ_ONLY
+    )
+    with pytest.raises(DeviceFault, match=r"accept it: controls = \{ backlight_compensation = 1 \}"):
+        opened(plugged, context, controls={"power_line_frequency": 1})
+
+
+def test_a_sensor_that_counts_lines_needs_their_duration(plugged, context):
+    plugged.controls = {ControlId.EXPOSURE: FakeControl("Exposure", 7, 4, 4000)}
+    with pytest.raises(DeviceFault, match="got exposure in lines; add `line_us`"):
+        opened(plugged, context, gain=None)
+    with pytest.raises(DeviceFault, match="got no gain control"):
+        opened(plugged, context, line_us=20.0)
+    camera = opened(plugged, context, gain=None, line_us=20.0)
+    frame = camera.grab(1.0)
+    camera.close()
+    assert plugged.controls[ControlId.EXPOSURE].value == 500
+    assert frame.exposure_us == EXPOSURE_US
+    assert np.isnan(frame.gain)
+
+
+def test_a_setting_that_another_program_changes_is_noticed(camera, plugged):
+    camera.grab(1.0)
+    plugged.controls[ControlId.GAIN].value = 5
+    with pytest.raises(DeviceFault, match="verify gain: expected 4, as it was set, got 5"):
+        camera.grab(1.0)
+
+
+def test_stamps_and_grey_levels_that_cannot_be_are_refused(plugged, context):
+    for change, message in [
+        ({"stamp": 0}, "expected a stamp of the monotonic clock"),
+        ({"stamp_offset_s": 9.0}, "expected a frame from the past"),
+        ({"level_mask": 0xFFFF, "shown": 200}, "expected grey levels of 12 bits"),
+    ]:
+        before = {name: getattr(plugged, name) for name in change}
+        for name, value in change.items():
+            setattr(plugged, name, value)
+        camera = opened(plugged, context)
+        try:
+            with pytest.raises(DeviceFault, match=message):
+                camera.grab(1.0)
+        finally:
+            camera.close()
+        for name, value in before.items():
+            setattr(plugged, name, value)
+
+
+def test_a_closed_camera_and_simulated_time_are_refused(plugged, context):
+    camera = opened(plugged, context)
+    camera.close()
+    with pytest.raises(DeviceFault, match="grab: expected an open camera"):
+        camera.grab(1.0)
+    with pytest.raises(DeviceFault, match="simulated time"):
+        open_camera(settings(), context)
+
+
+def test_a_rig_file_cannot_ask_for_compression_or_an_exposure_longer_than_a_frame():
+    with pytest.raises(ValidationError, match="format"):
+        settings(format="MJPG")
+    with pytest.raises(ValidationError, match="exposure_us must not be longer than a frame"):
+        settings(exposure_us=31_300.0)
+    assert issubclass(DeviceFault, DeviceError)
