@@ -83,7 +83,12 @@ Target = LineGridTarget | CheckerboardTarget | CharucoTarget | DotTarget
 
 
 def find_target(
-    image: NDArray[np.float32], spec: Target, source: str = "target image", *, x_axis: XAxis = None
+    image: NDArray[np.float32],
+    spec: Target,
+    source: str = "target image",
+    *,
+    x_axis: XAxis = None,
+    origin_px: tuple[float, float] | None = None,
 ) -> GridPoints:
     """Find the points of a calibration target.
 
@@ -97,6 +102,8 @@ def find_target(
         The image's file, for messages.
     x_axis : str or float, optional
         Which way X points in the image, as for `dic.grid.find_grid`. A ChArUco board says so itself.
+    origin_px : tuple of float, optional
+        About where a line grid's middle intersection is in the image, if an outer line is hidden.
 
     Returns
     -------
@@ -111,10 +118,18 @@ def find_target(
     """
     grey = np.asarray(image, np.float32)
     _require_possible(spec, source)
+    if origin_px is not None and not isinstance(spec, LineGridTarget):
+        raise CalibrationError(
+            source,
+            "find target",
+            expected="the place of the middle for a line grid only",
+            got="another target",
+            remedy="leave out --origin-px",
+        )
     if isinstance(spec, LineGridTarget):
         from dic.grid import find_grid
 
-        return find_grid(grey, spec.lines, spec.pitch_mm, source, x_axis=x_axis)
+        return find_grid(grey, spec.lines, spec.pitch_mm, source, x_axis=x_axis, origin_px=origin_px)
     if isinstance(spec, CheckerboardTarget):
         from dic.target_checkerboard import find_checkerboard
 

@@ -1,10 +1,12 @@
-"""`dic calibrate`: images of a line grid in, a calibration out."""
+"""`dic calibrate`: images of a calibration target in, a calibration out."""
 
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from dic.commands.target_options import target_options
 
 if TYPE_CHECKING:
     import numpy as np
@@ -15,48 +17,9 @@ if TYPE_CHECKING:
 _FILE = click.Path(path_type=Path)
 
 
-class _Lines(click.ParamType[tuple[int, int]]):
-    """A number of lines along X and along Y, such as 21x21."""
-
-    name = "NxM"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, int]:
-        if isinstance(value, tuple):
-            return value
-        parts = str(value).lower().replace("×", "x").split("x")
-        if len(parts) != 2 or not all(part.isascii() and part.isdigit() for part in parts):
-            self.fail(f"expected the lines along X and along Y, such as 21x21, got {value!r}", param, ctx)
-        return int(parts[0]), int(parts[1])
-
-
-class _Direction(click.ParamType[str | float]):
-    """A direction in the image: a word or an angle in degrees."""
-
-    name = "right|up|left|down|DEGREES"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str | float:
-        try:
-            return float(value)
-        except ValueError:
-            # the word is judged where directions are known
-            return str(value)
-
-
 @click.command()
 @click.argument("images", type=_FILE, nargs=-1, required=True)
-@click.option("--lines", type=_Lines(), default="21x21", show_default=True, help="Lines along X and Y.")
-@click.option("--pitch-mm", type=float, default=0.5, show_default=True, help="Distance of the lines.")
-@click.option(
-    "--x-axis", type=_Direction(), help="Which way X points in the first image; degrees from right."
-)
-@click.option(
-    "--origin-px",
-    type=float,
-    nargs=2,
-    help="About where the grid's middle intersection is in the first image, if an outer line is hidden.",
-)
+@target_options
 @click.option(
     "--model",
     type=click.Choice(["bicubic", "pinhole", "recommended"]),
@@ -81,8 +44,12 @@ class _Direction(click.ParamType[str | float]):
 @click.option("--json", "json_file", type=_FILE, help="What is printed, for programs.")
 def calibrate(
     images: tuple[Path, ...],
-    lines: tuple[int, int],
+    lines: tuple[int, int] | None,
+    squares: tuple[int, int] | None,
+    dots: tuple[int, int] | None,
     pitch_mm: float,
+    marker_mm: float | None,
+    dictionary: str,
     x_axis: str | float | None,
     origin_px: tuple[float, float] | None,
     model: str,
@@ -92,10 +59,10 @@ def calibrate(
     json_file: Path | None,
     **known: Any,
 ) -> None:
-    """Find the line grid in the first of IMAGES and fit the map from pixels to millimetres.
+    """Find the calibration target in the first of IMAGES and fit the map from pixels to millimetres.
 
-    The camera may look at the grid from anywhere. A mark on the grid or --x-axis says which way X points;
-    without either it is the direction closest to the image's right. The origin is the grid's centre.
+    The camera may look at the target from anywhere. A mark on it or --x-axis says which way X points; without
+    either it is the direction closest to the image's right. The origin is the target's centre.
 
     Beside the paper's bicubic map a pinhole camera is fitted. More images by the same camera, with the grid
     tilted otherwise, tell its focal length when it looks nearly straight; the first defines the plane.
@@ -103,17 +70,18 @@ def calibrate(
     from dic.calibration import Calibration
     from dic.commands.calibration_text import summarise, text
     from dic.commands.places import require_places
-    from dic.grid import find_grid
+    from dic.commands.target_options import read_target
     from dic.pinhole_prior import Known
+    from dic.targets import find_target
 
-    _require_length(pitch_mm)
+    target = read_target(lines, squares, dots, pitch_mm, marker_mm, dictionary)
     require_places(images, [output, points_file, plot_file, json_file])
     camera = Known(**known)
     greys = _read_images(images)
-    first = find_grid(greys[0], lines, pitch_mm, source=str(images[0]), x_axis=x_axis, origin_px=origin_px)
+    first = find_target(greys[0], target, str(images[0]), x_axis=x_axis, origin_px=origin_px)
     # the others tell the lens only: how their axes are named does not matter
     others = zip(images[1:], greys[1:], strict=True)
-    grids = [first, *(find_grid(other, lines, pitch_mm, source=str(path)) for path, other in others)]
+    grids = [first, *(find_target(other, target, str(path)) for path, other in others)]
     calibration = Calibration.fit(grids, greys[0].shape, str(images[0]), known=camera)
     if model == "recommended":
         calibration = calibration.using(calibration.recommended)
@@ -153,20 +121,6 @@ def _read_images(images: tuple[Path, ...]) -> list["NDArray[np.float32]"]:
                 remedy="calibrate each camera by itself",
             )
     return greys
-
-
-def _require_length(pitch_mm: float) -> None:
-    """Refuse what is no distance of lines, or so far from one that squares of it overflow."""
-    from dic.errors import CalibrationError
-
-    if not 1e-6 <= pitch_mm <= 1e6:
-        raise CalibrationError(
-            "settings",
-            "pitch",
-            expected="a positive pitch, from 1e-06 to 1e+06 mm",
-            got=f"{pitch_mm:g} mm",
-            remedy="correct --pitch-mm",
-        )
 
 
 def write_points(path: Path, calibration: "Calibration") -> None:

@@ -1,0 +1,161 @@
+"""`dic correlate --motion`: false strain of a specimen that left its plane, removed on rendered images."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from dic.cli import dic
+from dic.errors import MeasurementError
+from simulators.optics import PinholeCamera
+from simulators.pose import Pose
+from simulators.render import render
+from simulators.scene import Misalignment, Surface
+from simulators.sensor import Sensor
+from simulators.texture import LineGrid, Speckle
+
+MICRO = 1e6
+SENSOR = Sensor(8, 32_500.0, 20.0, 12_000.0)
+# One grey level of noise; the camera stands 30° aside and sees 5 mm of speckle on 420 px.
+SIDE_PX, FOCAL_PX = 420, 2000.0
+
+
+def run(*arguments):
+    result = CliRunner().invoke(dic, [str(argument) for argument in arguments])
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return result
+
+
+class Studio:
+    """Takes pictures into a folder."""
+
+    def __init__(self, folder, **place):
+        self.folder, self.rng = folder, np.random.default_rng(7)
+        self.camera = PinholeCamera(SIDE_PX, SIDE_PX, FOCAL_PX, **place)
+        self.speckle = Speckle.sprayed(11)
+        # A finer grid than the paper's, as the view is smaller.
+        grid = self.shoot("grid.png", Surface(LineGrid(pitch_mm=0.35, overhang_mm=0.05, plate_half_mm=4.2)))
+        self.calibration = folder / "cal.h5"
+        done = run("calibrate", grid, "--pitch-mm", 0.35, "-o", self.calibration)
+        assert done.exit_code == 0, done.output
+
+    def shoot(self, name, surface):
+        path = self.folder / name
+        image = SENSOR.expose(render(self.camera, surface), 10_000.0, 1.0, self.rng)
+        assert cv2.imwrite(str(path), image)
+        return path
+
+    def specimen(self, name, pose, F=None):
+        return self.shoot(name, Surface(self.speckle, pose, np.eye(2) if F is None else F))
+
+    def correlate(self, reference, deformed, *options):
+        report = self.folder / "report.json"
+        files = [reference, *deformed, "--calibration", self.calibration, "--json", report]
+        done = run("correlate", *files, "--subset", 31, "--step", 12, "--shape", "quadratic", *options)
+        return done, json.loads(report.read_text()) if done.exit_code == 0 else None
+
+
+@pytest.fixture(scope="module")
+def turned(tmp_path_factory):
+    studio = Studio(tmp_path_factory.mktemp("turned"), pan_deg=30.0)
+    stage = Misalignment(axis_slope_x_deg=0.2)
+    reference = studio.specimen("reference.png", Pose())
+    images = [studio.specimen(f"{a}.png", stage.turned(a)) for a in (60, 120, 180, 240, 300)]
+    return studio, reference, images
+
+
+@pytest.fixture(scope="module")
+def pulled(tmp_path_factory):
+    studio = Studio(tmp_path_factory.mktemp("pulled"), tilt_deg=30.0)
+    F = np.diag([1.0 - 0.33 * 0.003, 1.003])
+    reference = studio.specimen("reference.png", Pose())
+    return studio, reference, studio.specimen("pulled.png", Pose.sloped(0.03, -0.15), F), F
+
+
+def means(image, kind):
+    return MICRO * np.array([image[kind][name] for name in ("exx", "eyy", "exy")])
+
+
+def test_rigid_motion_loses_its_false_strain_and_tells_the_misalignment(turned, tmp_path):
+    studio, reference, images = turned
+    kept, results = tmp_path / "alignment.json", tmp_path / "results.h5"
+    done, report = studio.correlate(
+        reference, images, "--motion", "rigid", "--save-alignment", kept, "-o", results
+    )
+    assert done.exit_code == 0, done.output
+    false = np.array([means(image, "calibrated") for image in report["images"]])
+    left = np.array([means(image, "corrected") for image in report["images"]])
+    assert np.abs(false).max() > 3500
+    assert np.abs(left).max() < 40
+    assert all(image["corrected"]["applied"] for image in report["images"])
+    assert report["alignment"]["wobble_x_deg"] == pytest.approx(0.2, abs=0.005)
+    assert report["alignment"]["wobble_y_deg"] == pytest.approx(0.0, abs=0.005)
+    assert report["sensitivity"]["off_axis_deg"] == pytest.approx(30.0, abs=0.05)
+    assert "corrected exx" in done.output
+
+    import h5py
+
+    with h5py.File(results) as file:
+        stored = MICRO * file["series/corrected_mean/exx"][:]
+        np.testing.assert_allclose(stored, left[:, 0], atol=1e-6)
+    # The same alignment serves a single image, which alone would not tell it.
+    done, report = studio.correlate(reference, images[2:3], "--motion", "rigid", "--alignment", kept)
+    assert report["images"][0]["corrected"]["method"] == "alignment"
+    assert np.abs(means(report["images"][0], "corrected")).max() < 40
+
+
+def test_one_image_of_a_rotation_is_left_alone(turned):
+    studio, reference, images = turned
+    done, report = studio.correlate(reference, images[:1], "--motion", "rigid")
+    corrected = report["images"][0]["corrected"]
+    assert not corrected["applied"]
+    assert "at least 2 images" in corrected["reason"]
+    assert corrected["exx"] == report["images"][0]["calibrated"]["exx"]
+    assert "not corrected" in done.output
+
+
+def test_tension_loses_the_tilt_and_keeps_the_strain(pulled):
+    studio, reference, image, F = pulled
+    E = (F.T @ F - np.eye(2)) / 2
+    true = MICRO * np.array([E[0, 0], E[1, 1], E[0, 1]])
+    _, report = studio.correlate(reference, [image], "--motion", "tension")
+    found = report["images"][0]
+    assert np.abs(means(found, "calibrated") - true).max() > 1000
+    assert np.abs(means(found, "corrected") - true).max() < 50
+    assert found["corrected"]["slope_y_deg"] == pytest.approx(-0.15, abs=0.005)
+    assert found["corrected"]["slope_x_deg"] == pytest.approx(0.03, abs=0.005)
+    assert 0 < found["corrected"]["eyy_std"] < 50e-6
+
+
+def test_free_motion_is_not_corrected(pulled):
+    studio, reference, image, _ = pulled
+    _, report = studio.correlate(reference, [image])
+    corrected = report["images"][0]["corrected"]
+    assert not corrected["applied"]
+    assert corrected["eyy"] == report["images"][0]["calibrated"]["eyy"]
+
+
+def refusal(*arguments):
+    with pytest.raises(MeasurementError) as error:
+        CliRunner().invoke(
+            dic, [str(argument) for argument in arguments], catch_exceptions=False, standalone_mode=False
+        )
+    return str(error.value)
+
+
+def test_settings_that_make_no_sense_are_refused(pulled, tmp_path):
+    studio, reference, image, _ = pulled
+    alignment, broken = tmp_path / "alignment.json", tmp_path / "broken.json"
+    content = {"slopes": [0.0] * 4, "covariance": np.zeros((4, 4)).tolist(), "pivot_mm": [0.0, 0.0]}
+    alignment.write_text(json.dumps({"file_format": "offaxis-alignment"} | content))
+    broken.write_text("{")
+    files = ["correlate", reference, image]
+    calibrated = [*files, "--calibration", studio.calibration]
+    assert "one of free, rigid, tension, got wild" in refusal(*calibrated, "--motion", "wild")
+    assert "expected 0 to 0.5, got 0.7" in refusal(*calibrated, "--poisson-ratio", 0.7)
+    tension = refusal(*calibrated, "--motion", "tension", "--alignment", alignment)
+    assert "expected --motion rigid" in tension
+    assert "cut off" in refusal(*calibrated, "--motion", "rigid", "--alignment", broken)
+    assert "name it with --calibration" in refusal(*files, "--motion", "rigid")
