@@ -7,14 +7,19 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from drivers.clock import Clock
-from drivers.errors import DeviceError, DeviceTimeout
+from drivers.errors import DeviceError, DeviceTimeout, LinkLost
 from drivers.interfaces import CameraInfo, Frame, OpenContext
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
+from simulators.faults import CAMERA, FaultPanel
 from simulators.optics import PinholeCamera
 from simulators.render import render
-from simulators.scene import Scene, scene_of
+from simulators.rig_faults import RigFaults
+from simulators.scene import Scene, Surface, scene_of
 from simulators.sensor import Sensor
+
+# The bit that V4L2 sets in a damaged buffer's flags.
+FLAG_ERROR = 0x40
 
 
 class CameraSettings(Settings):
@@ -73,9 +78,23 @@ class SimulatedCamera:
 
     Noise depends on nothing but the scene's seed, the camera's name and the frame's number, so a run repeats
     bit by bit.
+
+    Attributes
+    ----------
+    info : CameraInfo
+    optics : PinholeCamera
+    shown : Surface or None
+        What the last frame shows.
     """
 
-    def __init__(self, name: str, settings: CameraSettings, scene: Scene, clock: Clock) -> None:
+    def __init__(
+        self,
+        name: str,
+        settings: CameraSettings,
+        scene: Scene,
+        clock: Clock,
+        faults: FaultPanel | None = None,
+    ) -> None:
         self.info = CameraInfo(
             vendor="offaxis",
             model="simulated camera",
@@ -86,6 +105,9 @@ class SimulatedCamera:
             bits=settings.bits,
         )
         self.optics = settings.optics()
+        self.shown: Surface | None = None
+        self._faults = faults or FaultPanel(CAMERA)
+        self._before: Frame | None = None
         self._settings = settings
         self._sensor = settings.sensor()
         self._scene = scene
@@ -100,40 +122,56 @@ class SimulatedCamera:
         ------
         DeviceTimeout
             If exposure and readout take longer than `timeout_s`.
+        LinkLost
+            If the camera is unplugged.
         DeviceError
             If the camera was closed.
         """
         self._require_open()
         exposure_s = self._settings.exposure_us * 1e-6
-        readout_s = self._settings.readout_us * 1e-6
-        if exposure_s + readout_s > timeout_s:
+        readout_s = self._settings.readout_us * 1e-6 + float(self._faults.take("delay") or 0)
+        stalled = "stall" in self._faults.active
+        if stalled or exposure_s + readout_s > timeout_s:
             self._clock.sleep(timeout_s)
+            reason = "the sensor stands still" if stalled else f"it takes {exposure_s + readout_s:g} s"
             raise DeviceTimeout(
                 self.info.serial,
                 "grab",
                 expected=f"a frame within {timeout_s:g} s",
-                got=f"none, since exposure and readout take {exposure_s + readout_s:g} s",
-                remedy="shorten the exposure or allow more time",
+                got=f"none: {reason}",
+                remedy="shorten the exposure or allow more time, and check the camera's trigger and power",
             )
+        if self._faults.take("stale") is not None and self._before is not None:
+            return self._before
+        if self._faults.take("drop") is not None:
+            self._sequence += 1
+        frame = self._expose(exposure_s, readout_s)
+        self._sequence += 1
+        self._before = frame
+        return frame
+
+    def _expose(self, exposure_s: float, readout_s: float) -> Frame:
         exposed_s, utc = self._clock.now_s(), self._clock.utc()
         self._clock.sleep(exposure_s / 2)
-        reflectance = render(self.optics, self._scene.surface())
+        self.shown = self._scene.surface()
+        reflectance = render(self.optics, self.shown)
         self._clock.sleep(exposure_s / 2 + readout_s)
         image = self._sensor.expose(
             reflectance, self._settings.exposure_us, self._settings.gain, self._noise_of(self._sequence)
         )
-        frame = Frame(
+        damaged = self._faults.take("corrupt") is not None
+        if damaged:
+            image[len(image) // 2 :] = 0
+        return Frame(
             image=image,
             exposed_s=exposed_s,
             received_s=self._clock.now_s(),
             utc=utc,
             sequence=self._sequence,
-            flags=0,
+            flags=FLAG_ERROR if damaged else 0,
             exposure_us=self._settings.exposure_us,
             gain=self._settings.gain,
         )
-        self._sequence += 1
-        return frame
 
     def close(self) -> None:
         """Release the camera; harmless when repeated."""
@@ -151,10 +189,20 @@ class SimulatedCamera:
                 got="a closed one",
                 remedy="open it again",
             )
+        if "unplug" in self._faults.active:
+            raise LinkLost(
+                self.info.serial,
+                "grab",
+                expected="a camera on its cable",
+                got="none",
+                remedy="plug the camera in and open it again",
+            )
 
 
 def _open(settings: CameraSettings, context: OpenContext) -> SimulatedCamera:
-    return SimulatedCamera(context.name, settings, scene_of(context), context.clock)
+    faults = getattr(context.environment, "faults", None)
+    panel = faults[CAMERA] if isinstance(faults, RigFaults) else None
+    return SimulatedCamera(context.name, settings, scene_of(context), context.clock, panel)
 
 
 SPEC = DriverSpec("camera", CameraSettings, _open)

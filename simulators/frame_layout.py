@@ -7,17 +7,11 @@ that a mistake in one shows.
 import math
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 Number = int | float
 
 _FORMATS = {"u16": ">H", "i16": ">h", "u32": ">I", "i32": ">i", "f32": ">f"}
-_RANGES = {
-    "u16": (0, 2**16 - 1),
-    "i16": (-(2**15), 2**15 - 1),
-    "u32": (0, 2**32 - 1),
-    "i32": (-(2**31), 2**31 - 1),
-}
 WORD_ORDERS = {"ABCD": (0, 1, 2, 3), "CDAB": (2, 3, 0, 1), "BADC": (1, 0, 3, 2), "DCBA": (3, 2, 1, 0)}
 NO_VALUE = 0x7FFFFFFF
 """What a device whose registers hold whole numbers shows for a load it cannot measure."""
@@ -56,39 +50,50 @@ class Layout:
 
     Attributes
     ----------
-    revision : int
     state, identity : Block
-        Read-only, in the table of input registers unless `one_table`.
+        Read-only.
+    status : Block, optional
+        Read-only too, when the status is not in `state`.
     command, limits, watchdog, heartbeat : Block
-        Holding registers; each is written whole, in one request.
+        Each is written whole, in one request.
+    setpoints : Block, optional
+        Written before the command, when targets and rates are not in `command`.
+    bits : mapping of str to int
+        Which bit of the status says what.
+    commands : mapping of int to str
+        ``hold``, ``displacement``, ``load`` and ``tare`` by their codes.
     word_order : str
         How the bytes A (most significant) to D of a 32-bit value stand in two registers.
     request_max : int
         Most registers in one request.
     one_table : bool
-        Whether the device has holding registers only.
-    status : tuple of str
-        What the bits of the status mean, from 0; empty for a bit that means nothing.
-    commands : mapping of int to str
-        ``hold``, ``displacement``, ``load`` and ``tare`` by their codes.
+        Whether what is read-only stands among the holding registers too, and there are no input registers.
     """
 
-    revision: int
     state: Block
     identity: Block
     command: Block
     limits: Block
     watchdog: Block
     heartbeat: Block
+    bits: Mapping[str, int]
+    commands: Mapping[int, str]
+    status: Block | None = None
+    setpoints: Block | None = None
     word_order: str = "ABCD"
     request_max: int = 125
     one_table: bool = False
-    status: tuple[str, ...] = (
-        "ready", "moving", "at_target", "holding", "limit", "watchdog", "estop", "load_valid",
-    )  # fmt: skip
-    commands: Mapping[int, str] = field(
-        default_factory=lambda: {1: "hold", 2: "displacement", 3: "load", 4: "tare"}
-    )
+
+    @property
+    def readable(self) -> list[Block]:
+        """The blocks that are only read."""
+        return [block for block in (self.state, self.status, self.identity) if block is not None]
+
+    @property
+    def writable(self) -> list[Block]:
+        """The blocks that are written, and can be read back."""
+        blocks = (self.command, self.setpoints, self.limits, self.watchdog, self.heartbeat)
+        return [block for block in blocks if block is not None]
 
     def encode(self, block: Block, values: Mapping[str, Number]) -> bytes:
         """Return a block's bytes; values that are not named are 0."""
@@ -108,11 +113,12 @@ class Layout:
     def _encode(self, register: Register, value: Number) -> bytes:
         if register.kind == "f32":
             return self._ordered(struct.pack(">f", value / register.scale))
-        if not math.isfinite(value):
-            raw = NO_VALUE
+        raw = round(value / register.scale) if math.isfinite(value) else NO_VALUE
+        bits = 16 * register.size
+        if register.kind.startswith("u"):
+            raw %= 2**bits  # counters go round
         else:
-            low, high = _RANGES[register.kind]
-            raw = min(max(round(value / register.scale), low), high)
+            raw = min(max(raw, -(2 ** (bits - 1))), 2 ** (bits - 1) - 1)
         return self._ordered(struct.pack(_FORMATS[register.kind], raw))
 
     def _ordered(self, data: bytes) -> bytes:
@@ -120,12 +126,21 @@ class Layout:
         return data if len(data) == 2 else bytes(data[i] for i in WORD_ORDERS[self.word_order])
 
 
-def _block(address: int, **kinds: str) -> Block:
-    return Block(address, tuple(Register(name, kind) for name, kind in kinds.items()))
+def _block(address: int, **kinds: str | tuple[str, float]) -> Block:
+    """Name a block's registers in their order, each by its type, or by type and scale."""
+    return Block(
+        address,
+        tuple(Register(name, *((kind,) if isinstance(kind, str) else kind)) for name, kind in kinds.items()),
+    )
 
+
+_LIMITS_F32 = _block(
+    32,
+    load_min="f32", load_max="f32", displacement_min="f32", displacement_max="f32", speed_max="f32",
+    load_rate_max="f32",
+)  # fmt: skip
 
 GENERIC = Layout(
-    revision=1,
     state=_block(
         0,
         revision="u16", sample="u32", status="u16", fault="u16", executed="u16", result="u16", spare="u16",
@@ -135,15 +150,59 @@ GENERIC = Layout(
     command=_block(
         0, command="u16", displacement="f32", speed="f32", load="f32", load_rate="f32", sequence="u16"
     ),
-    limits=_block(
-        32,
-        load_min="f32", load_max="f32", displacement_min="f32", displacement_max="f32", speed_max="f32",
-        load_rate_max="f32",
-    ),
+    limits=_LIMITS_F32,
     watchdog=_block(64, timeout="f32"),
     heartbeat=_block(66, heartbeat="u16"),
+    bits={
+        "ready": 0, "moving": 1, "at_target": 2, "holding": 3, "limit": 4, "watchdog": 5, "estop": 6,
+        "load_valid": 7,
+    },
+    commands={1: "hold", 2: "displacement", 3: "load", 4: "tare"},
 )  # fmt: skip
 """The tensile frame as it should be: N, mm and s as 32-bit floats, time in ms."""
 
-LAYOUTS = {"generic": GENERIC}
+# 0.1 N and 0.1 µm, as i32 or u32.
+_NEWTONS, _MILLIMETRES, _N_S, _MM_S = ("i32", 0.1), ("i32", 1e-4), ("u32", 0.1), ("u32", 1e-4)
+
+SCALED_INTEGERS = Layout(
+    state=_block(
+        256,
+        revision="u16", status="u16", sample="u32", fault="u16", executed="u16", result="u16", spare="u16",
+        load=_NEWTONS, displacement=_MILLIMETRES,
+    ),
+    identity=_block(288, serial="u32", firmware="u16"),
+    command=_block(
+        512,
+        command="u16", displacement=_MILLIMETRES, speed=_MM_S, load=_NEWTONS, load_rate=_N_S, sequence="u16",
+    ),
+    limits=_block(
+        544,
+        load_min=_NEWTONS, load_max=_NEWTONS, displacement_min=_MILLIMETRES, displacement_max=_MILLIMETRES,
+        speed_max=_MM_S, load_rate_max=_N_S,
+    ),
+    watchdog=_block(576, timeout=("u16", 0.001)),
+    heartbeat=_block(577, heartbeat="u16"),
+    bits={"moving": 0, "at_target": 1, "holding": 2, "watchdog": 4, "estop": 5, "load_valid": 8},
+    commands={1: "hold", 2: "displacement", 3: "load", 4: "tare"},
+    word_order="CDAB",
+    request_max=16,
+    one_table=True,
+)  # fmt: skip
+"""Whole numbers with scales, the less significant word first, few registers in a request, one table."""
+
+SEPARATE_WORDS = Layout(
+    state=_block(0, revision="u16", sample="u16", load="f32", displacement="f32"),
+    status=_block(16, status="u16", fault="u16", executed="u16", result="u16"),
+    identity=_block(32, serial="u32", firmware="u16"),
+    setpoints=_block(0, displacement="f32", speed="f32", load="f32", load_rate="f32"),
+    command=_block(16, command="u16", sequence="u16"),
+    limits=_LIMITS_F32,
+    watchdog=_block(64, timeout="f32"),
+    heartbeat=_block(66, heartbeat="u16"),
+    bits={"load_valid": 0, "moving": 8, "at_target": 9, "holding": 10, "watchdog": 12, "estop": 13},
+    commands={0x0100: "hold", 0x0201: "displacement", 0x0202: "load", 0x0400: "tare"},
+)
+"""Command and status words apart from set points and readings."""
+
+LAYOUTS = {"generic": GENERIC, "scaled-integers": SCALED_INTEGERS, "separate-words": SEPARATE_WORDS}
 """By the name of the drivers' map that describes the same device."""

@@ -8,6 +8,7 @@ one overtaken by another, does nothing.
 import math
 import struct
 import threading
+from collections.abc import Mapping
 from typing import Any
 
 from simulators.faults import FaultPanel
@@ -15,6 +16,7 @@ from simulators.frame_device import FrameDevice
 from simulators.frame_layout import Block, Layout, Number
 from simulators.frame_state import Fault, Limits, Readings, Refusal, RefusedError
 
+REVISION = 1
 FIRMWARE = 0x0104
 READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY = 3, 4, 6, 16
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE = 1, 2, 3
@@ -90,11 +92,9 @@ class FrameRegisters:
 
     def _table(self, function: int) -> list[Block]:
         layout = self._layout
-        read_only = [layout.state, layout.identity]
         if function == READ_INPUT:
-            return [] if layout.one_table else read_only
-        holding = [layout.command, layout.limits, layout.watchdog, layout.heartbeat]
-        return holding + (read_only if layout.one_table else [])
+            return [] if layout.one_table else layout.readable
+        return layout.writable + (layout.readable if layout.one_table else [])
 
     def _cut(self, blocks: list[Block], address: int, count: int) -> bytes:
         """Return `count` registers from inside one block; a request that leaves it is refused."""
@@ -107,11 +107,11 @@ class FrameRegisters:
 
     def _values(self, block: Block) -> dict[str, Number]:
         layout, device = self._layout, self._device
-        if block is layout.state:
+        if block is layout.state or block is layout.status:
             return self._state(device.read())
         if block is layout.identity:
             return {"serial": self._serial, "firmware": FIRMWARE}
-        if block is layout.command:
+        if block is layout.command or block is layout.setpoints:
             return self._command
         if block is layout.watchdog:
             return {"timeout": device.watchdog_s}
@@ -129,9 +129,9 @@ class FrameRegisters:
 
     def _state(self, readings: Readings) -> dict[str, Number]:
         return {
-            "revision": self._layout.revision,
-            "sample": readings.sample % 2**32,
-            "status": _bits(self._layout.status, readings),
+            "revision": REVISION,
+            "sample": readings.sample,
+            "status": _status(self._layout.bits, readings),
             "fault": int(readings.fault),
             "executed": self._executed,
             "result": self._result,
@@ -139,19 +139,20 @@ class FrameRegisters:
             "displacement": readings.displacement_mm,
             "speed": readings.speed_mm_s,
             "target": readings.target,
-            "device_time_ms": round(readings.time_s * 1000) % 2**32,
+            "device_time_ms": round(readings.time_s * 1000),
         }
 
     def _write(self, address: int, data: bytes) -> None:
         layout = self._layout
-        writable = (layout.command, layout.limits, layout.watchdog, layout.heartbeat)
-        block = next((each for each in writable if each.address == address), None)
+        block = next((each for each in layout.writable if each.address == address), None)
         if block is None or 2 * block.count != len(data):
             raise ExceptionReply(ILLEGAL_ADDRESS)
         values = layout.decode(block, data)
         try:
             if block is layout.command:
-                self._obey(values)
+                self._obey({**self._command, **values})
+            elif block is layout.setpoints:
+                self._command = {**self._command, **values}
             elif block is layout.limits:
                 self._device.set_limits(_limits(values))
             elif block is layout.watchdog:
@@ -184,7 +185,7 @@ class FrameRegisters:
             self._result = refusal.reason
 
 
-def _bits(names: tuple[str, ...], readings: Readings) -> int:
+def _status(bits: Mapping[str, int], readings: Readings) -> int:
     true = {
         "ready": not readings.estop,
         "moving": readings.moving,
@@ -195,7 +196,7 @@ def _bits(names: tuple[str, ...], readings: Readings) -> int:
         "estop": readings.estop,
         "load_valid": math.isfinite(readings.load_n),
     }
-    return sum(1 << place for place, name in enumerate(names) if name and true[name])
+    return sum(1 << place for name, place in bits.items() if true[name])
 
 
 def _limits(values: dict[str, Number]) -> Limits:

@@ -1,20 +1,26 @@
 """The whole rig without hardware: stage and frame as servers on the wire, and the specimen they move."""
 
 from collections.abc import Mapping
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from drivers.clock import VirtualClock
+from drivers.clock import Clock, SystemClock, VirtualClock
 from drivers.interfaces import OpenContext
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
+from simulators.device_faults import frame_faults, stage_faults
+from simulators.faults import CAMERA, LOAD_FRAME, NEWPORT, STAGE, FaultPanel
 from simulators.frame_device import FrameDevice
-from simulators.frame_wire import FrameServer
+from simulators.frame_layout import LAYOUTS
+from simulators.frame_wire import FrameRtuServer, FrameRtuTcpServer, FrameServer
+from simulators.newport_wire import NewportServer
+from simulators.rig_faults import RigFaults
 from simulators.scene import Misalignment, Scene
 from simulators.specimen import Specimen, SpecimenSettings
 from simulators.stage_device import StageDevice
-from simulators.stage_wire import StageServer
+from simulators.stage_wire import StageServer, StageTcpServer
 
 
 class VirtualRigSettings(Settings):
@@ -23,6 +29,10 @@ class VirtualRigSettings(Settings):
     seed: int = Field(
         default=1, ge=0, description="of speckle and noise; the same seed repeats a run bit by bit"
     )
+    real_time: bool = Field(
+        default=False, description="run on the machine's own time, instead of as fast as it can"
+    )
+    load_frame_map: Literal["generic", "scaled-integers", "separate-words"] = "generic"
     misalignment: Misalignment = Misalignment()
     specimen: SpecimenSettings = SpecimenSettings()
 
@@ -32,37 +42,79 @@ class VirtualRig:
 
     Attributes
     ----------
-    clock : VirtualClock
+    clock : Clock
         The time of everything in it, the rig's engine included.
     addresses : mapping of str to str
-        ``stage``: path of a pty that speaks Zaber ASCII; ``load_frame``: host:port that speaks Modbus TCP.
+        ``stage``, ``stage_tcp``: Zaber ASCII on a pty and on TCP; ``newport``: a Newport ESP301 on a pty that
+        turns the same shaft; ``load_frame``, ``load_frame_rtu``, ``load_frame_rtu_tcp``: one load frame on
+        Modbus TCP, on Modbus RTU on a pty, and on RTU over TCP. As the drivers' settings want them.
+    faults : RigFaults
+        What can be let go wrong, while it runs.
     scene : Scene
         What its cameras see.
+    stage : StageDevice
+    load_frame : FrameDevice
     """
 
     def __init__(self, settings: VirtualRigSettings) -> None:
-        self.clock = VirtualClock()
+        self.clock: Clock = SystemClock() if settings.real_time else VirtualClock()
         specimen = Specimen(settings.specimen)
-        stage = StageDevice(self.clock)
-        frame = FrameDevice(self.clock, specimen, rng=np.random.default_rng(settings.seed))
+        self.stage = StageDevice(self.clock)
+        self.load_frame = FrameDevice(self.clock, specimen, rng=np.random.default_rng(settings.seed))
         self.scene = Scene(
             seed=settings.seed,
             misalignment=settings.misalignment,
             specimen=specimen,
-            angle_deg=stage.angle_deg,
-            load_n=frame.load_n,
+            angle_deg=self.stage.angle_deg,
+            load_n=self.load_frame.load_n,
         )
-        self._stage_server = StageServer(stage)
-        self._frame_server = FrameServer(frame)
-        self.addresses: Mapping[str, str] = {
-            "stage": self._stage_server.address,
-            "load_frame": self._frame_server.address,
+        self.faults = RigFaults(
+            stage_faults(FaultPanel(STAGE), self.stage),
+            stage_faults(FaultPanel(NEWPORT), self.stage),
+            frame_faults(FaultPanel(LOAD_FRAME), self.load_frame),
+            FaultPanel(CAMERA),
+        )
+        self._start(settings)
+
+    def _start(self, settings: VirtualRigSettings) -> None:
+        of_stage, of_frame = self.faults[STAGE], self.faults[LOAD_FRAME]
+        frame = FrameServer(self.load_frame, layout=LAYOUTS[settings.load_frame_map], faults=of_frame)
+        self._servers: dict[str, Any] = {
+            "stage": StageServer(self.stage, faults=of_stage),
+            "stage_tcp": StageTcpServer(self.stage, faults=of_stage),
+            "newport": NewportServer(self.stage, self.clock, faults=self.faults[NEWPORT]),
+            "load_frame": frame,
+            "load_frame_rtu": FrameRtuServer(self.load_frame, faults=of_frame, registers=frame.registers),
+            "load_frame_rtu_tcp": FrameRtuTcpServer(
+                self.load_frame, faults=of_frame, registers=frame.registers
+            ),
+        }
+
+    @property
+    def addresses(self) -> Mapping[str, str]:
+        """Where each server is; a pseudo-terminal that was unplugged may come back under another path."""
+        prefixes = {"stage_tcp": "socket://", "load_frame_rtu_tcp": "rtu://"}
+        return {name: prefixes.get(name, "") + server.address for name, server in self._servers.items()}
+
+    def truth(self) -> dict[str, float | bool]:
+        """Return what is true now: the shaft's angle, the crosshead, the load and the specimen's strains."""
+        load_n = self.load_frame.load_n()
+        state = self.scene.specimen.state
+        return {
+            "time_s": self.clock.now_s(),
+            "angle_deg": self.stage.angle_deg(),
+            "displacement_mm": self.load_frame.displacement_mm(),
+            "load_n": load_n,
+            "axial_strain": state.axial_strain,
+            "transverse_strain": state.transverse_strain,
+            "broken": state.broken,
+            "grid_attached": self.scene.grid_attached,
         }
 
     def close(self) -> None:
-        """Stop both servers; harmless when repeated."""
-        self._stage_server.close()
-        self._frame_server.close()
+        """Stop every server; harmless when repeated."""
+        for server in self._servers.values():
+            server.close()
 
 
 def _open(settings: VirtualRigSettings, context: OpenContext) -> VirtualRig:
