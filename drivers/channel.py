@@ -40,9 +40,14 @@ class Channel:
         """Hand all of `data` to the system."""
         raise NotImplementedError
 
+    def drain(self) -> None:
+        """Forget what was received and not read."""
+        while self.receive(0.0):
+            pass
+
     def discard(self) -> None:
-        """Forget what was received and not read, and what was sent and has not left yet."""
-        raise NotImplementedError
+        """Forget what was received and not read, and what was sent and has not left yet, if it can be."""
+        self.drain()
 
     def receive(self, deadline_s: float, wake: int | None = None) -> bytes:
         """Return what has come, at least a byte; nothing when the deadline passes first.
@@ -100,11 +105,6 @@ class TcpChannel(Channel):
         """Hand all of `data` to the system."""
         self._socket.sendall(data)
 
-    def discard(self) -> None:
-        """Forget what was received and not read; what was sent cannot be called back."""
-        while self.receive(0.0):
-            pass
-
 
 class SerialChannel(Channel):
     """A serial port, opened exclusively.
@@ -144,4 +144,4 @@ class SerialChannel(Channel):
     def discard(self) -> None:
         """Forget what was received and not read, and what was sent and has not left yet."""
         self._serial.reset_output_buffer()
-        self._serial.reset_input_buffer()
+        self.drain()

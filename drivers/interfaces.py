@@ -108,6 +108,12 @@ class RotationStage(Protocol):
     def move_to(self, angle_deg: float) -> None:
         """Begin to move to an absolute angle; refused out of limits or without a reference."""
 
+    def move_by(self, angle_deg: float) -> None:
+        """Begin to move by an angle from where the stage stands; refused like `move_to`, never done twice."""
+
+    def set_speed(self, speed_deg_s: float) -> None:
+        """Set the speed of motions to come; refused unless the device takes it."""
+
     def stop(self) -> None:
         """Stop now, ahead of everything that waits, until the device says that it stands still."""
 

@@ -3,56 +3,27 @@
 import math
 import threading
 from collections.abc import Callable
-from typing import Self
-
-from pydantic import Field, model_validator
 
 from drivers.address import resolve_address
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout
 from drivers.interfaces import DeviceInfo, OpenContext, StageState
 from drivers.patience import Patience
 from drivers.registry import DriverSpec
-from drivers.settings import Settings
 from drivers.zaber_port import ZaberPort
-from drivers.zaber_protocol import FLAGS, MOTION_FAILED, NOT_REFERENCED, REJECTIONS, SPEED_UNIT, Reply
+from drivers.zaber_protocol import (
+    DISABLED,
+    FLAGS,
+    MOTION_FAILED,
+    NOT_REFERENCED,
+    REJECTIONS,
+    SPEED_UNIT,
+    Reply,
+)
+from drivers.zaber_settings import ZaberSettings
 
 STOP_PATIENCE_S = 5.0
 STOP_POLL_S = 0.02
 READ_ATTEMPTS = 2
-
-
-class ZaberSettings(Settings):
-    """What a rig file says about the stage.
-
-    Attributes
-    ----------
-    port : str
-        Path of the serial device, ``socket://host:port``, or ``@name`` of a simulated rig's server.
-    address, axis : int
-        The device in the chain and its axis.
-    microsteps_per_deg : float
-    angle_min_deg, angle_max_deg : float
-        Limits of travel, also written to the stage. A rotary stage may have more than a turn.
-    speed_deg_s : float
-        Written to the stage.
-    reply_timeout_s : float
-        How long an answer may take.
-    """
-
-    port: str
-    address: int = Field(default=1, ge=1, le=99)
-    axis: int = Field(default=1, ge=1, le=9)
-    microsteps_per_deg: float = Field(default=6400.0, gt=0)
-    angle_min_deg: float
-    angle_max_deg: float
-    speed_deg_s: float = Field(default=10.0, gt=0)
-    reply_timeout_s: float = Field(default=1.0, gt=0, le=60)
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        if self.angle_min_deg >= self.angle_max_deg:
-            raise ValueError("angle_min_deg must be below angle_max_deg")
-        return self
 
 
 class ZaberStage:
@@ -97,7 +68,9 @@ class ZaberStage:
     def home(self) -> None:
         """Acknowledge past faults and begin to find the reference position."""
         permit = self._unless_stopped("home")
-        self._accepted(self._port.ask(self._settings.address, self._settings.axis, "warnings clear"), "home")
+        cleared = self._query("warnings clear", "home")
+        if DISABLED.intersection(self._flags(cleared)):
+            self._query("driver enable", "home")
         self._begin("home", "home", permit, lambda reply: not NOT_REFERENCED.intersection(self._flags(reply)))
 
     def move_to(self, angle_deg: float) -> None:
@@ -128,6 +101,21 @@ class ZaberStage:
             self._query("warnings clear", step)
         target = round(angle_deg * self._settings.microsteps_per_deg)
         self._begin(f"move abs {target}", step, permit, lambda reply: self._integer(reply) == target)
+
+    def move_by(self, angle_deg: float) -> None:
+        """Begin to move by an angle from where the stage stands.
+
+        It is sent as an absolute angle: a relative command that is lost, or arrives twice, would leave the
+        stage somewhere else. Raises what `move_to` raises.
+        """
+        self.move_to(self.read().angle_deg + angle_deg)
+
+    def set_speed(self, speed_deg_s: float) -> None:
+        """Set the speed of motions to come and read it back; `DeviceFault` if it is not taken."""
+        speed = round(speed_deg_s * self._settings.microsteps_per_deg * SPEED_UNIT)
+        if not speed > 0:
+            raise self._fault("set speed", "a speed above 0", f"{speed_deg_s:g}°/s", "correct the rig file")
+        self._set("maxspeed", speed)
 
     def stop(self) -> None:
         """Stop now; repeated until the stage says that it stands still.
@@ -162,20 +150,39 @@ class ZaberStage:
         self._port.close()
 
     def _configure(self) -> None:
-        """Write limits and speed to the stage and read them back."""
+        """Check the scale, write limits and speed to the stage and read them back."""
         scale = self._settings.microsteps_per_deg
+        self._check_scale(scale)
         low, high = round(self._settings.angle_min_deg * scale), round(self._settings.angle_max_deg * scale)
         limits = [("limit.max", high), ("limit.min", low)]
         # in the order that never crosses them: a stage may refuse a minimum above its present maximum
         if high <= self._integer(self._query("get limit.min", "read limit.min"), "read limit.min"):
             limits.reverse()
-        speed = round(self._settings.speed_deg_s * scale * SPEED_UNIT)
-        for name, value in [*limits, ("maxspeed", speed)]:
-            self._query(f"set {name} {value}", f"set {name}")
-            if (got := self._get(name)) != str(value):
-                raise self._fault(
-                    f"set {name}", str(value), f"{got} on reading back", "check the stage's own limits"
-                )
+        for name, value in limits:
+            self._set(name, value)
+        self.set_speed(self._settings.speed_deg_s)
+
+    def _check_scale(self, scale: float) -> None:
+        """Compare with the stage's own microsteps in a turn, where it knows them."""
+        try:
+            reply = self._query("get limit.cycle.dist", "read limit.cycle.dist")
+        except DeviceFault:
+            return  # older firmware, or a stage without turns
+        turn = self._integer(reply, "read limit.cycle.dist")
+        if turn > 0 and turn != round(360 * scale):
+            raise self._fault(
+                "read limit.cycle.dist",
+                f"{360 * scale:g} microsteps in a turn",
+                f"{turn}",
+                f"set microsteps_per_deg = {turn / 360:g}, and check that it is the right stage",
+            )
+
+    def _set(self, name: str, value: int) -> None:
+        self._query(f"set {name} {value}", f"set {name}")
+        if (got := self._get(name)) != str(value):
+            raise self._fault(
+                f"set {name}", str(value), f"{got} on reading back", "check the stage's own limits"
+            )
 
     def _get(self, name: str, axis: int | None = None) -> str:
         return self._query(f"get {name}", f"read {name}", axis).data

@@ -19,6 +19,8 @@ _REPLY = re.compile(
 
 # Flags after which the last motion has failed; all others warn.
 MOTION_FAILED = frozenset({"FS", "FD", "FO", "FH", "FE", "WL", "FF"})
+# Flags of a motor driver that takes no motion until it was enabled again.
+DISABLED = frozenset({"FD", "FO", "FH"})
 # Flags that say that the position counter does not belong to a reference.
 NOT_REFERENCED = frozenset({"WR", "WH"})
 

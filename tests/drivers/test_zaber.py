@@ -10,8 +10,9 @@ from drivers.errors import ConfigurationError, DeviceFault, DeviceTimeout, LinkL
 from drivers.interfaces import OpenContext
 from drivers.registry import find_driver
 from drivers.settings import validate
-from drivers.zaber import ZaberSettings, ZaberStage, open_stage
+from drivers.zaber import ZaberStage, open_stage
 from drivers.zaber_protocol import MOTION_FAILED, lrc
+from drivers.zaber_settings import ZaberSettings
 from simulators.stage_device import StageDevice
 from simulators.stage_wire import StageServer, StageTcpServer
 

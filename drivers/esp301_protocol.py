@@ -1,0 +1,67 @@
+"""Newport ESP301 messages: what the answers mean, and what its errors are; bytes and texts only, no port.
+
+A command is an axis number, two letters and a value, ended by CR; ``?`` asks. There are no ids and no
+checksums, and a command is not acknowledged: errors wait in a queue, ten deep, that ``TB?`` empties.
+Source: Newport ESP301 User's Manual, command set, and appendix on error messages.
+"""
+
+import re
+from dataclasses import dataclass
+
+DEGREES = 7
+QUEUE_DEPTH = 10
+END = b"\r"
+MODEL = re.compile(r"(?P<model>ESP30\w) +[Vv]ersion +(?P<firmware>\S+).*")
+_ERROR = re.compile(r"(?P<code>\d+) *, *(?P<stamp>\d+) *, *(?P<text>.*)")
+
+# A command arrived that the controller does not understand: noise on the line, not a fault of the stage.
+MISUNDERSTOOD = frozenset({6, 7, 9, 37, 38})
+EMERGENCY_STOP = 4
+NOT_OF_AN_AXIS = 100
+
+# Errors of an axis, less the axis number times 100, after which its last motion has failed.
+MOTION_FAILED = frozenset({2, 3, 4, 5, 6, 7, 8, 9, 13, 20})
+
+
+@dataclass(frozen=True)
+class QueuedError:
+    """An entry of the error queue; code 0 says that it is empty."""
+
+    code: int
+    text: str
+
+    @property
+    def axis(self) -> int:
+        """The axis it belongs to; 0 for the controller."""
+        return self.code // NOT_OF_AN_AXIS
+
+    def __str__(self) -> str:
+        return f"error {self.code} ({self.text.lower()})"
+
+    def fails(self, axis: int) -> bool:
+        """Whether the last motion of `axis` has failed by it."""
+        if self.axis == 0:
+            return self.code not in (0, *MISUNDERSTOOD)
+        return self.axis == axis and self.code % NOT_OF_AN_AXIS in MOTION_FAILED
+
+
+def read_error(line: str) -> QueuedError:
+    """Read the answer to ``TB?``; `ValueError` if it is none."""
+    match = _ERROR.fullmatch(line)
+    if match is None:
+        raise ValueError(f"{line!r} instead of an error's code, time and text")
+    return QueuedError(int(match["code"]), match["text"].strip())
+
+
+def read_number(line: str) -> float:
+    """Read a number; `ValueError` if it is none."""
+    if re.fullmatch(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?", line) is None:
+        raise ValueError(f"{line!r} instead of a number")
+    return float(line)
+
+
+def read_switch(line: str) -> bool:
+    """Read 0 or 1; `ValueError` if it is neither."""
+    if line not in ("0", "1"):
+        raise ValueError(f"{line!r} instead of 0 or 1")
+    return line == "1"
