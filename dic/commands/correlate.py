@@ -1,10 +1,9 @@
 """`dic correlate`: image files in, displacements and strains out."""
 
 import json
-from collections import Counter
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,8 +12,7 @@ from dic.commands.strain_options import strain_options
 if TYPE_CHECKING:
     from dic.calibration import Calibration
     from dic.commands.corrected import CorrectedSeries
-    from dic.measurement import Measurement
-    from dic.out_of_plane.correction import Correction
+    from dic.commands.series_files import SeriesOutputs
     from dic.series import Series
     from dic.settings import CorrelationSettings
     from dic.strain import StrainSettings
@@ -108,6 +106,7 @@ def correlate(
     from dic.commands.corrected import CorrectedSeries
     from dic.commands.mask import read_region
     from dic.commands.places import require_places
+    from dic.commands.series_files import SeriesFiles, SeriesOutputs
     from dic.images import read_image
     from dic.out_of_plane.alignment import load_alignment
     from dic.series import Series
@@ -118,7 +117,7 @@ def correlate(
         subset_px=subset, step_px=step, shape=shape, order=spline, min_zncc=min_zncc
     )
     strain = StrainSettings(measure=strain_measure, window_points=strain_window, source=strain_from)
-    files = _SeriesFiles(output, csv_folder, maps_folder, deformed)
+    files = SeriesFiles(output, csv_folder, maps_folder, deformed)
     drawn = [path for path in map(Path, polygons) if path.is_file()]
     inputs = [reference, *deformed, calibration_file, roi, *drawn, alignment_file]
     require_places(inputs, [json_file, save_alignment, *files.all()])
@@ -134,7 +133,7 @@ def correlate(
 
     gauge_px = strain.gauge_px(settings)
     say(gauge_text(gauge_px, None if calibration is None else gauge_px * calibration.mm_per_px))
-    with _Outputs(image, settings, files) as results:
+    with SeriesOutputs(image, settings, files) as results:
         measured = _Measured(series, calibration, settings, strain, corrected, results)
         measured.all(deformed, hint)
         content = {"reference": str(reference), "settings": vars(settings), "images": measured.summaries}
@@ -170,7 +169,7 @@ class _Measured:
         settings: "CorrelationSettings",
         strain: "StrainSettings",
         corrected: "CorrectedSeries",
-        results: "_Outputs",
+        results: "SeriesOutputs",
     ) -> None:
         self._series, self._corrected, self._results = series, corrected, results
         self._how = calibration, settings, strain
@@ -263,74 +262,6 @@ def _require_calibration_fits(calibration: "Calibration", shape: tuple[int, ...]
             got=f"{shape[1]} × {shape[0]} px",
             remedy="calibrate with an image of the same camera and format",
         )
-
-
-class _SeriesFiles:
-    """The names of the files a series leaves behind, each only if it was asked for.
-
-    Images of the same name, from several folders or given twice, are told apart by their number.
-    """
-
-    def __init__(
-        self,
-        output: Path | None,
-        csv_folder: Path | None,
-        maps_folder: Path | None,
-        deformed: tuple[Path, ...],
-    ) -> None:
-        for folder in (csv_folder, maps_folder):
-            if folder is not None:
-                folder.mkdir(parents=True, exist_ok=True)
-        stems = Counter(path.stem for path in deformed)
-        names = [
-            f"{number:04d}_{path.stem}" if stems[path.stem] > 1 else path.stem
-            for number, path in enumerate(deformed, 1)
-        ]
-        self.output = output
-        self.csv = [] if csv_folder is None else [csv_folder / f"{name}.csv" for name in names]
-        self.maps = [] if maps_folder is None else [maps_folder / f"{name}.png" for name in names]
-
-    def all(self) -> list[Path]:
-        """Return every file of the series."""
-        return [*([] if self.output is None else [self.output]), *self.csv, *self.maps]
-
-
-class _Outputs:
-    """Writes the files of a series, image by image."""
-
-    def __init__(self, image: Any, settings: Any, files: _SeriesFiles) -> None:
-        from dic.results import ResultWriter
-
-        self._image, self._settings, self._files = image, settings, files
-        self._writer = None if files.output is None else ResultWriter(files.output)
-
-    def __enter__(self) -> Self:
-        if self._writer is not None:
-            self._writer.__enter__()
-        return self
-
-    def __exit__(self, *error: Any) -> None:
-        if self._writer is not None:
-            self._writer.__exit__(*error)
-
-    def write(self, number: int, measurement: "Measurement") -> None:
-        """Write the measurement of the image `number` to every file that was asked for."""
-        from dic.csv_files import write_csv
-        from dic.maps import write_maps
-
-        if self._writer is not None:
-            self._writer.add("series", measurement, self._settings)
-        if self._files.csv:
-            write_csv(self._files.csv[number], measurement.field, measurement.calibrated)
-        if self._files.maps:
-            name = Path(measurement.label).name
-            title = f"{name}, subset {self._settings.subset_px} px, step {self._settings.step_px} px"
-            write_maps(self._files.maps[number], measurement, self._image, title)
-
-    def write_corrections(self, corrections: "list[Correction]") -> None:
-        """Write what the images' corrections found, once all are known."""
-        if self._writer is not None and corrections:
-            self._writer.add_corrections("series", corrections)
 
 
 def _line(summary: dict[str, Any]) -> str:
