@@ -11,7 +11,7 @@ from rig.run import run_protocol
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 # A quarter of the default's points: means over a thousand of them still have less than 2 µε of noise.
-COARSE = CorrelationSettings(subset_px=31, step_px=20)
+COARSE = CorrelationSettings(subset_px=31, step_px=20, shape="quadratic")
 MICRO = 1e6
 
 
@@ -27,13 +27,20 @@ def experiment(folder, protocol, rig, changes=()):
     assert outcome.status == "completed", outcome.reason
     result = process_run(folder / "run.h5", COARSE)
     assert not [failure for camera in result.cameras for failure in camera.failures]
-    return {camera.camera: camera for camera in result.cameras}
+    return {camera.camera: camera for camera in result.cameras}, result.corrections
 
 
 def calibrated(camera):
     """Return (steps, 3) calibrated exx, eyy, exy in µε."""
     means = [m.calibrated_mean for m in camera.measurements]
     return MICRO * np.array([[m.exx, m.eyy, m.exy] for m in means])
+
+
+def corrected(corrections):
+    """Return (steps, 3) corrected exx, eyy, exy in µε; NaN where a correction was declined."""
+    return MICRO * np.array(
+        [[np.nan] * 3 if c.declined else [c.mean.exx, c.mean.eyy, c.mean.exy] for c in corrections]
+    )
 
 
 def raw(camera):
@@ -46,29 +53,41 @@ def at(camera, angle_deg):
 
 def test_an_aligned_rotation_is_free_of_strain_at_30_degrees(tmp_path):
     aligned = [("axis_slope_x_deg = 0.2", "axis_slope_x_deg = 0.0")]
-    cameras = experiment(tmp_path, "rotation", "rig-virtual-rotation-30", aligned)
+    cameras, corrections = experiment(tmp_path, "rotation", "rig-virtual-rotation-30", aligned)
     assert len(cameras["off_axis"].measurements) == 16
     for camera in cameras.values():
         assert np.abs(calibrated(camera)).max() < 100
         assert all(m.field.converged.sum() >= 0.99 * m.field.in_view for m in camera.measurements)
         assert {m.field.start for m in camera.measurements} == {"hint"}
     assert np.abs(raw(cameras["off_axis"])).max() > 150_000
+    # Nothing to correct: the correction may add no more than its own uncertainty.
+    assert corrections.motion == "rigid"
+    images = corrections.cameras["off_axis"].images
+    bias = corrected(images) - calibrated(cameras["off_axis"])
+    std = MICRO * np.array([[c.mean.exx_std, c.mean.eyy_std, c.mean.exy_std] for c in images])
+    assert np.abs(corrected(images)).max() < 20
+    assert (np.abs(bias) < 3 * std + 10).all()
 
 
 @pytest.mark.parametrize(("angle_deg", "bias"), [(10, 1232), (20, 2548), (30, 4047)])
 def test_an_axis_off_by_a_fifth_of_a_degree_gives_the_papers_bias(tmp_path, angle_deg, bias):
     # Figures of exact geometry, independent of this code: a wobble of 0.2 degrees seen at 180 degrees.
-    cameras = experiment(tmp_path, "rotation", f"rig-virtual-rotation-{angle_deg}")
+    cameras, corrections = experiment(tmp_path, "rotation", f"rig-virtual-rotation-{angle_deg}")
     off_axis = cameras["off_axis"]
     half_turn = at(off_axis, 180.0)
     exx = calibrated(off_axis)[:, 0]
     assert exx[half_turn] == pytest.approx(bias, rel=0.10)
     assert np.argmax(np.abs(exx)) == half_turn
     assert np.abs(calibrated(cameras["on_axis"])).max() < 100
+    # And the same images without it.
+    found = corrections.cameras["off_axis"]
+    assert np.abs(corrected(found.images)).max() < 20
+    np.testing.assert_allclose(found.alignment.wobble_deg, [0.2, 0.0], atol=0.005)
+    assert any("stage's axis leans" in finding for finding in corrections.findings["off_axis"])
 
 
 def test_tension_on_axis_is_the_strain_that_the_specimen_had(tmp_path):
-    cameras = experiment(tmp_path, "tension", "rig-virtual-tension")
+    cameras, corrections = experiment(tmp_path, "tension", "rig-virtual-tension")
     on_axis, off_axis = cameras["on_axis"], cameras["off_axis"]
     steps = on_axis.steps
     assert [s.kind for s in steps[:4]] == ["load"] * 4
@@ -85,3 +104,19 @@ def test_tension_on_axis_is_the_strain_that_the_specimen_had(tmp_path):
     difference = calibrated(off_axis) - measured
     assert 500 < np.abs(difference[elastic[-1], 1]) < 1500
     assert np.abs(difference[elastic][:, [0, 2]]).max() < 60
+    # Corrected, by one camera and by two, it is the strain that the specimen had.
+    assert corrections.motion == "tension"
+    assert corrections.pair == ("off_axis", "on_axis")
+    one = corrected(corrections.cameras["off_axis"].images)
+    two = MICRO * np.array(
+        [[b.mean.exx, b.mean.eyy, b.mean.exy] for _, b in sorted(corrections.both.items()) if b.mean]
+    )
+    assert len(two) == len(measured)
+    np.testing.assert_allclose(one[elastic], measured[elastic], atol=50)
+    np.testing.assert_allclose(two[elastic], measured[elastic], atol=20)
+    scale = np.abs(measured).max(axis=1, keepdims=True)
+    assert (np.abs(one - measured) < 0.002 * scale + 50).all()
+    assert (np.abs(two - measured) < 0.002 * scale + 20).all()
+    # The grips tip the specimen by up to 0.1 degrees about X.
+    last = corrections.both[steps[-1].index].plane
+    np.testing.assert_allclose(np.degrees([last.slope_x, last.slope_y]), [0.0, -0.1], atol=0.005)
