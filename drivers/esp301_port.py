@@ -134,6 +134,8 @@ class EspPort:
         self._turn.close()
 
     def _answer(self, question: str, read: Callable[[str], T], wake: int | None) -> T:
+        if self._lost is not None:
+            raise self._link_lost(question)
         suspect, self._suspect = self._suspect, True
         try:
             if suspect:

@@ -1,0 +1,20 @@
+"""What every driver must do, as tests that a driver's own test suite inherits.
+
+::
+
+    from drivers.testing import StageBench, StageContract
+
+    class TestMyStage(StageContract):
+        @pytest.fixture
+        def bench(self):
+            with my_simulator() as device:
+                yield StageBench(open_my_stage(...), ...)
+
+A bench is the opened device and what the tests need besides: its clock, its limits, and handles for what can
+go wrong. A handle that a bench has not got is None; the tests that need it are skipped and say so.
+"""
+
+from drivers.testing.frame_contract import FrameBench, FrameContract
+from drivers.testing.stage_contract import StageBench, StageContract
+
+__all__ = ["FrameBench", "FrameContract", "StageBench", "StageContract"]

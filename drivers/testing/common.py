@@ -1,0 +1,39 @@
+"""What the contracts of all devices share."""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import pytest
+
+from drivers.clock import Clock
+from drivers.errors import DeviceError
+
+Handle = Callable[[], object]
+H = TypeVar("H")
+Counter = Callable[[], int]
+
+POLL_S = 0.05
+PATIENCE_S = 600.0
+
+
+def needed(handle: H | None, what: str) -> H:
+    """Return a bench's handle; the test is skipped where there is none."""
+    if handle is None:
+        pytest.skip(f"this bench cannot {what}")
+    return handle
+
+
+def wait_until(done: Callable[[], bool], clock: Clock) -> None:
+    """Let the clock go on until `done`, ten minutes at most."""
+    end_s = clock.now_s() + PATIENCE_S
+    while not done():
+        assert clock.now_s() < end_s, "it never ended"
+        clock.sleep(POLL_S)
+
+
+def assert_says_all(error: DeviceError) -> None:
+    """An error tells device, step, expected, got and what to do, in one line."""
+    parts = (error.device, error.step, error.expected, error.got, error.remedy)
+    assert all(parts)
+    assert all(part in str(error) for part in parts)
+    assert "\n" not in str(error)

@@ -1,0 +1,205 @@
+"""The contract of load frames."""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import pytest
+
+from drivers.clock import Clock
+from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
+from drivers.interfaces import LoadFrame
+from drivers.testing.common import Counter, Handle, assert_says_all, needed, wait_until
+
+ANSWER_S = 30.0
+
+
+@dataclass(frozen=True)
+class FrameBench:
+    """A load frame that was just opened and holds at 0 N and 0 mm, and what can be done to it.
+
+    Attributes
+    ----------
+    frame : LoadFrame
+        With a specimen that takes 2 kN within 1 mm; its limits must allow as much.
+    clock : Clock
+        The clock the machine runs on.
+    load_tolerance_n, displacement_tolerance_mm : float
+        How near a standing machine is to its target.
+    commands : callable, optional
+        ``commands()`` counts the motion commands the machine executed, holds not among them.
+    lose_answers, restore : callable, optional
+        From now on the machine acts, but its answers are lost; and everything is as it should be again.
+    break_load_cell, freeze : callable, optional
+        The load is no number; the readings and their counter stand still.
+    press_estop, release_estop : callable, optional
+    """
+
+    frame: LoadFrame
+    clock: Clock
+    load_tolerance_n: float = 2.0
+    displacement_tolerance_mm: float = 1e-3
+    commands: Counter | None = None
+    lose_answers: Handle | None = None
+    restore: Handle | None = None
+    break_load_cell: Handle | None = None
+    freeze: Handle | None = None
+    press_estop: Handle | None = None
+    release_estop: Handle | None = None
+
+    def arrive(self) -> None:
+        """Wait until the crosshead stands."""
+        wait_until(lambda: not self.frame.read().moving, self.clock)
+
+
+class FrameContract:
+    """Inherit from it and give a fixture `bench`: a `FrameBench`, closed at its end."""
+
+    def test_tells_who_it_is(self, bench: FrameBench) -> None:
+        """The run file needs it."""
+        info = bench.frame.info
+        assert info.vendor
+        assert info.model
+        assert info.serial
+
+    def test_opening_moves_nothing(self, bench: FrameBench) -> None:
+        """Whoever stands at the rig is not surprised."""
+        state = bench.frame.read()
+        assert not state.moving
+        assert state.holding
+        assert state.displacement_mm == pytest.approx(0.0, abs=bench.displacement_tolerance_mm)
+
+    def test_goes_to_a_displacement(self, bench: FrameBench) -> None:
+        """And says so."""
+        bench.frame.go_to_displacement(0.2, 0.1)
+        assert bench.frame.read().moving
+        bench.arrive()
+        state = bench.frame.read()
+        assert state.at_target
+        assert state.displacement_mm == pytest.approx(0.2, abs=bench.displacement_tolerance_mm)
+        assert state.faults == ()
+
+    def test_goes_to_a_load(self, bench: FrameBench) -> None:
+        """And says so."""
+        bench.frame.go_to_load(500.0, 250.0)
+        bench.arrive()
+        state = bench.frame.read()
+        assert state.at_target
+        assert state.load_n == pytest.approx(500.0, abs=bench.load_tolerance_n)
+
+    def test_tare_makes_the_present_state_the_zero(self, bench: FrameBench) -> None:
+        """Of load and displacement alike."""
+        bench.frame.go_to_displacement(0.1, 0.1)
+        bench.arrive()
+        bench.frame.tare()
+        state = bench.frame.read()
+        assert state.load_n == pytest.approx(0.0, abs=bench.load_tolerance_n)
+        assert state.displacement_mm == pytest.approx(0.0, abs=bench.displacement_tolerance_mm)
+
+    def test_refuses_what_is_beyond_its_limits_before_anything_moves(self, bench: FrameBench) -> None:
+        """Refused, not clipped."""
+        limits = bench.frame.limits
+        for load_n in (limits.load_min_n - 1.0, limits.load_max_n + 1.0, math.nan):
+            with pytest.raises(DeviceFault) as refused:
+                bench.frame.go_to_load(load_n, 100.0)
+            assert_says_all(refused.value)
+        for displacement_mm in (limits.displacement_min_mm - 0.1, limits.displacement_max_mm + 0.1, math.inf):
+            with pytest.raises(DeviceFault):
+                bench.frame.go_to_displacement(displacement_mm, 0.1)
+        for speed_mm_s in (0.0, -0.1, limits.speed_max_mm_s * 1.01, math.nan):
+            with pytest.raises(DeviceFault):
+                bench.frame.go_to_displacement(0.1, speed_mm_s)
+        assert not bench.frame.read().moving
+
+    def test_hold_returns_when_it_stands(self, bench: FrameBench) -> None:
+        """And a motion may follow."""
+        bench.frame.go_to_displacement(1.0, 0.1)
+        bench.clock.sleep(1.0)
+        bench.frame.hold()
+        state = bench.frame.read()
+        assert state.holding
+        assert not state.moving
+        assert 0.0 < state.displacement_mm < 0.5
+        bench.frame.hold()
+        bench.frame.go_to_displacement(0.0, 1.0)
+        bench.arrive()
+        assert bench.frame.read().at_target
+
+    def test_readings_are_new(self, bench: FrameBench) -> None:
+        """The machine's own counter grows."""
+        first = bench.frame.read()
+        bench.clock.sleep(0.5)
+        second = bench.frame.read()
+        assert second.sample > first.sample
+        assert second.time_s > first.time_s
+
+    def test_readings_that_stand_still_are_refused(self, bench: FrameBench) -> None:
+        """A frozen display looks like a machine that holds."""
+        freeze = needed(bench.freeze, "freeze the readings")
+        bench.frame.read()
+        freeze()
+        bench.frame.read()
+        bench.clock.sleep(10.0)
+        with pytest.raises(DeviceFault) as stale:
+            bench.frame.read()
+        assert_says_all(stale.value)
+
+    def test_a_load_that_is_none_is_refused_but_the_machine_holds(self, bench: FrameBench) -> None:
+        """A broken wire must neither pass for a load nor keep anybody from stopping."""
+        break_load_cell = needed(bench.break_load_cell, "break the load cell")
+        bench.frame.go_to_displacement(1.0, 0.1)
+        break_load_cell()
+        bench.clock.sleep(0.1)
+        with pytest.raises(DeviceFault) as broken:
+            bench.frame.read()
+        assert_says_all(broken.value)
+        bench.frame.hold()
+
+    def test_an_open_emergency_stop_is_told_and_takes_no_motion(self, bench: FrameBench) -> None:
+        """It is read, never reset."""
+        press, release = needed(bench.press_estop, "press"), needed(bench.release_estop, "release")
+        press()
+        assert bench.frame.read().faults
+        with pytest.raises(DeviceFault) as refused:
+            bench.frame.go_to_displacement(0.1, 0.1)
+        assert_says_all(refused.value)
+        release()
+        bench.frame.go_to_displacement(0.1, 0.1)
+        bench.arrive()
+        assert bench.frame.read().at_target
+
+    def test_silence_is_told_in_time_and_motion_waits_for_a_hold(self, bench: FrameBench) -> None:
+        """No hang; and nobody knows what the machine did meanwhile."""
+        lose, restore = needed(bench.lose_answers, "lose answers"), needed(bench.restore, "restore")
+        lose()
+        with ThreadPoolExecutor(1) as pool, pytest.raises(DeviceTimeout) as silence:
+            pool.submit(bench.frame.read).result(ANSWER_S)
+        assert_says_all(silence.value)
+        restore()
+        bench.frame.read()
+        with pytest.raises(DeviceFault):
+            bench.frame.go_to_displacement(0.1, 0.1)
+        bench.frame.hold()
+        bench.frame.go_to_displacement(0.1, 0.1)
+        bench.arrive()
+        assert bench.frame.read().at_target
+
+    def test_a_command_whose_answer_is_lost_is_executed_once_at_most(self, bench: FrameBench) -> None:
+        """Twice the same command would be twice the way on some machines."""
+        lose, restore = needed(bench.lose_answers, "lose answers"), needed(bench.restore, "restore")
+        commands = needed(bench.commands, "count commands")
+        count = commands()
+        lose()
+        with pytest.raises(DeviceTimeout):
+            bench.frame.go_to_displacement(0.1, 0.1)
+        restore()
+        assert commands() in (count, count + 1)
+        bench.frame.hold()
+
+    def test_closing_twice_is_harmless_and_the_end(self, bench: FrameBench) -> None:
+        """A closed device answers at once."""
+        bench.frame.close()
+        bench.frame.close()
+        with pytest.raises(LinkLost) as lost:
+            bench.frame.read()
+        assert_says_all(lost.value)

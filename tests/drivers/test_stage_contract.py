@@ -1,0 +1,87 @@
+"""Every stage driver of ours keeps the contract, on every line the simulators offer."""
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from drivers.clock import VirtualClock
+from drivers.esp301 import open_stage as open_esp301
+from drivers.esp301_settings import EspSettings
+from drivers.interfaces import OpenContext, RotationStage
+from drivers.testing import StageBench, StageContract
+from drivers.zaber import open_stage as open_zaber
+from drivers.zaber_settings import ZaberSettings
+from simulators.newport_wire import NewportServer, NewportTcpServer
+from simulators.stage_device import StageDevice
+from simulators.stage_wire import StageServer, StageTcpServer
+
+LIMITS = {"angle_min_deg": -5.0, "angle_max_deg": 365.0}
+
+
+def zaber(port: str, context: OpenContext) -> RotationStage:
+    return open_zaber(ZaberSettings(port=port, reply_timeout_s=0.1, **LIMITS), context)
+
+
+def newport(port: str, context: OpenContext) -> RotationStage:
+    return open_esp301(EspSettings(port=port, reply_timeout_s=0.1, **LIMITS), context)
+
+
+LINES: dict[str, tuple[Callable[[StageDevice, VirtualClock], Any], str, Callable[..., RotationStage]]] = {
+    "zaber-pty": (lambda device, clock: StageServer(device), "{}", zaber),
+    "zaber-tcp": (lambda device, clock: StageTcpServer(device), "socket://{}", zaber),
+    "newport-pty": (NewportServer, "{}", newport),
+    "newport-tcp": (NewportTcpServer, "socket://{}", newport),
+}
+MOTION = re.compile(rb"\b(home|move)\b|^\d(OR|PA|PR|MV)")
+
+
+@contextmanager
+def bench_on(line: str) -> Iterator[StageBench]:
+    serve, url, open_stage = LINES[line]
+    clock = VirtualClock()
+    device = StageDevice(clock, power_up_angle_deg=12.0)
+    server = serve(device, clock)
+    motions: list[bytes] = []
+    respond = server.respond
+
+    def watched(message: bytes) -> bytes:
+        if MOTION.search(message):
+            motions.append(message)
+        return respond(message)
+
+    server.respond = watched
+    try:
+        stage = open_stage(url.format(server.address), OpenContext("stage", clock))
+        try:
+            yield StageBench(
+                stage,
+                clock,
+                LIMITS["angle_min_deg"],
+                LIMITS["angle_max_deg"],
+                motions=lambda: len(motions),
+                lose_answers=lambda: server.faults.switch_on("drop"),
+                restore=server.faults.clear,
+                power_cycle=device.power_cycle,
+            )
+        finally:
+            stage.close()
+    finally:
+        server.close()
+
+
+@pytest.mark.parametrize("line", LINES)
+class TestStages(StageContract):
+    @pytest.fixture
+    def bench(self, line: str) -> Iterator[StageBench]:
+        with bench_on(line) as bench:
+            yield bench
+
+
+def test_a_handle_that_a_bench_has_not_got_skips_the_test_and_says_so():
+    with bench_on("zaber-pty") as bench:
+        bare = StageBench(bench.stage, bench.clock, bench.angle_min_deg, bench.angle_max_deg)
+        with pytest.raises(pytest.skip.Exception, match="cannot count motions"):
+            StageContract().test_opening_moves_nothing(bare)
