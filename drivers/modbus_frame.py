@@ -56,7 +56,8 @@ class ModbusFrame:
         self._holds = 0
         self._link_was_lost = False
         self._heartbeat = 0
-        self._sequence = int(work.read_state("identify")["executed"])
+        self._sequence = self._executed = int(work.read_state("identify")["executed"])
+        self._forgot = False
         identity = work.read(blocks.identity, "identify")
         firmware = int(identity["firmware"])
         self.info = DeviceInfo(
@@ -245,10 +246,18 @@ class ModbusFrame:
             raise
         try:
             self._freshness.check(int(values["sample"]), self._clock.now_s())
+            self._refuse_forgotten(int(values["executed"]))
         except ValueError as error:
             remedy = "hold, check the controller, then open the frame again"
             raise self._work.fault(step, "a new reading", str(error), remedy) from error
         return values
+
+    def _refuse_forgotten(self, executed: int) -> None:
+        """A restarted machine has its own limits again; a narrow sample counter alone may not tell."""
+        self._forgot = self._forgot or 0 < (self._executed - executed) % 2**16 < 2**15
+        if self._forgot:
+            raise ValueError(f"a restarted machine (command {executed} executed after {self._executed})")
+        self._executed = executed
 
     def _refuse_outside(self, step: str, value: float, low: float, high: float, unit: str) -> None:
         if not (math.isfinite(value) and low <= value <= high):
