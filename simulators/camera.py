@@ -189,10 +189,14 @@ class SimulatedCamera:
                 got="a closed one",
                 remedy="open it again",
             )
+        self.require_plugged("grab")
+
+    def require_plugged(self, step: str) -> None:
+        """`LinkLost` while the cable is out."""
         if "unplug" in self._faults.active:
             raise LinkLost(
                 self.info.serial,
-                "grab",
+                step,
                 expected="a camera on its cable",
                 got="none",
                 remedy="plug the camera in and open it again",
@@ -202,7 +206,9 @@ class SimulatedCamera:
 def _open(settings: CameraSettings, context: OpenContext) -> SimulatedCamera:
     faults = getattr(context.environment, "faults", None)
     panel = faults[CAMERA] if isinstance(faults, RigFaults) else None
-    return SimulatedCamera(context.name, settings, scene_of(context), context.clock, panel)
+    camera = SimulatedCamera(context.name, settings, scene_of(context), context.clock, panel)
+    camera.require_plugged("open")
+    return camera
 
 
 SPEC = DriverSpec("camera", CameraSettings, _open)

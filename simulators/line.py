@@ -54,36 +54,38 @@ class Line:
             self._serve(message)
 
     def _serve(self, message: bytes) -> None:
+        held, self._held = self._held, b""
+        reply = self._reply(message)
+        if reply and self._wire.faults.take("late") is not None:
+            self._held, reply = reply, b""
+        if held + reply:
+            self._give(held + reply)
+
+    def _reply(self, message: bytes) -> bytes:
+        """Return what is to be sent, as the faults leave it; empty for nothing."""
         faults = self._wire.faults
-        if self._held:
-            self._send(self._held)
-            self._held = b""
         if faults.take("lose-request") is not None:
-            return
+            return b""
         reply = self._wire.respond(message)
         if not reply or faults.take("drop") is not None:
-            return
+            return b""
         self._last, before = reply, self._last
         if faults.take("stale") is not None:
             reply = before
-        if faults.take("wrong-unit") is not None:
+        if reply and faults.take("wrong-unit") is not None:
             reply = self._wire.readdressed(reply)
-        if faults.take("corrupt") is not None:
+        if reply and faults.take("corrupt") is not None:
             reply = self._wire.damaged(reply)
         if (seconds := faults.take("delay")) is not None:
             self._pause(float(seconds))
-        if faults.take("late") is not None:
-            self._held = reply
-        else:
-            self._give(reply)
+        return reply * 2 if faults.take("duplicate") is not None else reply
 
-    def _give(self, reply: bytes) -> None:
-        faults = self._wire.faults
-        times = 2 if faults.take("duplicate") is not None else 1
-        pieces = PIECES if faults.take("split") is not None else 1
-        size = -(-len(reply) // pieces) or 1
-        for _ in range(times):
-            for start in range(0, len(reply), size):
-                if start:
-                    self._pause(PAUSE_BETWEEN_PIECES_S)
-                self._send(reply[start : start + size])
+    def _give(self, data: bytes) -> None:
+        if self._wire.faults.take("split") is None:
+            self._send(data)
+            return
+        size = -(-len(data) // PIECES)
+        for start in range(0, len(data), size):
+            if start:
+                self._pause(PAUSE_BETWEEN_PIECES_S)
+            self._send(data[start : start + size])

@@ -4,8 +4,10 @@ import contextlib
 import os
 import select
 import socket
+import tempfile
 import threading
 import tty
+from pathlib import Path
 
 from simulators.line import Line, Wire
 from simulators.tcp_server import TcpServer
@@ -17,11 +19,15 @@ class PtyPort:
     Attributes
     ----------
     address : str
-        The real path of the terminal to open. After unplugging it may be another one.
+        The path to open: a link to the terminal, as /dev/serial/by-id has them. It is gone while the terminal
+        is unplugged and then comes back, whatever number the terminal has got.
     """
 
     def __init__(self, wire: Wire) -> None:
         self._wire = wire
+        self._folder = tempfile.TemporaryDirectory(prefix="offaxis-")
+        self._link = Path(self._folder.name) / "tty"
+        self.address = str(self._link)
         self._thread: threading.Thread | None = None
         self.plug_in()
         wire.faults.when("unplug", self.unplug, self.plug_in)
@@ -34,7 +40,7 @@ class PtyPort:
         self._near, self._far = os.openpty()
         tty.setraw(self._far)
         os.set_blocking(self._near, False)
-        self.address = os.ttyname(self._far)
+        self._link.symlink_to(os.ttyname(self._far))
         self._wake_read, self._wake_write = os.pipe()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._serve, name=f"serve {self.address}", daemon=True)
@@ -57,6 +63,7 @@ class PtyPort:
         """Take the terminal away under the client; harmless when repeated."""
         if self._thread is None:
             return
+        self._link.unlink(missing_ok=True)
         self._closing.set()
         os.write(self._wake_write, b"x")
         self._thread.join()
@@ -64,7 +71,10 @@ class PtyPort:
         for descriptor in (self._near, self._far, self._wake_read, self._wake_write):
             os.close(descriptor)
 
-    close = unplug
+    def close(self) -> None:
+        """Unplug it for good; harmless when repeated."""
+        self.unplug()
+        self._folder.cleanup()
 
 
 class TcpPort:

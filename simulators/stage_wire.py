@@ -163,7 +163,7 @@ class StageWire:
 
 
 class StageServer(StageWire):
-    """The stage's line on a pseudo-terminal; `address` is the real path to open."""
+    """The stage's line on a pseudo-terminal; `address` is the path to open."""
 
     _port: PtyPort | TcpPort
 

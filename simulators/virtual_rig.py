@@ -92,7 +92,7 @@ class VirtualRig:
 
     @property
     def addresses(self) -> Mapping[str, str]:
-        """Where each server is; a pseudo-terminal that was unplugged may come back under another path."""
+        """Where each server is, as the drivers' settings want it."""
         prefixes = {"stage_tcp": "socket://", "load_frame_rtu_tcp": "rtu://"}
         return {name: prefixes.get(name, "") + server.address for name, server in self._servers.items()}
 

@@ -1,0 +1,407 @@
+"""Every driver with a simulated device behind it, and what is true of that device: the matrix's columns.
+
+A bench is opened, given a fault, used, and closed; each use is one call of the driver.
+"""
+
+import contextlib
+import importlib
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from drivers.clock import VirtualClock
+from drivers.interfaces import OpenContext
+from simulators.faults import CAMERA, LOAD_FRAME, NEWPORT, STAGE, FaultPanel
+
+REPLY_TIMEOUT_S = 0.25
+ON_FOR_S = 1000.0
+"""How long a load frame has been on when it is opened, so that a restart shows in its counters."""
+PATIENCE_S = 0.5
+"""How long a stop or hold is repeated here; 5 s in use."""
+_PATIENCE = {
+    "drivers.zaber": "STOP_PATIENCE_S",
+    "drivers.esp301": "STOP_PATIENCE_S",
+    "drivers.modbus_frame": "HOLD_PATIENCE_S",
+}
+
+
+class WrongAnswerError(AssertionError):
+    """A driver said something that is not so: worse than any error."""
+
+
+@contextlib.contextmanager
+def short_patience() -> Iterator[None]:
+    """Let stops and holds give up soon."""
+    before = {}
+    for name, constant in _PATIENCE.items():
+        module = importlib.import_module(name)
+        before[module, constant] = getattr(module, constant)
+        setattr(module, constant, PATIENCE_S)
+    try:
+        yield
+    finally:
+        for (module, constant), value in before.items():
+            setattr(module, constant, value)
+
+
+class Bench:
+    """One driver and its device.
+
+    Attributes
+    ----------
+    faults : FaultPanel
+    uses : dict of str to callable
+        What is tried under a fault, in this order; each raises `DeviceError`, or `WrongAnswerError` if the
+        driver calls something good that is not.
+    ways_back : dict of str to callable
+        What a person may have to do once the fault is gone, the least first.
+    talks_on_opening : bool
+        Whether opening the driver sends messages that a fault can strike.
+    """
+
+    faults: FaultPanel
+    uses: dict[str, Callable[[], object]]
+    ways_back: dict[str, Callable[[], object]]
+    talks_on_opening = True
+
+    def __init__(self) -> None:
+        self.clock = VirtualClock()
+        self.driver: Any = None
+
+    def open(self) -> None:
+        """Open the driver, closing the one before."""
+        self.shut()
+        self.driver = self.opened(OpenContext("device", self.clock))
+
+    def shut(self) -> None:
+        """Close the driver."""
+        if self.driver is not None:
+            self.driver.close()
+        self.driver = None
+
+    def opened(self, context: OpenContext) -> Any:
+        """Return the driver, opened."""
+        raise NotImplementedError
+
+    def prepare(self) -> None:
+        """Make ready for motion."""
+
+    def set_in_motion(self) -> None:
+        """Begin a motion of many seconds, and let one pass."""
+
+    def works(self) -> None:
+        """Show that all is well: read, and carry out a motion."""
+        raise NotImplementedError
+
+    def executed_twice(self) -> list[str]:
+        """Return the commands that the device executed more often than they were given."""
+        return []
+
+    def close(self) -> None:
+        """Close driver and device."""
+        self.shut()
+
+
+class StageBench(Bench):
+    """A rotation stage on one of its lines."""
+
+    def __init__(self, server: str, driver: str, settings: str, prefix: str = "") -> None:
+        from simulators.stage_device import StageDevice
+
+        super().__init__()
+        self.device = StageDevice(self.clock, power_up_angle_deg=12.0)
+        module, _, name = server.partition(":")
+        more = (self.clock,) if "newport" in module else ()
+        self._server = getattr(importlib.import_module(module), name)(self.device, *more)
+        self.faults = self._server.faults
+        self._driver, self._settings, self._prefix = importlib.import_module(driver), settings, prefix
+        self._angle_deg = 20.0
+        self._given: list[str] = []
+        self.uses = {"read": self._read, "move": self._move, "stop": self._stop}
+        self.ways_back = {
+            "": lambda: None,
+            "home": self.prepare,
+            "open, home": lambda: (self.open(), self.prepare()),
+        }
+
+    def opened(self, context: OpenContext) -> Any:
+        """Return the driver, opened."""
+        model = getattr(self._driver, self._settings)
+        settings = model(
+            port=self._prefix + self._server.address,
+            angle_min_deg=-5.0,
+            angle_max_deg=725.0,
+            reply_timeout_s=REPLY_TIMEOUT_S,
+        )
+        return self._driver.open_stage(settings, context)
+
+    def prepare(self) -> None:
+        """Home, and wait for it."""
+        self.driver.home()
+        self._arrive()
+
+    def set_in_motion(self) -> None:
+        """Begin to turn by more than a hundred degrees."""
+        self._command(self._angle_deg + 150.0)
+        self.clock.sleep(1.0)
+
+    def works(self) -> None:
+        """Read, turn, arrive."""
+        self._arrive()
+        before = len(self.device.executed)
+        angle_deg = self._move()
+        self._arrive()
+        if len(self.device.executed) != before + 1 or self._read() != angle_deg:
+            raise WrongAnswerError(f"{angle_deg}° commanded, {self.device.executed[before:]} executed")
+
+    def executed_twice(self) -> list[str]:
+        """Return the moves that the stage executed more often than they were given."""
+        done = [name for _, name in self.device.executed if name.startswith("move")]
+        return sorted({name for name in done if done.count(name) > self._given.count(name)})
+
+    def close(self) -> None:
+        """Close driver and line."""
+        self.shut()
+        self._server.close()
+
+    def _arrive(self) -> None:
+        for _ in range(2000):
+            if not self.driver.read().moving:
+                return
+            self.clock.sleep(0.1)
+        raise WrongAnswerError("moving for ever")
+
+    def _read(self) -> float:
+        self.clock.sleep(1.0)
+        state = self.driver.read()
+        counter_deg = self.device.position / self.device.microsteps_per_deg
+        if abs(state.angle_deg - counter_deg) > 1e-3 or state.moving != self.device.moving:
+            raise WrongAnswerError(f"read {state}, is {counter_deg}°, moving {self.device.moving}")
+        if not state.homed:
+            raise ReportedFault(state.warnings)
+        return round(state.angle_deg, 3)
+
+    def _move(self) -> float:
+        self._angle_deg += 2.0
+        before = len(self.device.executed)
+        self._command(self._angle_deg)
+        if len(self.device.executed) != before + 1:
+            raise WrongAnswerError(f"{self.device.executed[before:]} executed for one command")
+        return self._angle_deg
+
+    def _command(self, angle_deg: float) -> None:
+        self._given.append(f"move {round(angle_deg * self.device.microsteps_per_deg)}")
+        self.driver.move_to(angle_deg)
+
+    def _stop(self) -> None:
+        self.driver.stop()
+        if self.device.moving:
+            raise WrongAnswerError("a stop confirmed for a stage in motion")
+
+
+class FrameBench(Bench):
+    """A load frame on one of its lines, with one of its maps."""
+
+    def __init__(self, server: str, map_name: str, prefix: str = "") -> None:
+        from simulators import frame_wire
+        from simulators.frame_device import FrameDevice
+        from simulators.frame_layout import LAYOUTS
+        from simulators.specimen import Specimen, SpecimenSettings
+
+        super().__init__()
+        self._specimen = Specimen(SpecimenSettings(grip_slip_mm=0.0))
+        self.device = FrameDevice(self.clock, self._specimen)
+        self._server = getattr(frame_wire, server)(self.device, layout=LAYOUTS[map_name])
+        self.faults = self._server.faults
+        self.clock.sleep(ON_FOR_S)
+        self._map, self._prefix = map_name, prefix
+        self._travel_mm = 0.10
+        self._given: list[float] = []
+        self.uses = {"read": self._read, "move": self._move, "stop": self._hold}
+        self.ways_back = {
+            "": lambda: None,
+            "hold": self._hold,
+            "open, hold": lambda: (self.open(), self._hold()),
+        }
+
+    def opened(self, context: OpenContext) -> Any:
+        """Return the driver, opened."""
+        from drivers.modbus_frame import open_frame
+        from drivers.modbus_frame_settings import ModbusFrameSettings
+
+        settings = ModbusFrameSettings(
+            address=self._prefix + self._server.address,
+            map=self._map,
+            load_max_n=12_000.0,
+            displacement_max_mm=5.3,
+            reply_timeout_s=REPLY_TIMEOUT_S,
+            # a pseudo-terminal carries no parity bits
+            **({"parity": "N"} if self._server.address.startswith("/") else {}),
+        )
+        return open_frame(settings, context)
+
+    def set_in_motion(self) -> None:
+        """Begin to stretch for ten seconds."""
+        self._command(self._travel_mm + 0.2, 0.02)
+        self.clock.sleep(1.0)
+
+    def works(self) -> None:
+        """Read, stretch, arrive."""
+        before = len(self.device.executed)
+        travel_mm = self._move()
+        for _ in range(100):
+            if not self.driver.read().moving:
+                break
+            self.clock.sleep(0.1)
+        if len(self.device.executed) != before + 1 or abs(self._read() - travel_mm) > 1e-3:
+            raise WrongAnswerError(f"{travel_mm} mm commanded, {self.device.executed[before:]} executed")
+
+    def executed_twice(self) -> list[str]:
+        """Return the moves that the machine executed more often than they were given."""
+        done = [float(name.split()[1]) for _, name in self.device.executed if name.startswith("displacement")]
+        given = self._given
+        return [
+            f"{target:g} mm"
+            for target in done
+            if _count(done, target) > _count(given, target)
+        ]  # fmt: skip
+
+    def close(self) -> None:
+        """Close driver and line."""
+        self.shut()
+        self._server.close()
+
+    def _read(self) -> float:
+        self.clock.sleep(0.2)
+        self.driver.read()
+        # by now nothing may be as old as the first reading could be
+        self.clock.sleep(1.0)
+        state = self.driver.read()
+        off_mm = abs(state.displacement_mm - self.device.displacement_mm())
+        if off_mm > 1e-3 or not math.isclose(state.load_n, self.device.load_n(), abs_tol=1.0):
+            raise WrongAnswerError(f"read {state}, is {self.device.read()}")
+        if state.faults:
+            raise ReportedFault(state.faults)
+        return float(state.displacement_mm)
+
+    def _move(self) -> float:
+        self._travel_mm += 0.02
+        before = len(self.device.executed)
+        self._command(self._travel_mm, 0.1)
+        if len(self.device.executed) != before + 1:
+            raise WrongAnswerError(f"{self.device.executed[before:]} executed for one command")
+        return self._travel_mm
+
+    def _command(self, travel_mm: float, speed_mm_s: float) -> None:
+        self._given.append(travel_mm)
+        self.driver.go_to_displacement(travel_mm, speed_mm_s)
+
+    def _hold(self) -> None:
+        self.driver.hold()
+        if not self.device.read().holding:
+            raise WrongAnswerError("a hold confirmed for a machine that does not hold")
+
+
+class ReportedFault(Exception):
+    """A reading that is good and tells of a fault of the machine."""
+
+    def __init__(self, faults: tuple[str, ...]) -> None:
+        self.faults = faults
+        super().__init__(", ".join(faults))
+
+
+class CameraBench(Bench):
+    """The simulated camera, whose frames are judged as a run judges them."""
+
+    talks_on_opening = False
+
+    def __init__(self) -> None:
+        from simulators.virtual_rig import VirtualRig, VirtualRigSettings
+
+        super().__init__()
+        self._rig = VirtualRig(VirtualRigSettings())
+        self.clock = self._rig.clock
+        self.faults = self._rig.faults[CAMERA]
+        self._sequence = -1
+        self.uses = {"image": self._image}
+        self.ways_back = {"": lambda: None}
+
+    def opened(self, context: OpenContext) -> Any:
+        """Return the driver, opened."""
+        from simulators.camera import SPEC
+
+        settings = SPEC.settings(width_px=32, height_px=32)
+        self._sequence = -1
+        return SPEC.open(settings, OpenContext("cameras.one", self.clock, self._rig))
+
+    def prepare(self) -> None:
+        """Take a first image."""
+        self._image()
+
+    def works(self) -> None:
+        """Take an image."""
+        self._sequence = -1
+        self._image()
+
+    def close(self) -> None:
+        """Close driver and rig."""
+        self.shut()
+        self._rig.close()
+
+    def _image(self) -> None:
+        from rig.imaging import take_image
+
+        frame = take_image(
+            "one", self.driver, timeout_s=1.0, clock=self.clock, step="step 1", warn=lambda _: None
+        )
+        lost = frame.sequence - self._sequence - 1 if self._sequence >= 0 else 0
+        self._sequence = frame.sequence
+        if lost:
+            raise ReportedFault((f"{lost} frame lost",))
+
+
+def _count(values: list[float], wanted: float) -> int:
+    return sum(math.isclose(value, wanted, abs_tol=1e-5) for value in values)
+
+
+@dataclass(frozen=True)
+class Column:
+    """One driver on one line."""
+
+    name: str
+    device: str
+    make: Callable[[], Bench]
+
+
+COLUMNS = [
+    Column(
+        "zaber-ascii, pty",
+        STAGE,
+        lambda: StageBench("simulators.stage_wire:StageServer", "drivers.zaber", "ZaberSettings"),
+    ),
+    Column(
+        "zaber-ascii, TCP",
+        STAGE,
+        lambda: StageBench(
+            "simulators.stage_wire:StageTcpServer", "drivers.zaber", "ZaberSettings", "socket://"
+        ),
+    ),
+    Column(
+        "newport-esp301, pty",
+        NEWPORT,
+        lambda: StageBench("simulators.newport_wire:NewportServer", "drivers.esp301", "EspSettings"),
+    ),
+    Column("modbus-frame, TCP, generic", LOAD_FRAME, lambda: FrameBench("FrameServer", "generic")),
+    Column(
+        "modbus-frame, RTU, scaled-integers",
+        LOAD_FRAME,
+        lambda: FrameBench("FrameRtuServer", "scaled-integers"),
+    ),
+    Column(
+        "modbus-frame, RTU over TCP, separate-words",
+        LOAD_FRAME,
+        lambda: FrameBench("FrameRtuTcpServer", "separate-words", "rtu://"),
+    ),
+    Column("simulated-camera", CAMERA, CameraBench),
+]
