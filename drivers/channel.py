@@ -5,13 +5,17 @@ import os
 import select
 import socket
 import termios
+from pathlib import Path
 from typing import Any, Protocol
 
 from drivers.clock import SystemClock
 
 CHUNK = 4096
+TCP_PREFIX = "socket://"
 # pyserial's SerialException is an OSError, termios.error is none
 CHANNEL_ERRORS = (OSError, termios.error)
+# Linux, Documentation/admin-guide/devices.txt: the ends of pseudo-terminals that programs open.
+PTY_MAJORS = range(136, 144)
 
 
 class OvertakenError(Exception):
@@ -127,7 +131,7 @@ class SerialChannel(Channel):
             self._serial: Any = serial.Serial(
                 path,
                 baudrate=baud,
-                parity=parity,
+                parity=serial.PARITY_NONE if _is_pseudo_terminal(path) else parity,
                 stopbits=stop_bits,
                 timeout=0,
                 write_timeout=timeout_s,
@@ -145,3 +149,24 @@ class SerialChannel(Channel):
         """Forget what was received and not read, and what was sent and has not left yet."""
         self._serial.reset_output_buffer()
         self.drain()
+
+
+def open_channel(url: str, baud: int, timeout_s: float) -> Channel:
+    """Open a serial port by its path, or a TCP connection by ``socket://host:port``.
+
+    Raises
+    ------
+    OSError, termios.error
+        If that fails, or the address is none.
+    """
+    if not url.startswith(TCP_PREFIX):
+        return SerialChannel(url, baud, "N", 1, timeout_s)
+    host, _, port = url.removeprefix(TCP_PREFIX).rpartition(":")
+    if not (host and port.isascii() and port.isdecimal() and int(port) < 2**16):
+        raise OSError(f"expected {TCP_PREFIX}host:port, got {url}")
+    return TcpChannel(host, int(port), timeout_s)
+
+
+def _is_pseudo_terminal(path: str) -> bool:
+    """Whether there is no line behind it: it has no parity bit, and the system refuses to set one twice."""
+    return os.major(Path(path).stat().st_rdev) in PTY_MAJORS

@@ -9,14 +9,13 @@ import threading
 from collections.abc import Callable
 from typing import TypeVar
 
-from drivers.channel import CHANNEL_ERRORS, Channel, OvertakenError, SerialChannel, TcpChannel
+from drivers.channel import CHANNEL_ERRORS, OvertakenError, open_channel
 from drivers.clock import SystemClock
 from drivers.errors import DeviceTimeout, LinkLost
 from drivers.esp301_protocol import END, MODEL
 from drivers.turn import Turn
 
 ATTEMPTS = 2
-TCP_PREFIX = "socket://"
 
 T = TypeVar("T")
 
@@ -52,8 +51,8 @@ class EspPort:
         self._lost: str | None = None
         self.version = ""
         try:
-            self._channel = _open(url, baud, reply_timeout_s)
-        except (*CHANNEL_ERRORS, ValueError) as error:
+            self._channel = open_channel(url, baud, reply_timeout_s)
+        except CHANNEL_ERRORS as error:
             self._turn.close()
             raise LinkLost(
                 name,
@@ -196,10 +195,3 @@ class EspPort:
             got=self._lost or "the port closed",
             remedy="check the cable, then open the stage again and home it",
         )
-
-
-def _open(url: str, baud: int, timeout_s: float) -> Channel:
-    if url.startswith(TCP_PREFIX):
-        host, _, port = url.removeprefix(TCP_PREFIX).rpartition(":")
-        return TcpChannel(host, int(port), timeout_s)
-    return SerialChannel(url, baud, "N", 1, timeout_s)

@@ -4,21 +4,19 @@ One thread reads the port and hands every answer over by its id. So a stop never
 answer: only the writing of a message, a few bytes, is done one at a time.
 """
 
-import contextlib
 import queue
 import re
-import termios
 import threading
 from collections.abc import Callable
-from typing import Any
 
+from drivers.channel import CHANNEL_ERRORS, open_channel
+from drivers.clock import SystemClock
 from drivers.errors import DeviceTimeout, LinkLost
 from drivers.zaber_protocol import IDS, DamagedLineError, Reply, decode, encode
 
 BAUD = 115_200
 READ_WAIT_S = 0.05
 LINE_MAX = 512
-PORT_ERRORS = (OSError, termios.error)  # pyserial's SerialException is an OSError, termios.error is none
 
 Answer = Reply | DamagedLineError | None
 
@@ -42,8 +40,6 @@ class ZaberPort:
     """
 
     def __init__(self, name: str, url: str, reply_timeout_s: float) -> None:
-        import serial
-
         self.name = name
         self._reply_timeout_s = reply_timeout_s
         self._write_lock = threading.Lock()
@@ -52,10 +48,8 @@ class ZaberPort:
         self._lost: str | None = None
         self._closing = False
         try:
-            self._port: Any = serial.serial_for_url(
-                url, baudrate=BAUD, timeout=READ_WAIT_S, write_timeout=reply_timeout_s, exclusive=True
-            )
-        except (*PORT_ERRORS, ValueError) as error:
+            self._channel = open_channel(url, BAUD, reply_timeout_s)
+        except CHANNEL_ERRORS as error:
             raise LinkLost(
                 name,
                 "open port",
@@ -112,18 +106,18 @@ class ZaberPort:
     def _write(self, message: bytes, command: str) -> None:
         if self._lost is None:
             try:
-                self._port.write(message)
+                self._channel.send(message)
                 return
-            except PORT_ERRORS as error:
+            except CHANNEL_ERRORS as error:
                 self._lost = str(error)
         raise self._link_lost(command)
 
     def _read(self) -> None:
-        buffer = b""
+        buffer, clock = b"", SystemClock()
         while not self._closing:
             try:
-                buffer += self._port.read(max(1, self._port.in_waiting))
-            except PORT_ERRORS as error:
+                buffer += self._channel.receive(clock.now_s() + READ_WAIT_S)
+            except CHANNEL_ERRORS as error:
                 self._lost = self._lost or str(error)
                 self._tell_all(None)
                 return
@@ -169,8 +163,7 @@ class ZaberPort:
         self._closing = True
         self._reader.join()
         self._lost = self._lost or "the port was closed"
-        with contextlib.suppress(*PORT_ERRORS):
-            self._port.close()
+        self._channel.close()
 
 
 def _after(id: int) -> list[int]:

@@ -22,11 +22,11 @@ LIMITS = {"angle_min_deg": -5.0, "angle_max_deg": 365.0}
 
 
 def zaber(port: str, context: OpenContext) -> RotationStage:
-    return open_zaber(ZaberSettings(port=port, reply_timeout_s=0.1, **LIMITS), context)
+    return open_zaber(ZaberSettings(port=port, reply_timeout_s=0.5, **LIMITS), context)
 
 
 def newport(port: str, context: OpenContext) -> RotationStage:
-    return open_esp301(EspSettings(port=port, reply_timeout_s=0.1, **LIMITS), context)
+    return open_esp301(EspSettings(port=port, reply_timeout_s=0.5, **LIMITS), context)
 
 
 LINES: dict[str, tuple[Callable[[StageDevice, VirtualClock], Any], str, Callable[..., RotationStage]]] = {
