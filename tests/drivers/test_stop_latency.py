@@ -1,0 +1,166 @@
+"""From the call of stop or hold to its bytes on the wire, while another request waits for its answer.
+
+The bound is 5 ms for the median. The answer that is waited for never comes, so a stop that queued behind it
+would take as long as an answer may: 100 ms here.
+"""
+
+import statistics
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+
+from drivers.clock import SystemClock
+from drivers.errors import DeviceError
+from drivers.esp301 import open_stage as open_esp301
+from drivers.esp301_settings import EspSettings
+from drivers.interfaces import OpenContext
+from drivers.modbus_frame import open_frame
+from drivers.modbus_frame_settings import ModbusFrameSettings
+from drivers.zaber import open_stage as open_zaber
+from drivers.zaber_settings import ZaberSettings
+from simulators.frame_device import FrameDevice
+from simulators.frame_wire import FrameRtuServer, FrameRtuTcpServer, FrameServer
+from simulators.newport_wire import NewportServer, NewportTcpServer
+from simulators.stage_device import StageDevice
+from simulators.stage_wire import StageServer, StageTcpServer
+
+BOUND_S = 0.005
+REPETITIONS = 7
+ANSWER_S = 0.1
+LIMITS = {"angle_min_deg": -5.0, "angle_max_deg": 365.0, "reply_timeout_s": ANSWER_S}
+
+
+class Spring:
+    def stretch_to(self, displacement_mm: float) -> float:
+        return 2000.0 * displacement_mm
+
+
+@dataclass(frozen=True)
+class Line:
+    """How a device is served and opened, what its driver reads, and which bytes stop it."""
+
+    serve: Callable[[SystemClock], Any]
+    open: Callable[[str, OpenContext], Any]
+    stop: str
+    is_read: Callable[[bytes], bool]
+    is_stop: Callable[[bytes], bool]
+
+
+def zaber(port: str, context: OpenContext) -> Any:
+    return open_zaber(ZaberSettings(port=port, **LIMITS), context)
+
+
+def newport(port: str, context: OpenContext) -> Any:
+    return open_esp301(EspSettings(port=port, **LIMITS), context)
+
+
+def frame(address: str, context: OpenContext) -> Any:
+    settings = ModbusFrameSettings(
+        address=address, load_max_n=5000.0, displacement_max_mm=5.0, reply_timeout_s=ANSWER_S
+    )
+    return open_frame(settings, context)
+
+
+def stage_line(server: Callable[..., Any], url: str) -> Line:
+    return Line(
+        lambda clock: server(StageDevice(clock)),
+        lambda address, context: zaber(url.format(address), context),
+        "stop",
+        lambda message: b"get pos" in message,
+        lambda message: b" stop" in message,
+    )
+
+
+def newport_line(server: Callable[..., Any], url: str) -> Line:
+    return Line(
+        lambda clock: server(StageDevice(clock), clock),
+        lambda address, context: newport(url.format(address), context),
+        "stop",
+        lambda message: message == b"1TP",
+        lambda message: message == b"1ST",
+    )
+
+
+def frame_line(server: Callable[..., Any], url: str, header: int) -> Line:
+    """Reading the state is function 4 at register 0; a hold is function 16 there, with the command 1."""
+    return Line(
+        lambda clock: server(FrameDevice(clock, Spring())),
+        lambda address, context: frame(url.format(address), context),
+        "hold",
+        lambda message: message[header : header + 3] == b"\x04\x00\x00",
+        lambda message: message[header : header + 8] == b"\x10\x00\x00\x00\x0a\x14\x00\x01",
+    )
+
+
+LINES = {
+    "zaber on a serial line": stage_line(StageServer, "{}"),
+    "zaber on TCP": stage_line(StageTcpServer, "socket://{}"),
+    "ESP301 on a serial line": newport_line(NewportServer, "{}"),
+    "ESP301 on TCP": newport_line(NewportTcpServer, "socket://{}"),
+    "Modbus TCP": frame_line(FrameServer, "{}", 7),
+    "Modbus RTU on a serial line": frame_line(FrameRtuServer, "{}", 1),
+    "Modbus RTU over TCP": frame_line(FrameRtuTcpServer, "rtu://{}", 1),
+}
+
+
+class Bench:
+    """A line whose answers to reading may be kept back, and whose stops are timed as they arrive."""
+
+    def __init__(self, line: Line, opened: ExitStack) -> None:
+        clock = SystemClock()
+        server = line.serve(clock)
+        opened.callback(server.close)
+        self._line = line
+        self._mute = threading.Event()
+        self._asked = threading.Event()
+        self._stopped_s: list[float] = []
+        respond = server.respond
+
+        def watched(message: bytes) -> bytes:
+            if line.is_stop(message):
+                self._stopped_s.append(time.perf_counter())
+            if self._mute.is_set() and line.is_read(message):
+                self._mute.clear()
+                self._asked.set()
+                return b""
+            return respond(message)
+
+        server.respond = watched
+        self.device = line.open(server.address, OpenContext("device", clock))
+        opened.callback(self.device.close)
+
+    def latency_s(self, pool: ThreadPoolExecutor) -> float:
+        """Let one thread wait for an answer that does not come, and stop in this one."""
+        self._asked.clear()
+        self._stopped_s.clear()
+        self._mute.set()
+        reading = pool.submit(self.device.read)
+        assert self._asked.wait(30.0)
+        called_s = time.perf_counter()
+        getattr(self.device, self._line.stop)()
+        wait([reading])
+        if reading.exception() is not None:
+            assert isinstance(reading.exception(), DeviceError)
+        return self._stopped_s[0] - called_s
+
+
+@pytest.fixture
+def opened() -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+
+
+@pytest.mark.parametrize("name", LINES)
+def test_stop_is_on_the_wire_within_5_ms_while_another_request_waits(name, opened):
+    bench = Bench(LINES[name], opened)
+    with ThreadPoolExecutor(1) as pool:
+        latencies_s = [bench.latency_s(pool) for _ in range(REPETITIONS)]
+    median_s = statistics.median(latencies_s)
+    print(f"{name}: {1000 * median_s:.2f} ms, at most {1000 * max(latencies_s):.2f} ms")
+    assert median_s <= BOUND_S
