@@ -1,0 +1,193 @@
+"""Modbus RTU: frames of the specification, and what a line without numbered answers can do to a driver."""
+
+import os
+import threading
+import tty
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
+from drivers.modbus_address import ModbusAddress
+from drivers.modbus_frame_settings import ModbusFrameSettings
+from drivers.modbus_link import ModbusLink, Overtaken
+from drivers.modbus_wire import crc
+
+ANSWER_S = 0.2
+
+
+class Slave:
+    """The far end of a serial line, which answers as a test says; a frame comes in one piece."""
+
+    def __init__(self, answer: Callable[[bytes], bytes]) -> None:
+        self.answer = answer
+        self.requests: list[bytes] = []
+        self._near, self._far = os.openpty()
+        tty.setraw(self._far)
+        self.path = os.ttyname(self._far)
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    def _serve(self) -> None:
+        while (request := os.read(self._near, 300)) != b"end":
+            self.requests.append(request)
+            os.write(self._near, self.answer(request))
+
+    def close(self) -> None:
+        os.write(self._far, b"end")
+        self._thread.join()
+        os.close(self._far)
+        os.close(self._near)
+
+
+def framed(text: str) -> bytes:
+    body = bytes.fromhex(text)
+    return body + crc(body)
+
+
+@pytest.fixture
+def slave() -> Iterator[Slave]:
+    made = Slave(lambda request: b"")
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def link(slave: Slave) -> Iterator[ModbusLink]:
+    made = ModbusLink("frame", ModbusAddress(slave.path), unit=1, reply_timeout_s=ANSWER_S)
+    yield made
+    made.close()
+
+
+def test_the_checksum_is_that_of_the_specification():
+    # MODBUS over Serial Line V1.02, 6.2.2: device 2, function 7
+    assert crc(bytes.fromhex("02 07")) == bytes.fromhex("41 12")
+    # a whole frame carries its own checksum down to nothing
+    assert crc(framed("01 03 00 6B 00 03")) == bytes(2)
+
+
+def test_a_read_is_the_bytes_of_the_specification(slave, link):
+    slave.answer = lambda request: framed("01 04 02 000A")
+    assert link.read("input", 8, 1) == [10]
+    assert slave.requests == [framed("01 04 0008 0001")]
+
+
+def test_a_write_is_the_bytes_of_the_specification(slave, link):
+    slave.answer = lambda request: framed("01 10 0001 0002")
+    link.write(1, [0x000A, 0x0102])
+    slave.answer = lambda request: request
+    link.write(1, [3], single=True)
+    assert slave.requests == [framed("01 10 0001 0002 04 000A 0102"), framed("01 06 0001 0003")]
+
+
+def test_an_exception_is_a_fault(slave, link):
+    slave.answer = lambda request: framed("01 84 02")
+    with pytest.raises(DeviceFault, match="illegal data address"):
+        link.read("input", 0, 1)
+    assert len(slave.requests) == 1
+
+
+@pytest.mark.parametrize(
+    ("answer", "got"),
+    [
+        (framed("01 04 02 000A")[:-1] + b"\x00", "damaged frame 01 04 02 00 0a"),
+        (framed("01 04 02 000A")[:4], "the part 01 04 02 00"),
+        (framed("01 04 02 000A") * 2, "more than one frame"),
+        (b"", "none"),
+    ],
+)
+def test_a_damaged_cut_doubled_or_missing_answer_is_a_timeout_that_says_so(slave, link, answer, got):
+    slave.answer = lambda request: answer
+    with pytest.raises(DeviceTimeout, match=got):
+        link.read("input", 0, 1)
+    # once more after quiet, and not a third time
+    assert len(slave.requests) == 2
+
+
+def test_a_damaged_acknowledgement_is_not_followed_by_a_second_write(slave, link):
+    slave.answer = lambda request: framed("01 10 0001 0001")[:-1] + b"\x00"
+    with pytest.raises(DeviceTimeout):
+        link.write(1, [7])
+    assert len(slave.requests) == 1
+
+
+@pytest.mark.parametrize("answer", ["02 04 02 000A", "01 03 02 000A", "01 04 04 000A 000B", "01 2B 0E 01"])
+def test_an_answer_of_another_unit_function_or_length_is_not_believed(slave, link, answer):
+    slave.answer = lambda request: framed(answer)
+    with pytest.raises(LinkLost, match="nothing else answers at this address"):
+        link.read("input", 8, 1)
+
+
+def test_a_late_answer_is_waited_out_and_never_taken_for_the_next_ones(slave, link):
+    """Every answer comes with the next request: without quiet and proof each would be one behind for ever."""
+    link.prove_by("input", 32, 3)
+    proof = framed("01 04 06 0001 0002 0003")
+    held = [b""]
+
+    def late(request: bytes) -> bytes:
+        answer = proof if request[:4] == bytes.fromhex("01 04 0020") else framed("01 04 02 0001")
+        previous, held[0] = held[0], answer
+        return previous
+
+    slave.answer = late
+    with pytest.raises((DeviceTimeout, LinkLost)):
+        link.read("input", 8, 1)
+    slave.answer = lambda request: proof if request[3] == 32 else framed("01 04 02 0002")
+    assert link.read("input", 8, 1) == [2]
+
+
+def test_what_is_urgent_ends_the_wait_of_others_and_their_reading_goes_on_after_it(slave, link):
+    asked = threading.Event()
+
+    def mute_first(request: bytes) -> bytes:
+        if request[1] == 4 and not asked.is_set():
+            asked.set()
+            return b""
+        return framed("01 10 0000 0001") if request[1] == 16 else framed("01 04 02 0005")
+
+    slave.answer = mute_first
+    with ThreadPoolExecutor(1) as pool:
+        reading = pool.submit(link.read, "input", 8, 1)
+        assert asked.wait(30.0)
+        link.write(0, [1], urgent=True)
+        assert reading.result(30.0) == [5]
+    assert [request[1] for request in slave.requests] == [4, 16, 4]
+
+
+def test_a_write_that_was_overtaken_is_not_repeated(slave, link):
+    asked = threading.Event()
+
+    def mute_first(request: bytes) -> bytes:
+        if not asked.is_set():
+            asked.set()
+            return b""
+        return framed("01 10 0000 0001")
+
+    slave.answer = mute_first
+    with ThreadPoolExecutor(1) as pool:
+        writing = pool.submit(link.write, 9, [1])
+        assert asked.wait(30.0)
+        link.write(0, [1], urgent=True)
+        with pytest.raises(Overtaken, match="a hold that went first"):
+            writing.result(30.0)
+    assert len(slave.requests) == 2
+
+
+def test_a_broadcast_is_refused_because_nobody_would_answer_it():
+    limits = {"load_max_n": 1000.0, "displacement_max_mm": 5.0}
+    with pytest.raises(ValueError, match="nobody answers a broadcast"):
+        ModbusFrameSettings(address="/dev/ttyUSB0", unit=0, **limits)
+    # over TCP it is the usual number of a device that is alone at its address
+    assert ModbusFrameSettings(address="192.168.0.8:502", unit=0, **limits).unit == 0
+
+
+@pytest.mark.parametrize("address", ["", "host", "host:0", "host:70000", "rtu://host", "tcp://", "host:port"])
+def test_an_address_that_is_none_is_told(address):
+    with pytest.raises(ValueError, match="expected host:port, rtu://host:port"):
+        ModbusFrameSettings(address=address, load_max_n=1.0, displacement_max_mm=1.0)
+
+
+def test_a_baud_rate_over_tcp_is_told():
+    with pytest.raises(ValueError, match="baud belong to a serial port"):
+        ModbusFrameSettings(address="host:502", baud=9600, load_max_n=1.0, displacement_max_mm=1.0)
