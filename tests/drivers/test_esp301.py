@@ -1,0 +1,279 @@
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+import drivers.esp301
+from drivers.clock import VirtualClock
+from drivers.errors import ConfigurationError, DeviceFault, DeviceTimeout, LinkLost
+from drivers.esp301 import EspStage, open_stage
+from drivers.esp301_protocol import QueuedError, read_error, read_number, read_switch
+from drivers.esp301_settings import EspSettings
+from drivers.interfaces import OpenContext
+from drivers.registry import find_driver
+from drivers.settings import validate
+from simulators.newport_wire import NewportServer
+from simulators.stage_device import StageDevice
+
+
+class Line(NewportServer):
+    """A controller on a pty whose every message a test may see, change or lose."""
+
+    def __init__(self, device: StageDevice, clock: VirtualClock) -> None:
+        self.received: list[str] = []
+        self.tamper: Callable[[str, Callable[[], bytes]], bytes] = lambda command, answer: answer()
+        super().__init__(device, clock)
+
+    def respond(self, message: bytes) -> bytes:
+        self.received.append(message.decode())
+        return self.tamper(message.decode(), lambda: super(Line, self).respond(message))
+
+    def motions(self) -> list[str]:
+        return [command for command in self.received if command[1:3] in ("OR", "PA", "PR", "MV")]
+
+
+@pytest.fixture
+def device(clock: VirtualClock) -> StageDevice:
+    return StageDevice(clock, power_up_angle_deg=12.0)
+
+
+@pytest.fixture
+def line(device: StageDevice, clock: VirtualClock) -> Iterator[Line]:
+    server = Line(device, clock)
+    yield server
+    server.close()
+
+
+def settings(port: str, **changes: object) -> EspSettings:
+    values = {"port": port, "angle_min_deg": -5.0, "angle_max_deg": 365.0, "reply_timeout_s": 0.3}
+    return EspSettings.model_validate(values | changes)
+
+
+@pytest.fixture
+def stage(line: Line, context: OpenContext) -> Iterator[EspStage]:
+    opened = open_stage(settings(line.address), context)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def homed(stage: EspStage, line: Line, clock: VirtualClock) -> EspStage:
+    stage.home()
+    arrive(stage, clock)
+    line.received.clear()
+    return stage
+
+
+def arrive(stage: EspStage, clock: VirtualClock) -> float:
+    for _ in range(10_000):
+        state = stage.read()
+        if not state.moving:
+            return state.angle_deg
+        clock.sleep(0.05)
+    raise AssertionError("the stage never arrived")
+
+
+def test_the_manuals_examples_of_answers_are_understood():
+    assert read_error("0, 451322, NO ERROR DETECTED") == QueuedError(0, "NO ERROR DETECTED")
+    assert str(read_error("108, 9512, MOTOR NOT CONNECTED")) == "error 108 (motor not connected)"
+    assert (read_number("-0.0250"), read_number("1.5E-3"), read_switch("1")) == (-0.025, 0.0015, True)
+
+
+@pytest.mark.parametrize("line", ["", "nan", "12,5", "0, NO ERROR", "ESP301 Version 3.0.1 6/1/99", "1 2"])
+def test_what_is_no_answer_is_told(line):
+    for read in (read_error, read_number, read_switch):
+        with pytest.raises(ValueError, match="instead of"):
+            read(line)
+
+
+def test_errors_belong_to_the_controller_or_to_an_axis():
+    assert QueuedError(4, "EMERGENCY STOP ACTIVATED").fails(1)
+    assert QueuedError(106, "POSITIVE SOFTWARE LIMIT DETECTED").fails(1)
+    assert not QueuedError(206, "POSITIVE SOFTWARE LIMIT DETECTED").fails(1)
+    # noise on the line is no fault of the stage
+    assert not QueuedError(6, "COMMAND DOES NOT EXIST").fails(1)
+
+
+def test_opening_sends_what_the_manual_says_and_moves_nothing(stage, line, device):
+    assert line.received[0] == "VE?"
+    assert line.motions() == []
+    for command in ("1SR365.00000", "1SL-5.00000", "1VA10.00000", "1SN?"):
+        assert command in line.received
+    assert (device.limit_min, device.limit_max) == (-5 * 6400, 365 * 6400)
+    assert (stage.info.model, stage.info.serial) == ("ESP301 with URS100BCC", "110001")
+    assert stage.read().warnings == ("motor off",)
+
+
+def test_limits_can_be_moved_anywhere_in_the_right_order(device, line, context):
+    for low, high in ((100.0, 110.0), (-20.0, -10.0), (300.0, 310.0)):
+        open_stage(settings(line.address, angle_min_deg=low, angle_max_deg=high), context).close()
+        assert (device.limit_min, device.limit_max) == (low * 6400, high * 6400)
+
+
+def test_another_unit_than_degrees_is_refused(line, context):
+    line.tamper = lambda command, answer: b"2\r\n" if command == "1SN?" else answer()
+    with pytest.raises(DeviceFault, match=r"read unit: expected degrees \(7\), got unit 2"):
+        open_stage(settings(line.address), context)
+
+
+def test_a_limit_that_is_not_taken_is_refused(line, context):
+    line.tamper = lambda command, answer: b"180.0\r\n" if command == "1SR?" else answer()
+    with pytest.raises(DeviceFault, match="set right limit: expected 365, got 180 on reading back"):
+        open_stage(settings(line.address), context)
+
+
+def test_a_speed_beyond_the_stages_own_is_refused(line, context):
+    with pytest.raises(DeviceFault, match="a speed above 0 up to 40°/s, got 41°/s"):
+        open_stage(settings(line.address, speed_deg_s=41.0), context)
+
+
+def test_a_refused_move_is_told_with_the_controllers_reason(homed, line):
+    line.faults.switch_on("error:115:1")
+    with pytest.raises(DeviceFault, match=r"move to 20°: expected acceptance, got error 115 \(axis-1 max"):
+        homed.move_to(20.0)
+
+
+def test_a_move_that_never_arrived_is_reported_not_repeated(homed, line, device):
+    line.tamper = lambda command, answer: b"" if command.startswith("1PA") else answer()
+    with pytest.raises(DeviceTimeout, match="expected a motion, got a stage that stands still"):
+        homed.move_to(20.0)
+    assert line.motions() == ["1PA20.00000"]
+    assert device.position == 0
+
+
+def test_a_move_to_where_it_stands_is_done(homed):
+    homed.move_to(0.0)
+    assert homed.read().angle_deg == 0.0
+
+
+def test_an_open_emergency_stop_is_a_fault_until_homing_acknowledges_it(homed, device, clock):
+    homed.move_to(90.0)
+    clock.sleep(1.0)
+    device.press_estop()
+    for _ in range(2):
+        with pytest.raises(DeviceFault, match="read position: expected no fault, got error 4"):
+            homed.read()
+    with pytest.raises(DeviceFault, match="emergency stop"):
+        homed.home()
+    device.release_estop()
+    homed.home()
+    arrive(homed, clock)
+    assert homed.read().homed
+
+
+def test_a_reset_is_noticed_by_the_motor_that_is_off(homed, device):
+    device.power_cycle()
+    with pytest.raises(DeviceFault, match="motor off: a reset, a power cut or an emergency stop"):
+        homed.read()
+
+
+def test_a_reset_and_a_motor_switched_on_behind_our_back_are_noticed_by_the_limits(homed, device, line):
+    device.power_cycle()
+    line.answer(b"VE?")
+    line.answer(b"1MO")
+    device.limit_max = 170 * 6400
+    assert homed.read().homed
+    with pytest.raises(DeviceFault, match="the limit 365° that was set, got 170°: the controller was reset"):
+        homed.move_to(20.0)
+    assert not homed.read().homed
+    assert line.motions() == []
+
+
+@pytest.mark.parametrize(
+    "fault", ["late:3", "late:4", "stale:1", "stale:2", "corrupt:1", "duplicate:3", "drop:1"]
+)
+def test_a_shifted_damaged_or_missing_answer_is_never_taken_for_another_questions(homed, line, clock, fault):
+    homed.move_to(90.0)
+    arrive(homed, clock)
+    line.faults.switch_on(fault)
+    for _ in range(4):
+        try:
+            state = homed.read()
+        except DeviceTimeout:
+            continue
+        assert (state.angle_deg, state.moving, state.homed) == (90.0, False, True)
+    line.faults.clear()
+    assert homed.read().angle_deg == 90.0
+
+
+def test_stop_goes_out_while_a_question_waits_and_the_question_is_asked_again(homed, line, device, clock):
+    homed.move_to(90.0)
+    clock.sleep(1.0)
+    polled = threading.Event()
+
+    def swallow_first(command: str, answer: Callable[[], bytes]) -> bytes:
+        if command == "1TP" and not polled.is_set():
+            polled.set()
+            return b""
+        return answer()
+
+    line.tamper = swallow_first
+    with ThreadPoolExecutor(1) as pool:
+        reading = pool.submit(homed.read)
+        assert polled.wait(30.0)
+        homed.stop()
+        assert not device.moving
+        assert 0.0 < reading.result(30.0).angle_deg < 90.0
+
+
+def test_stop_keeps_back_a_move_that_was_not_sent_yet(homed, line):
+    polled = threading.Event()
+
+    def swallow_first(command: str, answer: Callable[[], bytes]) -> bytes:
+        if command == "1TP" and not polled.is_set():
+            polled.set()
+            return b""
+        return answer()
+
+    line.tamper = swallow_first
+    with ThreadPoolExecutor(1) as pool:
+        moving = pool.submit(homed.move_to, 90.0)
+        assert polled.wait(30.0)
+        homed.stop()
+        with pytest.raises(DeviceFault, match="no stop meanwhile"):
+            moving.result(30.0)
+    assert line.motions() == []
+
+
+def test_stop_is_repeated_until_standstill_is_confirmed(homed, line, device, clock):
+    homed.move_to(90.0)
+    clock.sleep(1.0)
+    lost = iter([True, True])
+    line.tamper = lambda command, answer: b"" if command == "1ST" and next(lost, False) else answer()
+    homed.stop()
+    assert not device.moving
+    assert line.received.count("1ST") >= 3
+
+
+def test_a_stop_that_is_never_confirmed_calls_for_the_emergency_stop(homed, line, monkeypatch):
+    monkeypatch.setattr(drivers.esp301, "STOP_PATIENCE_S", 0.3)
+    line.tamper = lambda command, answer: b""
+    with pytest.raises(DeviceTimeout, match="press the emergency stop"):
+        homed.stop()
+
+
+def test_a_mute_controller_is_a_timeout(line, context):
+    line.tamper = lambda command, answer: b""
+    with pytest.raises(DeviceTimeout, match=r"expected an answer within 0\.05 s, got silence"):
+        open_stage(settings(line.address, reply_timeout_s=0.05), context)
+
+
+def test_a_lost_link_is_told_by_every_call(homed, line):
+    line.close()
+    for call in (homed.read, homed.home, homed.stop, lambda: homed.move_to(1.0)):
+        with pytest.raises(LinkLost, match="check the cable"):
+            call()
+
+
+def test_a_port_in_use_is_told(stage, line, context):
+    with pytest.raises(LinkLost, match="no other program"):
+        open_stage(settings(line.address), context)
+
+
+def test_mistakes_in_the_rig_file_are_reported_together():
+    spec = find_driver("newport-esp301")
+    table = {"port": 3, "axis": 4, "angle_min_deg": 0.0, "angle_max_deg": float("nan"), "colour": "red"}
+    with pytest.raises(ConfigurationError) as caught:
+        validate(spec.settings, table, "rig.toml")
+    assert len(caught.value.mistakes) == 4
