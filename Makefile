@@ -5,12 +5,13 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 DEMO := demo
 
-.PHONY: help install demo test test-long bench lint types laws clean
+.PHONY: help install demo test test-kernel test-long bench lint types laws clean
 
 help:
 	@echo "make install    the virtual environment in $(VENV)"
 	@echo "make demo       both of the paper's experiments on a virtual rig; report in $(DEMO)/report.html"
 	@echo "make test       lint, types, import laws and the whole suite"
+	@echo "make test-kernel  the camera drivers on a real kernel and a real GigE Vision peer, with their figures"
 	@echo "make test-long  campaigns of many minutes"
 	@echo "make bench      speed of correlation beside other engines, and accuracy against theory"
 
@@ -38,6 +39,9 @@ laws: $(STAMP)
 
 test: lint types laws
 	$(BIN)/pytest -n 2 -m "not long"
+
+test-kernel: $(STAMP)
+	$(BIN)/pytest -rA tests/kernel_vm
 
 test-long: $(STAMP)
 	$(BIN)/pytest -m long

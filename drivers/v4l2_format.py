@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from drivers.errors import DeviceFault
-from drivers.v4l2_abi import CAPTURE, CaptureParameters, Format, Request, code_of, fourcc
+from drivers.v4l2_abi import CAPTURE, CaptureParameters, Format, PixelFormat, Request, code_of, fourcc
 from drivers.v4l2_node import Node, translate
 from drivers.v4l2_pixels import FORMATS, Grey, bytes_needed
 
@@ -73,17 +73,13 @@ def set_picture(
     pix.field, pix.bytesperline = PROGRESSIVE, stride
     try:
         node.ioctl(Request.S_FMT, format)
+        _require(device, wanted, pix)
         rate = _set_rate(node, device, rate_hz)
-        # once more after the rate, which may have changed it
+        # once more: the rate may have changed it
         node.ioctl(Request.G_FMT, format)
+        _require(device, wanted, pix)
     except OSError as error:
         raise translate(error, device, "set format", wanted) from error
-    got = f"{pix.width} x {pix.height} px {code_of(pix.pixelformat)}"
-    if got != wanted or pix.field != PROGRESSIVE:
-        got += "" if pix.field == PROGRESSIVE else f", interlaced (field {pix.field})"
-        raise DeviceFault(
-            device, "set format", expected=wanted, got=got, remedy="see v4l2-ctl --list-formats-ext"
-        )
     grey = FORMATS[code]
     picture = Picture(grey, width, height, pix.bytesperline or width * grey.pixel_bytes, 1 / rate)
     if picture.stride < width * grey.pixel_bytes or pix.sizeimage < picture.whole_bytes:
@@ -95,6 +91,15 @@ def set_picture(
             remedy="report it to the maker of the camera's kernel driver",
         )
     return picture
+
+
+def _require(device: str, wanted: str, pix: PixelFormat) -> None:
+    got = f"{pix.width} x {pix.height} px {code_of(pix.pixelformat)}"
+    if got != wanted or pix.field != PROGRESSIVE:
+        got += "" if pix.field == PROGRESSIVE else f", interlaced (field {pix.field})"
+        raise DeviceFault(
+            device, "set format", expected=wanted, got=got, remedy="see v4l2-ctl --list-formats-ext"
+        )
 
 
 def _set_rate(node: Node, device: str, rate_hz: float) -> float:

@@ -1,0 +1,31 @@
+"""The camera driver against the real kernel: boots a virtual machine and runs `guest_*.py` in it."""
+
+import platform
+import sys
+
+import pytest
+
+from tests.kernel_vm import machine
+
+GUESTS = ("tests/kernel_vm/guest_vivid.py",)
+ATTEMPTS = 2
+"""An emulated machine beside other work may miss a deadline; twice in a row is a finding."""
+
+
+def test_the_driver_on_the_kernels_own_cameras() -> None:
+    if platform.machine() != "x86_64":
+        pytest.skip(
+            f"the virtual machine runs this Python, which must be of x86_64, not {platform.machine()}"
+        )
+    try:
+        machine.prepare()
+    except machine.CannotRunError as reason:
+        pytest.skip(str(reason))
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-q", "-s", "--tb=short", *GUESTS]
+    for _ in range(ATTEMPTS):
+        status, said = machine.run(command)
+        if status == 0:
+            break
+    print(said)
+    assert status == 0, said
+    assert "fresh frame at 30 Hz" in said
