@@ -122,6 +122,52 @@ def verify(run_file: Path, json_path: Path | None) -> None:
 
 
 @cli.command()
+@click.argument("rig_path", metavar="[RIG]", type=_PATH, required=False)
+@click.option("-o", "--output", type=_PATH, help="Write a rig file that uses the simulated devices.")
+@click.option("--log", type=_PATH, help="Write what is really so, as lines of JSON.")
+@click.option(
+    "--period-s",
+    type=click.FloatRange(0.01, 3600),
+    default=0.1,
+    show_default=True,
+    help="Time between two samples in the log.",
+)
+@click.option("--fault", "faults", multiple=True, help="Begin with this fault, such as stage.drop:2.")
+@click.option("--list-faults", is_flag=True, help="Print all faults and end.")
+@_JSON
+def simulate(
+    rig_path: Path | None,
+    output: Path | None,
+    log: Path | None,
+    period_s: float,
+    faults: tuple[str, ...],
+    list_faults: bool,
+    json_path: Path | None,
+) -> None:
+    """Start the virtual rig as servers for other programs, in real time, until Ctrl-C.
+
+    RIG is a rig file with [simulation]; without one there are a stage, a load frame and two cameras. Type
+    help while it runs.
+    """
+    from rig.simulate import find_simulator, run, start
+
+    if list_faults:
+        _finish(find_simulator().list_faults(), {}, None, good=True)
+        return
+    require_places([rig_path], [output, log, json_path])
+    simulation = start(rig_path, log, faults)
+    try:
+        if output is not None:
+            _write(output, simulation.rig_file(), "-o")
+        addresses = dict(simulation.addresses)
+        lines = [f"{name}: {address}" for name, address in addresses.items()]
+        _finish(lines, addresses, json_path, good=True)
+        run(simulation, period_s, say)
+    finally:
+        simulation.close()
+
+
+@cli.command()
 @click.option("-o", "--output", type=_PATH, default=Path("demo"), show_default=True, help="Folder.")
 def demo(output: Path) -> None:
     """Run both of the paper's experiments on a virtual rig, measure them and write the report."""
@@ -135,17 +181,21 @@ def _finish(lines: list[str], table: dict[str, Any], json_path: Path | None, *, 
     for line in lines:
         say(line)
     if json_path is not None:
-        try:
-            json_path.write_text(json.dumps(table, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-        except OSError as error:
-            raise RigError(
-                str(json_path),
-                expected="a file that can be written",
-                got=error.strerror or str(error),
-                remedy="name another with --json",
-            ) from error
+        _write(json_path, json.dumps(table, indent=2, allow_nan=False) + "\n", "--json")
     if not good:
         sys.exit(NOT_GOOD)
+
+
+def _write(path: Path, text: str, option: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise RigError(
+            str(path),
+            expected="a file that can be written",
+            got=error.strerror or str(error),
+            remedy=f"name another with {option}",
+        ) from error
 
 
 def _step_line(record: "StepRecord") -> str:

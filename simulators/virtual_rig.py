@@ -40,6 +40,12 @@ class VirtualRigSettings(Settings):
 class VirtualRig:
     """One specimen, fixed to a rotation stage and gripped by a load frame; a rig uses what it names.
 
+    Parameters
+    ----------
+    settings : VirtualRigSettings
+    clock : Clock, optional
+        Another one than the settings ask for.
+
     Attributes
     ----------
     clock : Clock
@@ -56,8 +62,8 @@ class VirtualRig:
     load_frame : FrameDevice
     """
 
-    def __init__(self, settings: VirtualRigSettings) -> None:
-        self.clock: Clock = SystemClock() if settings.real_time else VirtualClock()
+    def __init__(self, settings: VirtualRigSettings, clock: Clock | None = None) -> None:
+        self.clock: Clock = clock or (SystemClock() if settings.real_time else VirtualClock())
         specimen = Specimen(settings.specimen)
         self.stage = StageDevice(self.clock)
         self.load_frame = FrameDevice(self.clock, specimen, rng=np.random.default_rng(settings.seed))

@@ -1,0 +1,134 @@
+"""Cameras and operator of a virtual rig that runs in another program on this machine, as drivers."""
+
+import json
+import socket
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from drivers import errors
+from drivers.errors import DeviceError, LinkLost
+from drivers.interfaces import CameraInfo, Frame, OpenContext, OperatorAction
+from drivers.registry import DriverSpec
+from drivers.settings import Settings
+
+RENDERING_S = 30.0
+"""How much longer than its own deadline a frame may take to come: rendering is slow on a busy machine."""
+
+
+class RemoteOperatorSettings(Settings):
+    """Where the simulation is, as ``rig simulate`` prints it."""
+
+    address: str = Field(pattern=r"^.+:\d+$", description="host:port")
+
+
+class RemoteCameraSettings(RemoteOperatorSettings):
+    """Where the simulation is, and which of its cameras."""
+
+    camera: str
+
+
+class SceneClient:
+    """A connection to a `simulators.scene_wire.SceneServer`, made when it is needed.
+
+    Parameters
+    ----------
+    name : str
+        The device's name, for messages.
+    address : str
+    """
+
+    def __init__(self, name: str, address: str) -> None:
+        self._name, self._address = name, address
+        self._socket: socket.socket | None = None
+
+    def ask(self, patience_s: float, /, **request: object) -> tuple[dict[str, Any], bytes]:
+        """Send a request and return the answer's head and the bytes that follow it.
+
+        Raises
+        ------
+        DeviceError
+            As the simulated device raised it, or `LinkLost` if the simulation is gone.
+        """
+        try:
+            if self._socket is None:
+                host, _, port = self._address.rpartition(":")
+                self._socket = socket.create_connection((host, int(port)), patience_s)
+            self._socket.settimeout(patience_s)
+            self._socket.sendall(json.dumps(request).encode() + b"\n")
+            with self._socket.makefile("rb") as answer:
+                head = json.loads(answer.readline())
+                body = answer.read(head.get("bytes", 0))
+        except (OSError, ValueError) as error:
+            self.close()
+            raise LinkLost(
+                f"{self._name} ({self._address})",
+                str(request["do"]),
+                expected="an answer of the simulation",
+                got=str(error) or type(error).__name__,
+                remedy="start rig simulate and take the addresses that it prints",
+            ) from error
+        if "error" in head:
+            kind = getattr(errors, head.pop("error"), DeviceError)
+            raise kind(head.pop("device"), head.pop("step"), **head)
+        return head, body
+
+    def close(self) -> None:
+        """Hang up; harmless when repeated."""
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
+
+
+class RemoteCamera:
+    """A `Camera` that another program renders.
+
+    The frame's times are those of this machine's monotonic clock, which both programs share.
+    """
+
+    def __init__(self, client: SceneClient, camera: str) -> None:
+        self._client, self._camera = client, camera
+        head, _ = client.ask(RENDERING_S, do="camera", camera=camera)
+        self.info = CameraInfo(**head)
+
+    def grab(self, timeout_s: float) -> Frame:
+        """Return a frame whose exposure began after this call."""
+        head, pixels = self._client.ask(
+            timeout_s + RENDERING_S, do="grab", camera=self._camera, timeout_s=timeout_s
+        )
+        image = np.frombuffer(pixels, head.pop("dtype")).reshape(head.pop("shape"))
+        head.pop("bytes")
+        return Frame(image=image, utc=datetime.fromisoformat(head.pop("utc")), **head)
+
+    def close(self) -> None:
+        """Release the camera; harmless when repeated."""
+        self._client.close()
+
+
+class RemoteOperator:
+    """The person at a rig that another program simulates."""
+
+    def __init__(self, client: SceneClient) -> None:
+        self._client = client
+
+    def perform(self, action: OperatorAction) -> None:
+        """Let the grid be attached or removed; return when it is done."""
+        self._client.ask(RENDERING_S * 4, do="operator", action=action.name)
+
+    def close(self) -> None:
+        """Hang up; harmless when repeated."""
+        self._client.close()
+
+
+def _open_camera(settings: RemoteCameraSettings, context: OpenContext) -> RemoteCamera:
+    return RemoteCamera(SceneClient(context.name, settings.address), settings.camera)
+
+
+def _open_operator(settings: RemoteOperatorSettings, context: OpenContext) -> RemoteOperator:
+    return RemoteOperator(SceneClient(context.name, settings.address))
+
+
+CAMERA = DriverSpec("camera", RemoteCameraSettings, _open_camera)
+OPERATOR = DriverSpec("operator", RemoteOperatorSettings, _open_operator)

@@ -1,0 +1,104 @@
+"""`rig simulate` as a program: started, used through its rig file, and ended."""
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rig.devices import open_rig
+from rig.rigfile import read_rig
+
+COMMAND = [sys.executable, "-c", "from rig.cli import main; main()", "simulate"]
+DEADLINE_S = 60
+
+
+def begin(*options: str) -> subprocess.Popen:
+    return subprocess.Popen(
+        [*COMMAND, *options],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        bufsize=1,
+    )
+
+
+def lines_until(process: subprocess.Popen, beginning: str) -> list[str]:
+    """Read what is printed up to a line that begins so."""
+    lines = []
+    for line in process.stdout:
+        lines.append(line.strip())
+        if line.startswith(beginning):
+            return lines
+    raise AssertionError(f"{lines}, {process.stderr.read()}")
+
+
+@pytest.mark.parametrize("way", ["SIGINT", "SIGTERM", "quit"])
+def test_it_ends_at_once_with_status_0(way, tmp_path):
+    process = begin("--json", str(tmp_path / "addresses.json"))
+    printed = lines_until(process, "scene: ")
+    addresses = json.loads((tmp_path / "addresses.json").read_text())
+    assert [f"{name}: {address}" for name, address in addresses.items()] == printed
+    if way == "quit":
+        process.stdin.write("quit\n")
+    else:
+        process.send_signal(signal.Signals[way])
+    _, complaints = process.communicate(timeout=DEADLINE_S)
+    assert (process.returncode, complaints) == (0, "")
+    assert not Path(addresses["stage"]).exists()
+
+
+def test_another_program_runs_its_rig_and_faults_are_typed_in(tmp_path):
+    rig_path, log = tmp_path / "rig.toml", tmp_path / "truth.jsonl"
+    process = begin("-o", str(rig_path), "--log", str(log), "--fault", "stage.drop:1")
+    try:
+        lines_until(process, "scene: ")
+        with open_rig(read_rig(rig_path)) as rig:
+            rig.load_frame.go_to_displacement(0.02, 1.0)
+            process.stdin.write("fault load_frame.e-stop\ntruth\n")
+            assert "on: load_frame.e-stop" in lines_until(process, "grid_attached: ")
+            assert "emergency stop" in rig.load_frame.read().faults
+            process.stdin.write("clear\n")
+            assert lines_until(process, "on: ") == ["on: nothing"]
+            rig.stage.stop()
+        # at the end of the input it goes on
+        process.stdin.close()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(DEADLINE_S) == 0
+    finally:
+        process.kill()
+        process.stdout.close()
+        process.stderr.close()
+        process.wait()
+    truth = [json.loads(line) for line in log.read_text().splitlines()]
+    assert [line["command"] for line in truth if line["what"] == "command"] == ["displacement 0.02 at 1"]
+    assert {line["what"] for line in truth} == {"sample", "command", "fault"}
+    times = [line["time_s"] for line in truth if line["what"] == "sample"]
+    assert times == sorted(times)
+
+
+def test_faults_are_listed():
+    listed = subprocess.run([*COMMAND, "--list-faults"], capture_output=True, text=True, timeout=DEADLINE_S)
+    assert listed.returncode == 0
+    assert any(line.startswith("drop[:COUNT] ") for line in listed.stdout.splitlines())
+    assert any("emergency stop" in line for line in listed.stdout.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--fault", "stage.dorp"), "rig: rig simulate: expected a fault, got fault 'dorp'"),
+        (("none.toml",), "none.toml"),
+        (("--log", "no/such/folder/log"), "expected a file of its own"),
+    ],
+)
+def test_what_is_wrong_is_one_sentence(options, said, tmp_path):
+    ended = subprocess.run(
+        [*COMMAND, *options], capture_output=True, text=True, timeout=DEADLINE_S, cwd=tmp_path
+    )
+    assert ended.returncode == 2
+    assert said in ended.stderr
+    assert "Traceback" not in ended.stderr

@@ -1,0 +1,172 @@
+"""What each fault does to the bytes on the line, told from outside."""
+
+import os
+import select
+
+import pytest
+
+from drivers.clock import VirtualClock
+from simulators.faults import FAULTS, FaultPanel, names, parse
+from simulators.rig_faults import RigFaults
+from simulators.stage_device import StageDevice
+from simulators.stage_wire import StageServer
+
+FIRST, SECOND = b"@01 0 00 OK IDLE WR 0:BE\r\n", b"@01 0 01 OK IDLE WR 0:BD\r\n"
+"""Answers to `get pos` with the ids 00 and 01; checksums from the vendor's way of counting."""
+
+
+@pytest.fixture
+def server():
+    opened = StageServer(StageDevice(VirtualClock()))
+    yield opened
+    opened.close()
+
+
+def talk(server: StageServer, messages: list[bytes], sizes: list[int]) -> list[bytes]:
+    """Send messages one after the other and return what came after each: so many bytes and no more."""
+    terminal = os.open(server.address, os.O_RDWR | os.O_NOCTTY)
+    try:
+        answers = []
+        for message, size in zip(messages, sizes, strict=True):
+            os.write(terminal, message)
+            answers.append(listen(terminal, size))
+        return answers
+    finally:
+        os.close(terminal)
+
+
+def listen(terminal: int, size: int) -> bytes:
+    received = b""
+    while select.select([terminal], [], [], 10.0 if len(received) < size else 0.05)[0]:
+        received += os.read(terminal, 200)
+    return received
+
+
+@pytest.mark.parametrize(
+    ("fault", "answers"),
+    [
+        ("lose-request:1", [b"", SECOND]),
+        ("drop:1", [b"", SECOND]),
+        ("duplicate:1", [FIRST + FIRST, SECOND]),
+        ("late", [b"", FIRST]),
+        ("late:1", [b"", FIRST + SECOND]),
+        ("stale", [b"", FIRST]),
+        ("split", [FIRST, SECOND]),
+        ("delay:0.01", [FIRST, SECOND]),
+        ("wrong-unit:1", [b"@02 0 00 OK IDLE WR 0:BD\r\n", SECOND]),
+        ("reject:AGAIN:1", [b"@01 0 00 RJ IDLE WR AGAIN:8C\r\n", SECOND]),
+    ],
+)
+def test_what_comes_after_two_questions(server, fault, answers):
+    server.faults.switch_on(fault)
+    questions = [b"/1 0 00 get pos:2D\n", b"/1 0 01 get pos:2C\n"]
+    assert talk(server, questions, [len(answer) for answer in answers]) == answers
+
+
+def test_a_damaged_answer_has_the_right_length_and_a_wrong_checksum(server):
+    server.faults.switch_on("corrupt")
+    (damaged,) = talk(server, [b"/1 0 00 get pos:2D\n"], [len(FIRST)])
+    assert len(damaged) == len(FIRST)
+    assert sum(a != b for a, b in zip(damaged, FIRST, strict=True)) == 1
+
+
+def test_a_dropped_answer_is_to_a_command_that_was_executed(server):
+    server.faults.switch_on("drop")
+    talk(server, [b"/1 1 00 move abs 6400\n"], [0])
+    assert [name for _, name in server.device.executed] == ["move 6400"]
+    server.faults.clear()
+    server.faults.switch_on("lose-request")
+    talk(server, [b"/1 1 00 move abs 12800\n"], [0])
+    assert len(server.device.executed) == 1
+
+
+def test_an_unplugged_terminal_is_gone_and_comes_back_under_its_name(server):
+    terminal = os.open(server.address, os.O_RDWR | os.O_NOCTTY)
+    try:
+        server.faults.switch_on("unplug")
+        with pytest.raises(OSError, match=r"\[Errno 5\]"):
+            os.write(terminal, b"/\n")
+        with pytest.raises(FileNotFoundError):
+            os.open(server.address, os.O_RDWR | os.O_NOCTTY)
+    finally:
+        os.close(terminal)
+    server.faults.clear("unplug")
+    assert talk(server, [b"/1 0 00 get pos:2D\n"], [len(FIRST)]) == [FIRST]
+
+
+@pytest.mark.parametrize("name", ["e-stop", "limit", "reset", "stall"])
+def test_faults_of_the_stage_end_its_motion(name):
+    clock = VirtualClock()
+    device = StageDevice(clock)
+    server = StageServer(device)
+    try:
+        device.move_to(640_000)
+        clock.sleep(1.0)
+        assert device.moving
+        server.faults.switch_on(name)
+        assert not device.moving
+        assert 0.0 < device.angle_deg() < 100.0
+    finally:
+        server.close()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("dorp", "expected one of lose-request, drop"),
+        ("drop:x", r"expected drop\[:COUNT\]"),
+        ("drop:0", r"expected drop\[:COUNT\]"),
+        ("drop:1:2", r"expected drop\[:COUNT\]"),
+        ("delay:soon", "with a number, got 'soon'"),
+        ("delay:1:2:3", r"expected delay\[:SECONDS\]\[:COUNT\]"),
+        ("unplug:1", "expected unplug"),
+        ("nan-load", "expected one that stage can have"),
+    ],
+)
+def test_a_fault_that_is_none_is_refused(text, said):
+    panel = FaultPanel("stage")
+    with pytest.raises(ValueError, match=said):
+        panel.switch_on(text)
+    assert panel.active == []
+
+
+def test_counted_faults_are_used_up_and_others_stay():
+    panel = FaultPanel("load_frame")
+    panel.switch_on("exception:4:2")
+    assert [panel.take("exception") for _ in range(3)] == ["4", "4", None]
+    panel.switch_on("drop")
+    assert [panel.take("drop") for _ in range(3)] == ["", "", ""]
+
+
+def test_effects_come_once_and_go_when_cleared():
+    happened = []
+    panel = FaultPanel("load_frame")
+    panel.when("e-stop", lambda: happened.append("pressed"), lambda: happened.append("released"))
+    for text in ("e-stop", "e-stop"):
+        panel.switch_on(text)
+    panel.clear("drop")
+    assert (happened, panel.active) == (["pressed"], ["e-stop"])
+    panel.clear()
+    panel.clear()
+    assert happened == ["pressed", "released"]
+
+
+def test_a_rigs_faults_are_named_with_their_device():
+    faults = RigFaults(FaultPanel("stage"), FaultPanel("load_frame"))
+    faults.switch_on("stage.drop:2")
+    faults.switch_on("load_frame.nan-load")
+    assert faults.active == ["stage.drop", "load_frame.nan-load"]
+    faults.clear("stage")
+    assert faults.active == ["load_frame.nan-load"]
+    for wrong in ("drop", "camera.drop", "stage.dorp"):
+        with pytest.raises(ValueError, match="expected"):
+            faults.switch_on(wrong)
+    with pytest.raises(ValueError, match="expected one of"):
+        faults.clear("stage.dorp")
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_every_fault_can_be_written_as_it_is_listed(name):
+    fault, _, count = parse(name)
+    assert (fault.name, count) == (name, None)
+    assert all(name in names(device) for device in fault.devices)

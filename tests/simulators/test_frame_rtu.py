@@ -1,0 +1,113 @@
+"""Modbus RTU as bytes on a pty and on TCP, against the specification's own frames."""
+
+import os
+import select
+import socket
+
+import pytest
+
+from drivers.clock import VirtualClock
+from simulators.frame_device import FrameDevice
+from simulators.frame_wire import FrameRtuServer, FrameRtuTcpServer
+from simulators.modbus_framing import crc, cut_rtu
+
+
+class Spring:
+    def stretch_to(self, displacement_mm: float) -> float:
+        return 5000.0 * displacement_mm
+
+    def break_now(self) -> None: ...
+
+
+@pytest.fixture
+def device():
+    return FrameDevice(VirtualClock(), Spring())
+
+
+@pytest.fixture
+def terminal(device):
+    server = FrameRtuServer(device)
+    opened = os.open(server.address, os.O_RDWR | os.O_NOCTTY)
+    yield opened
+    os.close(opened)
+    server.close()
+    server.close()
+
+
+def exchange(terminal: int, request: str, size: int) -> str:
+    """Send a message given in hexadecimal and return the answer of `size` bytes, and whatever follows."""
+    os.write(terminal, bytes.fromhex(request))
+    received = b""
+    while select.select([terminal], [], [], 10.0 if len(received) < size else 0.05)[0]:
+        received += os.read(terminal, 300)
+    return received.hex(" ")
+
+
+@pytest.mark.parametrize(
+    ("message", "checksum"),
+    [
+        # MODBUS over Serial Line V1.02, 6.2.2: the message 02 07 has the checksum 0x1241, low byte first
+        ("02 07", "41 12"),
+        # the catalogue of parametrised CRC algorithms: CRC-16/MODBUS of "123456789" is 0x4B37
+        (b"123456789".hex(), "37 4b"),
+    ],
+)
+def test_the_checksum_is_the_specifications(message, checksum):
+    assert crc(bytes.fromhex(message)).hex(" ") == checksum
+
+
+def sealed(message: str) -> str:
+    return message + crc(bytes.fromhex(message)).hex()
+
+
+def test_reads_and_writes_as_on_tcp(terminal, device):
+    assert exchange(terminal, sealed("01 04 00 20 00 03"), 11) == "01 04 06 00 03 5b 61 01 04 66 3a"
+    assert exchange(terminal, sealed("01 06 00 42 00 07"), 8) == "01 06 00 42 00 07 68 1c"
+    assert device.heartbeat == 7
+    # exception 2, illegal data address
+    assert exchange(terminal, sealed("01 03 01 00 00 01"), 5) == "01 83 02 c0 f1"
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        "01 04 00 20 00 03 00 00",  # wrong checksum
+        sealed("02 04 00 20 00 03"),  # for another unit
+        "01 04",  # cut short
+    ],
+)
+def test_what_is_damaged_or_for_others_is_met_with_silence(terminal, request_):
+    assert exchange(terminal, request_, 0) == ""
+    # and the line is whole again with the next request
+    assert exchange(terminal, sealed("01 04 00 20 00 03"), 11).startswith("01 04 06")
+
+
+def test_everybody_obeys_unit_0_and_nobody_answers(terminal, device):
+    assert exchange(terminal, sealed("00 06 00 42 00 09"), 0) == ""
+    assert device.heartbeat == 9
+
+
+def test_requests_may_come_in_pieces_or_together(terminal):
+    request = bytes.fromhex(sealed("01 04 00 20 00 03"))
+    os.write(terminal, request[:3])
+    assert exchange(terminal, (request[3:] + request).hex(), 22).count("01 04 06") == 2
+
+
+def test_unknown_functions_are_told(terminal):
+    assert exchange(terminal, sealed("01 2b 0e 01 00"), 5).startswith("01 ab 01")
+
+
+def test_noise_before_a_request_is_passed_over():
+    request = bytes.fromhex(sealed("01 10 00 40 00 02 04 40 00 00 00"))
+    assert cut_rtu(b"\x00\xff\x10" + request + request[:4]) == ([request], request[:4])
+
+
+def test_the_same_frames_on_tcp(device):
+    server = FrameRtuTcpServer(device)
+    host, _, port = server.address.partition(":")
+    try:
+        with socket.create_connection((host, int(port)), 10.0) as client:
+            client.sendall(bytes.fromhex(sealed("01 04 00 20 00 03")))
+            assert client.makefile("rb").read(11).hex(" ") == "01 04 06 00 03 5b 61 01 04 66 3a"
+    finally:
+        server.close()
