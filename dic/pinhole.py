@@ -235,14 +235,27 @@ class Pinhole:
         They come from `covariance`. What that leaves open together, such as focal length and distance, hardly
         moves points of the plane.
         """
+        # where the image of a plane's point moves by s, the ray of its old place meets the plane J·s before
+        moved = self._slopes_by_parameters(self.map(px)) @ self._parameter_factors()
+        return np.asarray(-self.jacobian(px) @ moved)
+
+    def centre_factors(self) -> NDArray[np.float64]:
+        """Return F, shape (3, q), mm: errors of `centre_mm` have the covariance F Fᵀ.
+
+        The same column belongs to the same error as in `error_factors`: who uses both map and centre must not
+        take their errors as independent.
+        """
+        return self._parameter_factors()[10:]
+
+    def _parameter_factors(self) -> NDArray[np.float64]:
+        """Return F, shape (13, q), with `covariance` = F Fᵀ."""
         std = np.sqrt(np.diag(self.covariance))
         fitted = np.flatnonzero(std)
         correlation = self.covariance[np.ix_(fitted, fitted)] / np.outer(std[fitted], std[fitted])
         variances, directions = np.linalg.eigh(correlation)
-        root = std[fitted, None] * directions * np.sqrt(np.maximum(variances, 0.0))
-        # where the image of a plane's point moves by s, the ray of its old place meets the plane J·s before
-        moved = self._slopes_by_parameters(self.map(px))[:, :, fitted] @ root
-        return np.asarray(-self.jacobian(px) @ moved)
+        factors = np.zeros((len(std), len(fitted)))
+        factors[fitted] = std[fitted, None] * directions * np.sqrt(np.maximum(variances, 0.0))
+        return factors
 
     def _slopes_by_parameters(self, points_mm: Points) -> NDArray[np.float64]:
         """Return how the images of points (n, 2) of the plane move with each of `PARAMETERS`, (n, 2, 13)."""

@@ -87,31 +87,14 @@ def points_of(measurement: Measurement, calibration: Calibration) -> Points:
     return Points(displacement, use, np.stack([before, before + moved]), best)
 
 
-def by_centre(estimate: Callable[[Float], Float], calibration: Calibration) -> Float:
-    """Return what the uncertainty of a camera's centre does to an estimate (p,) that depends on the centre.
-
-    Returns
-    -------
-    ndarray, shape (p, 3)
-        F, to first order: the covariance of the estimate is F Fᵀ.
-    """
-    pinhole = calibration.pinhole
-    if pinhole is None:
-        raise ValueError("this calibration knows no camera centre")
+def by_centre(estimate: Callable[[Float], Float], centre_mm: Float) -> Float:
+    """Return the derivative (p, 3), per mm, of an estimate (p,) by the camera's centre it is made with."""
+    step = _STEP * centre_mm[2]
     columns = []
-    for shift in centre_factors(calibration).T:
-        step = _STEP * pinhole.centre_mm[2] / max(float(np.linalg.norm(shift)), 1e-12)
-        ahead, behind = (estimate(pinhole.centre_mm + sign * step * shift) for sign in (1, -1))
+    for shift in step * np.eye(3):
+        ahead, behind = (estimate(centre_mm + sign * shift) for sign in (1, -1))
         columns.append((ahead - behind) / (2 * step))
     return np.stack(columns, axis=-1)
-
-
-def centre_factors(calibration: Calibration) -> Float:
-    """Return L (3, 3), mm: the covariance of the camera's centre is L Lᵀ."""
-    if calibration.pinhole is None:
-        raise ValueError("this calibration knows no camera centre")
-    variances, directions = np.linalg.eigh(calibration.pinhole.centre_covariance_mm2)
-    return np.asarray(directions * np.sqrt(np.maximum(variances, 0.0)))
 
 
 def _plain(value: float) -> float | None:

@@ -11,7 +11,15 @@ from dic.measurement import Measurement
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction, by_centre, points_of
 from dic.out_of_plane.plane import moved_out_of_plane
-from dic.out_of_plane.rotation import PRIOR_SLOPE, Steps, by_gradient, gradient_covariance, solve_alignment
+from dic.out_of_plane.rotation import (
+    PRIOR_SLOPE,
+    Steps,
+    by_gradient,
+    gradient_errors,
+    solve_alignment,
+    systematic_strain,
+)
+from dic.out_of_plane.weights import block_diagonal
 from dic.strain import strain_of_gradient
 
 Float = NDArray[np.float64]
@@ -49,7 +57,10 @@ def correct_rotation(
         Solved before on the same fixture; the specimen need not be rigid then.
     """
     usable = [k for k, m in enumerate(measurements) if m.calibrated_mean is not None and _points(m)]
-    steps = Steps.of([points_of(measurements[k], calibration) for k in usable]) if usable else None
+    steps = None
+    if usable:
+        systematic = max(systematic_strain(measurements[k].settings, calibration) for k in usable)
+        steps = Steps.of([points_of(measurements[k], calibration) for k in usable], systematic)
     reason = _objection(steps, calibration, alignment)
     if reason is not None or steps is None or calibration.pinhole is None:
         method = "rigidity" if alignment is None else "alignment"
@@ -57,9 +68,9 @@ def correct_rotation(
         return RotationCorrection(refused, None)
     centre_mm, reason = calibration.pinhole.centre_mm, None
     if alignment is not None:
-        solved: _Solved | None = _Solved.known(steps, calibration, centre_mm, alignment)
+        solved: _Solved | None = _Solved.known(steps, centre_mm, alignment)
     else:
-        solved = _Solved.from_steps(steps, calibration, centre_mm)
+        solved = _Solved.from_steps(steps, centre_mm)
         reason = _not_rigid(solved)
     if solved is None or reason is not None:
         refused = [Correction.refused("rigidity", m, reason or "unsolved") for m in measurements]
@@ -72,7 +83,8 @@ def correct_rotation(
 
 
 def _points(measurement: Measurement) -> bool:
-    return measurement.calibrated is not None and int(measurement.calibrated.valid.sum()) >= _FEWEST_POINTS
+    mean = measurement.calibrated_mean
+    return mean is not None and mean.points >= _FEWEST_POINTS and bool(np.isfinite(mean.exx))
 
 
 def _objection(steps: Steps | None, calibration: Calibration, alignment: Alignment | None) -> str | None:
@@ -116,12 +128,15 @@ class _Solved:
     covariance: Float
 
     @classmethod
-    def from_steps(cls, steps: Steps, calibration: Calibration, centre_mm: Float) -> "_Solved | None":
+    def from_steps(cls, steps: Steps, centre_mm: Float) -> "_Solved | None":
         """Solve the alignment of these steps; None if they do not tell it."""
-        errors = gradient_covariance(steps)
-        to_strain = _block_diagonal([by_gradient(G) for G in steps.gradients(np.zeros(4), centre_mm)])
-        of_strain = to_strain @ errors @ to_strain.T
+        noise, of_map, of_centre = gradient_errors(steps)
+        to_strain = block_diagonal([by_gradient(G) for G in steps.gradients(np.zeros(4), centre_mm)])
+        of_strain = to_strain @ (noise + of_map @ of_map.T) @ to_strain.T
         solution = solve_alignment(steps, centre_mm, of_strain)
+        if solution is not None:
+            steps = steps.seen_on(solution[0], centre_mm)
+            solution = solve_alignment(steps, centre_mm, of_strain, solution[0])
         if solution is None:
             return None
         slopes, gain, by_slope = solution
@@ -133,34 +148,34 @@ class _Solved:
             found = slopes if again is None else again[0]
             return np.concatenate([steps.gradients(found, centre).ravel(), found])
 
-        sources = _block_diagonal([errors, PRIOR_SLOPE**2 * np.eye(4)])
+        sources = block_diagonal([noise, PRIOR_SLOPE**2 * np.eye(4)])
         rows = _error_rows(steps, slopes, centre_mm, slope_rows)
-        of_centre = by_centre(estimate, calibration)
-        covariance = rows @ sources @ rows.T + of_centre @ of_centre.T
+        of_calibration = rows[:, : len(noise)] @ of_map + by_centre(estimate, centre_mm) @ of_centre
+        covariance = rows @ sources @ rows.T + of_calibration @ of_calibration.T
         alignment = Alignment(slopes, covariance[-4:, -4:], steps.pivot_mm)
         gradients = steps.gradients(slopes, centre_mm)
         return cls("rigidity", steps, centre_mm, alignment, gradients, covariance[:-4, :-4])
 
     @classmethod
-    def known(
-        cls, steps: Steps, calibration: Calibration, centre_mm: Float, alignment: Alignment
-    ) -> "_Solved":
+    def known(cls, steps: Steps, centre_mm: Float, alignment: Alignment) -> "_Solved":
         """Apply an alignment that was solved before."""
         slopes, n = alignment.slopes, len(steps.points)
+        steps = steps.seen_on(slopes, centre_mm)
         slope_rows = np.hstack([np.zeros((4, 4 * n)), np.eye(4)])
 
         def estimate(centre: Float) -> Float:
             return steps.gradients(slopes, centre).ravel()
 
-        sources = _block_diagonal([gradient_covariance(steps), alignment.covariance])
+        noise, of_map, of_centre = gradient_errors(steps)
+        sources = block_diagonal([noise, alignment.covariance])
         rows = _error_rows(steps, slopes, centre_mm, slope_rows)[:-4]
-        of_centre = by_centre(estimate, calibration)
-        covariance = rows @ sources @ rows.T + of_centre @ of_centre.T
+        of_calibration = rows[:, : len(noise)] @ of_map + by_centre(estimate, centre_mm) @ of_centre
+        covariance = rows @ sources @ rows.T + of_calibration @ of_calibration.T
         return cls("alignment", steps, centre_mm, alignment, steps.gradients(slopes, centre_mm), covariance)
 
     def strain_left(self) -> float:
         """Return the strain that is left, in standard deviations, rms."""
-        to_strain = _block_diagonal([by_gradient(G) for G in self.gradients])
+        to_strain = block_diagonal([by_gradient(G) for G in self.gradients])
         deviations = np.sqrt(np.diag(to_strain @ self.covariance @ to_strain.T))
         strains = self.steps.strains(self.alignment.slopes, self.centre_mm)
         return float(np.sqrt(np.mean((strains / deviations) ** 2)))
@@ -192,9 +207,3 @@ def _error_rows(steps: Steps, slopes: Float, centre_mm: Float, slope_rows: Float
     n = len(by_slope)
     direct = np.hstack([np.eye(n), np.zeros((n, slope_rows.shape[1] - n))])
     return np.vstack([direct + by_slope @ slope_rows, slope_rows])
-
-
-def _block_diagonal(blocks: Sequence[Float]) -> Float:
-    from scipy.linalg import block_diag
-
-    return np.asarray(block_diag(*blocks))

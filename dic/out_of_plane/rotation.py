@@ -7,13 +7,15 @@ which no step has strain.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.calibration import Calibration
 from dic.out_of_plane.alignment import Alignment
-from dic.out_of_plane.weights import Points
+from dic.out_of_plane.weights import Points, block_diagonal
+from dic.settings import CorrelationSettings
 from dic.strain_fit import gradient_weights, slopes_of
 
 Float = NDArray[np.float64]
@@ -22,7 +24,7 @@ PRIOR_SLOPE = np.tan(np.radians(1.0))
 """Standard deviation of all four slopes before anything was measured: they are some tenths of a degree. It
 decides only what the images do not tell, such as all of it for a camera that looks straight on."""
 
-_SYSTEMATIC = 3e-6
+_SYSTEMATIC = 0.3e-6
 """Strain errors that nothing else accounts for, such as the spline's; keeps the weights finite."""
 
 _STEPS = 10
@@ -41,38 +43,41 @@ class Steps:
     angles_deg : ndarray, shape (steps,)
         By which the specimen was turned since the reference.
     pivot_mm : ndarray, shape (2,)
+    systematic : float
+        Standard deviation of strain errors that are no noise, of each step.
     """
 
     points: Sequence[Points]
     angles_deg: Float
     pivot_mm: Float
+    systematic: float = _SYSTEMATIC
 
     @classmethod
-    def of(cls, points: Sequence[Points]) -> "Steps":
+    def of(cls, points: Sequence[Points], systematic: float = _SYSTEMATIC) -> "Steps":
         """Take the angles and the pivot from the calibrated motions themselves."""
-        angles, systems, sides = [], [], []
-        for step in points:
-            gradient, before, after = _plane_motion(step)
-            F = gradient + np.eye(2)
-            angle = np.arctan2(F[1, 0] - F[0, 1], F[0, 0] + F[1, 1])
-            c, s = np.cos(angle), np.sin(angle)
-            R = np.array([[c, -s], [s, c]])
-            angles.append(np.degrees(angle))
-            # The pivot x stays where it is: x = after + R (x - before).
-            systems.append(np.eye(2) - R)
-            sides.append(after - R @ before)
-        pivot = np.linalg.lstsq(np.concatenate(systems), np.concatenate(sides), rcond=None)[0]
-        return cls(points, np.array(angles), pivot)
+        motions = [(step.before_mm, step.after_mm) for step in points]
+        return cls(points, *_turns_and_pivot(motions), systematic)
+
+    def seen_on(self, slopes: Float, centre_mm: Float) -> "Steps":
+        """Return the same with angles and pivot as they are within the specimen's plane.
+
+        False strain falsifies angles by as much as itself, which times the wobble is some millionths.
+        """
+        angles_deg, pivot_mm = _turns_and_pivot(self._motions(slopes, centre_mm))
+        return replace(self, angles_deg=angles_deg, pivot_mm=pivot_mm)
 
     def gradients(self, slopes: Float, centre_mm: Float) -> Float:
         """Return the mean gradients within the specimen's plane, shape (steps, 2, 2)."""
+        return np.array([slopes_of(b, a - b) for b, a in self._motions(slopes, centre_mm)])
+
+    def _motions(self, slopes: Float, centre_mm: Float) -> list[tuple[Float, Float]]:
+        """Return where points were and went within the specimen's plane, two (n, 2) for each step."""
         alignment = Alignment(slopes, np.zeros((4, 4)), self.pivot_mm)
-        before, gradients = alignment.before, []
-        for points, angle_deg in zip(self.points, self.angles_deg, strict=True):
-            position = before.within(points.before_mm, centre_mm)
-            moved = alignment.after(angle_deg).within(points.after_mm, centre_mm) - position
-            gradients.append(slopes_of(position, moved))
-        return np.array(gradients)
+        before = alignment.before
+        return [
+            (before.within(p.before_mm, centre_mm), alignment.after(angle).within(p.after_mm, centre_mm))
+            for p, angle in zip(self.points, self.angles_deg, strict=True)
+        ]
 
     def strains(self, slopes: Float, centre_mm: Float) -> Float:
         """Return the mean strains xx, yy, xy (Green-Lagrange) of all steps in a row, (3 steps,)."""
@@ -81,10 +86,30 @@ class Steps:
         return np.stack([E[:, 0, 0], E[:, 1, 1], E[:, 0, 1]], axis=1).ravel()
 
 
-def _plane_motion(points: Points) -> tuple[Float, Float, Float]:
-    """Return the mean gradient (2, 2) of calibrated points, and their centres before and after, (2,)."""
-    gradient = slopes_of(points.before_mm, points.after_mm - points.before_mm)
-    return gradient, points.before_mm.mean(axis=0), points.after_mm.mean(axis=0)
+def systematic_strain(settings: CorrelationSettings, calibration: Calibration) -> float:
+    """Return the standard deviation of the strain errors of a turn that come from no noise.
+
+    Perspective makes the warp of a subset non-affine. An affine shape function of width s then gives the
+    warp's mean, off by s²/24 of its Laplacian, and the strain is off by that much of its third derivatives.
+    Those of a turned plane are up to 6 g² with g = sin θ / f, the relative change of scale per pixel; half of
+    it is typical of all steps. Quadratic shape functions follow.
+    """
+    if settings.shape != "affine" or calibration.pinhole is None:
+        return _SYSTEMATIC
+    g = np.sin(np.radians(calibration.pinhole.off_axis_deg)) / calibration.pinhole.focal_px
+    return float(np.hypot(_SYSTEMATIC, settings.subset_px**2 / 8 * g**2))
+
+
+def _turns_and_pivot(motions: Sequence[tuple[Float, Float]]) -> tuple[Float, Float]:
+    """Return the angles (steps,) by which points turned, degrees, and what stayed where it was, (2,)."""
+    gradients = np.array([slopes_of(before, after - before) for before, after in motions])
+    F = gradients + np.eye(2)
+    angles_deg = np.degrees(np.arctan2(F[:, 1, 0] - F[:, 0, 1], F[:, 0, 0] + F[:, 1, 1]))
+    turns = _turns(angles_deg)
+    # The pivot x stays where it is: x = after + R (x - before).
+    sides = [a.mean(axis=0) - R @ b.mean(axis=0) for (b, a), R in zip(motions, turns, strict=True)]
+    pivot = np.linalg.lstsq(np.concatenate(np.eye(2) - turns), np.concatenate(sides), rcond=None)[0]
+    return angles_deg, pivot
 
 
 def by_gradient(gradient: Float) -> Float:
@@ -99,23 +124,36 @@ def by_gradient(gradient: Float) -> Float:
     )
 
 
-def gradient_covariance(steps: Steps) -> Float:
-    """Return the covariance (4 steps, 4 steps) of all mean gradients, from noise and calibration.
+def gradient_errors(steps: Steps) -> tuple[Float, Float, Float]:
+    """Return what errors all mean gradients have.
 
-    The noise of the reference image is half of that of each step and common to all of them.
+    Half of each step's noise is that of the reference image. It misplaces the material points themselves, so
+    it is common to all steps and turns with them.
+
+    Returns
+    -------
+    noise : ndarray, shape (4 steps, 4 steps)
+        Covariance from noise.
+    of_map, of_centre : ndarray, shapes (4 steps, q) and (3, q)
+        What calibration errors of unit variance do to the gradients, and to the camera's centre (mm).
     """
-    noises, factors = [], []
-    for points in steps.points:
+    of_maps, turns = [], [np.kron(turn, np.eye(2)) for turn in _turns(steps.angles_deg)]
+    own, reference = [], np.zeros((4, 4))
+    for points, turn in zip(steps.points, turns, strict=True):
         weights = gradient_weights(points.before_mm)
-        noises.append(points.noise_covariance(weights))
-        factors.append(points.calibration_factors(weights))
-    n = len(noises)
-    total = np.kron(np.ones((n, n)), np.mean(noises, axis=0) / 2)
-    for k, noise in enumerate(noises):
-        at = slice(4 * k, 4 * k + 4)
-        total[at, at] += noise / 2
-    shared = np.concatenate(factors)
-    return np.asarray(total + shared @ shared.T + _SYSTEMATIC**2 * np.eye(4 * n))
+        own.append(points.noise_covariance(weights) / 2)
+        reference += turn.T @ own[-1] @ turn / len(turns)
+        of_map, of_centre = points.calibration_factors(weights)
+        of_maps.append(of_map)
+    common = np.concatenate(turns)
+    noise = block_diagonal(own) + common @ reference @ common.T
+    return noise + steps.systematic**2 * np.eye(len(noise)), np.concatenate(of_maps), of_centre
+
+
+def _turns(angles_deg: Float) -> Float:
+    """Return the matrices (steps, 2, 2) of turns from X to Y."""
+    c, s = np.cos(np.radians(angles_deg)), np.sin(np.radians(angles_deg))
+    return np.moveaxis(np.array([[c, -s], [s, c]]), -1, 0)
 
 
 def solve_alignment(
@@ -148,10 +186,7 @@ def solve_alignment(
     for _ in range(_STEPS):
         strains = steps.strains(slopes, centre_mm)
         by_slope = np.column_stack(
-            [
-                (steps.strains(slopes + d, centre_mm) - steps.strains(slopes - d, centre_mm)) / (2 * _SMALL)
-                for d in _SMALL * np.eye(4)
-            ]
+            [(steps.strains(slopes + d, centre_mm) - strains) / _SMALL for d in _SMALL * np.eye(4)]
         )
         weighted = np.linalg.solve(covariance, by_slope).T
         gain = np.linalg.inv(weighted @ by_slope + prior) @ weighted

@@ -70,8 +70,7 @@ def correct_tilt(measurement: Measurement, calibration: Calibration, poisson_rat
     weights = gradient_weights(points.before_mm)
     by_slope = np.einsum("nip,nis->ps", weights, fit.by_slope)
     total = np.concatenate([weights + fit.slope_weights @ by_slope.T, fit.slope_weights], axis=2)
-    of_centre = by_centre(estimate, calibration)
-    covariance = points.covariance(total) + of_centre @ of_centre.T
+    covariance = points.covariance(total, by_centre(estimate, pinhole.centre_mm))
     gradient = _gradient(points, pinhole.centre_mm, fit.plane)
     measure = measurement.strain_settings.measure
     mean = strain_of_gradient(gradient, covariance[:4, :4], len(points.before_mm), measure)

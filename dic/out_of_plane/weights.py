@@ -5,6 +5,7 @@ same sum of theirs: of the noise of the images, which neighbours share where the
 calibration, which all points share.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from dic.calibration import Calibration
 from dic.displacement import Displacement
-from dic.strain_fit import covariance_of_sums
+from dic.strain_fit import covariance_of_sums, slopes_of
 
 Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -72,15 +73,54 @@ class Points:
         on_grid[self.use] = weights
         return covariance_of_sums(on_grid, self.displacement.noise)
 
-    def calibration_factors(self, weights: Float) -> Float:
-        """Return F (p, q) with the covariance F Fᵀ that the calibration's errors give to the sums.
+    def calibration_factors(self, weights: Float) -> tuple[Float, Float]:
+        """Return what errors of unit variance of the calibration do to the sums and to the camera's centre.
 
-        The same columns of F belong to the same error for all fields that share a calibration.
+        A pinhole's map and centre err together: a grid seen too large is a camera thought too near. The
+        bicubic map's errors are taken as independent of the centre's. The same column belongs to the same
+        error for all fields that share a calibration.
+
+        Parameters
+        ----------
+        weights : ndarray, shape (n, 2, p)
+
+        Returns
+        -------
+        of_map : ndarray, shape (p, q)
+            F; through the map the sums get the covariance F Fᵀ.
+        of_centre : ndarray, shape (3, q)
+            The same of the centre, mm.
         """
+        if self.calibration.pinhole is None:
+            raise ValueError("this calibration knows no camera centre")
         before, after = (self.calibration.error_factors(px) for px in self.px)
-        return np.asarray(np.einsum("nip,niq->pq", weights, after - before))
+        # A wrong position x of the reference displaces x + u, wanted at F x, by F times as much.
+        F = slopes_of(self.before_mm, self.after_mm - self.before_mm) + np.eye(2)
+        of_map = np.einsum("nip,niq->pq", weights, after - F @ before)
+        of_centre = self.calibration.pinhole.centre_factors()
+        if self.calibration.model == "bicubic":
+            own, others = of_map.shape[1], of_centre.shape[1]
+            of_map = np.pad(of_map, ((0, 0), (0, others)))
+            of_centre = np.pad(of_centre, ((0, 0), (own, 0)))
+        return np.asarray(of_map), of_centre
 
-    def covariance(self, weights: Float) -> Float:
-        """Return the covariance (p, p) of the sums from noise and calibration together."""
-        factors = self.calibration_factors(weights)
+    def covariance(self, weights: Float, by_centre: Float | None = None) -> Float:
+        """Return the covariance (p, p) of estimates from noise and calibration together.
+
+        Parameters
+        ----------
+        weights : ndarray, shape (n, 2, p)
+            By which displacements enter them.
+        by_centre : ndarray, shape (p, 3), optional
+            Their derivative by the camera's centre, per mm.
+        """
+        of_map, of_centre = self.calibration_factors(weights)
+        factors = of_map if by_centre is None else of_map + by_centre @ of_centre
         return np.asarray(self.noise_covariance(weights) + factors @ factors.T)
+
+
+def block_diagonal(blocks: Sequence[Float]) -> Float:
+    """Return the matrix with these blocks along its diagonal, 0 elsewhere."""
+    from scipy.linalg import block_diag
+
+    return np.asarray(block_diag(*blocks))

@@ -70,14 +70,15 @@ class View:
         y_px = np.arange(step, self.camera.height_px - step, step)
         shape = (len(y_px), len(x_px))
         px = np.stack(np.meshgrid(x_px, y_px), axis=-1).reshape(-1, 2).astype(float)
-        material = Surface(Blank(), reference.pose, reference.F).material(*self.camera.ray(px))
+        # Each image has half of the variance. The reference's misplaces the material that is followed, for
+        # all steps alike.
+        seen = px + rng.normal(0.0, self.noise_px / np.sqrt(2), px.shape)
+        material = Surface(Blank(), reference.pose, reference.F).material(*self.camera.ray(seen))
         active = (np.abs(calibration.map(px)).max(axis=1) < self.half_mm).reshape(shape)
-        # Each image has half of the variance; the reference's is common to all steps.
-        of_reference = rng.normal(0.0, self.noise_px / np.sqrt(2), px.shape)
         results = []
         for number, state in enumerate(states):
             own = rng.normal(0.0, self.noise_px / np.sqrt(2), px.shape)
-            moved = self.camera.project(state.world(material)) - px + own + of_reference
+            moved = self.camera.project(state.world(material)) - px + own
             warps = np.full((*shape, 6), 0.0)
             warps[..., 0], warps[..., 3] = (moved[:, k].reshape(shape) for k in (0, 1))
             result = Field(
