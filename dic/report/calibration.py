@@ -1,44 +1,54 @@
-"""The figure of a calibration: where its map misses the grid points, and by how much."""
+"""The figure of a calibration: where its maps miss the grid points, and by how much."""
 
 import math
+from typing import Any
 
 import numpy as np
 
+from dic.calibration import Calibration
 from dic.process import CameraResult
-from dic.report.style import PAGE_WIDTH_IN, new_figure, png_uri
+from dic.report.style import png_uri
+from dic.residuals import Residuals
+
+_PANEL_WIDTH_IN = 4.4
 
 
 def residual_figure(cameras: list[CameraResult]) -> str:
-    """Return the residual vectors of every camera's calibration, magnified, in its grid image."""
-    columns = max(2, len(cameras))
-    tallest = max(camera.calibration.image_shape[0] / camera.calibration.image_shape[1] for camera in cameras)
+    """Return the residual vectors of every camera, magnified, in its grid image: a row of both its models."""
+    from matplotlib.figure import Figure
+
+    shapes = [camera.calibration.image_shape for camera in cameras]
     # Room for titles and labels, which the layout does not make for axes of equal scales.
-    figure, axes = new_figure(columns, (PAGE_WIDTH_IN / columns - 0.5) * tallest + 1.0)
-    for axis in axes[len(cameras) :]:
-        axis.set_axis_off()
-    for axis, camera in zip(axes, cameras, strict=False):
+    heights_in = [_PANEL_WIDTH_IN * height / width + 0.6 for height, width in shapes]
+    figure = Figure(figsize=(2 * _PANEL_WIDTH_IN + 1.2, sum(heights_in)), layout="constrained")
+    rows = figure.subplots(len(cameras), 2, squeeze=False, height_ratios=heights_in)
+    for row, camera in zip(rows, cameras, strict=True):
         calibration = camera.calibration
-        uv, residual = calibration.grid.uv_px, calibration.residual_px
-        magnification = _magnification(calibration.max_px, calibration.grid.pitch_mm / calibration.mm_per_px)
-        axis.plot(*np.vstack([calibration.outline_px, calibration.outline_px[:1]]).T, color="#bbbbbb", lw=0.8)
-        axis.plot(*uv.T, ".", color="#9a9a9a", markersize=1.5)
-        arrows = axis.quiver(
-            *uv.T, *residual.T, color="#0072b2", angles="xy", scale_units="xy",
-            scale=1.0 / magnification, width=0.003, headwidth=4,
-        )  # fmt: skip
-        # A quiver has no size before it is drawn, and would push the axes out of the figure.
-        arrows.set_in_layout(False)
-        height, width = calibration.image_shape
-        axis.set(
-            xlim=(-0.5, width - 0.5),
-            ylim=(height - 0.5, -0.5),
-            aspect="equal",
-            xlabel="x, px",
-            ylabel="y, px",
-        )
-        axis.grid(False)
-        axis.set_title(f"{camera.camera}: residuals × {magnification:g}")
+        longest_px = max(residuals.max_px for residuals in calibration.residuals.values())
+        magnification = _magnification(longest_px, calibration.grid.pitch_mm / calibration.mm_per_px)
+        for axis, (model, residuals) in zip(row, calibration.residuals.items(), strict=False):
+            _draw_residuals(axis, calibration, residuals, magnification)
+            axis.set_title(f"{camera.camera}, {model}: residuals × {magnification:g}")
+        for axis in row[len(calibration.residuals) :]:
+            axis.set_axis_off()
     return png_uri(figure, dpi=130)
+
+
+def _draw_residuals(axis: Any, calibration: Calibration, residuals: Residuals, magnification: float) -> None:
+    uv = calibration.grid.uv_px
+    axis.plot(*np.vstack([calibration.outline_px, calibration.outline_px[:1]]).T, color="#bbbbbb", lw=0.8)
+    axis.plot(*uv.T, ".", color="#9a9a9a", markersize=1.5)
+    arrows = axis.quiver(
+        *uv.T, *residuals.px.T, color="#0072b2", angles="xy", scale_units="xy",
+        scale=1.0 / magnification, width=0.003, headwidth=4,
+    )  # fmt: skip
+    # A quiver has no size before it is drawn, and would push the axes out of the figure.
+    arrows.set_in_layout(False)
+    height, width = calibration.image_shape
+    axis.set(
+        xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal", xlabel="x, px", ylabel="y, px"
+    )
+    axis.grid(False)
 
 
 def _magnification(longest_px: float, spacing_px: float) -> float:

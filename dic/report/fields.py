@@ -24,9 +24,9 @@ def field_pictures(run: Run) -> list[FieldPicture]:
     telling = rotation.telling_steps if run.kind == "rotation" else tension.telling_steps
     pictures = []
     for step, words in telling(run.steps):
-        for camera in run.result.cameras:
+        for camera in run.measured:
             measured = {s.index: m for s, m in zip(camera.steps, camera.measurements, strict=True)}
             if step.index in measured:
                 figure = draw_maps(measured[step.index], camera.reference, title="")
-                pictures.append(FieldPicture(camera.camera, step, words, png_uri(figure)))
+                pictures.append(FieldPicture(camera.camera, step, words, png_uri(figure, dpi=90)))
     return pictures

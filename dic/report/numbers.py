@@ -1,6 +1,9 @@
 """Numbers and dates as people read them."""
 
+import math
 from datetime import datetime
+
+_MOST_DIGITS = 4
 
 
 def micro(value: float) -> str:
@@ -23,6 +26,19 @@ def fixed(value: float, decimals: int) -> str:
     ('0.00', '2.5')
     """
     return _signed(value, decimals)
+
+
+def with_std(value: float, std: float) -> str:
+    """Return a value and its standard deviation, the latter to two digits where four decimals hold them.
+
+    Examples
+    --------
+    >>> with_std(34.6473, 0.19294), with_std(-0.1, 0.0), with_std(1.0, float("nan"))
+    ('34.65 ± 0.19', '−0.1000 ± 0.0000', '1.0000 ± –')
+    """
+    digits = max(0, 1 - math.floor(math.log10(std))) if std > 0 else _MOST_DIGITS
+    digits = min(digits, _MOST_DIGITS)
+    return f"{_signed(value, digits)} ± {_signed(std, digits)}"
 
 
 def date(iso: str) -> str:

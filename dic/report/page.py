@@ -12,8 +12,24 @@ from dic.report.fields import FieldPicture, field_pictures
 from dic.report.numbers import date, fixed, micro
 from dic.report.paper import compare
 from dic.report.series import Run, number_runs
-from dic.report.style import plot_style, watermark_uri
-from dic.report.tables import StepRow, calibration_rows, problems, settings_rows, step_rows
+from dic.report.setup import Findings, camera_rows, findings, remaining
+from dic.report.setup_figures import harmonics_figure, height_figure, height_step, motion_figure
+from dic.report.steps import StepTable, camera_tables, pair_table
+from dic.report.style import Kind, plot_style, watermark_uri
+from dic.report.tables import calibration_rows, problems, recommendations, settings_rows
+
+
+@dataclass(frozen=True)
+class SetUp:
+    """What a run says of its set-up, as the template shows it."""
+
+    cameras: list[list[str]]
+    findings: list[Findings]
+    remaining: list[str]
+    harmonics: str
+    motion: str
+    heights: str
+    heights_step: int
 
 
 @dataclass(frozen=True)
@@ -24,10 +40,14 @@ class RunView:
     problems: list[str]
     settings: list[tuple[str, str]]
     calibrations: list[list[str]]
-    steps: list[StepRow]
+    recommendations: list[str]
+    steps: list[StepTable]
+    pair: StepTable | None
     strain: str
     differences: str
+    corrected: str
     load: str
+    setup: SetUp
     residuals: str
     fields: list[FieldPicture]
 
@@ -83,7 +103,8 @@ def _render(runs: list[Run]) -> str:
     turning = [run for run in runs if run.kind == "rotation"]
     with plot_style():
         views = [_view(run) for run in runs]
-        raw, calibrated = (rotation.strain_figure(turning, c) if turning else "" for c in (False, True))
+        kinds: tuple[Kind, ...] = ("raw", "calibrated", "corrected")
+        turns = {kind: rotation.strain_figure(turning, kind) if turning else "" for kind in kinds}
     return environment.get_template("report.html.j2").render(
         title=runs[0].result.info.title
         if len(runs) == 1
@@ -91,24 +112,41 @@ def _render(runs: list[Run]) -> str:
         views=views,
         comparisons=compare(runs),
         turning=turning,
-        rotation_raw=raw,
-        rotation_calibrated=calibrated,
+        rotation=turns,
+        not_corrected=rotation.not_corrected(turning),
         simulated=any(run.result.info.simulated for run in runs),
         watermark=watermark_uri("SIMULATED"),
     )
 
 
 def _view(run: Run) -> RunView:
-    pulled = run.kind == "tension"
+    pulled, on_axis = run.kind == "tension", run.on_axis
     return RunView(
         run=run,
         problems=problems(run),
         settings=settings_rows(run),
         calibrations=calibration_rows(run),
-        steps=step_rows(run),
+        recommendations=recommendations(run),
+        steps=camera_tables(run) if run.steps else [],
+        pair=pair_table(run),
         strain=tension.strain_figure(run) if pulled else "",
-        differences=tension.difference_figure(run, run.on_axis) if pulled and run.on_axis else "",
+        differences=tension.difference_figure(run, on_axis) if pulled and on_axis else "",
+        corrected=tension.corrected_difference_figure(run, on_axis) if pulled and on_axis else "",
         load=tension.load_figure(run) if pulled else "",
-        residuals=residual_figure(run.result.cameras) if run.result.cameras else "",
+        setup=_set_up(run),
+        residuals=residual_figure(run.measured) if run.measured else "",
         fields=field_pictures(run) if run.kind else [],
+    )
+
+
+def _set_up(run: Run) -> SetUp:
+    highest = height_step(run)
+    return SetUp(
+        cameras=camera_rows(run),
+        findings=findings(run),
+        remaining=remaining(run),
+        harmonics=harmonics_figure(run) if run.kind == "rotation" else "",
+        motion=motion_figure(run) if run.kind == "tension" else "",
+        heights=height_figure(run),
+        heights_step=highest[0].index if highest else 0,
     )

@@ -1,61 +1,41 @@
 """What Helm and Deaner reported, and the same quantities computed from these runs."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-from dic.report.numbers import fixed, micro
-from dic.report.series import COMPONENTS, CameraSeries, Float, Run, difference
+from dic.calibration import Model
+from dic.report.comparison import Comparison, Entry, means, turned_cameras, worst, worst_text
+from dic.report.numbers import fixed
+from dic.report.paper_corrected import corrected_rotation, corrected_tension
+from dic.report.series import CameraSeries, Float, Run, difference
+from dic.residuals import Residuals
 
-Figure = Literal["differences", "load", "raw rotation", "calibrated rotation", "residuals"]
-
+_MODELS: tuple[tuple[Model, str, str], ...] = (
+    (
+        "bicubic",
+        "residual of the off-axis camera's bicubic map at the grid points",
+        "under 0.02 px up to 30°, computed for exact points (text, figure 2)",
+    ),
+    ("pinhole", "residual of a pinhole model of the same camera", "not done"),
+)
 _HALF_TURN_DEG = 180.0
 _NEAR_DEG = 1.0
-
-
-@dataclass(frozen=True)
-class Entry:
-    """The quantity of one camera of one run, in words."""
-
-    run: int
-    camera: str
-    ours: str
-
-    @property
-    def where(self) -> str:
-        """Run and camera."""
-        return f"run {self.run}, {self.camera}"
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """One quantity: what the paper says of it, and what these runs say.
-
-    Attributes
-    ----------
-    quantity : str
-    paper : str
-        With the paper's figures.
-    test : str
-        "tension", "rotation" or "calibration".
-    figure : str
-        The report's figure that shows it.
-    entries : list of Entry
-    """
-
-    quantity: str
-    paper: str
-    test: str
-    figure: Figure
-    entries: list[Entry]
 
 
 def compare(runs: Sequence[Run]) -> list[Comparison]:
     """Return the comparisons that the runs' kinds and cameras allow."""
     return [
-        row for row in (*_tension(runs), _loading(runs), *_rotation(runs), _calibration(runs)) if row.entries
+        row
+        for row in (
+            *_tension(runs),
+            *corrected_tension(runs),
+            _loading(runs),
+            *_rotation(runs),
+            *corrected_rotation(runs),
+            *_calibration(runs),
+        )
+        if row.entries
     ]
 
 
@@ -65,7 +45,7 @@ def _tension(runs: Sequence[Run]) -> list[Comparison]:
         Entry(
             run.number,
             on_axis.label,
-            _means(np.abs(on_axis.calibrated - on_axis.raw), range(3)),
+            means(np.abs(on_axis.calibrated - on_axis.raw), range(3)),
         )
         for run, on_axis in pulled
     ]
@@ -73,11 +53,11 @@ def _tension(runs: Sequence[Run]) -> list[Comparison]:
     for run, on_axis in pulled:
         for camera in run.off_axis:
             others = [component for component in range(3) if component not in camera.swing]
-            raw = difference(camera, camera.raw, on_axis)[1]
-            calibrated = difference(camera, camera.calibrated, on_axis)[1]
-            along.append(Entry(run.number, camera.label, _means(calibrated, camera.swing)))
-            across.append(Entry(run.number, camera.label, _means(calibrated, others)))
-            before.append(Entry(run.number, camera.label, _means(raw, camera.swing)))
+            raw = difference(camera.steps, camera.raw, on_axis)[1]
+            calibrated = difference(camera.steps, camera.calibrated, on_axis)[1]
+            along.append(Entry(run.number, camera.label, means(calibrated, camera.swing)))
+            across.append(Entry(run.number, camera.label, means(calibrated, others)))
+            before.append(Entry(run.number, camera.label, means(raw, camera.swing)))
     return [
         Comparison(
             "size of what calibration changes on the on-axis camera, mean over the steps",
@@ -112,22 +92,21 @@ def _tension(runs: Sequence[Run]) -> list[Comparison]:
 
 
 def _rotation(runs: Sequence[Run]) -> list[Comparison]:
-    turned = [camera for run in runs if run.kind == "rotation" for camera in run.off_axis]
-    turned.sort(key=lambda camera: camera.off_axis_deg or 0.0, reverse=True)
+    turned = turned_cameras(runs)
     return [
         Comparison(
             "largest strain error before calibration",
             "155 000 µε at 30° (text, figures 21–23)",
             "rotation",
             "raw rotation",
-            [Entry(c.run, c.label, _worst_text(c, c.raw)) for c in turned],
+            [Entry(c.run, c.label, worst_text(c, c.raw)) for c in turned],
         ),
         Comparison(
             "largest strain error after calibration",
             "4000 µε at 30°, at 180° of rotation, in the direction of the tilt (text, figure 24)",
             "rotation",
             "calibrated rotation",
-            [Entry(c.run, c.label, _worst_text(c, c.calibrated)) for c in turned],
+            [Entry(c.run, c.label, worst_text(c, c.calibrated)) for c in turned],
         ),
         Comparison(
             "strain in the direction of the tilt after calibration, at 180°",
@@ -135,7 +114,7 @@ def _rotation(runs: Sequence[Run]) -> list[Comparison]:
             "rotation",
             "calibrated rotation",
             [
-                Entry(c.run, c.label, _means(values, c.swing))
+                Entry(c.run, c.label, means(values, c.swing))
                 for c in turned
                 if len(values := _at_half_turn(c))
             ],
@@ -146,9 +125,9 @@ def _rotation(runs: Sequence[Run]) -> list[Comparison]:
             "rotation",
             "calibrated rotation",
             [
-                Entry(c.run, c.label, f"{_worst(c.raw) / after:.0f}")
+                Entry(c.run, c.label, f"{worst(c.raw) / after:.0f}")
                 for c in turned
-                if (after := _worst(c.calibrated)) > 0.0
+                if (after := worst(c.calibrated)) > 0.0
             ],
         ),
     ]
@@ -175,42 +154,28 @@ def _loading(runs: Sequence[Run]) -> Comparison:
     )
 
 
-def _calibration(runs: Sequence[Run]) -> Comparison:
-    return Comparison(
-        "residual of the off-axis camera's bicubic map at the grid points",
-        "under 0.02 px up to 30°, computed for exact points (text, figure 2)",
-        "calibration",
-        "residuals",
-        [
-            Entry(run.number, series.label, f"rms {fixed(c.rms_px, 4)} px, largest {fixed(c.max_px, 4)} px")
-            for run in runs
-            for series, c in zip(run.cameras, (c.calibration for c in run.result.cameras), strict=True)
-            if not series.on_axis
-        ],
-    )
+def _calibration(runs: Sequence[Run]) -> list[Comparison]:
+    return [
+        Comparison(
+            quantity,
+            paper,
+            "calibration",
+            "residuals",
+            [
+                Entry(run.number, series.label, _residual_text(camera.calibration.residuals[model]))
+                for run in runs
+                for series, camera in zip(run.cameras, run.measured, strict=True)
+                if not series.on_axis and model in camera.calibration.residuals
+            ],
+        )
+        for model, quantity, paper in _MODELS
+    ]
+
+
+def _residual_text(residuals: Residuals) -> str:
+    return f"rms {fixed(residuals.rms_px, 4)} px, largest {fixed(residuals.max_px, 4)} px"
 
 
 def _at_half_turn(camera: CameraSeries) -> Float:
     at: Float = camera.calibrated[np.abs(camera.angles_deg - _HALF_TURN_DEG) <= _NEAR_DEG]
     return at
-
-
-def _means(values: Float, components: Sequence[int]) -> str:
-    return ", ".join(f"{COMPONENTS[c]} {micro(_mean(values[:, c]))} µε" for c in components)
-
-
-def _mean(values: Float) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if known.size else float("nan")
-
-
-def _worst(values: Float) -> float:
-    known = np.abs(values[np.isfinite(values)])
-    return float(known.max()) if known.size else float("nan")
-
-
-def _worst_text(camera: CameraSeries, values: Float) -> str:
-    if not np.isfinite(values).any():
-        return "–"
-    row, component = np.unravel_index(np.nanargmax(np.abs(values)), values.shape)
-    return f"{COMPONENTS[component]} {micro(values[row, component])} µε at {camera.angles_deg[row]:.1f}°"

@@ -1,45 +1,77 @@
 """Figures of the rotation test: the paper's figures 21 to 26, all runs together."""
 
 from collections.abc import Sequence
+from typing import Any
 
-from dic.report.series import COMPONENTS, CameraSeries, Run
-from dic.report.style import legend_below, line_style, new_figure, svg_uri
+import numpy as np
+
+from dic.report.series import COMPONENTS, CameraSeries, Float, Run
+from dic.report.style import Kind, draw_banded, legend_below, line_style, new_figure, svg_uri
 from dic.run_file import RunStep
 
 _NEAR_DEG = 15.0
 _PARTS_DEG = (5.0, 15.0, 45.0, 90.0)
+_GUIDE = 20.0
 
 
-def strain_figure(runs: Sequence[Run], calibrated: bool) -> str:
+def strain_figure(runs: Sequence[Run], kind: Kind) -> str:
     """Return εxx, εyy and εxy against the stage's angle, for every camera of every run.
+
+    Empty if no camera has such strains.
 
     Parameters
     ----------
     runs : sequence of Run
-    calibrated : bool
-        Calibrated strain (figures 24 to 26), or raw (figures 21 to 23).
+    kind : str
+        "raw" (figures 21 to 23), "calibrated" (figures 24 to 26), or "corrected": with bands of 95 %, and
+        lines at ±20 µε for the eye, as the three have scales of their own.
     """
-    from matplotlib.ticker import MultipleLocator
-
+    shown = [(o, s) for o, s in ordered(runs) if np.isfinite(_strains(s, kind)).any()]
+    if not shown:
+        return ""
     figure, axes = new_figure(3, 4.0)
-    largest_deg = max(abs(step.angle_deg) for run in runs for step in run.steps)
-    ticks_deg = next((part for part in _PARTS_DEG if 6 * part >= largest_deg), _PARTS_DEG[-1])
     for component, axis in enumerate(axes):
         axis.axhline(0.0, color="#999999", linewidth=0.8)
-        for order, series in _ordered(runs):
-            suffix = f", run {series.run}" if len(runs) > 1 else ""
-            values = series.calibrated if calibrated else series.raw
-            axis.plot(
-                series.angles_deg,
-                values[:, component],
-                label=series.label + suffix,
-                **line_style(series, order, calibrated),
-            )
-        axis.xaxis.set_major_locator(MultipleLocator(ticks_deg))
-        axis.set_xlabel("rotation of the stage, °")
-        axis.set_ylabel(f"{COMPONENTS[component]} {'calibrated' if calibrated else 'raw'}, µε")
-    legend_below(figure, axes[0], columns=3)
+        for order, series in shown:
+            label = series.label + (f", run {series.run}" if len(runs) > 1 else "")
+            style = line_style(series, order, "raw" if kind == "raw" else "calibrated")
+            values = _strains(series, kind)[:, component]
+            if kind == "corrected":
+                std = series.corrected_std[:, component]
+                draw_banded(axis, series.angles_deg, values, std, label, style)
+            else:
+                axis.plot(series.angles_deg, values, label=label, **style)
+        if kind == "corrected":
+            for guide in (-_GUIDE, _GUIDE):
+                axis.axhline(guide, color="#999999", linewidth=0.8, linestyle=(0, (1, 2)))
+        label_angles(axis, runs)
+        axis.set_ylabel(f"{COMPONENTS[component]} {kind}, µε")
+    legend_below(figure, columns=3)
     return svg_uri(figure)
+
+
+def label_angles(axis: Any, runs: Sequence[Run]) -> None:
+    """Name the horizontal axis, and divide it as angles are."""
+    from matplotlib.ticker import MultipleLocator
+
+    largest_deg = max(abs(step.angle_deg) for run in runs for step in run.steps)
+    ticks_deg = next((part for part in _PARTS_DEG if 6 * part >= largest_deg), _PARTS_DEG[-1])
+    axis.xaxis.set_major_locator(MultipleLocator(ticks_deg))
+    axis.set_xlabel("rotation of the stage, °")
+
+
+def not_corrected(runs: Sequence[Run]) -> list[str]:
+    """Return which cameras of the rotations were left alone, and why, in one sentence each."""
+    return [
+        f"run {series.run}, {series.label}: {reason}"
+        for run in runs
+        for series in run.cameras
+        for reason in sorted({r for r in series.declined if r is not None})
+    ]
+
+
+def _strains(series: CameraSeries, kind: Kind) -> Float:
+    return {"raw": series.raw, "calibrated": series.calibrated, "corrected": series.corrected}[kind]
 
 
 def telling_steps(steps: list[RunStep]) -> list[tuple[RunStep, str]]:
@@ -53,7 +85,8 @@ def telling_steps(steps: list[RunStep]) -> list[tuple[RunStep, str]]:
     return chosen or [(step, "the last step") for step in steps[-1:]]
 
 
-def _ordered(runs: Sequence[Run]) -> list[tuple[int, CameraSeries]]:
+def ordered(runs: Sequence[Run]) -> list[tuple[int, CameraSeries]]:
+    """Return the cameras of all runs as they are drawn, each with its place in the order of colours."""
     on_axis = [run.on_axis for run in runs if run.on_axis is not None]
     off_axis = [camera for run in runs for camera in run.off_axis]
     # The largest angle is drawn last, so that it does not lie beneath the others.

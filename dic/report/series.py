@@ -3,13 +3,15 @@
 import math
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.out_of_plane.correction import Correction
 from dic.process import CameraResult, RunResult
+from dic.report.together import PairSeries, pair_series
 from dic.run_file import RunStep
 from dic.strain import MeanStrain
 
@@ -39,7 +41,12 @@ class CameraSeries:
     steps : list of RunStep
         The k measured steps.
     raw, calibrated : ndarray, shape (k, 3)
-        Mean Green-Lagrange strain εxx, εyy, εxy in µε; NaN where there is none.
+        Mean strain εxx, εyy, εxy in µε; NaN where there is none.
+    corrected, corrected_std : ndarray, shape (k, 3)
+        The same corrected for motion out of the grid's plane, and its standard deviations; NaN where the
+        correction was declined.
+    declined : list of (str or None)
+        Per step why it was not corrected.
     """
 
     run: int
@@ -50,6 +57,9 @@ class CameraSeries:
     steps: list[RunStep]
     raw: Float
     calibrated: Float
+    corrected: Float
+    corrected_std: Float
+    declined: list[str | None]
 
     @property
     def label(self) -> str:
@@ -71,17 +81,22 @@ class Run:
     number : int
         From 1.
     result : RunResult
-        With the on-axis camera first.
     kind : str
         "tension", "rotation", or empty if no step could be measured.
     cameras : list of CameraSeries
-        In the order of `result.cameras`.
+        The on-axis camera first.
+    measured : list of CameraResult
+        What the series were taken from, in the same order.
+    pair : PairSeries or None
+        What two cameras saw together, if they were used so.
     """
 
     number: int
     result: RunResult
     kind: Kind
     cameras: list[CameraSeries]
+    measured: list[CameraResult]
+    pair: PairSeries | None = None
 
     @property
     def steps(self) -> list[RunStep]:
@@ -111,12 +126,22 @@ def number_runs(results: Sequence[RunResult]) -> list[Run]:
         on_axis = "on_axis" if "on_axis" in names else next(iter(names), "")
         first = sorted(result.cameras, key=lambda camera: camera.camera != on_axis)
         cameras = [_series(number, result, camera, camera.camera == on_axis) for camera in first]
-        runs.append(Run(number, replace(result, cameras=first), _kind(result), cameras))
+        labels = {camera.camera: camera.label for camera in cameras}
+        pair = pair_series(result, labels)
+        runs.append(Run(number, result, _kind(result), cameras, first, pair))
     return runs
 
 
-def difference(series: CameraSeries, values: Float, reference: CameraSeries) -> tuple[list[RunStep], Float]:
-    """Return `values` of a series minus the raw strain of the reference camera, at the steps both have.
+def difference(of: Sequence[RunStep], values: Float, reference: CameraSeries) -> tuple[list[RunStep], Float]:
+    """Return strains minus the raw strain of the reference camera, at the steps both have.
+
+    Parameters
+    ----------
+    of : sequence of RunStep
+        The k steps of the strains.
+    values : ndarray, shape (k, 3)
+        µε.
+    reference : CameraSeries
 
     Returns
     -------
@@ -125,9 +150,9 @@ def difference(series: CameraSeries, values: Float, reference: CameraSeries) -> 
         µε.
     """
     rows = {step.index: row for row, step in enumerate(reference.steps)}
-    common = [k for k, step in enumerate(series.steps) if step.index in rows]
-    other = reference.raw[[rows[series.steps[k].index] for k in common]]
-    return [series.steps[k] for k in common], values[common] - other
+    common = [k for k, step in enumerate(of) if step.index in rows]
+    other = reference.raw[[rows[of[k].index] for k in common]]
+    return [of[k] for k in common], values[common] - other
 
 
 def _series(number: int, result: RunResult, camera: CameraResult, on_axis: bool) -> CameraSeries:
@@ -140,7 +165,27 @@ def _series(number: int, result: RunResult, camera: CameraResult, on_axis: bool)
         swing = (XX,) if not tilt_deg else (YY,) if not pan_deg else (XX, YY)
     raw = _micro([m.raw_mean for m in camera.measurements])
     calibrated = _micro([m.calibrated_mean for m in camera.measurements])
-    return CameraSeries(number, camera.camera, on_axis, angle, swing, camera.steps, raw, calibrated)
+    images = result.corrections.cameras[camera.camera].images
+    corrected, corrected_std = _corrected(images)
+    return CameraSeries(
+        number,
+        camera.camera,
+        on_axis,
+        angle,
+        swing,
+        camera.steps,
+        raw,
+        calibrated,
+        corrected,
+        corrected_std,
+        [correction.declined for correction in images],
+    )
+
+
+def _corrected(images: Sequence[Correction]) -> tuple[Float, Float]:
+    means = [None if image.declined is not None else image.mean for image in images]
+    stds = [(np.nan,) * 3 if m is None else (m.exx_std, m.eyy_std, m.exy_std) for m in means]
+    return _micro(means), np.array(stds, np.float64).reshape(-1, 3) * MICRO
 
 
 def _micro(means: Sequence[MeanStrain | None]) -> Float:

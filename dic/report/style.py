@@ -2,17 +2,24 @@
 
 from base64 import b64encode
 from io import BytesIO
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from dic.report.series import CameraSeries
+from dic.report.series import CameraSeries, Float
+
+Kind = Literal["raw", "calibrated", "corrected"]
 
 ON_AXIS_COLOUR = "#4d4d4d"
 OFF_AXIS_COLOURS = ("#0072b2", "#e69f00", "#d55e00", "#009e73", "#cc79a7")
 """Okabe and Ito's colours, told apart by colour-blind people too."""
 MARKERS = "osD^vP"
 ON_AXIS_MARKERS = "x+1234"
+PAIR_STYLE = {"color": "#009e73", "marker": "D", "linestyle": ":", "markersize": 3.5}
+"""Of two cameras together."""
+
+CONFIDENCE = 1.96
+"""Standard deviations on either side of a value between which 95 % of its errors lie."""
 
 
 PAGE_WIDTH_IN = 11.0
@@ -51,32 +58,52 @@ def new_figure(columns: int, height_in: float = 3.6) -> tuple[Any, Any]:
     return figure, figure.subplots(1, columns, squeeze=False)[0]
 
 
-def legend_below(figure: Any, axis: Any, columns: int = 4) -> None:
+def legend_below(figure: Any, columns: int = 4) -> None:
     """Put one legend for all axes below them, where it hides no data."""
-    handles, labels = axis.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(columns, max(1, len(labels))))
+    drawn = [pair for axis in figure.axes for pair in zip(*axis.get_legend_handles_labels(), strict=True)]
+    named = {label: handle for handle, label in reversed(drawn)}
+    labels = list(dict.fromkeys(label for _, label in drawn))
+    figure.legend(
+        [named[label] for label in labels],
+        labels,
+        loc="outside lower center",
+        ncols=min(columns, max(1, len(labels))),
+    )
 
 
-def line_style(series: CameraSeries, order: int, calibrated: bool) -> dict[str, Any]:
-    """Return colour, marker and line of a series: raw is dashed with open markers, calibrated is solid.
+def line_style(series: CameraSeries, order: int, kind: Kind) -> dict[str, Any]:
+    """Return colour, marker and line of a series.
+
+    Raw is dashed with open markers, calibrated solid with full ones, corrected a broad line that others can
+    lie on.
 
     Parameters
     ----------
     series : CameraSeries
     order : int
         Which on-axis, or which off-axis, camera of the figure it is, from 0.
-    calibrated : bool
+    kind : str
+        "raw", "calibrated" or "corrected".
     """
     if series.on_axis:
         colour, marker = ON_AXIS_COLOUR, ON_AXIS_MARKERS[order % len(ON_AXIS_MARKERS)]
     else:
         colour, marker = OFF_AXIS_COLOURS[order % len(OFF_AXIS_COLOURS)], MARKERS[order % len(MARKERS)]
+    if kind == "corrected":
+        return {"color": colour, "linewidth": 4.0, "alpha": 0.4, "solid_capstyle": "butt"}
     return {
         "color": colour,
         "marker": marker,
-        "linestyle": "-" if calibrated else (0, (4, 2)),
-        "markerfacecolor": colour if calibrated else "white",
+        "linestyle": "-" if kind == "calibrated" else (0, (4, 2)),
+        "markerfacecolor": colour if kind == "calibrated" else "white",
     }
+
+
+def draw_banded(axis: Any, x: Any, values: Float, std: Float, label: str, style: dict[str, Any]) -> None:
+    """Draw values (n,) over x with the band in which 95 % of their errors lie; gaps where values are NaN."""
+    axis.plot(x, values, label=label, **style)
+    reach = CONFIDENCE * std
+    axis.fill_between(x, values - reach, values + reach, color=style["color"], alpha=0.15, linewidth=0)
 
 
 def svg_uri(figure: Any) -> str:

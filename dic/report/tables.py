@@ -1,12 +1,10 @@
-"""The report's tables: settings, calibrations, steps, and what went wrong."""
+"""The report's tables: settings, calibrations, and what went wrong."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from dic.process import CameraResult
 from dic.report.numbers import date, fixed
-from dic.report.series import Float, Run
-from dic.run_file import RunStep
+from dic.report.series import Run
 from dic.strain import gauge_text
 
 _MEASURES = {
@@ -14,58 +12,54 @@ _MEASURES = {
     "small": "Small (engineering)",
     "hencky": "Hencky (logarithmic)",
 }
-_UNITS = {"load": "N", "displacement": "mm", "rotation": "°"}
-
-
-@dataclass(frozen=True)
-class CameraCell:
-    """What one camera measured at one step: strains in µε, from how many points of all in view."""
-
-    points: int
-    in_view: int
-    raw: Float
-    calibrated: Float
-
-
-@dataclass(frozen=True)
-class StepRow:
-    """One step of the full table; a camera that could not measure it has None."""
-
-    step: RunStep
-    target: str
-    cells: list[CameraCell | None]
-
-
-def step_rows(run: Run) -> list[StepRow]:
-    """Return the full table of a run."""
-    rows = []
-    for step in run.steps:
-        cells: list[CameraCell | None] = []
-        for series, camera in zip(run.cameras, run.result.cameras, strict=True):
-            at = next((k for k, s in enumerate(camera.steps) if s.index == step.index), None)
-            if at is None:
-                cells.append(None)
-                continue
-            measurement = camera.measurements[at]
-            points, in_view = measurement.raw_mean.points, measurement.field.in_view
-            cells.append(CameraCell(points, in_view, series.raw[at], series.calibrated[at]))
-        rows.append(StepRow(step, f"{step.target:.6g} {_UNITS.get(step.kind, '')}".rstrip(), cells))
-    return rows
+_MODELS = {
+    "bicubic": "the paper's bicubic map of 2 × 16 parameters",
+    "pinhole": "a pinhole camera with lens distortion",
+}
+_MOTIONS = {
+    "rigid": "for a rigid rotation about a fixed axis",
+    "tension": "for uniform strain and bending in a plane that tilts",
+    "free": "none: the steps tell no motion",
+}
+_USES = (("in use", "model"), ("recommended", "recommended"))
+"""What is said of a model, and the attribute of a calibration that names it."""
 
 
 def calibration_rows(run: Run) -> list[list[str]]:
-    """Return one row per camera: name, points, scale, rms and largest residual in px and µm."""
+    """Return one row per camera and model.
+
+    Name, points, model and what it is for, scale, rms and largest residual in px and µm, rms of points that
+    were left out of the fit.
+    """
+    rows = []
+    for series, camera in zip(run.cameras, run.measured, strict=True):
+        calibration, pinhole = camera.calibration, camera.calibration.pinhole
+        left_out_px = {"bicubic": calibration.bicubic_left_out_px}
+        if pinhole is not None:
+            left_out_px["pinhole"] = pinhole.left_out_px
+        for model, residuals in calibration.residuals.items():
+            use = [word for word, which in _USES if getattr(calibration, which) == model]
+            rows.append(
+                [
+                    series.label,
+                    f"{calibration.grid.found} of {calibration.grid.expected}",
+                    model + (f" ({', '.join(use)})" if use else ""),
+                    fixed(calibration.using(model).mm_per_px * 1000, 3),
+                    fixed(residuals.rms_px, 4),
+                    fixed(residuals.rms_mm * 1000, 3),
+                    fixed(residuals.max_px, 4),
+                    fixed(residuals.max_mm * 1000, 3),
+                    fixed(left_out_px[model], 4),
+                ]
+            )
+    return rows
+
+
+def recommendations(run: Run) -> list[str]:
+    """Return one sentence per camera on which model is recommended, and why."""
     return [
-        [
-            series.label,
-            f"{camera.calibration.grid.found} of {camera.calibration.grid.expected}",
-            fixed(camera.calibration.mm_per_px * 1000, 3),
-            fixed(camera.calibration.rms_px, 4),
-            fixed(camera.calibration.rms_mm * 1000, 3),
-            fixed(camera.calibration.max_px, 4),
-            fixed(camera.calibration.max_mm * 1000, 3),
-        ]
-        for series, camera in zip(run.cameras, run.result.cameras, strict=True)
+        f"{series.label}: {camera.calibration.recommendation}."
+        for series, camera in zip(run.cameras, run.measured, strict=True)
     ]
 
 
@@ -89,24 +83,40 @@ def settings_rows(run: Run) -> list[tuple[str, str]]:
         ),
     ]
     rows += _strain_rows(run)
-    grids = {(c.calibration.grid.lines, c.calibration.grid.pitch_mm) for c in result.cameras}
-    rows += [
-        (
-            "Calibration grid",
-            f"{across} × {up} lines, {pitch_mm:g} mm pitch; bicubic map of 2 × 16 parameters",
-        )
-        for (across, up), pitch_mm in sorted(grids)
-    ]
-    starts = sorted({m.field.start for camera in result.cameras for m in camera.measurements})
+    rows += _calibration_settings(run)
+    rows.append(("Correction", f"{_MOTIONS[result.corrections.motion]}; {_poisson(run)}"))
+    starts = sorted({m.field.start for camera in run.measured for m in camera.measurements})
     if starts:
         rows.append(("First guesses from", ", ".join(starts)))
     rows.append(("Versions", ", ".join(info.versions.splitlines())))
     return rows
 
 
+def _calibration_settings(run: Run) -> list[tuple[str, str]]:
+    calibrations = [camera.calibration for camera in run.measured]
+    grids = {(c.grid.lines, c.grid.pitch_mm) for c in calibrations}
+    rows = [
+        ("Calibration grid", f"{across} × {up} lines, {pitch_mm:g} mm pitch")
+        for (across, up), pitch_mm in sorted(grids)
+    ]
+    models = {
+        f"{_MODELS[c.model]}" + (f", camera from {c.images} images" if c.images > 1 else "")
+        for c in calibrations
+    }
+    return rows + [("Calibrated strain by", text) for text in sorted(models)]
+
+
+def _poisson(run: Run) -> str:
+    correcting = run.result.correcting
+    if run.result.corrections.motion == "tension":
+        return f"Poisson's ratio {correcting.poisson_ratio:g}, for bending"
+    known = [camera.camera for camera in run.measured if camera.camera in correcting.alignments]
+    return f"alignment of an earlier rotation for {', '.join(known)}" if known else "from this run alone"
+
+
 def _strain_rows(run: Run) -> list[tuple[str, str]]:
     rows = []
-    measurements = [m for camera in run.result.cameras for m in camera.measurements]
+    measurements = [m for camera in run.measured for m in camera.measurements]
     for measure in sorted({m.strain_settings.measure for m in measurements}):
         name = _MEASURES[measure]
         rows.append(("Strain", f"{name}, axes X right and Y up; mean: plane fitted to all valid points"))
@@ -131,7 +141,7 @@ def problems(run: Run) -> list[str]:
         sentences.append(f"The run did not complete; its status is “{info.status}”{reason}")
     if not run.kind:
         sentences.append("No step of this run could be measured.")
-    for camera in run.result.cameras:
+    for camera in run.measured:
         sentences += _camera_problems(camera)
     return sentences
 

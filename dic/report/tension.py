@@ -5,50 +5,84 @@ from typing import Any
 import numpy as np
 
 from dic.report.series import COMPONENTS, XX, YY, CameraSeries, Float, Run, difference
-from dic.report.style import legend_below, line_style, new_figure, svg_uri
+from dic.report.style import (
+    PAIR_STYLE,
+    Kind,
+    draw_banded,
+    legend_below,
+    line_style,
+    new_figure,
+    svg_uri,
+)
 from dic.run_file import RunStep
 
 
 def strain_figure(run: Run) -> str:
-    """Return εxx and εyy of every camera, raw and calibrated, at every step (figures 16 and 17)."""
-    figure, axes = new_figure(2, 4.2)
-    place = _places(run)
+    """Return εxx and εyy of every camera at every step, of all three kinds (figures 16 and 17)."""
+    figure, axes = new_figure(2, 4.4)
     for axis, component in zip(axes, (XX, YY), strict=True):
-        for order, series in _ordered(run):
-            for values, calibrated in ((series.raw, False), (series.calibrated, True)):
+        for order, series in ordered(run):
+            for kind, values in _kinds(series):
                 axis.plot(
-                    [place[step.index] for step in series.steps],
+                    _places(run, series.steps),
                     values[:, component],
-                    label=f"{series.label}, {'calibrated' if calibrated else 'raw'}",
-                    **line_style(series, order, calibrated),
+                    label=f"{series.label}, {kind}",
+                    **line_style(series, order, kind),
                 )
         _label_steps(axis, run)
         axis.set_ylabel(f"{COMPONENTS[component]}, µε")
-    legend_below(figure, axes[0])
+    legend_below(figure, columns=3)
     return svg_uri(figure)
 
 
 def difference_figure(run: Run, on_axis: CameraSeries) -> str:
     """Return the difference from the uncalibrated on-axis camera per component (figures 18 to 20)."""
-    figure, axes = new_figure(3, 3.9)
-    place = _places(run)
+    figure, axes = new_figure(3, 4.1)
     for component, axis in enumerate(axes):
         axis.axhline(0.0, color="#999999", linewidth=0.8)
-        for order, series in _ordered(run):
-            kinds: list[tuple[Float, bool]] = [(series.calibrated, True)]
-            if not series.on_axis:
-                kinds.insert(0, (series.raw, False))
-            for values, calibrated in kinds:
-                steps, differences = difference(series, values, on_axis)
+        for order, series in ordered(run):
+            for kind, values in _kinds(series):
+                if series.on_axis and kind == "raw":
+                    continue
+                steps, differences = difference(series.steps, values, on_axis)
                 axis.plot(
-                    [place[step.index] for step in steps],
+                    _places(run, steps),
                     differences[:, component],
-                    label=f"{series.label}, {'calibrated' if calibrated else 'raw'}",
-                    **line_style(series, order, calibrated),
+                    label=f"{series.label}, {kind}",
+                    **line_style(series, order, kind),
                 )
         _label_steps(axis, run)
         axis.set_ylabel(f"Δ{COMPONENTS[component]}, µε")
-    legend_below(figure, axes[0])
+    legend_below(figure, columns=3)
+    return svg_uri(figure)
+
+
+def corrected_difference_figure(run: Run, on_axis: CameraSeries) -> str:
+    """Return the corrected strains' differences alone, on their own scale, with bands of 95 %.
+
+    Empty if nothing was corrected.
+    """
+    shown = [
+        (s.label, s.steps, s.corrected, s.corrected_std, line_style(s, order, "calibrated"))
+        for order, s in ordered(run)
+    ]
+    if run.pair is not None:
+        pair = run.pair
+        shown.append((pair.label, pair.steps, pair.corrected, pair.corrected_std, dict(PAIR_STYLE)))
+    shown = [line for line in shown if np.isfinite(line[2]).any()]
+    if not shown:
+        return ""
+    figure, axes = new_figure(3, 3.9)
+    for component, axis in enumerate(axes):
+        axis.axhline(0.0, color="#999999", linewidth=0.8)
+        for label, of, values, std, style in shown:
+            steps, differences = difference(of, values, on_axis)
+            common = {step.index for step in steps}
+            known = std[[step.index in common for step in of], component]
+            draw_banded(axis, _places(run, steps), differences[:, component], known, label, style)
+        _label_steps(axis, run)
+        axis.set_ylabel(f"Δ{COMPONENTS[component]} corrected, µε")
+    legend_below(figure, columns=3)
     return svg_uri(figure)
 
 
@@ -89,15 +123,24 @@ def telling_steps(steps: list[RunStep]) -> list[tuple[RunStep, str]]:
     return list({step.index: (step, words) for step, words in reversed(chosen)}.values())[::-1]
 
 
-def _ordered(run: Run) -> list[tuple[int, CameraSeries]]:
+def ordered(run: Run) -> list[tuple[int, CameraSeries]]:
+    """Return the cameras as they are drawn, each with its place in the order of colours."""
     on_axis = [(0, camera) for camera in run.cameras if camera.on_axis]
     # The paper's off-axis camera at 30° has the same colour in every figure when it is the only one.
     off_axis = list(enumerate(run.off_axis, 2 if len(run.off_axis) == 1 else 0))
     return on_axis + off_axis
 
 
-def _places(run: Run) -> dict[int, int]:
-    return {step.index: place for place, step in enumerate(run.steps)}
+def _kinds(series: CameraSeries) -> list[tuple[Kind, Float]]:
+    kinds: list[tuple[Kind, Float]] = [("raw", series.raw), ("calibrated", series.calibrated)]
+    if np.isfinite(series.corrected).any():
+        kinds.append(("corrected", series.corrected))
+    return kinds
+
+
+def _places(run: Run, of: list[RunStep]) -> list[int]:
+    place = {step.index: place for place, step in enumerate(run.steps)}
+    return [place[step.index] for step in of]
 
 
 def _label_steps(axis: Any, run: Run) -> None:

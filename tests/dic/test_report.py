@@ -15,8 +15,15 @@ from dic.errors import RunFileError
 from dic.field import Field, Status
 from dic.grid_points import GridPoints
 from dic.measurement import Measurement, measure
+from dic.out_of_plane.correction import Correction
+from dic.out_of_plane.motion import Corrections
+from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.two_cameras import TwoCameraStep
+from dic.pinhole import Pinhole
 from dic.process import CameraResult, RunResult
 from dic.report import write_report
+from dic.report.setup_figures import in_grid_axes
+from dic.run_corrections import RunCorrections
 from dic.run_file import RunInfo, RunStep
 from dic.settings import CorrelationSettings
 
@@ -105,6 +112,69 @@ def rotation_run(angle_deg: float, peak: float, **info: Any) -> RunResult:
     return RunResult("runs/rotation.h5", said, CorrelationSettings(), [on_axis, off_axis])
 
 
+STRAIGHT = "the camera looks too straight on"
+
+
+def given(result: RunResult, motion: str, cameras: dict[str, Corrections], **more: Any) -> RunResult:
+    """The run with corrections that are given here, not computed; all other cameras' were declined."""
+    for seen in result.cameras:
+        declined = [Correction.refused("none", m, STRAIGHT) for m in seen.measurements]
+        cameras.setdefault(seen.camera, Corrections(declined))
+    said: dict[str, Any] = {"pair": None, "both": {}, "findings": {}} | more
+    vars(result)["corrections"] = RunCorrections(motion, cameras, **said)
+    return result
+
+
+def correction(measurement: Measurement, strains: tuple[float, ...], plane: Plane) -> Correction:
+    """Corrected to these strains, each known to 3 µε; slopes known to 0.001°."""
+    mean = measurement.calibrated_mean
+    assert mean is not None
+    assert measurement.calibrated is not None
+    exx, eyy, exy = strains
+    mean = replace(mean, exx=exx, eyy=eyy, exy=exy, exx_std=3e-6, eyy_std=3e-6, exy_std=3e-6)
+    std = np.array([*np.radians([0.001, 0.001]), np.nan])
+    return Correction("tilt", mean, measurement.calibrated, Plane(), plane, std)
+
+
+def corrected_tension_run() -> RunResult:
+    """One camera is corrected to εyy 2 µε off the truth but for step 4; both together to the truth itself.
+
+    The specimen is tilted by k · 0.02° along Y and shifted by 0.5 k µm at the k-th step.
+    """
+    result = tension_run()
+    off_axis = result.cameras[0]
+    images, both = [], {}
+    for k, (step, seen) in enumerate(zip(off_axis.steps, off_axis.measurements, strict=True), 1):
+        plane = Plane(0.0, float(np.tan(np.radians(0.02 * k))), 0.0005 * k)
+        truth = (-0.0003 * k, 0.001 * k, 0.0)
+        one = correction(seen, (truth[0], truth[1] + 2e-6, truth[2]), plane)
+        images.append(one if step.index != 4 else Correction.refused("tilt", seen, f"it necks {EVIL}"))
+        together = correction(seen, truth, plane)
+        together = replace(together, after_std=np.array([1e-5, 1e-5, 0.00025]))
+        heights_mm = np.full((8, 8), 0.0005 * k)
+        both[step.index] = TwoCameraStep((together, together), together.mean, heights_mm, heights_mm)
+    both[7] = TwoCameraStep(both[7].corrections, declined="the cameras disagree")
+    return given(
+        result,
+        "tension",
+        {"off_axis": Corrections(images)},
+        pair=("off_axis", "on_axis"),
+        both=both,
+        findings={"off_axis": ["the specimen tilted by -0.08°"], "both": ["it moved"], "on_axis": []},
+    )
+
+
+def corrected_rotation_run(angle_deg: float, peak: float, **info: Any) -> RunResult:
+    """The off-axis camera is corrected to an εyy of 7 µε at 180°, and 1 µε elsewhere."""
+    result = rotation_run(angle_deg, peak, **info)
+    off_axis = result.cameras[1]
+    images = [
+        correction(m, (0.0, 7e-6 if s.target == 180.0 else 1e-6, 0.0), Plane())
+        for s, m in zip(off_axis.steps, off_axis.measurements, strict=True)
+    ]
+    return given(result, "rigid", {"off_axis": Corrections(images)})
+
+
 EVIL = '<script>alert("x")</script> & more'
 _VOID = {"meta", "img", "br", "link", "hr", "input"}
 
@@ -154,10 +224,12 @@ class Page(HTMLParser):
     def values(self, name: str) -> list[str]:
         return [value for attribute, value in self.attributes if attribute == name]
 
+    def all_tables(self, kind: str) -> list[list[list[str]]]:
+        chosen = [t for n, t in self.tables.items() if n.rsplit(" ", 1)[0] == kind]
+        return [[[" ".join(c.split()) for c in row] for row in t] for t in chosen]
+
     def table(self, kind: str) -> list[list[str]]:
-        return next(
-            [[c.strip() for c in row] for row in t] for n, t in self.tables.items() if n.startswith(kind)
-        )
+        return self.all_tables(kind)[0]
 
 
 def number(text: str) -> float:
@@ -166,6 +238,9 @@ def number(text: str) -> float:
 
 def written(tmp_path: Path, *results: RunResult) -> str:
     path = tmp_path / "report.html"
+    for result in results:
+        if "corrections" not in vars(result):
+            given(result, "free", {})
     write_report(results, path)
     return path.read_text(encoding="utf-8")
 
@@ -173,6 +248,11 @@ def written(tmp_path: Path, *results: RunResult) -> str:
 @pytest.fixture(scope="module")
 def tension_html(tmp_path_factory: pytest.TempPathFactory) -> str:
     return written(tmp_path_factory.mktemp("tension"), tension_run())
+
+
+@pytest.fixture(scope="module")
+def corrected_html(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return written(tmp_path_factory.mktemp("corrected"), corrected_tension_run())
 
 
 @pytest.fixture(scope="module")
@@ -192,29 +272,121 @@ def troubled_html(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @pytest.fixture(scope="module")
 def rotation_html(tmp_path_factory: pytest.TempPathFactory) -> str:
-    runs = [rotation_run(10.0, 0.0012), rotation_run(30.0, 0.004, simulated=True)]
+    runs = [rotation_run(10.0, 0.0012), corrected_rotation_run(30.0, 0.004, simulated=True)]
     return written(tmp_path_factory.mktemp("rotation"), *runs)
 
 
-def test_step_table_holds_the_numbers_of_the_run_with_the_on_axis_camera_first(tension_html: str) -> None:
-    rows = Page(tension_html).table("steps")[3:]
-    assert [row[:5] for row in rows] == [
-        ["2", "2000 N", "2001.5", "0.2500", "–"],
-        ["3", "4000 N", "4001.5", "0.5000", "–"],
-        ["4", "6000 N", "6001.5", "0.7500", "–"],
-        ["7", "1.05 mm", "6543.2", "1.0498", "–"],
-    ]
-    for k, row in enumerate(rows, 1):
-        assert row[5] == row[12] == "64/64"
-        on_axis, off_axis = [-300.0 * k, 1000.0 * k, 0.0], [-300.0 * k, 1000.0 * k - 1000.0, 0.0]
-        assert [number(cell) for cell in row[6:12]] == on_axis * 2
-        assert [number(cell) for cell in row[13:19]] == off_axis * 2
+def test_step_tables_hold_the_numbers_of_the_run_with_the_on_axis_camera_first(tension_html: str) -> None:
+    on_axis, off_axis = (table[2:] for table in Page(tension_html).all_tables("steps"))
+    for table in (on_axis, off_axis):
+        assert [row[:6] for row in table] == [
+            ["2", "2000 N", "2001.5", "0.2500", "–", "64/64"],
+            ["3", "4000 N", "4001.5", "0.5000", "–", "64/64"],
+            ["4", "6000 N", "6001.5", "0.7500", "–", "64/64"],
+            ["7", "1.05 mm", "6543.2", "1.0498", "–", "64/64"],
+        ]
+    for k, rows in enumerate(zip(on_axis, off_axis, strict=True), 1):
+        assert [number(cell) for cell in rows[0][6:12]] == [-300.0 * k, 1000.0 * k, 0.0] * 2
+        assert [number(cell) for cell in rows[1][6:12]] == [-300.0 * k, 1000.0 * k - 1000.0, 0.0] * 2
 
 
-def test_calibration_table_holds_scale_and_residuals(tension_html: str) -> None:
-    rows = [row for name, t in Page(tension_html).tables.items() for row in t if len(row) == 7]
-    cells = [cell.strip() for cell in next(row for row in rows if row[0].startswith("off_axis"))]
-    assert cells == ["off_axis 30°", "121 of 121", "100.000", "0.0000", "0.000", "0.0000", "0.000"]
+def test_step_tables_hold_corrected_strains_and_the_reason_where_there_are_none(corrected_html: str) -> None:
+    page = Page(corrected_html)
+    on_axis, off_axis = (table[2:] for table in page.all_tables("steps"))
+    assert [row[12:] for row in on_axis] == [["– a"]] * 4
+    assert f"not corrected: {STRAIGHT}" in page.text
+    assert off_axis[1][12:] == ["−600 ± 3", "2002 ± 3", "0 ± 3"]
+    assert off_axis[2][12:] == ["– a"]
+    assert f"not corrected: it necks {EVIL}" in page.text
+
+
+def test_two_cameras_together_have_a_table_of_their_own(corrected_html: str) -> None:
+    (table,) = Page(corrected_html).all_tables("steps together")
+    assert table[0][0] == "off_axis 30° and on_axis together"
+    assert table[3][5:] == [
+        "64", "−600 ± 3", "2000 ± 3", "0 ± 3", "1.00 ± 0.25", "0.0000 ± 0.0006", "0.0400 ± 0.0006",
+    ]  # fmt: skip
+    assert table[5][5:] == ["0", "– a"]
+
+
+def test_run_that_two_cameras_did_not_see_together_has_no_such_table(tension_html: str) -> None:
+    page = Page(tension_html)
+    assert page.all_tables("steps together") == []
+    assert "Corrected differences" not in "".join(page.values("alt"))
+
+
+def test_calibration_table_holds_scale_and_residuals_of_both_models(tension_html: str) -> None:
+    rows = [row for row in Page(tension_html).table("calibrations") if row[0] == "off_axis 30°"]
+    assert [row[2].split()[0] for row in rows] == ["bicubic", "pinhole"]
+    for row in rows:
+        # The grid of the test is exact, so no model leaves anything of it.
+        assert row[1] == "121 of 121"
+        assert row[3:] == ["100.000", "0.0000", "0.000", "0.0000", "0.000", "0.0000"]
+
+
+def test_set_up_is_what_geometry_says_of_the_camera(tmp_path: Path) -> None:
+    """C = 40 mm at 30°: Cy = 20, Cz = 34.64 mm; tan 30° · 1 m° = 10.1 µε, 1 µm / Cz = 28.9 µε.
+
+    Errors of 0.02 mm in Cy and 0.1 mm in Cz turn the line of sight by
+    hypot(0.02 · cos 30°, 0.1 · sin 30°) / 40 = 0.00132 = 0.076°.
+    """
+    run = corrected_tension_run()
+    covariance = np.zeros((13, 13))
+    covariance[10:, 10:] = np.diag([0.01, 0.02, 0.1]) ** 2
+    pinhole = replace(Pinhole.swung(tilt_deg=30.0), covariance=covariance)
+    known = [replace(c, calibration=replace(c.calibration, pinhole=pinhole)) for c in run.cameras]
+    run = given(
+        replace(run, cameras=known), "tension", dict(run.corrections.cameras),
+        pair=run.corrections.pair, both=run.corrections.both, findings=run.corrections.findings,
+    )  # fmt: skip
+    page = Page(written(tmp_path, run))
+    row = page.table("setup")[3]
+    assert row[:3] == ["off_axis 30°", "30.000 ± 0.076", "30.0"]
+    assert [cell.lstrip("−") for cell in row[3:6]] == ["0.000 ± 0.010", "20.000 ± 0.020", "34.64 ± 0.10"]
+    assert row[6:] == ["10.1", "28.9", "± 2.0", "± 6"]
+    text = " ".join(page.text.split())
+    assert (
+        "off_axis 30°: a shift by w towards the camera strains all directions by w/Cz, 28.9 µε per µm" in text
+    )
+    # The largest measured shift is that of the last step both cameras agree on: 3 · 0.5 µm.
+    assert "at most 1.50 ± 0.25 µm, which makes 43 ± 7 µε" in text
+
+
+def test_findings_are_said_under_the_camera_they_belong_to(corrected_html: str) -> None:
+    text = " ".join(Page(corrected_html).text.split())
+    assert "off_axis 30° The specimen tilted by −0.08°." in text
+    assert "off_axis 30° and on_axis together It moved." in text
+
+
+def test_tension_shows_the_motion_of_the_plane_and_heights_at_the_largest_load(corrected_html: str) -> None:
+    page = Page(corrected_html)
+    shown = page.values("alt")
+    for figure in ("Corrected differences", "Motion of the specimen's plane", "Heights of the specimen"):
+        assert sum(alt.startswith(figure) for alt in shown) == 1
+    captions = [" ".join(caption.split()) for caption in page.captions]
+    # At step 7 the load is larger, but the cameras disagreed.
+    assert any("at the step of the largest load, step 4;" in caption for caption in captions)
+
+
+def test_harmonics_are_shown_where_the_angles_tell_them(tmp_path: Path, rotation_html: str) -> None:
+    angles = np.arange(30.0, 361.0, 30.0)
+    steps = [RunStep(2 + k, "rotation", a, np.nan, np.nan, a, k) for k, a in enumerate(angles)]
+    run = rotation_run(30.0, 0.001)
+    full = replace(run, cameras=[camera("on_axis", steps, [turn(a, 0.001) for a in angles])])
+    alt = "Strain in the grid's axes with its harmonics"
+    assert Page(written(tmp_path, full)).values("alt").count(alt) == 1
+    # Three angles do not tell five coefficients.
+    assert alt not in Page(rotation_html).values("alt")
+
+
+def test_strain_that_stands_still_is_the_same_at_every_angle_in_the_axes_of_the_grid() -> None:
+    """ε along X, seen from axes turned by φ: ε cos²φ, ε sin²φ, −ε sin φ cos φ (Mohr)."""
+    angles_deg = np.array([0.0, 30.0, 90.0, 200.0])
+    c, s = np.cos(np.radians(angles_deg)), np.sin(np.radians(angles_deg))
+    turned = 1000.0 * np.column_stack([c * c, s * s, -s * c])
+    standing = in_grid_axes(angles_deg, turned)
+    np.testing.assert_allclose(standing, np.tile([1000.0, 0.0, 0.0], (4, 1)), atol=1e-9)
+    assert standing.shape == (4, 3)
 
 
 def test_tension_is_set_beside_what_the_paper_reported(tension_html: str) -> None:
@@ -225,6 +397,28 @@ def test_tension_is_set_beside_what_the_paper_reported(tension_html: str) -> Non
     assert bias == "εyy −1000 µε"
     assert change == "εxx 0 µε, εyy 0 µε, εxy 0 µε"
     assert others == "εxx 0 µε, εxy 0 µε"
+
+
+def test_corrected_tension_is_set_beside_the_paper_too(corrected_html: str) -> None:
+    rows = {row[0]: row[-2:] for row in Page(corrected_html).table("comparison")[1:]}
+    along = next(v for k, v in rows.items() if "difference of the corrected off-axis camera" in k)
+    others = next(v for k, v in rows.items() if "the other strains, corrected" in k)
+    together = next(v for k, v in rows.items() if "both cameras together" in k)
+    assert along == ["run 1, off_axis 30°", "εyy 2 µε (3 of 4 steps)"]
+    assert others == ["run 1, off_axis 30°", "εxx 0 µε, εxy 0 µε (3 of 4 steps)"]
+    assert together[1] == "εxx 0 µε, εyy 0 µε, εxy 0 µε"
+
+
+def test_corrected_rotation_is_set_beside_the_paper_and_says_what_was_not_corrected(
+    rotation_html: str,
+) -> None:
+    page = Page(rotation_html)
+    rows = page.table("comparison")
+    worst = rows.index(next(row for row in rows if "largest strain error after correction" in row[0]))
+    assert rows[worst][-2:] == ["run 2, off_axis 30°", "εyy 7 ± 3 µε at 180.0°"]
+    assert rows[worst + 1] == ["run 1, off_axis 10°", "not corrected"]
+    assert f"run 2, on_axis: {STRAIGHT}." in page.text
+    assert page.values("alt").count("Corrected mean strains against the angle of rotation") == 1
 
 
 def test_rotation_runs_are_compared_from_the_largest_angle_down(rotation_html: str) -> None:
@@ -261,6 +455,12 @@ def test_every_anchor_of_the_contents_exists_once(rotation_html: str, tension_ht
         assert {link.removeprefix("#") for link in page.values("href")} <= set(ids)
 
 
+def test_settings_say_which_model_and_which_correction(corrected_html: str) -> None:
+    rows = dict(row for row in Page(corrected_html).table("settings") if len(row) == 2)
+    assert rows["Calibrated strain by"] == "the paper's bicubic map of 2 × 16 parameters"
+    assert rows["Correction"].endswith("Poisson's ratio 0.33, for bending")
+
+
 def test_simulated_is_written_across_simulated_runs_only(rotation_html: str, tension_html: str) -> None:
     assert "simulated" not in tension_html.lower()
     assert re.search(r'<section id="run-2" class="run simulated">', rotation_html)
@@ -288,14 +488,14 @@ def test_run_in_order_has_no_box_of_problems(tension_html: str) -> None:
 
 
 def test_step_that_one_camera_missed_is_shown_as_missing(troubled_html: str) -> None:
-    rows = Page(troubled_html).table("steps")[3:]
-    assert [row[0] for row in rows] == ["2", "3", "4", "7"]
-    assert rows[1][-1] == "not measured"
-    assert number(rows[1][7]) == 2000.0
+    on_axis, off_axis = (table[2:] for table in Page(troubled_html).all_tables("steps"))
+    assert [row[0] for row in on_axis] == [row[0] for row in off_axis] == ["2", "3", "4", "7"]
+    assert off_axis[1][-1] == "not measured"
+    assert number(on_axis[1][7]) == 2000.0
 
 
 def test_no_strain_is_a_dash_not_a_number(troubled_html: str) -> None:
-    row = Page(troubled_html).table("steps")[3]
+    row = Page(troubled_html).table("steps")[2]
     assert row[5] == "0/64"
     assert row[6:12] == ["–"] * 6
 

@@ -1,0 +1,88 @@
+"""What a comparison with the paper is made of: quantities of cameras and runs, in words."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from dic.report.numbers import micro
+from dic.report.series import COMPONENTS, CameraSeries, Float, Run
+
+Figure = Literal[
+    "differences",
+    "corrected differences",
+    "load",
+    "raw rotation",
+    "calibrated rotation",
+    "corrected rotation",
+    "residuals",
+]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """The quantity of one camera of one run, in words."""
+
+    run: int
+    camera: str
+    ours: str
+
+    @property
+    def where(self) -> str:
+        """Run and camera."""
+        return f"run {self.run}, {self.camera}"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One quantity: what the paper says of it, and what these runs say.
+
+    Attributes
+    ----------
+    quantity : str
+    paper : str
+        With the paper's figures.
+    test : str
+        "tension", "rotation" or "calibration".
+    figure : str
+        The report's figure that shows it.
+    entries : list of Entry
+    """
+
+    quantity: str
+    paper: str
+    test: str
+    figure: Figure
+    entries: list[Entry]
+
+
+def turned_cameras(runs: Sequence[Run]) -> list[CameraSeries]:
+    """Return the off-axis cameras of all rotations, from the largest angle down."""
+    turned = [camera for run in runs if run.kind == "rotation" for camera in run.off_axis]
+    return sorted(turned, key=lambda camera: camera.off_axis_deg or 0.0, reverse=True)
+
+
+def means(values: Float, components: Sequence[int]) -> str:
+    """Return the means of some components of strains (k, 3) in µε, in words."""
+    return ", ".join(f"{COMPONENTS[c]} {micro(_mean(values[:, c]))} µε" for c in components)
+
+
+def _mean(values: Float) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def worst(values: Float) -> float:
+    """Return the largest size of all strains (k, 3); NaN if none is known."""
+    known = np.abs(values[np.isfinite(values)])
+    return float(known.max()) if known.size else float("nan")
+
+
+def worst_text(camera: CameraSeries, values: Float, stds: Float | None = None) -> str:
+    """Return the largest of a camera's strains (k, 3) in µε in words, with the angle it occurs at."""
+    if not np.isfinite(values).any():
+        return "–"
+    row, component = np.unravel_index(np.nanargmax(np.abs(values)), values.shape)
+    std = "" if stds is None else f" ± {micro(stds[row, component])}"
+    return f"{COMPONENTS[component]} {micro(values[row, component])}{std} µε at {camera.angles_deg[row]:.1f}°"

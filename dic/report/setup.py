@@ -1,0 +1,124 @@
+"""What a run says of its set-up: where cameras stand, what they are sensitive to, what stays uncertain."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.calibration import Calibration
+from dic.out_of_plane.correction import Correction
+from dic.out_of_plane.diagnosis import Sensitivity
+from dic.report.numbers import fixed, micro, with_std
+from dic.report.series import MICRO, CameraSeries, Float, Run
+from dic.report.style import CONFIDENCE
+
+_OPEN_SHARE = 0.05
+"""A camera whose distance is known worse than this, as a part of it, is told to be given more."""
+
+_PERCENT = 100.0
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What the run says of the set-up, as one camera saw it, or two together."""
+
+    label: str
+    sentences: list[str]
+
+
+def findings(run: Run) -> list[Findings]:
+    """Return the findings by camera, the on-axis one first, and of two cameras together."""
+    said = run.result.corrections.findings
+    labels = [(series.camera, series.label) for series in run.cameras]
+    if run.pair is not None:
+        labels.append(("both", run.pair.label))
+    return [
+        Findings(label, [_sentence(text) for text in said[name]]) for name, label in labels if said.get(name)
+    ]
+
+
+def camera_rows(run: Run) -> list[list[str]]:
+    """Return one row per camera.
+
+    Name; angle off-axis as calibrated, and as the rig file says, in degrees; the camera's centre X, Y, Z in
+    the grid's axes, mm; false strain per millidegree of tilt and per µm of shift in µε; how well the slopes
+    (millidegrees) and the corrected strain (µε) are known, 95 %, at the worst step.
+    """
+    rows = []
+    for series, camera in zip(run.cameras, run.measured, strict=True):
+        images = run.result.corrections.cameras[camera.camera].images
+        rig = "–" if series.off_axis_deg is None else fixed(series.off_axis_deg, 1)
+        rows.append([series.label, *_geometry(camera.calibration, rig), *_known(series, images)])
+    return rows
+
+
+def remaining(run: Run) -> list[str]:
+    """Return what no correction takes away, and which cameras' centres are open, with figures."""
+    sentences = []
+    for series, camera in zip(run.cameras, run.measured, strict=True):
+        sensitivity, pinhole = Sensitivity.of(camera.calibration), camera.calibration.pinhole
+        if sensitivity is None or pinhole is None:
+            problem = camera.calibration.pinhole_problem
+            sentences.append(f"{series.label}: nothing, as the camera's centre is not known ({problem}).")
+            continue
+        sentences.append(f"{series.label}: {_shift_text(run, MICRO * sensitivity.per_um)}")
+        share = float(pinhole.centre_std_mm[2] / pinhole.centre_mm[2])
+        if share > _OPEN_SHARE:
+            sentences.append(
+                f"{series.label}: its grid image leaves the camera's distance Cz open by "
+                f"{_PERCENT * share:.0f} %, and with it w/Cz: give the focal length, the distance, "
+                "or images of the grid tilted."
+            )
+    return sentences
+
+
+def slopes_of(images: list[Correction]) -> tuple[Float, Float]:
+    """Return slopes along X and Y (k, 2), degrees, and their standard deviations; NaN where declined."""
+    slopes, stds = (np.full((len(images), 2), np.nan) for _ in range(2))
+    for k, image in enumerate(images):
+        if image.declined is None and image.after is not None and image.after_std is not None:
+            slopes[k] = np.degrees(np.arctan([image.after.slope_x, image.after.slope_y]))
+            stds[k] = np.degrees(image.after_std[:2])
+    return slopes, stds
+
+
+def _geometry(calibration: Calibration, rig: str) -> list[str]:
+    pinhole, sensitivity = calibration.pinhole, Sensitivity.of(calibration)
+    if pinhole is None or sensitivity is None:
+        return ["–", rig, "–", "–", "–", "–", "–"]
+    centre = zip(pinhole.centre_mm, pinhole.centre_std_mm, strict=True)
+    return [
+        with_std(pinhole.off_axis_deg, pinhole.off_axis_std_deg),
+        rig,
+        *(with_std(value, std) for value, std in centre),
+        fixed(MICRO * sensitivity.per_mdeg, 1),
+        fixed(MICRO * sensitivity.per_um, 1),
+    ]
+
+
+def _known(series: CameraSeries, images: list[Correction]) -> list[str]:
+    if not np.isfinite(series.corrected_std).any():
+        return ["–", "–"]
+    slopes_mdeg = 1000.0 * slopes_of(images)[1]
+    slopes = fixed(CONFIDENCE * float(np.nanmax(slopes_mdeg)), 1) if np.isfinite(slopes_mdeg).any() else "–"
+    strain = micro(CONFIDENCE * float(np.nanmax(series.corrected_std)))
+    return [f"± {slopes}", f"± {strain}"]
+
+
+def _shift_text(run: Run, per_um: float) -> str:
+    text = (
+        f"a shift by w towards the camera strains all directions by w/Cz, {per_um:.1f} µε per µm, "
+        "which one camera cannot tell from strain: no band of its own contains it."
+    )
+    if run.pair is None or not np.isfinite(run.pair.shift_um).any():
+        return text
+    at = int(np.nanargmax(np.abs(run.pair.shift_um)))
+    shift, std = run.pair.shift_um[at], run.pair.shift_std_um[at]
+    return (
+        f"{text} Both cameras together measured the shift: at most {fixed(shift, 2)} ± {fixed(std, 2)} µm, "
+        f"which makes {micro(per_um * shift)} ± {micro(per_um * std)} µε of this camera's corrected strain."
+    )
+
+
+def _sentence(text: str) -> str:
+    return re.sub(r"(?<!\w)-(?=\d)", "−", f"{text[:1].upper()}{text[1:]}.")

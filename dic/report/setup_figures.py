@@ -1,0 +1,183 @@
+"""Figures of the set-up: harmonics of false strain, motion of the specimen's plane, its height."""
+
+from typing import Any
+
+import numpy as np
+
+from dic.out_of_plane.diagnosis import Harmonics
+from dic.report import rotation, tension
+from dic.report.series import COMPONENTS, MICRO, Float, Run
+from dic.report.setup import slopes_of
+from dic.report.style import (
+    CONFIDENCE,
+    PAIR_STYLE,
+    legend_below,
+    line_style,
+    new_figure,
+    png_uri,
+    svg_uri,
+)
+from dic.run_file import RunStep
+
+_SMOOTH = 181
+_MM_TO_UM = 1e3
+_HARDLY = 20.0
+"""A slope whose standard deviation is so many times the best known one's is hardly known."""
+
+
+def harmonics_figure(run: Run) -> str:
+    """Return calibrated strain in the grid's axes against the stage's angle, with its first two harmonics.
+
+    Empty if the angles do not tell the harmonics.
+    """
+    fits = [
+        (order, s, Harmonics.of(s.angles_deg, s.calibrated / MICRO))
+        for order, s in rotation.ordered([run])
+        if s.steps
+    ]
+    if not any(fit for _, _, fit in fits):
+        return ""
+    figure, axes = new_figure(3, 4.0)
+    for component, axis in enumerate(axes):
+        axis.axhline(0.0, color="#999999", linewidth=0.8)
+        for order, series, fit in fits:
+            style = line_style(series, order, "calibrated")
+            standing = in_grid_axes(series.angles_deg, series.calibrated)[:, component]
+            axis.plot(series.angles_deg, standing, label=series.label, **(style | {"linestyle": "none"}))
+            if fit is not None:
+                angles_deg = np.linspace(series.angles_deg.min(), series.angles_deg.max(), _SMOOTH)
+                wave = MICRO * _waves(angles_deg) @ fit.coefficients[:, component]
+                label = f"{series.label}, both harmonics"
+                axis.plot(angles_deg, wave, color=style["color"], label=label)
+        rotation.label_angles(axis, [run])
+        axis.set_ylabel(f"{COMPONENTS[component]} in the grid's axes, µε")
+    legend_below(figure)
+    return svg_uri(figure)
+
+
+def in_grid_axes(angles_deg: Float, strains: Float) -> Float:
+    """Return strains in the axes of the specimen, which turn with it, in those that stand still: R E Rᵀ.
+
+    Parameters
+    ----------
+    angles_deg : ndarray, shape (k,)
+    strains : ndarray, shape (k, 3)
+        εxx, εyy, εxy in any unit.
+    """
+    c, s = np.cos(np.radians(angles_deg)), np.sin(np.radians(angles_deg))
+    turns = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
+    exx, eyy, exy = strains.T
+    tensors = np.stack([np.stack([exx, exy], -1), np.stack([exy, eyy], -1)], -2)
+    standing = turns @ tensors @ turns.transpose(0, 2, 1)
+    return np.stack([standing[:, 0, 0], standing[:, 1, 1], standing[:, 0, 1]], axis=-1)
+
+
+def motion_figure(run: Run) -> str:
+    """Return slopes, and with two cameras the shift, of the specimen's plane against the load.
+
+    Empty if none is known.
+    """
+    series = [
+        (s.label, line_style(s, order, "calibrated"), _loads_kn(s.steps), *slopes_of(images))
+        for order, s in tension.ordered(run)
+        for images in [run.result.corrections.cameras[s.camera].images]
+    ]
+    pair = run.pair
+    if pair is not None:
+        loads = _loads_kn(pair.steps)
+        series.append((pair.label, dict(PAIR_STYLE), loads, pair.slopes_deg, pair.slopes_std_deg))
+    series = [s for s in series if np.isfinite(s[2][:, None] + s[3]).any()]
+    if not series:
+        return ""
+    shifted = pair is not None and bool(np.isfinite(pair.shift_um).any())
+    figure, axes = new_figure(3 if shifted else 2, 3.7)
+    for k, axis in enumerate(axes[:2]):
+        known = [float(np.nanmedian(stds[:, k])) for *_, stds in series]
+        for std, (label, style, loads_kn, slopes, stds) in zip(known, series, strict=True):
+            # Bars that are so long would hide all others.
+            if std <= _HARDLY * min(known):
+                _draw_bars(axis, loads_kn, slopes[:, k], stds[:, k], label, style)
+        axis.set_ylabel(f"slope along {'XY'[k]}, °")
+    if pair is not None and shifted:
+        _draw_bars(
+            axes[2], _loads_kn(pair.steps), pair.shift_um, pair.shift_std_um, pair.label, dict(PAIR_STYLE)
+        )
+        axes[2].set_ylabel("shift towards the cameras, µm")
+    for axis in axes:
+        axis.axhline(0.0, color="#999999", linewidth=0.8)
+        axis.set_xlabel("load, kN")
+    legend_below(figure)
+    return svg_uri(figure)
+
+
+def height_step(run: Run) -> tuple[RunStep, int] | None:
+    """Return the step of the largest load that has a map of heights, and its place in the pair's series."""
+    if run.pair is None:
+        return None
+    known = [
+        (np.nan_to_num(step.load_n, nan=-np.inf), k)
+        for k, (step, found) in enumerate(zip(run.pair.steps, run.pair.found, strict=True))
+        if found.heights_mm is not None and found.plane is not None
+    ]
+    if not known:
+        return None
+    at = max(known)[1]
+    return run.pair.steps[at], at
+
+
+def height_figure(run: Run) -> str:
+    """Return the heights at the step of the largest load, and what its plane leaves of them.
+
+    Empty without two cameras that measured them.
+    """
+    from matplotlib.figure import Figure
+
+    chosen = height_step(run)
+    if chosen is None or run.pair is None:
+        return ""
+    step, at = chosen
+    camera = next(c for c in run.measured if c.camera == run.pair.cameras[0])
+    measurement = next(
+        m for s, m in zip(camera.steps, camera.measurements, strict=True) if s.index == step.index
+    )
+    found = run.pair.found[at]
+    if found.heights_mm is None or found.plane is None or measurement.calibrated is None:
+        return ""
+    place = measurement.calibrated.position + measurement.calibrated.vector
+    plane_mm = found.plane.shift_mm + place @ np.array([found.plane.slope_x, found.plane.slope_y])
+    field = measurement.field
+    figure = Figure(figsize=(9.6, 4.0), layout="constrained")
+    panels = [("height, µm", found.heights_mm), ("height less the plane, µm", found.heights_mm - plane_mm)]
+    for axis, (title, values_mm) in zip(figure.subplots(1, 2), panels, strict=True):
+        values = _MM_TO_UM * values_mm
+        reach = float(np.nanpercentile(np.abs(values), 99))
+        mesh = axis.pcolormesh(
+            field.x_px, field.y_px, values,
+            shading="nearest", cmap="RdBu_r", vmin=-reach, vmax=reach,
+        )  # fmt: skip
+        figure.colorbar(mesh, ax=axis, shrink=0.85, pad=0.02)
+        axis.set_title(title)
+        axis.set(
+            xlim=(field.x_px[0], field.x_px[-1]),
+            ylim=(field.y_px[-1], field.y_px[0]),
+            aspect="equal",
+            xlabel="x, px",
+            ylabel="y, px",
+        )
+        axis.grid(False)
+    return png_uri(figure, dpi=130)
+
+
+def _waves(angles_deg: Float) -> Float:
+    phi = np.radians(angles_deg)
+    return np.column_stack([np.ones_like(phi), np.cos(phi), np.sin(phi), np.cos(2 * phi), np.sin(2 * phi)])
+
+
+def _draw_bars(
+    axis: Any, loads_kn: Float, values: Float, std: Float, label: str, style: dict[str, Any]
+) -> None:
+    axis.errorbar(loads_kn, values, yerr=CONFIDENCE * std, label=label, capsize=2, elinewidth=0.8, **style)
+
+
+def _loads_kn(steps: list[RunStep]) -> Float:
+    return np.array([step.load_n for step in steps]) / 1000.0
