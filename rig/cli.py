@@ -102,6 +102,29 @@ def check(rig_path: Path, json_path: Path | None) -> None:
 
 
 @cli.command()
+@click.option("--port", "ports", multiple=True, help="Ask at this serial port too; may be repeated.")
+@click.option("--modbus", "hosts", multiple=True, metavar="HOST[:PORT]", help="Ask at this address too.")
+@click.option("--no-probe", is_flag=True, help="Send nothing to the serial ports.")
+@click.option("-o", "--output", type=_PATH, help="Write a rig file to start from.")
+@_JSON
+def devices(
+    ports: tuple[str, ...],
+    hosts: tuple[str, ...],
+    no_probe: bool,
+    output: Path | None,
+    json_path: Path | None,
+) -> None:
+    """List cameras, serial ports and who answers at them. Nothing moves and no setting is changed."""
+    from rig.devices_command import search, write_rig_file
+
+    require_places([], [output, json_path])
+    found = search(list(ports), list(hosts), ask=not no_probe)
+    if output is not None:
+        write_rig_file(found, output)
+    _finish(found.lines(), found.table(), json_path, good=True)
+
+
+@cli.command()
 @click.argument("run_file", metavar="RUN", type=_PATH)
 @_JSON
 def verify(run_file: Path, json_path: Path | None) -> None:

@@ -1,0 +1,84 @@
+"""What is plugged into this machine that may be a device of a rig: video nodes and serial ports."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class VideoNode:
+    """A node that a camera's pictures come from.
+
+    Attributes
+    ----------
+    path : str
+        Lasting, where the system keeps one: it stays the same when cameras are plugged in in another order.
+    name : str
+        As the driver says.
+    """
+
+    path: str
+    name: str
+
+
+@dataclass(frozen=True)
+class SerialPort:
+    """A serial port.
+
+    Attributes
+    ----------
+    path : str
+        Lasting, where the system keeps one.
+    description : str
+        As the adapter says.
+    """
+
+    path: str
+    description: str
+
+
+def video_nodes(root: Path = Path("/")) -> list[VideoNode]:
+    """Return the cameras' nodes; of a camera with several, the one for pictures.
+
+    Parameters
+    ----------
+    root : Path
+        Where the system's ``sys`` and ``dev`` are.
+    """
+    lasting = _lasting(root / "dev/v4l/by-id") | _lasting(root / "dev/v4l/by-path")
+    nodes = []
+    for folder in sorted((root / "sys/class/video4linux").glob("video*"), key=_number):
+        # a camera's further nodes give metadata
+        if _text(folder / "index") in ("", "0"):
+            plain = f"/dev/{folder.name}"
+            nodes.append(VideoNode(lasting.get(folder.name, plain), _text(folder / "name")))
+    return nodes
+
+
+def serial_ports(root: Path = Path("/")) -> list[SerialPort]:
+    """Return the serial ports that have hardware behind them."""
+    from serial.tools import list_ports
+
+    lasting = _lasting(root / "dev/serial/by-id")
+    return [
+        SerialPort(lasting.get(Path(port.device).name, port.device), port.description)
+        for port in sorted(list_ports.comports())
+    ]
+
+
+def _lasting(folder: Path) -> dict[str, str]:
+    """Return a folder's links by the name of the node each leads to."""
+    if not folder.is_dir():
+        return {}
+    return {link.resolve().name: str(link) for link in sorted(folder.iterdir(), reverse=True)}
+
+
+def _number(folder: Path) -> int:
+    digits = folder.name.removeprefix("video")
+    return int(digits) if digits.isdecimal() else 0
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        return ""

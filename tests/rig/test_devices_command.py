@@ -1,0 +1,167 @@
+"""`rig devices` with simulated devices at real ports, and a system folder made by hand."""
+
+import json
+import socket
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import rig.devices_command
+from drivers.clock import VirtualClock
+from drivers.discover import VideoNode, video_nodes
+from drivers.errors import ConfigurationError
+from drivers.probe import probe_modbus_tcp, probe_serial
+from rig.cli import main
+from rig.rigfile import read_rig
+from simulators.frame_device import FrameDevice
+from simulators.frame_layout import LAYOUTS
+from simulators.frame_wire import FrameRtuServer, FrameServer
+from simulators.newport_wire import NewportServer
+from simulators.stage_device import StageDevice
+from simulators.stage_wire import StageServer
+
+
+class Spring:
+    def stretch_to(self, displacement_mm: float) -> float:
+        return 2000.0 * displacement_mm
+
+
+@pytest.fixture
+def serve() -> Iterator[Callable[[Any], Any]]:
+    with ExitStack() as stack:
+
+        def start(server: Any) -> Any:
+            stack.callback(server.close)
+            return server
+
+        yield start
+
+
+@pytest.fixture
+def clock() -> VirtualClock:
+    return VirtualClock()
+
+
+@pytest.fixture
+def call(monkeypatch, capsys):
+    monkeypatch.setattr(rig.devices_command, "video_nodes", lambda: [VideoNode("/dev/video7", "a camera")])
+    monkeypatch.setattr(rig.devices_command, "serial_ports", list)
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["rig", "devices", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        out, err = capsys.readouterr()
+        return ended.value.code, out, err
+
+    return run
+
+
+def test_devices_of_every_kind_are_found_and_nothing_moves(serve, clock):
+    stage, other = StageDevice(clock), StageDevice(clock)
+    zaber = serve(StageServer(stage, device_address=3, serial=4711))
+    (found,) = probe_serial(zaber.address)
+    assert (found.kind, found.driver) == ("stage", "zaber-ascii")
+    assert found.settings == {"port": zaber.address, "address": 3}
+    assert "4711" in found.what
+    newport = serve(NewportServer(other, clock))
+    (found,) = probe_serial(newport.address)
+    assert (found.driver, found.settings) == ("newport-esp301", {"port": newport.address, "baud": 921_600})
+    clock.sleep(10.0)
+    assert (stage.position, other.position) == (0, 0)
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_a_load_frame_is_found_with_the_map_that_fits(serve, clock, name):
+    device = FrameDevice(clock, Spring())
+    server = serve(FrameServer(device, layout=LAYOUTS[name], unit=1))
+    (found,) = probe_modbus_tcp(server.address)
+    assert (found.driver, found.settings) == ("modbus-frame", {"address": server.address, "map": name})
+    assert device.limits == device.ratings
+
+
+def test_a_load_frame_on_a_serial_line_is_found_under_its_unit(serve, clock):
+    server = serve(FrameRtuServer(FrameDevice(clock, Spring()), unit=2))
+    (found,) = probe_serial(server.address)
+    assert found.settings["unit"] == 2
+    assert found.settings["map"] == "generic"
+
+
+def test_nobody_at_an_address_is_nobody():
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    assert probe_modbus_tcp(f"127.0.0.1:{port}") == []
+
+
+def test_the_rig_file_to_start_from_lacks_only_what_a_person_must_decide(serve, clock, call, tmp_path):
+    zaber = serve(StageServer(StageDevice(clock)))
+    frame = serve(FrameServer(FrameDevice(clock, Spring())))
+    path, table = tmp_path / "rig.toml", tmp_path / "devices.json"
+    status, out, err = call("--port", zaber.address, "--modbus", frame.address, "-o", path, "--json", table)
+    assert (status, err) == (0, "")
+    assert "camera /dev/video7: a camera" in out
+    assert "Zaber device 1, serial number 110001" in out
+    assert json.loads(table.read_text())["modbus_tcp"][0]["found"][0]["settings"]["map"] == "generic"
+    with pytest.raises(ConfigurationError) as missing:
+        read_rig(path)
+    assert all(mistake.endswith("is missing; add it") for mistake in missing.value.mistakes)
+    names = {mistake.partition(":")[0].rpartition(".")[2] for mistake in missing.value.mistakes}
+    assert {"angle_min_deg", "angle_max_deg", "load_max_n", "displacement_max_mm"} <= names
+    text = path.read_text()
+    for line, decision in (
+        ("# angle_min_deg, angle_max_deg: ", "angle_min_deg = -5.0\nangle_max_deg = 365.0\n# "),
+        ("# load_max_n, displacement_max_mm: ", "load_max_n = 2e3\ndisplacement_max_mm = 4.0\n# "),
+        ("# format, width_px, ", "width_px = 640\nheight_px = 480\nrate_hz = 30.0\n# "),
+    ):
+        assert line in text
+        text = text.replace(line, decision)
+    path.write_text(text)
+    decided = read_rig(path)
+    assert decided.stage is not None
+    assert decided.stage.setting("port") == zaber.address
+    assert decided.cameras["camera_0"].setting("device") == "/dev/video7"
+
+
+def test_a_rig_file_that_is_there_is_kept(call, tmp_path):
+    path = tmp_path / "rig.toml"
+    path.write_text("mine")
+    status, _, err = call("-o", path)
+    assert status == 2
+    assert "expected a new file" in err
+    assert path.read_text() == "mine"
+
+
+def test_no_probe_sends_nothing(serve, clock, call):
+    zaber = serve(StageServer(StageDevice(clock)))
+    heard: list[bytes] = []
+    zaber.respond = lambda message: heard.append(message) or b""
+    status, out, _ = call("--port", zaber.address, "--no-probe")
+    assert (status, heard) == (0, [])
+    assert "not asked" in out
+
+
+def test_a_port_that_is_not_there_is_told(call):
+    status, out, err = call("--port", "/dev/ttyNone")
+    assert (status, err) == (0, "")
+    assert "/dev/ttyNone (named): cannot be opened" in out
+
+
+def test_video_nodes_are_named_by_what_lasts(tmp_path):
+    nodes = {"video0": ("0", "USB camera"), "video1": ("1", "USB camera"), "video10": ("0", "second")}
+    for name, (index, label) in nodes.items():
+        folder = tmp_path / "sys/class/video4linux" / name
+        folder.mkdir(parents=True)
+        (folder / "index").write_text(index + "\n")
+        (folder / "name").write_text(label + "\n")
+    links = tmp_path / "dev/v4l/by-id"
+    links.mkdir(parents=True)
+    (links / "usb-Camera_1234-video-index0").symlink_to("../../video0")
+    assert video_nodes(tmp_path) == [
+        VideoNode(str(links / "usb-Camera_1234-video-index0"), "USB camera"),
+        VideoNode("/dev/video10", "second"),
+    ]
+    assert video_nodes(Path("/nowhere")) == []
