@@ -18,6 +18,10 @@ PAUSE = 1.5
 """From how many frame times on two successive frames are too far apart."""
 
 
+OVERTAKEN = 64
+"""A counter that goes back by less is a frame that comes late, by more a counter that began anew."""
+
+
 class LossKind(Enum):
     """How it is known that frames are missing."""
 
@@ -192,16 +196,11 @@ class FrameStream:
                 self._news.notify_all()
 
     def _account(self, frame: Frame) -> None:
+        if self._is_late(frame):
+            return
         last, self._last = self._last, frame
         if last is not None:
-            steps = frame.sequence - last.sequence
-            if steps > 1:
-                self._lose(LossKind.GAP, last.sequence + 1, steps - 1, frame)
-            elif steps < 1:
-                self._lose(LossKind.REPEAT, frame.sequence, 0, frame)
-            apart = (frame.exposed_s - last.exposed_s) / self._interval_s
-            if apart > max(1, steps) + PAUSE - 1:
-                self._lose(LossKind.PAUSE, frame.sequence, max(1, round(apart) - max(1, steps)), frame)
+            self._compare(last, frame)
         if frame.flags:
             self._lose(LossKind.DAMAGED, frame.sequence, 1, frame)
         elif len(self._queue) >= self._capacity:
@@ -209,6 +208,27 @@ class FrameStream:
         else:
             self._queue.append(frame)
             self._taken += 1
+
+    def _is_late(self, frame: Frame) -> bool:
+        """Tell a frame that the next ones have overtaken: its packets were sent again by a network camera.
+
+        It was counted as missing, or came damaged before, and stays so: frames are delivered in order.
+        """
+        if self._last is None or not -OVERTAKEN < frame.sequence - self._last.sequence < 0:
+            return False
+        if not any(loss.first <= frame.sequence < loss.first + loss.count for loss in self._losses):
+            self._lose(LossKind.REPEAT, frame.sequence, 0, frame)
+        return True
+
+    def _compare(self, last: Frame, frame: Frame) -> None:
+        steps = frame.sequence - last.sequence
+        if steps > 1:
+            self._lose(LossKind.GAP, last.sequence + 1, steps - 1, frame)
+        elif steps < 1:
+            self._lose(LossKind.REPEAT, frame.sequence, 0, frame)
+        apart = (frame.exposed_s - last.exposed_s) / self._interval_s
+        if apart > max(1, steps) + PAUSE - 1:
+            self._lose(LossKind.PAUSE, frame.sequence, max(1, round(apart) - max(1, steps)), frame)
 
     def _lose(self, kind: LossKind, first: int, count: int, frame: Frame) -> None:
         last = self._losses[-1] if self._losses else None

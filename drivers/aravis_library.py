@@ -1,0 +1,122 @@
+"""The functions of Debian's libaravis-0.8 (LGPL, loaded when a camera is opened) that the driver calls.
+
+Signatures: Aravis 0.8 reference manual, ArvCamera, ArvStream and ArvBuffer.
+"""
+
+import ctypes
+from ctypes import POINTER, c_char_p, c_double, c_int, c_size_t, c_uint, c_uint64, c_void_p
+from functools import cache
+from typing import Any
+
+LIBRARIES = ("libaravis-0.8.so.0", "libgobject-2.0.so.0", "libglib-2.0.so.0")
+
+
+class GError(ctypes.Structure):
+    """``GError`` of GLib"""
+
+    _fields_ = (("domain", ctypes.c_uint32), ("code", c_int), ("message", c_char_p))
+
+
+class AravisError(Exception):
+    """What Aravis says went wrong."""
+
+
+# name: result and arguments; those of ArvCamera that can fail end with a GError**
+_FALLIBLE: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "arv_camera_new": (c_void_p, (c_char_p,)),
+    "arv_camera_create_stream": (c_void_p, (c_void_p, c_void_p, c_void_p)),
+    "arv_camera_get_vendor_name": (c_char_p, (c_void_p,)),
+    "arv_camera_get_model_name": (c_char_p, (c_void_p,)),
+    "arv_camera_get_device_serial_number": (c_char_p, (c_void_p,)),
+    "arv_camera_get_payload": (c_uint, (c_void_p,)),
+    "arv_camera_set_region": (None, (c_void_p, c_int, c_int, c_int, c_int)),
+    "arv_camera_get_region": (None, (c_void_p, *(POINTER(c_int),) * 4)),
+    "arv_camera_set_pixel_format_from_string": (None, (c_void_p, c_char_p)),
+    "arv_camera_get_pixel_format_as_string": (c_char_p, (c_void_p,)),
+    "arv_camera_set_acquisition_mode": (None, (c_void_p, c_int)),
+    "arv_camera_clear_triggers": (None, (c_void_p,)),
+    "arv_camera_set_frame_rate": (None, (c_void_p, c_double)),
+    "arv_camera_get_frame_rate": (c_double, (c_void_p,)),
+    "arv_camera_set_exposure_time": (None, (c_void_p, c_double)),
+    "arv_camera_get_exposure_time": (c_double, (c_void_p,)),
+    "arv_camera_set_gain": (None, (c_void_p, c_double)),
+    "arv_camera_get_gain": (c_double, (c_void_p,)),
+    "arv_camera_is_feature_available": (c_int, (c_void_p, c_char_p)),
+    "arv_camera_set_string": (None, (c_void_p, c_char_p, c_char_p)),
+    "arv_camera_get_string": (c_char_p, (c_void_p, c_char_p)),
+    "arv_camera_start_acquisition": (None, (c_void_p,)),
+    "arv_camera_stop_acquisition": (None, (c_void_p,)),
+}
+_SAFE: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "arv_buffer_new_allocate": (c_void_p, (c_size_t,)),
+    "arv_buffer_get_status": (c_int, (c_void_p,)),
+    "arv_buffer_get_frame_id": (c_uint64, (c_void_p,)),
+    "arv_buffer_get_system_timestamp": (c_uint64, (c_void_p,)),
+    "arv_buffer_get_data": (c_void_p, (c_void_p, POINTER(c_size_t))),
+    "arv_buffer_get_image_width": (c_int, (c_void_p,)),
+    "arv_buffer_get_image_height": (c_int, (c_void_p,)),
+    "arv_stream_push_buffer": (None, (c_void_p, c_void_p)),
+    "arv_stream_try_pop_buffer": (c_void_p, (c_void_p,)),
+    "arv_stream_timeout_pop_buffer": (c_void_p, (c_void_p, c_uint64)),
+    "arv_update_device_list": (None, ()),
+    "arv_get_n_devices": (c_uint, ()),
+    "arv_get_device_serial_nbr": (c_char_p, (c_uint,)),
+    "arv_get_device_id": (c_char_p, (c_uint,)),
+}
+
+
+class Aravis:
+    """Calls by name without the prefix ``arv_``; those that can fail raise `AravisError`.
+
+    Parameters
+    ----------
+    library, gobject, glib : ctypes.CDLL
+    """
+
+    def __init__(self, library: Any, gobject: Any, glib: Any) -> None:
+        self._library = library
+        self._unref = gobject.g_object_unref
+        self._unref.argtypes, self._unref.restype = (c_void_p,), None
+        self._free_error = glib.g_error_free
+        self._free_error.argtypes, self._free_error.restype = (c_void_p,), None
+        for name, (result, arguments) in _FALLIBLE.items():
+            function = getattr(library, name)
+            function.restype, function.argtypes = result, (*arguments, POINTER(POINTER(GError)))
+        for name, (result, arguments) in _SAFE.items():
+            function = getattr(library, name)
+            function.restype, function.argtypes = result, arguments
+
+    def call(self, name: str, *arguments: Any) -> Any:
+        """Call one function.
+
+        Raises
+        ------
+        AravisError
+            With the library's own message.
+        """
+        name = f"arv_{name}"
+        function = getattr(self._library, name)
+        if name not in _FALLIBLE:
+            return function(*arguments)
+        error = POINTER(GError)()
+        result = function(*arguments, ctypes.byref(error))
+        if error:
+            message = (error.contents.message or b"no reason given").decode("utf-8", "replace")
+            self._free_error(error)
+            raise AravisError(message)
+        return result
+
+    def text(self, name: str, *arguments: Any) -> str:
+        """Call a function that returns text; empty where it returns none."""
+        return (self.call(name, *arguments) or b"").decode("utf-8", "replace")
+
+    def release(self, thing: int | None) -> None:
+        """Give an object back to the library."""
+        if thing:
+            self._unref(thing)
+
+
+@cache
+def load() -> Aravis:
+    """Load the libraries; `OSError` if they are not installed."""
+    return Aravis(*(ctypes.CDLL(name) for name in LIBRARIES))

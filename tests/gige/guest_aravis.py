@@ -1,0 +1,178 @@
+"""The GigE Vision driver against Aravis' own fake camera, alone in a network (`test_gige_camera`)."""
+
+import statistics
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers.aravis import AravisCamera, open_camera
+from drivers.aravis_settings import AravisSettings
+from drivers.clock import SystemClock
+from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
+from drivers.frame_stream import LossKind
+from drivers.interfaces import OpenContext
+
+CLOCK = SystemClock()
+RATE_HZ = 25.0
+EXPOSURE_US = 10_000.0
+
+
+@contextmanager
+def plugged(*options: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Aravis' fake camera as a process of its own."""
+    command = ["arv-fake-gv-camera-0.8", "-i", "127.0.0.1", "-s", "GV77", *options]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def opened(**changes: Any) -> AravisCamera:
+    """Open it as soon as it listens."""
+    values = {
+        "camera": "127.0.0.1",
+        "width_px": 256,
+        "height_px": 128,
+        "rate_hz": RATE_HZ,
+        "exposure_us": EXPOSURE_US,
+        "gain": 1.0,
+    }
+    settings = AravisSettings.model_validate(values | changes)
+    deadline_s = CLOCK.now_s() + 10
+    while True:
+        try:
+            return open_camera(settings, OpenContext("camera", CLOCK))
+        except LinkLost:
+            if CLOCK.now_s() > deadline_s:
+                raise
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left() -> Iterator[None]:
+    threads = set(threading.enumerate())
+    yield
+    assert set(threading.enumerate()) <= threads
+
+
+@pytest.fixture
+def camera() -> Iterator[AravisCamera]:
+    with plugged():
+        camera = opened()
+        yield camera
+        camera.close()
+        camera.close()
+
+
+def test_says_who_it_is_and_films_at_full_depth() -> None:
+    with plugged():
+        for code, bits, dtype in (("Mono8", 8, np.uint8), ("Mono16", 16, np.uint16)):
+            camera = opened(format=code)
+            frame = camera.grab(5.0)
+            camera.close()
+            assert (camera.info.vendor, camera.info.model, camera.info.serial) == ("Aravis", "Fake", "GV77")
+            assert (camera.info.bits, frame.image.dtype, frame.image.shape) == (bits, dtype, (128, 256))
+            assert frame.flags == 0
+            assert (frame.exposure_us, frame.gain) == (EXPOSURE_US, 1.0)
+            assert np.ptp(frame.image) > 50 << (bits - 8)
+
+
+def test_a_frame_was_exposed_after_the_call_whatever_the_pause(camera: AravisCamera) -> None:
+    waits_s, last = [], None
+    for pause_s in (0.0, 0.01, 0.1, 1.0) * 4:
+        CLOCK.sleep(pause_s)
+        asked_s = CLOCK.now_s()
+        frame = camera.grab(5.0)
+        waits_s.append(CLOCK.now_s() - asked_s)
+        assert frame.exposed_s >= asked_s
+        # after a pause longer than the ring of buffers the counter must have gone on with the camera
+        if last is not None:
+            apart = (frame.exposed_s - last.exposed_s) * RATE_HZ
+            assert frame.sequence - last.sequence == pytest.approx(apart, abs=1.5)
+        last = frame
+    median_s = statistics.median(waits_s)
+    print(f"fresh frame at 25 Hz: median {median_s * 1e3:.0f} ms, longest {max(waits_s) * 1e3:.0f} ms")
+    assert median_s <= 1.5 / RATE_HZ + EXPOSURE_US * 1e-6
+
+
+def test_what_the_camera_does_not_take_is_refused() -> None:
+    with plugged():
+        opened().close()
+        for changes, message in [
+            ({"format": "Mono14"}, "set format: expected acceptance, got .*'Mono14'"),
+            ({"features": {"GainAuto": "Sometimes"}}, "set GainAuto: expected acceptance"),
+            ({"features": {"Sharpness": "Off"}}, "set Sharpness: .*correct `features`"),
+        ]:
+            with pytest.raises(DeviceFault, match=message):
+                opened(**changes).close()
+        opened().close()
+
+
+def test_the_counter_of_16_bits_goes_round_and_no_loss_stays_unnoticed() -> None:
+    with plugged("-r", "5"):
+        camera = opened(rate_hz=50.0)
+        with camera.stream(capacity=1000) as stream:
+            frames = [stream.next(5.0) for _ in range(250)]
+        camera.close()
+    report = stream.report()
+    sequences = [frame.sequence for frame in frames]
+    missing = set(range(sequences[0], sequences[-1])) - set(sequences)
+    reported = {
+        loss.first + i
+        for loss in report.losses
+        if loss.kind in (LossKind.GAP, LossKind.DAMAGED)
+        for i in range(loss.count)
+    }
+    print(f"{len(frames)} frames, {len(missing)} lost or damaged, all reported")
+    assert {number for number in reported if number < sequences[-1]} == missing
+    assert sequences == sorted(set(sequences))
+    assert sequences[0] < 65535 < sequences[-1]
+
+
+def test_a_camera_that_dies_is_given_up_in_time_and_taken_again() -> None:
+    with plugged():
+        camera = opened()
+        camera.grab(5.0)
+    asked_s = CLOCK.now_s()
+    with pytest.raises(DeviceTimeout, match=r"grab: .*, got none within 0\.5 s"):
+        camera.grab(0.5)
+    with pytest.raises(DeviceTimeout, match="still being given up"):
+        camera.grab(0.5)
+    noticed_s = CLOCK.now_s() - asked_s
+    print(f"dead camera: two calls with a deadline of 0.5 s each took {noticed_s:.2f} s together")
+    assert noticed_s < 2.0
+    with pytest.raises(LinkLost, match=r"expected the camera with serial number GV77, got .*127\.0\.0\.1"):
+        camera.grab(60.0)
+    with plugged():
+        deadline_s = CLOCK.now_s() + 10
+        while CLOCK.now_s() < deadline_s:
+            try:
+                assert camera.grab(1.0).flags == 0
+                break
+            except DeviceError:
+                continue
+        else:
+            raise AssertionError("never taken again")
+        camera.close()
+
+
+def test_a_second_program_is_refused_the_control(camera: AravisCamera) -> None:
+    with pytest.raises(DeviceError) as refused:
+        open_camera(camera._settings, OpenContext("second", CLOCK))
+    print(refused.value)
+    assert "second (127.0.0.1): " in str(refused.value)
+    assert camera.grab(5.0).flags == 0
+
+
+def test_a_stream_has_the_camera_to_itself(camera: AravisCamera) -> None:
+    with camera.stream() as stream:
+        assert stream.next(5.0).flags == 0
+        with pytest.raises(DeviceFault, match="a stream that takes every frame"):
+            camera.grab(1.0)
+    assert camera.grab(5.0).flags == 0
