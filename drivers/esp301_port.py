@@ -142,7 +142,7 @@ class EspPort:
             self._buffer = b""
             self._channel.drain()
             self.send(question)
-            line = self._line(question, wake)
+            line = self._line(question, wake, self._clock.now_s() + self._reply_timeout_s)
         except CHANNEL_ERRORS as error:
             self._lost = self._lost or str(error)
             raise self._link_lost(question) from error
@@ -156,8 +156,9 @@ class EspPort:
     def _resynchronise(self, wake: int | None) -> None:
         """Ask for the version and throw away whatever comes before it."""
         self.send("VE?")
+        deadline_s = self._clock.now_s() + self._reply_timeout_s
         while True:
-            line = self._line("VE?", wake)
+            line = self._line("VE?", wake, deadline_s)
             if MODEL.fullmatch(line) and self.version in ("", line):
                 self.version = line
                 return
@@ -167,9 +168,8 @@ class EspPort:
             raise ValueError(f"{line!r} instead of {self.version!r}")
         return line
 
-    def _line(self, question: str, wake: int | None) -> str:
+    def _line(self, question: str, wake: int | None, deadline_s: float) -> str:
         """Wait for a whole line."""
-        deadline_s = self._clock.now_s() + self._reply_timeout_s
         while b"\n" not in self._buffer:
             if not (data := self._channel.receive(deadline_s, wake)):
                 got = f"the part {self._buffer!r}" if self._buffer else "silence"

@@ -24,6 +24,8 @@ GAP_CHARACTERS = 3.5
 # Above 19 200 baud the specification fixes the gap.
 GAP_MIN_S = 0.00175
 PDU_MAX = 253
+# A line that is not quiet after so many times the silence that is waited for carries somebody else's traffic.
+QUIET_ATTEMPTS = 10
 
 
 class SilenceError(Exception):
@@ -160,10 +162,14 @@ class RtuWire:
 
         Raises
         ------
+        SilenceError
+            If something comes all the time.
         OvertakenError
         """
+        end_s = self._clock.now_s() + QUIET_ATTEMPTS * silence_s
         while self._channel.receive(self._clock.now_s() + silence_s, wake):
-            pass
+            if self._clock.now_s() > end_s:
+                raise SilenceError("other bytes all the time")
 
     def close(self) -> None:
         """Close it; harmless when repeated."""

@@ -16,6 +16,7 @@ from drivers.modbus_frame_settings import ModbusFrameSettings
 from drivers.registry import find_driver
 from drivers.settings import validate
 from simulators.frame_device import FrameDevice
+from simulators.frame_layout import LAYOUTS
 from simulators.frame_wire import FrameServer
 
 STIFFNESS_N_MM = 5000.0
@@ -150,6 +151,43 @@ def test_limits_that_read_back_differently_are_refused(port, context):
     port.tamper = forget
     with pytest.raises(DeviceFault, match=r"set limits: expected .*load_max 12000.* on reading back"):
         open_frame(settings(port.address), context)
+
+
+def test_limits_that_the_machine_has_already_are_not_written_again(frame, port, context):
+    """They may be kept in a memory that wears with writing."""
+    written: list[bytes] = []
+
+    def watch(request: bytes, answer: Answer) -> bytes | None:
+        written.extend([request] if request[0] == 16 else [])
+        return answer()
+
+    port.tamper = watch
+    open_frame(settings(port.address), context).close()
+    assert written == []
+    open_frame(settings(port.address, load_max_n=11_000.0), context).close()
+    assert [request[:3] for request in written] == [b"\x10\x00\x20"]
+
+
+def test_a_machine_that_takes_one_connection_is_held_over_it(port, device, context, clock):
+    frame = open_frame(settings(port.address, connections=1, reply_timeout_s=30.0), context)
+    frame.go_to_displacement(1.0, 0.1)
+    asked = threading.Event()
+
+    def swallow_first(request: bytes, answer: Answer) -> bytes | None:
+        if is_state(request) and not asked.is_set():
+            asked.set()
+            return None
+        return answer()
+
+    port.tamper = swallow_first
+    with ThreadPoolExecutor(1) as pool:
+        reading = pool.submit(frame.read)
+        assert asked.wait(30.0)
+        frame.hold()
+        assert device.read().holding
+        # asked again behind the hold
+        assert reading.result(30.0).holding
+    frame.close()
 
 
 def test_a_watchdog_that_the_machine_does_not_take_is_refused(port, context):
@@ -499,3 +537,22 @@ def test_mistakes_in_the_rig_file_are_reported_together():
 def test_a_simulated_name_without_a_simulated_rig_is_told(context):
     with pytest.raises(LinkLost, match="no simulated rig"):
         open_frame(settings("@load_frame"), context)
+
+
+def test_set_points_that_are_not_taken_are_not_followed_by_a_command(device, context):
+    commands: list[bytes] = []
+
+    class Forgetful(FrameServer):
+        def answer(self, unit: int, request: bytes) -> bytes | None:
+            if request[:3] == b"\x10\x00\x00":
+                return request[:5]
+            commands.extend([request] if request[:3] == b"\x10\x00\x10" else [])
+            return super().answer(unit, request)
+
+    server = Forgetful(device, layout=LAYOUTS["separate-words"])
+    frame = open_frame(settings(server.address, map="separate-words"), context)
+    with pytest.raises(DeviceFault, match="write set points: expected displacement 1, speed 0.1, got"):
+        frame.go_to_displacement(1.0, 0.1)
+    assert commands == []
+    frame.close()
+    server.close()

@@ -157,6 +157,47 @@ def test_the_stages_own_rejection_is_told(homed, device):
         homed.move_to(20.0)
 
 
+def test_a_scale_that_is_not_the_stages_own_is_refused(line, context):
+    # 6400 microsteps in a degree are 2 304 000 in a turn
+    with pytest.raises(DeviceFault, match=r"expected 3.6e\+06 microsteps in a turn, got 2304000.*= 6400"):
+        open_stage(settings(line.address, microsteps_per_deg=10_000.0), context)
+
+
+def test_a_stage_that_does_not_know_its_turn_is_believed(line, context):
+    def unknown(command: str, answer: Callable[[], bytes]) -> bytes:
+        if command != "get limit.cycle.dist":
+            return answer()
+        body = answer().decode()[1:].partition(" OK")[0] + " RJ IDLE WR BADCOMMAND"
+        return f"@{body}:{lrc(body)}\r\n".encode()
+
+    line.tamper = unknown
+    stage = open_stage(settings(line.address), context)
+    assert not stage.read().homed
+    stage.close()
+
+
+def test_alerts_and_information_between_answers_are_no_answers(homed, line):
+    line.tamper = lambda command, answer: b"!01 1 IDLE --\r\n#01 0 note\r\n" + answer()
+    assert homed.read().angle_deg == 0.0
+    assert line.received == ["get pos"]
+
+
+def test_a_motion_by_an_angle_is_sent_as_an_absolute_one(homed, line, clock):
+    homed.move_by(10.0)
+    arrive(homed, clock)
+    homed.move_by(-2.5)
+    arrive(homed, clock)
+    assert line.motions() == ["move abs 64000", "move abs 48000"]
+
+
+def test_homing_switches_a_motor_driver_on_again(homed, device, line, clock):
+    device.fail("FD")
+    homed.home()
+    arrive(homed, clock)
+    assert "driver enable" in line.received
+    assert homed.read().homed
+
+
 def test_motion_without_a_reference_is_refused(stage, line):
     with pytest.raises(DeviceFault, match="home the stage first"):
         stage.move_to(10.0)
