@@ -551,7 +551,7 @@ def test_set_points_that_are_not_taken_are_not_followed_by_a_command(device, con
 
     server = Forgetful(device, layout=LAYOUTS["separate-words"])
     frame = open_frame(settings(server.address, map="separate-words"), context)
-    with pytest.raises(DeviceFault, match="write set points: expected displacement 1, speed 0.1, got"):
+    with pytest.raises(DeviceFault, match=r"write set points: expected displacement 1, speed 0\.1, got"):
         frame.go_to_displacement(1.0, 0.1)
     assert commands == []
     frame.close()
