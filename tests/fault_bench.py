@@ -14,10 +14,10 @@ from drivers.clock import VirtualClock
 from drivers.interfaces import OpenContext
 from simulators.faults import CAMERA, LOAD_FRAME, NEWPORT, STAGE, FaultPanel
 
-REPLY_TIMEOUT_S = 0.25
+REPLY_TIMEOUT_S = 0.35
 ON_FOR_S = 1000.0
 """How long a load frame has been on when it is opened, so that a restart shows in its counters."""
-PATIENCE_S = 0.5
+PATIENCE_S = 0.7
 """How long a stop or hold is repeated here; 5 s in use."""
 _PATIENCE = {
     "drivers.zaber": "STOP_PATIENCE_S",

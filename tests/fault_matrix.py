@@ -45,7 +45,7 @@ MUST_FAIL = {
 """What no driver may call good under which fault. What else is tried may succeed, if it is true."""
 MUST_WORK = {"split:1", "split", "delay", "duplicate:1"}
 """Faults that a driver bears: nothing is lost and nothing is late."""
-AT_A_TIME = 4
+AT_A_TIME = 7
 DEADLINE_S = 5.0
 """A call that takes longer hangs: the longest are a few reply times, or the patience of a stop."""
 SIGNS = {DeviceTimeout: "T", LinkLost: "L", DeviceFault: "F", DeviceError: "E"}
@@ -80,7 +80,7 @@ class Cell:
 def forms(fault: Fault) -> list[str]:
     """Return how a fault is tried: once and lasting, and a delay below and beyond the deadline."""
     if fault.name == "delay":
-        return ["delay", "delay:0.4:1"]
+        return ["delay", "delay:0.5:1"]
     if not fault.counted:
         return [fault.name]
     value = f":{fault.default}" if fault.value else ""
