@@ -1,4 +1,4 @@
-"""The load frame as a thing: a crosshead, a load string, a controller with limits and a watchdog.
+"""The load frame as a thing: a crosshead, and a controller with limits, a watchdog and an emergency stop.
 
 It knows nothing of registers; `simulators.frame_wire` puts it on a network.
 """
@@ -6,41 +6,15 @@ It knows nothing of registers; `simulators.frame_wire` puts it on a network.
 import math
 import threading
 from dataclasses import replace
-from enum import Enum
-from typing import Protocol
 
 import numpy as np
 
 from drivers.clock import Clock
+from simulators.crosshead import CONTROL_PERIOD_S, Control, Crosshead, LoadString
 from simulators.frame_state import Fault, Limits, Readings, Refusal, RefusedError
 
-CONTROL_PERIOD_S = 0.02
 LOAD_NOISE_N = 2.0
 DISPLACEMENT_NOISE_MM = 0.2e-3
-LOAD_TOLERANCE_N = 1.0
-TRAVEL_TOLERANCE_MM = 1e-4
-# What the load controller believes before it has seen the specimen answer, and what it never falls below:
-# too soft a belief makes the crosshead jump when a slack string tightens.
-STIFFNESS_GUESS_N_MM = 10_000.0
-STIFFNESS_MIN_N_MM = 1_000.0
-
-
-class LoadString(Protocol):
-    """Specimen, grips and frame in series; it remembers plastic deformation."""
-
-    def stretch_to(self, displacement_mm: float) -> float:
-        """Bring the crosshead to `displacement_mm` from the start of the test and return the load in N."""
-
-    def break_now(self) -> None:
-        """Break; no load is carried from now on."""
-
-
-class Control(Enum):
-    """What the crosshead follows."""
-
-    HOLD = "hold"
-    DISPLACEMENT = "displacement"
-    LOAD = "load"
 
 
 class FrameDevice:
@@ -89,13 +63,10 @@ class FrameDevice:
         self.executed: list[tuple[float, str]] = []
         self.power_ups = 0
         self._clock = clock
-        self._string = load_string
         self._rng = rng
         self._lock = threading.RLock()
-        self._position_mm = 0.0
-        self._force_n = load_string.stretch_to(0.0)
+        self._crosshead = Crosshead(load_string)
         self._estop = False
-        self._jammed = False
         self._cell_broken = False
         self._watchdog_lost = False
         self._frozen: Readings | None = None
@@ -107,15 +78,7 @@ class FrameDevice:
         self._start_s = self._clock.now_s()
         self._tick = 0
         self._limits = self.ratings
-        self._zero_mm = 0.0
-        self._zero_n = 0.0
-        self._stiffness_n_mm = STIFFNESS_GUESS_N_MM
-        self._control = Control.HOLD
-        self._target = 0.0
-        self._rate = 0.0
-        self._setpoint_n = 0.0
-        self._speed_mm_s = 0.0
-        self._at_target = False
+        self._crosshead.reset()
         self._fault = Fault.ESTOP if self._estop else Fault.NONE
         self._watchdog_s = 0.0
         self._heartbeat = 0
@@ -127,13 +90,13 @@ class FrameDevice:
         """True load in the string now, from the zero set by `tare`."""
         with self._lock:
             self._advance()
-            return self._force_n - self._zero_n
+            return self._crosshead.load_n
 
     def displacement_mm(self) -> float:
         """True position of the crosshead now, from the zero set by `tare`."""
         with self._lock:
             self._advance()
-            return self._position_mm - self._zero_mm
+            return self._crosshead.displacement_mm
 
     @property
     def limits(self) -> Limits:
@@ -183,18 +146,19 @@ class FrameDevice:
                 self._noise_tick = self._tick
                 self._noise = self._draw_noise()
             load_error_n, displacement_error_mm = self._noise
+            crosshead = self._crosshead
             readings = Readings(
                 sample=self._tick,
                 time_s=self._tick * CONTROL_PERIOD_S,
-                moving=self._control is not Control.HOLD and not self._at_target,
-                at_target=self._at_target,
-                holding=self._control is Control.HOLD,
+                moving=crosshead.moving,
+                at_target=crosshead.at_target,
+                holding=crosshead.control is Control.HOLD,
                 fault=self._fault,
                 estop=self._estop,
-                load_n=math.nan if self._cell_broken else self._force_n - self._zero_n + load_error_n,
-                displacement_mm=self._position_mm - self._zero_mm + displacement_error_mm,
-                speed_mm_s=self._speed_mm_s,
-                target=self._target,
+                load_n=math.nan if self._cell_broken else crosshead.load_n + load_error_n,
+                displacement_mm=crosshead.displacement_mm + displacement_error_mm,
+                speed_mm_s=crosshead.speed_mm_s,
+                target=crosshead.target,
             )
             if (frozen := self._frozen) is None:
                 return readings
@@ -219,15 +183,13 @@ class FrameDevice:
             limits = self._limits
             inside = limits.load_min_n <= load_n <= limits.load_max_n
             self._go(Control.LOAD, load_n, inside, rate_n_s, limits.load_rate_max_n_s)
-            self._setpoint_n = self._force_n - self._zero_n
 
     def hold(self) -> None:
         """Stop and hold position."""
         with self._lock:
             self._advance()
             self._note("hold")
-            self._stand(Control.HOLD)
-            self._at_target = False
+            self._crosshead.stand(Control.HOLD)
 
     def tare(self) -> None:
         """Make the present load and position the zero; `RefusedError` while moving."""
@@ -236,9 +198,7 @@ class FrameDevice:
             if self.read().moving:
                 raise RefusedError(Refusal.NOT_READY)
             self._note("tare")
-            self._zero_n, self._zero_mm = self._force_n, self._position_mm
-            self._stand(Control.HOLD)
-            self._at_target = False
+            self._crosshead.tare()
 
     def press_estop(self) -> None:
         """Open the emergency stop chain: the crosshead stands until it is closed and a new command comes."""
@@ -261,13 +221,13 @@ class FrameDevice:
         """Block the crosshead: a motion under way stalls, and so does every one that is begun."""
         with self._lock:
             self._advance()
-            self._jammed = True
+            self._crosshead.jammed = True
 
     def free(self) -> None:
         """Take away what blocks the crosshead."""
         with self._lock:
             self._advance()
-            self._jammed = False
+            self._crosshead.jammed = False
 
     def break_load_cell(self, broken: bool) -> None:
         """Let the load be no number, or a number again."""
@@ -293,8 +253,7 @@ class FrameDevice:
         """Break what is in the grips."""
         with self._lock:
             self._advance()
-            self._string.break_now()
-            self._force_n = self._string.stretch_to(self._position_mm)
+            self._crosshead.break_string()
 
     def power_cycle(self) -> None:
         """Switch off and on: the crosshead stays where it is; zeros, limits and the watchdog are lost."""
@@ -314,81 +273,25 @@ class FrameDevice:
         if not 0 < rate <= rate_max:
             raise RefusedError(Refusal.TOO_FAST)
         self._note(f"{control.value} {target:g} at {rate:g}")
-        self._control, self._target, self._rate = control, target, rate
-        self._at_target = False
+        self._crosshead.begin(control, target, rate)
         self._fault = Fault.NONE
         self._beat_tick = self._tick
 
     def _advance(self) -> None:
         """Let every control period happen that was due until now."""
         due = math.floor((self._clock.now_s() - self._start_s) / CONTROL_PERIOD_S)
-        while self._tick < due and self._control is not Control.HOLD and not self._at_target:
+        while self._tick < due and self._crosshead.moving:
             self._tick += 1
             silence_s = (self._tick - self._beat_tick) * CONTROL_PERIOD_S
-            if 0 < self._watchdog_s < silence_s:
-                self._trip(Fault.WATCHDOG)
-            else:
-                self._follow()
+            tripped = 0 < self._watchdog_s < silence_s
+            fault = Fault.WATCHDOG if tripped else self._crosshead.follow(self._limits)
+            if fault is not Fault.NONE:
+                self._trip(fault)
         self._tick = max(self._tick, due)
 
-    def _follow(self) -> None:
-        if self._jammed:
-            self._trip(Fault.STALL)
-            return
-        if self._control is Control.DISPLACEMENT:
-            wanted_mm = self._target - (self._position_mm - self._zero_mm)
-            speed_mm_s = self._rate
-        else:
-            ramp_n = self._rate * CONTROL_PERIOD_S
-            self._setpoint_n += min(max(self._target - self._setpoint_n, -ramp_n), ramp_n)
-            wanted_mm = (self._setpoint_n - (self._force_n - self._zero_n)) / self._stiffness_n_mm
-            speed_mm_s = self._limits.speed_max_mm_s
-        reach_mm = speed_mm_s * CONTROL_PERIOD_S
-        step_mm = min(max(wanted_mm, -reach_mm), reach_mm)
-        self._step(step_mm)
-        if self._beyond_limits(step_mm):
-            return
-        if self._control is Control.DISPLACEMENT:
-            arrived = step_mm == wanted_mm
-        else:
-            error_n = self._target - (self._force_n - self._zero_n)
-            arrived = self._setpoint_n == self._target and abs(error_n) <= LOAD_TOLERANCE_N
-        if arrived:
-            self._stand(self._control)
-            self._at_target = True
-
-    def _step(self, step_mm: float) -> None:
-        before_n = self._force_n
-        self._position_mm += step_mm
-        self._force_n = self._string.stretch_to(self._position_mm)
-        self._speed_mm_s = step_mm / CONTROL_PERIOD_S
-        if step_mm:
-            self._stiffness_n_mm = max((self._force_n - before_n) / step_mm, STIFFNESS_MIN_N_MM)
-
-    def _beyond_limits(self, step_mm: float) -> bool:
-        """Trip when a limit is passed on the way out; the way back is free."""
-        limits = self._limits
-        load_n, displacement_mm = self._force_n - self._zero_n, self._position_mm - self._zero_mm
-        if step_mm > 0:
-            overload = load_n > limits.load_max_n + LOAD_TOLERANCE_N
-            overtravel = displacement_mm > limits.displacement_max_mm + TRAVEL_TOLERANCE_MM
-        else:
-            overload = load_n < limits.load_min_n - LOAD_TOLERANCE_N
-            overtravel = displacement_mm < limits.displacement_min_mm - TRAVEL_TOLERANCE_MM
-        if overload:
-            self._trip(Fault.LOAD_LIMIT)
-        elif overtravel:
-            self._trip(Fault.DISPLACEMENT_LIMIT)
-        return self._control is Control.HOLD
-
     def _trip(self, fault: Fault) -> None:
-        self._stand(Control.HOLD)
-        self._at_target = False
+        self._crosshead.stand(Control.HOLD)
         self._fault = fault
-
-    def _stand(self, control: Control) -> None:
-        self._control = control
-        self._speed_mm_s = 0.0
 
     def _draw_noise(self) -> tuple[float, float]:
         if self._rng is None:

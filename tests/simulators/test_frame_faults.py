@@ -1,0 +1,126 @@
+"""What the faults of a load frame do to the machine itself, told by its own readings and by the truth."""
+
+import math
+
+import pytest
+
+from drivers.clock import VirtualClock
+from simulators.device_faults import frame_faults
+from simulators.faults import FaultPanel
+from simulators.frame_device import FrameDevice
+from simulators.frame_state import Fault, Limits, RefusedError
+from simulators.specimen import Specimen, SpecimenSettings
+
+
+@pytest.fixture
+def clock():
+    return VirtualClock()
+
+
+@pytest.fixture
+def device(clock):
+    return FrameDevice(clock, Specimen(SpecimenSettings(grip_slip_mm=0.0)))
+
+
+@pytest.fixture
+def faults(device):
+    return frame_faults(FaultPanel("load_frame"), device)
+
+
+@pytest.fixture
+def moving(device, clock):
+    device.go_to_displacement(1.0, 0.05)
+    clock.sleep(2.0)
+    assert device.read().moving
+    return device
+
+
+@pytest.mark.parametrize(
+    ("name", "fault"),
+    [("stall", Fault.STALL), ("limit", Fault.DISPLACEMENT_LIMIT), ("e-stop", Fault.ESTOP)],
+)
+def test_the_crosshead_stops_and_says_why(moving, faults, clock, name, fault):
+    faults.switch_on(name)
+    where_mm = moving.displacement_mm()
+    clock.sleep(5.0)
+    readings = moving.read()
+    assert (readings.holding, readings.moving, readings.fault) == (True, False, fault)
+    assert moving.displacement_mm() == pytest.approx(where_mm, abs=0.05 * 0.02)
+    faults.clear()
+    moving.go_to_displacement(1.0, 0.5)
+    clock.sleep(5.0)
+    assert moving.displacement_mm() == pytest.approx(1.0)
+
+
+def test_nothing_moves_while_the_emergency_stop_is_pressed(device, faults):
+    faults.switch_on("e-stop")
+    with pytest.raises(RefusedError):
+        device.go_to_displacement(1.0, 0.05)
+    assert device.executed == []
+
+
+def test_a_reset_forgets_limits_watchdog_zero_and_samples_but_not_the_crosshead(moving, faults, clock):
+    moving.hold()
+    moving.set_limits(Limits(-10.0, 20_000.0, -1.0, 5.0, 1.0, 100.0))
+    moving.set_watchdog(2.0)
+    moving.tare()
+    load_n = moving.load_n()
+    faults.switch_on("reset")
+    readings = moving.read()
+    assert (readings.sample, readings.holding, moving.watchdog_s) == (0, True, 0.0)
+    assert moving.limits == moving.ratings
+    assert load_n == 0.0
+    # 2 s at 0.05 mm/s before
+    assert moving.displacement_mm() == pytest.approx(0.1)
+    assert moving.power_ups == 2
+
+
+def test_a_broken_load_cell_shows_no_number_but_the_load_is_there(moving, faults):
+    faults.switch_on("nan-load")
+    assert math.isnan(moving.read().load_n)
+    assert moving.load_n() > 500.0
+    faults.clear()
+    assert moving.read().load_n == pytest.approx(moving.load_n())
+
+
+def test_readings_stand_still_while_the_machine_goes_on(moving, faults, clock):
+    faults.switch_on("frozen-counter")
+    before = moving.read()
+    clock.sleep(3.0)
+    after = moving.read()
+    assert (after.sample, after.load_n, after.displacement_mm) == (
+        before.sample, before.load_n, before.displacement_mm,
+    )  # fmt: skip
+    assert moving.displacement_mm() == pytest.approx(0.25)
+    faults.clear()
+    assert moving.read().sample == 250
+
+
+def test_a_broken_specimen_carries_nothing_ever_again(moving, faults, clock):
+    faults.switch_on("broken-specimen")
+    assert moving.read().load_n == 0.0
+    faults.clear()
+    clock.sleep(5.0)
+    assert moving.load_n() == 0.0
+    assert moving.displacement_mm() > 0.2
+
+
+def test_a_watchdog_that_is_off_takes_no_time_and_never_trips(device, faults, clock):
+    faults.switch_on("watchdog-off")
+    device.set_watchdog(0.5)
+    assert device.watchdog_s == 0.0
+    device.go_to_displacement(1.0, 0.05)
+    clock.sleep(5.0)
+    assert device.read().moving
+    faults.clear()
+    device.set_watchdog(0.5)
+    clock.sleep(1.0)
+    assert device.read().fault is Fault.WATCHDOG
+
+
+def test_it_keeps_what_it_was_commanded(device, clock):
+    device.go_to_load(100.0, 50.0)
+    clock.sleep(1.0)
+    device.hold()
+    device.tare()
+    assert device.executed == [(0.0, "load 100 at 50"), (1.0, "hold"), (1.0, "tare")]
