@@ -91,13 +91,13 @@ class Both:
         Returns
         -------
         noise : ndarray, shape (11, 11)
-            Covariance from noise.
+            Covariance from noise and interpolation.
         of_maps, of_centres : ndarray, shapes (11, q) and (6, q)
             What calibration errors of unit variance do to the estimates through the maps, and to the centres.
         """
         noise, of_maps, of_centres = np.zeros((11, 11)), [], []
         for points, weights in zip((self.pairs.first, self.pairs.second), self.weights(), strict=True):
-            noise += points.noise_covariance(weights)
+            noise += points.noise_covariance(weights) + points.smooth_covariance(weights)
             of_map, of_centre = points.calibration_factors(weights)
             of_maps.append(of_map)
             of_centres.append(of_centre)

@@ -23,7 +23,7 @@ _CLOSE = 1e-9
 _SMALL = 1e-6
 """Slope over which derivatives are taken."""
 
-_MIMICKED = 1e-3
+_MIMICKED = 0.1
 """Terms of which less than this part is left beside the fit say nothing of their own."""
 
 

@@ -18,6 +18,10 @@ from dic.strain_fit import covariance_of_sums, slopes_of
 Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+_SMOOTH_PX = 0.0004
+"""Displacement errors that points share over the whole field: those of interpolation, which change with the
+fraction of a pixel that points moved. Measured on rendered images, benchmarks.order."""
+
 _DETERMINED = 1e8
 """Condition number of normal equations up to which they are solved."""
 
@@ -73,6 +77,23 @@ class Points:
         on_grid[self.use] = weights
         return covariance_of_sums(on_grid, self.displacement.noise)
 
+    def smooth_covariance(self, weights: Float) -> Float:
+        """Return the covariance (p, p) that interpolation gives to the sums Σ weights · displacement.
+
+        A strained specimen moves by other fractions of a pixel at every place, so these errors vary over the
+        field as slowly as displacements do: as polynomials of first and second degree, of `_SMOOTH_PX` at the
+        points farthest out.
+
+        Parameters
+        ----------
+        weights : ndarray, shape (n, 2, p)
+        """
+        centred = self.before_mm - self.before_mm.mean(axis=0)
+        x, y = (centred / np.abs(centred).max()).T
+        terms = _SMOOTH_PX * self.calibration.mm_per_px * np.stack([x, y, x * x, x * y, y * y], axis=1)
+        factors = np.einsum("nip,nk->pik", weights, terms).reshape(weights.shape[2], -1)
+        return np.asarray(factors @ factors.T)
+
     def calibration_factors(self, weights: Float) -> tuple[Float, Float]:
         """Return what errors of unit variance of the calibration do to the sums and to the camera's centre.
 
@@ -105,7 +126,7 @@ class Points:
         return np.asarray(of_map), of_centre
 
     def covariance(self, weights: Float, by_centre: Float | None = None) -> Float:
-        """Return the covariance (p, p) of estimates from noise and calibration together.
+        """Return the covariance (p, p) of estimates from noise, interpolation and calibration together.
 
         Parameters
         ----------
@@ -116,7 +137,8 @@ class Points:
         """
         of_map, of_centre = self.calibration_factors(weights)
         factors = of_map if by_centre is None else of_map + by_centre @ of_centre
-        return np.asarray(self.noise_covariance(weights) + factors @ factors.T)
+        by_images = self.noise_covariance(weights) + self.smooth_covariance(weights)
+        return np.asarray(by_images + factors @ factors.T)
 
 
 def block_diagonal(blocks: Sequence[Float]) -> Float:

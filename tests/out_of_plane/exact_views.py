@@ -37,6 +37,21 @@ class State:
         return Surface(Blank(), self.pose, self.F).world(moved)
 
 
+class OffCentre:
+    """A camera whose principal point lies elsewhere than in the middle of the image."""
+
+    def __init__(self, camera, off_px):
+        self._camera, self._off_px = camera, np.asarray(off_px, float)
+        self.width_px, self.height_px = camera.width_px, camera.height_px
+        self.centre_mm = camera.centre_mm
+
+    def project(self, world_mm):
+        return self._camera.project(world_mm) + self._off_px
+
+    def ray(self, px):
+        return self._camera.ray(px - self._off_px)
+
+
 @dataclass(frozen=True)
 class View:
     """One camera, calibrated from one noisy image of the grid."""
@@ -94,6 +109,15 @@ class View:
             )
             results.append(measure(f"state {number}", result, calibration, self.settings))
         return results
+
+    def true_strain(self, measurement, state):
+        """Return the true exx, eyy, exy in µε of the plane motion that fits the points used best."""
+        use = measurement.calibrated.valid
+        px = np.stack(np.meshgrid(measurement.field.x_px, measurement.field.y_px), axis=-1)[use]
+        material = Surface(Blank()).material(*self.camera.ray(px.astype(float)))
+        within = (material if state.within is None else state.within(material)) @ state.F.T
+        centred = np.column_stack([material, np.ones(len(material))])
+        return green_lagrange(np.linalg.lstsq(centred, within, rcond=None)[0][:2].T)
 
 
 def strains(correction):

@@ -1,6 +1,7 @@
 """What the corrections make of rendered images: grid found, speckle correlated, nothing known beforehand.
 
-800 × 800 px, 70 px/mm, one grey level of noise, subsets of 31 px.
+800 × 800 px, 70 px/mm, one grey level of noise, subsets of 31 px; the principal point lies anywhere within
+what a calibration expects.
 """
 
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from simulators.render import render
 from simulators.scene import Surface
 from simulators.sensor import Sensor
 from simulators.texture import LineGrid, Speckle
+from tests.out_of_plane.exact_views import OffCentre
 
 SENSOR = Sensor(bits=8, full_well_e=32_500.0, read_noise_e=20.0, saturation_exposure_us=12_000.0)
 
@@ -59,8 +61,10 @@ class RenderedView:
     def __init__(
         self, seed, *, pan_deg=0.0, tilt_deg=0.0, camera=0, step_px=10, shape="affine", reference=None
     ):
-        self.optics = PinholeCamera(800, 800, pan_deg=pan_deg, tilt_deg=tilt_deg)
         self._rng = np.random.default_rng([seed, camera])
+        # As uncertain as the calibration takes it for: 1 % of the width.
+        optics = PinholeCamera(800, 800, pan_deg=pan_deg, tilt_deg=tilt_deg)
+        self.optics = OffCentre(optics, self._rng.normal(0.0, 8.0, 2))
         self.speckle = Speckle.sprayed(seed)
         grid = find_grid(self._picture(Surface(LineGrid())))
         self.calibration = Calibration.fit(grid, (800, 800))

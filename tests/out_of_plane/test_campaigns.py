@@ -69,7 +69,7 @@ def test_a_wobbling_rotation_is_corrected(grid_deg, limit):
     assert np.abs(errors).max() < limit
     assert np.abs(off).max() < 0.005
     assert uncorrected.min() > 1000
-    assert 0.90 <= (np.abs(errors / stds) < 1.96).mean() <= 0.995
+    assert 0.90 <= (np.abs(errors / stds) < 1.96).mean() <= 0.99
 
 
 BEND = 300e-6 / 10
@@ -122,7 +122,7 @@ def test_tension_seen_by_one_camera_is_corrected(bending):
     report("tension", np.array(elastic), np.array(stds), plastic=max(plastic), before=max(before))
     assert np.abs(elastic).max() < 50
     assert max(plastic) < 0.002
-    assert 0.90 <= (np.abs(np.array(elastic) / stds) < 1.96).mean() <= 0.995
+    assert 0.90 <= (np.abs(np.array(elastic) / stds) < 1.96).mean() <= 0.99
 
 
 def test_two_cameras_measure_shift_and_tilt_in_tension():
@@ -145,7 +145,7 @@ def test_two_cameras_measure_shift_and_tilt_in_tension():
     assert np.abs(elastic).max() < 20
     assert max(plastic) < 0.002
     assert np.abs(shifts).max() < 0.5
-    assert 0.90 <= (np.abs(np.array(elastic) / stds) < 1.96).mean() <= 0.995
+    assert 0.90 <= (np.abs(np.array(elastic) / stds) < 1.96).mean() <= 0.99
 
 
 def test_an_aligned_specimen_gets_no_bias_beyond_the_interval():
