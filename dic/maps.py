@@ -7,18 +7,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.measurement import Measurement
+from dic.out_of_plane.correction import Correction
+from dic.strain import strain_field
 
 Float = NDArray[np.float64]
 
 MICRO = 1e6
 
 
-def panels(measurement: Measurement) -> list[tuple[str, Float]]:
-    """Return titles and values of the five maps of a measurement: two displacements, three strains in µε."""
-    shown = measurement.calibrated or measurement.raw
+def panels(measurement: Measurement, correction: Correction | None = None) -> list[tuple[str, Float]]:
+    """Return titles and values of the five maps of a measurement: two displacements, three strains in µε.
+
+    They are corrected where there is a correction that applies, else calibrated, else raw.
+    """
+    if correction is not None and correction.declined is None:
+        shown, kind = correction.displacement, "corrected"
+        strain = strain_field(shown, measurement.strain_settings)
+    else:
+        shown, strain = measurement.calibrated or measurement.raw, measurement.strain
+        kind = "calibrated" if measurement.calibrated is not None else "raw"
     vector = np.where(measurement.field.converged[..., None], shown.vector, np.nan)
-    strain = measurement.strain
-    kind = "calibrated" if measurement.calibrated is not None else "raw"
     x, y = ("U", "V") if shown.unit == "mm" else ("u", "v")
     return [
         (f"{x} to the right, {shown.unit}", vector[..., 0]),
@@ -29,7 +37,9 @@ def panels(measurement: Measurement) -> list[tuple[str, Float]]:
     ]
 
 
-def draw_maps(measurement: Measurement, image: NDArray[Any], title: str) -> Any:
+def draw_maps(
+    measurement: Measurement, image: NDArray[Any], title: str, correction: Correction | None = None
+) -> Any:
     """Return a matplotlib figure with the five maps over the reference image.
 
     Colour scales span the 1st to 99th percentile, so that a single point cannot hide the field.
@@ -40,6 +50,8 @@ def draw_maps(measurement: Measurement, image: NDArray[Any], title: str) -> Any:
     image : ndarray, shape (height, width)
         The reference image, where the points are.
     title : str
+    correction : Correction, optional
+        To show instead of calibrated strain, if it applies.
     """
     from matplotlib.figure import Figure
 
@@ -51,7 +63,7 @@ def draw_maps(measurement: Measurement, image: NDArray[Any], title: str) -> Any:
     figure.suptitle(title)
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     low, high = np.percentile(image, (1, 99.5))
-    for axis, (name, values) in zip(axes, panels(measurement), strict=False):
+    for axis, (name, values) in zip(axes, panels(measurement, correction), strict=False):
         axis.imshow(image, cmap="gray", vmin=low, vmax=high)
         _overlay(figure, axis, measurement, values)
         axis.set_title(name, fontsize=9)

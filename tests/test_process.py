@@ -15,6 +15,8 @@ import pytest
 from dic.cli import main
 from dic.commands.run_table import as_dict, table
 from dic.errors import RunFileError
+from dic.maps import panels
+from dic.out_of_plane.correction import Correction
 from dic.process import process_run
 from dic.run_file import RunFile
 from dic.run_results import load_run_result, save_run_result
@@ -223,3 +225,17 @@ def test_the_command_passes_on_when_to_take_a_new_reference(run_file, tmp_path, 
     assert "over 1 new references" in capsys.readouterr().out
     assert dic(monkeypatch, *arguments, "sometimes") == 2
     assert "auto or never or always, got sometimes" in capsys.readouterr().err
+
+
+def test_maps_show_corrected_strain_where_there_is_one_and_calibrated_else(result):
+    camera = next(camera for camera in result.cameras if camera.camera == "off_axis")
+    measurement, correction = camera.measurements[-1], result.corrections.cameras["off_axis"].images[-1]
+    assert correction.declined is None
+    titles, values = zip(*panels(measurement, correction), strict=True)
+    assert titles[2:] == ("εxx corrected, µε", "εyy corrected, µε", "εxy corrected, µε")
+    # The specimen was turned, not strained; what is calibrated says otherwise.
+    calibrated = dict(panels(measurement))["εyy calibrated, µε"]
+    assert abs(np.nanmean(calibrated)) > 500
+    assert abs(np.nanmean(values[3])) < 50
+    declined = Correction.refused("tilt", measurement, "necking")
+    assert panels(measurement, declined)[2][0] == "εxx calibrated, µε"
