@@ -84,8 +84,12 @@ class MappedDevice:
 
     def set(self, block: Block, values: Mapping[str, Number], step: str) -> None:
         """Make a block of settings hold `values`; written only if it does not: memory wears with writing."""
-        if self._words(block) != self._encode(block, values, step):
+        if not self.holds(block, values, step):
             self.write_checked(block, values, step)
+
+    def holds(self, block: Block, values: Mapping[str, Number], step: str) -> bool:
+        """Whether a block of settings has `values`, word for word."""
+        return self._words(block) == self._encode(block, values, step)
 
     def fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
         """Return an error of this device, to be raised."""

@@ -2,10 +2,10 @@
 
 import contextlib
 import math
-import threading
 from collections.abc import Mapping
 
 from drivers.address import resolve_address
+from drivers.command_sequence import CommandSequence
 from drivers.errors import DeviceError, DeviceTimeout, LinkLost
 from drivers.freshness import Freshness
 from drivers.interfaces import DeviceInfo, FrameLimits, FrameState, OpenContext
@@ -31,7 +31,7 @@ class ModbusFrame:
     context : OpenContext
     register_map : RegisterMap
     work, safety : MappedDevice
-        Two ways to the same machine, the second kept for `hold`, which nothing else may delay: a connection of
+        Two ways to the same machine, the second for `hold`, which nothing else may delay: a connection of
         its own, or the right to go first where there is only one.
     """
 
@@ -52,12 +52,9 @@ class ModbusFrame:
         self._safety = safety
         blocks = register_map.blocks
         self._freshness = Freshness(settings.stale_after_s, 2 ** (16 * blocks.state.registers["sample"].size))
-        self._sequence_lock = threading.Lock()
-        self._holds = 0
         self._link_was_lost = False
         self._heartbeat = 0
-        self._sequence = self._executed = int(work.read_state("identify")["executed"])
-        self._forgot = False
+        self._sequence = CommandSequence(int(work.read_state("identify")["executed"]))
         identity = work.read(blocks.identity, "identify")
         firmware = int(identity["firmware"])
         self.info = DeviceInfo(
@@ -67,8 +64,12 @@ class ModbusFrame:
             firmware=f"{firmware >> 8}.{firmware & 0xFF}",
             simulated=settings.address.startswith("@"),
         )
-        work.set(blocks.limits, settings.limits_by_register, "set limits")
-        work.set(blocks.watchdog, {"timeout": settings.watchdog_s}, "set watchdog")
+        self._settings = [
+            ("limits", blocks.limits, settings.limits_by_register),
+            ("watchdog", blocks.watchdog, {"timeout": settings.watchdog_s}),
+        ]
+        for name, block, values in self._settings:
+            work.set(block, values, f"set {name}")
         # the machine has them word for word: what differs is only the rounding of its registers
         self.limits = settings.limits
         safety.read_state("open the connection for hold")
@@ -139,17 +140,16 @@ class ModbusFrame:
         DeviceTimeout
             If the machine does not confirm within 5 s.
         """
-        with self._sequence_lock:
-            self._holds += 1
+        self._sequence.begin_hold()
         patience = Patience(self._clock, HOLD_PATIENCE_S)
         got = "silence"
         while not patience.exhausted:
             try:
-                sequence = self._draw()
+                sequence = self._sequence.draw()
                 self._write_command(self._safety, self._map.commands.hold, {}, sequence)
                 # a broken load cell must not keep the machine from confirming
                 values = self._safety.read_status("hold")
-                self._follow(int(values["executed"]))
+                self._sequence.follow(int(values["executed"]))
                 status, bits = self._map.status, int(values["status"])
                 # that it holds is not enough: only an executed hold makes a motion command under way too old
                 executed = values["executed"] == sequence
@@ -185,8 +185,10 @@ class ModbusFrame:
             raise self._work.fault(
                 step, "an unbroken link", "a link that was lost", "call for a hold, then look at the specimen"
             )
-        holds = self._holds
-        sequence = self._draw(holds, step)
+        holds = self._sequence.holds
+        self._refuse_lost_settings(step)
+        overtaken = self._work.fault(step, "no hold meanwhile", "a hold", "command it again if it is wanted")
+        sequence = self._sequence.draw_unless_held(holds, overtaken)
         for attempt in range(COMMAND_ATTEMPTS):
             # after a lost answer nobody knows whether the command arrived: the state read next tells
             with contextlib.suppress(DeviceTimeout, LinkLost):
@@ -194,10 +196,8 @@ class ModbusFrame:
             state = self._fresh_state(step)
             if state["executed"] == sequence:
                 break
-            if self._holds != holds:
-                raise self._work.fault(
-                    step, "no hold meanwhile", "a hold", "command it again if it is wanted"
-                )
+            if self._sequence.holds != holds:
+                raise overtaken
             if attempt == COMMAND_ATTEMPTS - 1:
                 raise DeviceTimeout(
                     self._work.name,
@@ -212,21 +212,14 @@ class ModbusFrame:
                 step, "acceptance", reason, "correct the protocol or clear the machine's fault"
             )
 
-    def _draw(self, holds: int | None = None, step: str = "") -> int:
-        """Take the next sequence number; none for motion if a hold has come since `holds`."""
-        with self._sequence_lock:
-            if holds is not None and self._holds != holds:
-                raise self._work.fault(
-                    step, "no hold meanwhile", "a hold", "command it again if it is wanted"
-                )
-            self._sequence = (self._sequence + 1) % 2**16
-            return self._sequence
-
-    def _follow(self, executed: int) -> None:
-        """Go on from the machine's sequence number when another program has used newer ones."""
-        with self._sequence_lock:
-            if 0 < (executed - self._sequence) % 2**16 < 2**15:
-                self._sequence = executed
+    def _refuse_lost_settings(self, step: str) -> None:
+        """A machine that somebody else has set, or that forgot its settings, is not what was opened."""
+        for name, block, values in self._settings:
+            if not self._work.holds(block, values, step):
+                # a restart explains it better
+                self._fresh_state(step)
+                remedy = "hold, see who else sets the machine, then open the frame again"
+                raise self._work.fault(step, f"the {name} this program has set", "another setting", remedy)
 
     def _write_command(
         self, device: MappedDevice, command: int, values: Mapping[str, float], sequence: int
@@ -246,18 +239,11 @@ class ModbusFrame:
             raise
         try:
             self._freshness.check(int(values["sample"]), self._clock.now_s())
-            self._refuse_forgotten(int(values["executed"]))
+            self._sequence.check(int(values["executed"]))
         except ValueError as error:
             remedy = "hold, check the controller, then open the frame again"
             raise self._work.fault(step, "a new reading", str(error), remedy) from error
         return values
-
-    def _refuse_forgotten(self, executed: int) -> None:
-        """A restarted machine has its own limits again; a narrow sample counter alone may not tell."""
-        self._forgot = self._forgot or 0 < (self._executed - executed) % 2**16 < 2**15
-        if self._forgot:
-            raise ValueError(f"a restarted machine (command {executed} executed after {self._executed})")
-        self._executed = executed
 
     def _refuse_outside(self, step: str, value: float, low: float, high: float, unit: str) -> None:
         if not (math.isfinite(value) and low <= value <= high):

@@ -15,7 +15,7 @@ class ModbusFrameSettings(Settings):
     Attributes
     ----------
     address : str
-        ``host:port`` for Modbus TCP, ``rtu://host:port`` for a gateway that passes RTU frames over TCP, the path
+        ``host:port`` for Modbus TCP, ``rtu://host:port`` for a gateway of RTU frames over TCP, the path
         of a serial port for Modbus RTU, or ``@name`` of a simulated rig's server.
     baud : int
     parity : str

@@ -153,9 +153,11 @@ class RtuWire:
             if not (data := self._channel.receive(deadline_s, wake)):
                 raise SilenceError(f"the part {buffer.hex(' ')}" if buffer else "none")
             buffer += data
-        if len(buffer) > size:
+        frame = buffer[:size]
+        # the same frame again says nothing else; two different ones leave open which is the answer
+        if buffer != (frame * (len(buffer) // size + 1))[: len(buffer)]:
             raise SilenceError(f"more than one frame, {buffer.hex(' ')}")
-        return buffer
+        return frame
 
     def quieten(self, silence_s: float, wake: int | None) -> None:
         """Discard what comes until nothing has come for `silence_s`.

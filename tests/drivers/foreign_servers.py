@@ -143,6 +143,8 @@ class _TkServer(ForeignServer):
             if slave is self._slave and (code := (reply := self.answer(request))[1]) and reply[0] & 0x80:
                 raise modbus.ModbusError(code)
 
+        # its own name for this is deprecated, and its thread would die of the warning
+        server._go.isSet = server._go.is_set
         self._server, self._written = server, written
         memory = {
             defines.HOLDING_REGISTERS: [Memory(READ_HOLDING)],

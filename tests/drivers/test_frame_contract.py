@@ -118,8 +118,6 @@ def foreign(request: pytest.FixtureRequest) -> Iterator[tuple[foreign_servers.Fo
     server.close()
 
 
-# modbus-tk's own
-@pytest.mark.filterwarnings(r"ignore:isSet\(\) is deprecated:DeprecationWarning")
 class TestOnServersByOthers(FrameContract):
     # they cannot be made to lose an answer
     test_silence_is_told_in_time_and_motion_waits_for_a_hold = None

@@ -190,6 +190,13 @@ def test_a_machine_that_takes_one_connection_is_held_over_it(port, device, conte
     frame.close()
 
 
+def test_settings_that_somebody_else_has_changed_are_noticed_before_motion(frame, device, port):
+    device.set_watchdog(0.0)
+    with pytest.raises(DeviceFault, match="expected the watchdog this program has set, got another setting"):
+        frame.go_to_displacement(1.0, 0.1)
+    assert port.commands == []
+
+
 def test_a_watchdog_that_the_machine_does_not_take_is_refused(port, context):
     port.tamper = lambda request, answer: request[:5] if request[:3] == b"\x10\x00\x40" else answer()
     with pytest.raises(DeviceFault, match=r"set watchdog: expected timeout 2, got timeout 0 on reading back"):

@@ -93,7 +93,7 @@ def test_an_exception_is_a_fault(slave, link):
     [
         (framed("01 04 02 000A")[:-1] + b"\x00", "damaged frame 01 04 02 00 0a"),
         (framed("01 04 02 000A")[:4], "the part 01 04 02 00"),
-        (framed("01 04 02 000A") * 2, "more than one frame"),
+        (framed("01 04 02 000A") + framed("01 04 02 000B"), "more than one frame"),
         (b"", "none"),
     ],
 )
@@ -103,6 +103,12 @@ def test_a_damaged_cut_doubled_or_missing_answer_is_a_timeout_that_says_so(slave
         link.read("input", 0, 1)
     # once more after quiet, and not a third time
     assert len(slave.requests) == 2
+
+
+def test_the_same_answer_twice_is_one_answer(slave, link):
+    slave.answer = lambda request: framed("01 04 02 000A") * 2
+    assert [link.read("input", 8, 1) for _ in range(3)] == [[10]] * 3
+    assert len(slave.requests) == 3
 
 
 def test_a_damaged_acknowledgement_is_not_followed_by_a_second_write(slave, link):

@@ -1,0 +1,70 @@
+"""The numbers of a load frame's commands: each newer than the last, and a hold makes older motion void."""
+
+import threading
+
+MODULUS = 2**16
+
+
+class CommandSequence:
+    """Numbers from several threads, and how often a hold was called for.
+
+    Parameters
+    ----------
+    executed : int
+        The number of the last command the machine executed.
+    """
+
+    def __init__(self, executed: int) -> None:
+        self._lock = threading.Lock()
+        self._number = executed
+        self._executed = executed
+        self._restarted = False
+        self._holds = 0
+
+    @property
+    def holds(self) -> int:
+        """How often a hold was called for."""
+        return self._holds
+
+    def begin_hold(self) -> None:
+        """From now on motion commands begun before are kept back."""
+        with self._lock:
+            self._holds += 1
+
+    def draw(self) -> int:
+        """Take the next number."""
+        with self._lock:
+            return self._next()
+
+    def draw_unless_held(self, holds: int, refusal: Exception) -> int:
+        """Take the next number for a motion; raise the refusal if a hold was called for since `holds`."""
+        with self._lock:
+            if self._holds != holds:
+                raise refusal
+            return self._next()
+
+    def follow(self, executed: int) -> None:
+        """Go on from the machine's number when another program has used newer ones."""
+        with self._lock:
+            if 0 < (executed - self._number) % MODULUS < MODULUS // 2:
+                self._number = executed
+
+    def check(self, executed: int) -> None:
+        """Compare the machine's number with the last one seen.
+
+        A restarted machine has its own limits again, and a narrow sample counter alone may not tell.
+
+        Raises
+        ------
+        ValueError
+            If it has gone back: the machine was restarted, and stays suspect.
+        """
+        with self._lock:
+            self._restarted |= 0 < (self._executed - executed) % MODULUS < MODULUS // 2
+            if self._restarted:
+                raise ValueError(f"a restarted machine (command {executed} executed after {self._executed})")
+            self._executed = executed
+
+    def _next(self) -> int:
+        self._number = (self._number + 1) % MODULUS
+        return self._number
