@@ -139,6 +139,9 @@ class Session:
         self._try("set mode", lambda: call("camera_set_acquisition_mode", self._camera, CONTINUOUS))
         self._set_number("frame_rate", settings.rate_hz)
         self._exposure_us = self._set_number("exposure_time", settings.exposure_us)
+        transfer_us = 1e6 / settings.rate_hz if settings.transfer_us is None else settings.transfer_us
+        # a frame is never called younger than it is: what is not known counts as a whole frame time
+        self._behind_s = (self._exposure_us + transfer_us) * 1e-6
         self._gain = math.nan
         if settings.gain is not None:
             self._gain = self._set_number("gain", settings.gain)
@@ -213,11 +216,10 @@ class Session:
         call = self._library.call
         sequence = self._number_of(buffer)
         received_s, utc = self._clock.now_s(), self._clock.utc()
-        # Aravis stamps the first packet's arrival with the date. It leaves when the exposure is over, at the
-        # earliest when it begins; a frame is never called younger than it is.
+        # Aravis stamps the first packet's arrival with the date
         arrived = datetime.fromtimestamp(call("buffer_get_system_timestamp", buffer) * 1e-9, UTC)
         age_s = (utc - arrived).total_seconds()
-        exposed_s = received_s - age_s - (self._exposure_us + self._settings.transfer_us) * 1e-6
+        exposed_s = received_s - age_s - self._behind_s
         if self._unsettled:
             self._unsettled -= 1
             return None

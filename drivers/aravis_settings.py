@@ -26,7 +26,8 @@ class AravisSettings(Settings):
         Further GenICam features that take text or a choice. An automatic that is named here takes this value
         instead of being switched off.
     transfer_us : float, optional
-        Longest time from the end of exposure to the arrival of the frame's first packet.
+        Longest time from the end of exposure to the arrival of the frame's first packet; a frame time by
+        default.
     """
 
     camera: str = Field(min_length=1)
@@ -40,7 +41,7 @@ class AravisSettings(Settings):
     gain: float | None = None
     features: dict[str, str] = Field(default_factory=dict)
     buffers: int = Field(default=8, ge=2, le=64)
-    transfer_us: float = Field(default=0.0, ge=0)
+    transfer_us: float | None = Field(default=None, ge=0)
 
     @property
     def bits(self) -> int:

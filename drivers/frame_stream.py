@@ -14,8 +14,8 @@ from drivers.interfaces import Frame
 CAPACITY = 64
 SLICE_S = 0.1
 """How long the thread waits at a time before it looks whether it shall end."""
-PAUSE = 1.5
-"""From how many frame times on two successive frames are too far apart."""
+IN_A_ROW = 8
+"""So many frames must all come late before time says that some were not counted."""
 
 
 OVERTAKEN = 64
@@ -26,7 +26,7 @@ class LossKind(Enum):
     """How it is known that frames are missing."""
 
     GAP = "the camera's counter jumped"
-    PAUSE = "frames came further apart than the counter says"
+    PAUSE = "more time went by than the camera's counter says"
     REPEAT = "the camera's counter did not grow"
     DAMAGED = "frames with an error flag"
     OVERFLOW = "the program did not take its frames in time"
@@ -40,8 +40,8 @@ class Loss:
     ----------
     kind : LossKind
     first : int
-        Sequence number of the first one missing; for `LossKind.REPEAT` and `LossKind.PAUSE` that of the frame
-        at which it was noticed.
+        Sequence number of the first one missing; for `LossKind.REPEAT` that of the frame at which it was
+        noticed, for `LossKind.PAUSE` that of the first frame that came late, to within eight.
     count : int
         How many; 0 for a counter that did not grow, since the frame itself is there.
     time_s : float
@@ -120,6 +120,7 @@ class FrameStream:
         self._ending = threading.Event()
         self._error: DeviceError | None = None
         self._last: Frame | None = None
+        self._delays: deque[tuple[int, float]] = deque(maxlen=IN_A_ROW)
         self._taken = 0
         self._losses: list[Loss] = []
         self._thread = threading.Thread(target=self._fill, name=f"stream {device}", daemon=True)
@@ -226,9 +227,22 @@ class FrameStream:
             self._lose(LossKind.GAP, last.sequence + 1, steps - 1, frame)
         elif steps < 1:
             self._lose(LossKind.REPEAT, frame.sequence, 0, frame)
-        apart = (frame.exposed_s - last.exposed_s) / self._interval_s
-        if apart > max(1, steps) + PAUSE - 1:
-            self._lose(LossKind.PAUSE, frame.sequence, max(1, round(apart) - max(1, steps)), frame)
+        self._compare_time(frame, began_anew=steps < 0)
+
+    def _compare_time(self, frame: Frame, *, began_anew: bool) -> None:
+        """Find frames that the camera did not count, by the time that the counter leaves unexplained.
+
+        A frame may come late, but not early: the least delay of some frames in a row tells their true pace.
+        """
+        if began_anew:
+            self._delays.clear()
+        full = len(self._delays) == IN_A_ROW
+        before_s = min(delay_s for _, delay_s in self._delays) if full else 0.0
+        self._delays.append((frame.sequence, frame.exposed_s - frame.sequence * self._interval_s))
+        after_s = min(delay_s for _, delay_s in self._delays)
+        uncounted = round((after_s - before_s) / self._interval_s)
+        if full and uncounted > 0:
+            self._lose(LossKind.PAUSE, self._delays[0][0], uncounted, frame)
 
     def _lose(self, kind: LossKind, first: int, count: int, frame: Frame) -> None:
         last = self._losses[-1] if self._losses else None

@@ -28,8 +28,8 @@ class V4l2Settings(Settings):
     line_us : float, optional
         Duration of a line, for sensors that count their exposure in lines.
     transfer_us : float, optional
-        Longest time from the end of exposure to the frame's time stamp; by default a frame time where the
-        stamp marks the frame's end.
+        Longest time from the end of exposure to the frame's time stamp, where this does not mark the start of
+        exposure; a frame time by default.
     """
 
     device: str = Field(min_length=1)

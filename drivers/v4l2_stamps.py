@@ -52,15 +52,14 @@ class StampRule:
         exposure_us : float
             NaN if not known: it is no longer than the interval then.
         transfer_us : float, optional
-            From the end of exposure to the stamp.
+            Longest time from the end of exposure to the stamp; without it the interval.
         interval_s : float
         """
         exposure_s = interval_s if math.isnan(exposure_us) else exposure_us * 1e-6
         readout_s = interval_s if transfer_us is None else transfer_us * 1e-6
-        delay_s = 0.0 if transfer_us is None else transfer_us * 1e-6
+        ended_s = exposure_s + readout_s
         # The first packet can leave the camera only when the first row has been exposed.
-        on_arrival = driver in STAMPED_ON_ARRIVAL
-        return cls(exposure_s + delay_s if on_arrival else delay_s, exposure_s + readout_s)
+        return cls(ended_s if driver in STAMPED_ON_ARRIVAL else 0.0, ended_s)
 
     def exposed_s(self, filled: Filled) -> float:
         """Return when the exposure of a buffer's frame began, at the earliest."""

@@ -57,7 +57,7 @@ class FakeCamera:
 
     `frame_faults` maps the number of a picture to what happens to it: ``lost``, ``damaged`` or ``short``;
     with ``uncounted`` three frames' time passes besides, with ``repeat`` the counter does not grow, with
-    ``broken`` the stream reports an input/output error.
+    ``broken`` the stream reports an input/output error, with ``late`` the stamp is almost a frame time late.
     `errors` maps a request to errors that its next calls raise.
     """
 
@@ -132,7 +132,8 @@ class FakeCamera:
             data = self.picture(number)
             used = len(data) // 2 if fault == "short" else len(data)
             self.memory[index][:used] = data[:used]
-            stamp_s = begin_s + self.stamp_offset_s
+            late_s = 0.9 * self.interval_s if fault == "late" else 0.0
+            stamp_s = begin_s + self.stamp_offset_s + late_s
             flags = self.stamp | (BufferFlag.ERROR if fault == "damaged" else 0)
             seconds = int(stamp_s)
             self.filled.append(

@@ -27,6 +27,7 @@ def settings(**changes: object) -> V4l2Settings:
         "rate_hz": 32.0,
         "exposure_us": EXPOSURE_US,
         "gain": 4,
+        "transfer_us": 0.0,
     }
     return V4l2Settings.model_validate(values | changes)
 
@@ -121,10 +122,16 @@ def test_a_frame_was_exposed_after_the_call_whatever_the_pause(pause_s, camera, 
         assert frame.received_s - asked_s <= 1.5 / 32 + EXPOSURE_US * 1e-6 + 1 / 256 + 0.5 / 32
 
 
-def test_the_stamp_of_a_usb_camera_is_the_first_packets_not_the_exposures(plugged, context, clock):
-    for driver, early_s in ((b"uvcvideo", EXPOSURE_US * 1e-6), (b"imx", 0.0)):
+def test_the_stamp_of_a_usb_camera_is_the_first_packets_not_the_exposures(plugged, context):
+    exposure_s = EXPOSURE_US * 1e-6
+    for driver, transfer_us, early_s in [
+        (b"uvcvideo", 0.0, exposure_s),
+        (b"uvcvideo", 7000.0, exposure_s + 0.007),
+        (b"uvcvideo", None, exposure_s + 1 / 32),
+        (b"imx", None, 0.0),
+    ]:
         plugged.driver = driver
-        camera = opened(plugged, context)
+        camera = opened(plugged, context, transfer_us=transfer_us)
         try:
             frame = camera.grab(1.0)
         finally:

@@ -43,6 +43,7 @@ def opened(**changes: Any) -> AravisCamera:
         "rate_hz": RATE_HZ,
         "exposure_us": EXPOSURE_US,
         "gain": 1.0,
+        "transfer_us": 0.0,
     }
     settings = AravisSettings.model_validate(values | changes)
     deadline_s = CLOCK.now_s() + 10

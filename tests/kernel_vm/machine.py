@@ -27,7 +27,7 @@ PACKAGES = {
 }
 MODULES = ("virtio_pci", "9p", "9pnet_virtio", "virtio_console", "overlay", "vivid", "vhci-hcd", "uvcvideo")
 XZ = b"\xfd7zXZ\x00"
-PATIENCE_S = 240
+PATIENCE_S = 180
 FAILED, LATE = 125, 124
 
 
