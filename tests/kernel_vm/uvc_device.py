@@ -30,18 +30,9 @@ HEADER = 12
 NUMBER_BITS, TIME_BITS = 32, 64
 PERIOD_S = 1 / usb.RATE_HZ
 LATEST_S = 0.025
-"""A camera's first packet follows its exposure within a bound; one that this process cannot hold is not sent."""
+"""A camera's first packet follows its exposure within a bound; a picture that is later is not sent."""
 SET_CUR = 0x01
 GET_CUR, GET_MIN, GET_MAX, GET_RES, GET_LEN, GET_INFO, GET_DEF = range(0x81, 0x88)
-    0x81,
-    0x82,
-    0x83,
-    0x84,
-    0x85,
-    0x86,
-    0x87,
-    1,
-)
 AUTO_MODE, EXPOSURE, GAIN = (usb.CAMERA_UNIT, 2), (usb.CAMERA_UNIT, 4), (usb.PROCESSING_UNIT, 4)
 MANUAL, APERTURE_PRIORITY = 1, 8
 OUT_OF_RANGE = b"\x04"
