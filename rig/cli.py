@@ -2,6 +2,7 @@
 
 import json
 import sys
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -172,22 +173,19 @@ def simulate(
     RIG is a rig file with [simulation]; without one there are a stage, a load frame and two cameras. Type
     help while it runs.
     """
-    from rig.simulate import find_simulator, run, start
+    from rig.simulate import find_simulator, run, signals_noted, start
 
     if list_faults:
         _finish(find_simulator().list_faults(), {}, None, good=True)
         return
     require_places([rig_path], [output, log, json_path])
-    simulation = start(rig_path, log, faults)
-    try:
+    with signals_noted() as signals, closing(start(rig_path, log, faults)) as simulation:
         if output is not None:
             _write(output, simulation.rig_file(), "-o")
         addresses = dict(simulation.addresses)
         lines = [f"{name}: {address}" for name, address in addresses.items()]
         _finish(lines, addresses, json_path, good=True)
-        run(simulation, period_s, say)
-    finally:
-        simulation.close()
+        run(simulation, signals, period_s, say)
 
 
 @cli.command()

@@ -4,7 +4,7 @@ import os
 import select
 import signal
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -96,37 +96,38 @@ def start(rig_path: Path | None, log: Path | None, faults: Iterable[str]) -> Sim
     return simulation
 
 
-def run(simulation: Simulation, period_s: float, say: Callable[[str], None]) -> None:
+def run(simulation: Simulation, signals: Sequence[int], period_s: float, say: Callable[[str], None]) -> None:
     """Sample the truth, and do what is typed, until a signal or ``quit``.
 
     Parameters
     ----------
     simulation : Simulation
+    signals : sequence of int
+        Those of `signals_noted`.
     period_s : float
         Time between two samples.
     say : callable
         Prints a line.
     """
     typed, typing = b"", [sys.stdin.fileno()]
-    with _signals_noted() as signals:
-        while not signals:
-            simulation.log.sample()
-            if not select.select(typing, [], [], period_s)[0]:
-                continue
-            received = os.read(typing[0], 4096)
-            if not received:
-                # nobody types any more, but the rig goes on
-                typing = []
-            *lines, typed = (typed + received).split(b"\n")
-            for line in lines:
-                if line.strip() == b"quit":
-                    return
-                for answer in simulation.command(line.decode(errors="replace")):
-                    say(answer)
+    while not signals:
+        simulation.log.sample()
+        if not select.select(typing, [], [], period_s)[0]:
+            continue
+        received = os.read(typing[0], 4096)
+        if not received:
+            # nobody types any more, but the rig goes on
+            typing = []
+        *lines, typed = (typed + received).split(b"\n")
+        for line in lines:
+            if line.strip() == b"quit":
+                return
+            for answer in simulation.command(line.decode(errors="replace")):
+                say(answer)
 
 
 @contextmanager
-def _signals_noted() -> Iterator[list[int]]:
+def signals_noted() -> Iterator[list[int]]:
     """Collect signals that end the simulation, instead of being ended by them."""
     seen: list[int] = []
     before = {number: signal.signal(number, lambda n, _: seen.append(n)) for number in SIGNALS}

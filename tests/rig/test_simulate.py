@@ -40,14 +40,14 @@ def lines_until(process: subprocess.Popen, beginning: str) -> list[str]:
 def test_it_ends_at_once_with_status_0(way, tmp_path):
     process = begin("--json", str(tmp_path / "addresses.json"))
     printed = lines_until(process, "scene: ")
-    addresses = json.loads((tmp_path / "addresses.json").read_text())
-    assert [f"{name}: {address}" for name, address in addresses.items()] == printed
     if way == "quit":
         process.stdin.write("quit\n")
     else:
         process.send_signal(signal.Signals[way])
     _, complaints = process.communicate(timeout=DEADLINE_S)
     assert (process.returncode, complaints) == (0, "")
+    addresses = json.loads((tmp_path / "addresses.json").read_text())
+    assert [f"{name}: {address}" for name, address in addresses.items()] == printed
     assert not Path(addresses["stage"]).exists()
 
 
