@@ -9,7 +9,7 @@ from collections.abc import Iterator
 class Turn:
     """One request at a time.
 
-    Whoever waits for an ordinary answer watches `wake`: it becomes readable as soon as something urgent comes,
+    Whoever waits for an ordinary answer watches `wake`: it becomes readable when something urgent comes,
     and the wait must end then. No ordinary request begins while an urgent one waits.
 
     Attributes

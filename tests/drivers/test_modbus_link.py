@@ -11,10 +11,12 @@ from drivers.modbus_link import ModbusLink
 from simulators.tcp_server import TcpServer
 
 Device = Callable[[bytes], bytes]
+# long enough for a busy machine; tests that wait for nothing have less patience
+PATIENT_S, IMPATIENT_S = 10.0, 0.2
 
 
 @contextmanager
-def served(device: Device) -> Iterator[ModbusLink]:
+def served(device: Device, reply_timeout_s: float = PATIENT_S) -> Iterator[ModbusLink]:
     """A link to a server that hands every request, MBAP header included, to `device` and sends its answer."""
 
     def converse(connection: socket.socket) -> None:
@@ -22,7 +24,7 @@ def served(device: Device) -> Iterator[ModbusLink]:
             connection.sendall(device(request))
 
     server = TcpServer(converse, "127.0.0.1", 0)
-    link = ModbusLink("frame", ModbusAddress(server.address), unit=1, reply_timeout_s=0.3)
+    link = ModbusLink("frame", ModbusAddress(server.address), unit=1, reply_timeout_s=reply_timeout_s)
     try:
         yield link
     finally:
@@ -83,7 +85,10 @@ def test_silence_to_a_write_is_one_request_only():
         requests.append(request)
         return b""
 
-    with served(device) as link, pytest.raises(DeviceTimeout, match="write holding registers 5 to 6"):
+    with (
+        served(device, IMPATIENT_S) as link,
+        pytest.raises(DeviceTimeout, match="write holding registers 5 to 6"),
+    ):
         link.write(5, [1, 2])
     assert len(requests) == 1
 
@@ -95,7 +100,7 @@ def test_a_read_is_repeated_once_after_silence():
         requests.append(request)
         return reply(request, bytes.fromhex("03 02 0007")) if len(requests) == 2 else b""
 
-    with served(device) as link:
+    with served(device, IMPATIENT_S) as link:
         assert link.read("holding", 0, 1) == [7]
 
 
@@ -110,7 +115,7 @@ def test_a_read_is_repeated_once_after_silence():
 )
 def test_an_answer_to_something_else_is_not_believed(pdu):
     with (
-        served(lambda request: reply(request, bytes.fromhex(pdu))) as link,
+        served(lambda request: reply(request, bytes.fromhex(pdu)), IMPATIENT_S) as link,
         pytest.raises((LinkLost, DeviceTimeout)),
     ):
         link.read("input", 0, 1)
@@ -133,7 +138,7 @@ def test_an_answer_of_another_transaction_or_unit_is_not_believed():
         return bytes(answer)
 
     for device in (late, elsewhere):
-        with served(device) as link, pytest.raises((DeviceTimeout, LinkLost)):
+        with served(device, IMPATIENT_S) as link, pytest.raises((DeviceTimeout, LinkLost)):
             link.read("input", 0, 1)
 
 

@@ -14,7 +14,8 @@ from drivers.modbus_frame_settings import ModbusFrameSettings
 from drivers.modbus_link import ModbusLink, Overtaken
 from drivers.modbus_wire import crc
 
-ANSWER_S = 0.2
+# long enough for a busy machine; tests that wait for nothing have less patience
+PATIENT_S, IMPATIENT_S = 10.0, 0.2
 
 
 class Slave:
@@ -53,11 +54,20 @@ def slave() -> Iterator[Slave]:
     made.close()
 
 
-@pytest.fixture
-def link(slave: Slave) -> Iterator[ModbusLink]:
-    made = ModbusLink("frame", ModbusAddress(slave.path), unit=1, reply_timeout_s=ANSWER_S)
+def linked(slave: Slave, reply_timeout_s: float) -> Iterator[ModbusLink]:
+    made = ModbusLink("frame", ModbusAddress(slave.path), unit=1, reply_timeout_s=reply_timeout_s)
     yield made
     made.close()
+
+
+@pytest.fixture
+def link(slave: Slave) -> Iterator[ModbusLink]:
+    yield from linked(slave, PATIENT_S)
+
+
+@pytest.fixture
+def impatient(slave: Slave) -> Iterator[ModbusLink]:
+    yield from linked(slave, IMPATIENT_S)
 
 
 def test_the_checksum_is_that_of_the_specification():
@@ -97,10 +107,10 @@ def test_an_exception_is_a_fault(slave, link):
         (b"", "none"),
     ],
 )
-def test_a_damaged_cut_doubled_or_missing_answer_is_a_timeout_that_says_so(slave, link, answer, got):
+def test_a_damaged_cut_doubled_or_missing_answer_is_a_timeout_that_says_so(slave, impatient, answer, got):
     slave.answer = lambda request: answer
     with pytest.raises(DeviceTimeout, match=got):
-        link.read("input", 0, 1)
+        impatient.read("input", 0, 1)
     # once more after quiet, and not a third time
     assert len(slave.requests) == 2
 
@@ -111,23 +121,23 @@ def test_the_same_answer_twice_is_one_answer(slave, link):
     assert len(slave.requests) == 3
 
 
-def test_a_damaged_acknowledgement_is_not_followed_by_a_second_write(slave, link):
+def test_a_damaged_acknowledgement_is_not_followed_by_a_second_write(slave, impatient):
     slave.answer = lambda request: framed("01 10 0001 0001")[:-1] + b"\x00"
     with pytest.raises(DeviceTimeout):
-        link.write(1, [7])
+        impatient.write(1, [7])
     assert len(slave.requests) == 1
 
 
 @pytest.mark.parametrize("answer", ["02 04 02 000A", "01 03 02 000A", "01 04 04 000A 000B", "01 2B 0E 01"])
-def test_an_answer_of_another_unit_function_or_length_is_not_believed(slave, link, answer):
+def test_an_answer_of_another_unit_function_or_length_is_not_believed(slave, impatient, answer):
     slave.answer = lambda request: framed(answer)
     with pytest.raises(LinkLost, match="nothing else answers at this address"):
-        link.read("input", 8, 1)
+        impatient.read("input", 8, 1)
 
 
-def test_a_late_answer_is_waited_out_and_never_taken_for_the_next_ones(slave, link):
+def test_a_late_answer_is_waited_out_and_never_taken_for_the_next_ones(slave, impatient):
     """Every answer comes with the next request: without quiet and proof each would be one behind for ever."""
-    link.prove_by("input", 32, 3)
+    impatient.prove_by("input", 32, 3)
     proof = framed("01 04 06 0001 0002 0003")
     held = [b""]
 
@@ -138,12 +148,12 @@ def test_a_late_answer_is_waited_out_and_never_taken_for_the_next_ones(slave, li
 
     slave.answer = late
     with pytest.raises((DeviceTimeout, LinkLost)):
-        link.read("input", 8, 1)
+        impatient.read("input", 8, 1)
     slave.answer = lambda request: proof if request[3] == 32 else framed("01 04 02 0002")
-    assert link.read("input", 8, 1) == [2]
+    assert impatient.read("input", 8, 1) == [2]
 
 
-def test_what_is_urgent_ends_the_wait_of_others_and_their_reading_goes_on_after_it(slave, link):
+def test_what_is_urgent_ends_the_wait_of_others_and_their_reading_goes_on_after_it(slave, impatient):
     asked = threading.Event()
 
     def mute_first(request: bytes) -> bytes:
@@ -154,14 +164,14 @@ def test_what_is_urgent_ends_the_wait_of_others_and_their_reading_goes_on_after_
 
     slave.answer = mute_first
     with ThreadPoolExecutor(1) as pool:
-        reading = pool.submit(link.read, "input", 8, 1)
+        reading = pool.submit(impatient.read, "input", 8, 1)
         assert asked.wait(30.0)
-        link.write(0, [1], urgent=True)
+        impatient.write(0, [1], urgent=True)
         assert reading.result(30.0) == [5]
     assert [request[1] for request in slave.requests] == [4, 16, 4]
 
 
-def test_a_write_that_was_overtaken_is_not_repeated(slave, link):
+def test_a_write_that_was_overtaken_is_not_repeated(slave, impatient):
     asked = threading.Event()
 
     def mute_first(request: bytes) -> bytes:
@@ -172,9 +182,9 @@ def test_a_write_that_was_overtaken_is_not_repeated(slave, link):
 
     slave.answer = mute_first
     with ThreadPoolExecutor(1) as pool:
-        writing = pool.submit(link.write, 9, [1])
+        writing = pool.submit(impatient.write, 9, [1])
         assert asked.wait(30.0)
-        link.write(0, [1], urgent=True)
+        impatient.write(0, [1], urgent=True)
         with pytest.raises(Overtaken, match="a hold that went first"):
             writing.result(30.0)
     assert len(slave.requests) == 2
