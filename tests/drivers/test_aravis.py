@@ -1,0 +1,246 @@
+"""The Aravis driver's refusals, with a library of the tests' own in place of libaravis."""
+
+import math
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers.aravis import AravisCamera
+from drivers.aravis_library import AravisError
+from drivers.aravis_session import OTHER_SIZE
+from drivers.aravis_settings import AravisSettings
+from drivers.clock import VirtualClock
+from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
+from drivers.frame_stream import LossKind
+from drivers.interfaces import OpenContext
+from drivers.registry import find_driver
+
+WIDTH, HEIGHT, INTERVAL_S = 32, 16, 1 / 32
+MISSING_PACKETS = 4
+
+
+class FakeLibrary:
+    """Behaves as Aravis does; `keeps` says which settings come back otherwise, `status` what a frame's is."""
+
+    def __init__(self, clock: VirtualClock) -> None:
+        self.clock = clock
+        self.values: dict[str, Any] = {"ExposureAuto": "Continuous", "Gain": 3.0}
+        self.keeps: dict[str, Any] = {}
+        self.status: dict[int, int] = {}
+        self.serial = "G1"
+        self.silent = self.gone = False
+        self.first_id = 1
+        self.begun_s = 0.0
+        self.taken = -1
+        self.size = (WIDTH, HEIGHT)
+        self.held = 0
+        self.pixels = np.zeros((HEIGHT, WIDTH), np.uint16)
+
+    def text(self, name: str, *arguments: Any) -> str:
+        answers = {
+            "camera_get_vendor_name": "Maker",
+            "camera_get_model_name": "Gige",
+            "camera_get_device_serial_number": self.serial,
+            "camera_get_pixel_format_as_string": self.values.get("format", ""),
+        }
+        return answers[name] if name in answers else str(self.values[arguments[-1].decode()])
+
+    def release(self, thing: int | None) -> None:
+        self.held -= thing is not None
+
+    def call(self, name: str, *arguments: Any) -> Any:
+        if self.gone and name.startswith("camera"):
+            raise AravisError("Device not found")
+        return getattr(self, name)(
+            *arguments[1 if name.startswith("camera_") and name != "camera_new" else 0 :]
+        )
+
+    def camera_new(self, name: bytes) -> int:
+        self.held += 1
+        return 1
+
+    def camera_create_stream(self, *_: object) -> int:
+        self.held += 1
+        return 2
+
+    def camera_is_feature_available(self, name: bytes) -> bool:
+        return name.decode() in self.values
+
+    def camera_set_string(self, name: bytes, value: bytes) -> None:
+        self.values[name.decode()] = self.keeps.get(name.decode(), value.decode())
+
+    def camera_set_pixel_format_from_string(self, value: bytes) -> None:
+        self.values["format"] = self.keeps.get("format", value.decode())
+
+    def camera_set_region(self, *region: int) -> None:
+        self.values["region"] = self.keeps.get("region", region)
+
+    def camera_get_region(self, *out: Any) -> None:
+        for pointer, value in zip(out, self.values["region"], strict=True):
+            pointer._obj.value = value
+
+    def camera_start_acquisition(self) -> None:
+        self.begun_s = self.clock.now_s()
+
+    def stream_try_pop_buffer(self, stream: int) -> int:
+        """Frames are taken in their order; this library holds one, the newest."""
+        newest = int((self.clock.now_s() - self.begun_s) / INTERVAL_S) - 1
+        if self.silent or newest <= self.taken:
+            return 0
+        self.taken = newest if newest - self.taken > 3 else self.taken + 1
+        return 100 + self.taken
+
+    def stream_timeout_pop_buffer(self, stream: int, timeout_us: int) -> int:
+        end_s = self.clock.now_s() + timeout_us * 1e-6
+        while self.clock.now_s() < end_s:
+            buffer = self.stream_try_pop_buffer(stream)
+            if buffer:
+                return buffer
+            self.clock.sleep(INTERVAL_S / 8)
+        return 0
+
+    def buffer_get_frame_id(self, buffer: int) -> int:
+        return (buffer - 100 + self.first_id - 1) % 65535 + 1
+
+    def buffer_get_system_timestamp(self, buffer: int) -> int:
+        at_s = self.begun_s + (buffer - 100) * INTERVAL_S
+        return round((self.clock.utc().timestamp() - self.clock.now_s() + at_s) * 1e9)
+
+    def buffer_get_status(self, buffer: int) -> int:
+        return self.status.get(buffer - 100, 0)
+
+    def buffer_get_data(self, buffer: int, size: Any) -> int:
+        size._obj.value = self.pixels.nbytes
+        self.pixels[:] = buffer - 100
+        return int(self.pixels.ctypes.data)
+
+    def buffer_get_image_width(self, buffer: int) -> int:
+        return self.size[0]
+
+    def buffer_get_image_height(self, buffer: int) -> int:
+        return self.size[1]
+
+    def __getattr__(self, name: str) -> Any:
+        setting = name.removeprefix("camera_set_")
+        if setting in ("frame_rate", "exposure_time", "gain"):
+            return lambda value: self.values.__setitem__(setting, self.keeps.get(setting, value))
+        setting = name.removeprefix("camera_get_")
+        if setting in ("frame_rate", "exposure_time", "gain"):
+            return lambda: self.values.get(setting, 3.0)
+        if name == "camera_get_payload":
+            return lambda: WIDTH * HEIGHT * 2
+        known = ("clear_triggers", "set_acquisition_mode", "stop_acquisition", "push_buffer", "new_allocate")
+        if name.endswith(known):
+            return lambda *_: 1
+        raise AttributeError(name)
+
+
+def settings(**changes: object) -> AravisSettings:
+    values = {
+        "camera": "G1",
+        "format": "Mono12",
+        "width_px": WIDTH,
+        "height_px": HEIGHT,
+        "rate_hz": 1 / INTERVAL_S,
+        "exposure_us": 5000.0,
+        "gain": 2.0,
+    }
+    return AravisSettings.model_validate(values | changes)
+
+
+@pytest.fixture
+def library(clock: VirtualClock) -> FakeLibrary:
+    clock.sleep(100.0)
+    return FakeLibrary(clock)
+
+
+def opened(library: FakeLibrary, context: OpenContext, **changes: object) -> AravisCamera:
+    return AravisCamera(settings(**changes), context, library)  # type: ignore[arg-type]
+
+
+def test_switches_automatics_off_reads_back_and_films_fresh_frames(library, context, clock):
+    camera = opened(library, context)
+    assert library.values["ExposureAuto"] == "Off"
+    for pause_s in (0.0, 0.05, 10.0):
+        clock.sleep(pause_s)
+        asked_s = clock.now_s()
+        frame = camera.grab(1.0)
+        begun_s = library.begun_s + int(frame.image[0, 0]) * INTERVAL_S
+        # the first packet comes an exposure and at most a frame time after the exposure began
+        assert frame.exposed_s == pytest.approx(begun_s - 0.005 - INTERVAL_S, abs=1e-5)
+        assert frame.exposed_s >= asked_s
+        assert (frame.flags, frame.exposure_us, frame.gain) == (0, 5000.0, 2.0)
+    camera.close()
+    assert library.held == 0
+    assert (camera.info.bits, find_driver("aravis").kind) == (12, "camera")
+
+
+@pytest.mark.parametrize(
+    ("keeps", "message"),
+    [
+        ({"ExposureAuto": "Continuous"}, "set ExposureAuto: expected Off, got Continuous on reading back"),
+        ({"format": "Mono8"}, "set format: expected Mono12, got Mono8"),
+        ({"region": (0, 0, 16, 16)}, r"set size: expected 32 x 16 px at \(0, 0\), got 16 x 16 px"),
+        ({"frame_rate": 30.0}, "set frame_rate: expected 32, got 30"),
+        ({"exposure_time": 4900.0}, "set exposure_time: expected 5000, got 4900"),
+        ({"gain": 1.9}, "set gain: expected 2, got 1.9"),
+    ],
+)
+def test_what_is_read_back_otherwise_is_refused(keeps, message, library, context):
+    library.keeps = keeps
+    with pytest.raises(DeviceFault, match=message):
+        opened(library, context)
+    assert library.held == 0
+
+
+def test_a_setting_that_another_program_changes_is_noticed(library, context):
+    camera = opened(library, context, gain=None)
+    assert camera.grab(1.0).gain == 3.0
+    library.values["gain"] = 6.0
+    with pytest.raises(DeviceFault, match="verify gain: expected 3, got 6"):
+        camera.grab(1.0)
+    camera.close()
+    assert math.isclose(library.values["exposure_time"], 5000.0)
+
+
+def test_damaged_frames_and_frames_of_another_size_carry_flags(library, context):
+    camera = opened(library, context)
+    library.status = dict.fromkeys(range(1000), MISSING_PACKETS)
+    assert camera.grab(1.0).flags == MISSING_PACKETS
+    library.status = {}
+    library.size = (WIDTH, HEIGHT // 2)
+    assert camera.grab(1.0).flags == OTHER_SIZE
+    camera.close()
+
+
+def test_a_silent_camera_is_opened_anew_and_another_one_in_its_place_refused(library, context):
+    camera = opened(library, context)
+    library.silent = True
+    with pytest.raises(DeviceTimeout, match=r"grab: .*got none within 0\.5 s"):
+        camera.grab(0.5)
+    library.gone = True
+    with pytest.raises(LinkLost, match="expected the camera with serial number G1, got Device not found"):
+        camera.grab(0.5)
+    library.gone = library.silent = False
+    library.serial = "G2"
+    with pytest.raises(LinkLost, match="got the camera with serial number G2"):
+        camera.grab(1.0)
+    library.serial, library.taken = "G1", -1
+    assert camera.grab(1.0).flags == 0
+    camera.close()
+    assert library.held == 0
+    assert not any(thread.name.startswith("close") for thread in threading.enumerate())
+
+
+def test_the_counter_of_16_bits_goes_round_without_a_loss(library, context):
+    library.first_id = 65535 - 20
+    camera = opened(library, context)
+    with camera.stream() as stream:
+        sequences = [stream.next(20.0).sequence for _ in range(60)]
+    camera.close()
+    assert np.diff(sequences).tolist() == [1] * 59
+    assert sequences[0] < 65535 < sequences[-1]
+    gaps = [loss for loss in stream.report().losses if loss.kind is not LossKind.OVERFLOW]
+    assert gaps == []
