@@ -19,7 +19,7 @@ from drivers.esp301_protocol import (
 from drivers.esp301_reference import MOTOR_OFF, Reference
 from drivers.esp301_settings import EspSettings
 from drivers.interfaces import DeviceInfo, OpenContext, StageState
-from drivers.patience import Patience
+from drivers.patience import Patience, calling_for_the_emergency_stop
 from drivers.registry import DriverSpec
 
 STOP_PATIENCE_S = 5.0
@@ -144,10 +144,11 @@ class EspStage:
         patience = Patience(self._clock, STOP_PATIENCE_S)
         got = "silence"
         while not patience.exhausted:
-            self._port.send(f"{self._axis}ST")
             try:
-                if self._port.ask_first(f"{self._axis}MD?", read_switch):
-                    return
+                with calling_for_the_emergency_stop(self._port.name):
+                    self._port.send(f"{self._axis}ST")
+                    if self._port.ask_first(f"{self._axis}MD?", read_switch):
+                        return
                 got = "a stage in motion"
             except DeviceTimeout as silence:
                 got = silence.got

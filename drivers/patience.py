@@ -1,6 +1,10 @@
 """How long a stop may be repeated: a deadline that holds on a simulated clock and on a silent line alike."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from drivers.clock import Clock, SystemClock
+from drivers.errors import LinkLost
 
 
 class Patience:
@@ -23,3 +27,20 @@ class Patience:
     def exhausted(self) -> bool:
         """True once the time is over."""
         return any(clock.now_s() >= end_s for clock, end_s in self._ends)
+
+
+@contextmanager
+def calling_for_the_emergency_stop(name: str) -> Iterator[None]:
+    """Turn a link that is lost during a stop into what it means: nobody knows whether the device still moves.
+
+    Parameters
+    ----------
+    name : str
+        The device's name and port, for the message.
+    """
+    try:
+        yield
+    except LinkLost as lost:
+        raise LinkLost(
+            name, "stop", expected="standstill", got=lost.got, remedy="press the emergency stop"
+        ) from lost

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from drivers.address import resolve_address
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout
 from drivers.interfaces import DeviceInfo, OpenContext, StageState
-from drivers.patience import Patience
+from drivers.patience import Patience, calling_for_the_emergency_stop
 from drivers.registry import DriverSpec
 from drivers.zaber_port import ZaberPort
 from drivers.zaber_protocol import (
@@ -126,6 +126,8 @@ class ZaberStage:
         ------
         DeviceTimeout
             If the stage does not confirm within 5 s.
+        LinkLost
+            If the port is gone.
         """
         with self._stop_lock:
             self._stops += 1
@@ -133,7 +135,8 @@ class ZaberStage:
         got = "silence"
         while not patience.exhausted:
             try:
-                reply = self._port.ask(self._settings.address, self._settings.axis, "stop")
+                with calling_for_the_emergency_stop(self._port.name):
+                    reply = self._port.ask(self._settings.address, self._settings.axis, "stop")
             except DeviceTimeout as silence:
                 got = silence.got
                 continue

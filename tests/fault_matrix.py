@@ -40,10 +40,10 @@ MUST_FAIL = {
     "e-stop": {"read", "move"},
     "nan-load": _TALK,
     "frozen-counter": {"read", "move"},
-    "watchdog-off": {"open"},
+    "watchdog-off": {"move", "open"},
 }
 """What no driver may call good under which fault. What else is tried may succeed, if it is true."""
-MUST_WORK = {"split:1", "split", "delay", "duplicate:1"}
+MUST_WORK = {"split:1", "split", "delay", "duplicate:1", "duplicate"}
 """Faults that a driver bears: nothing is lost and nothing is late."""
 AT_A_TIME = 7
 DEADLINE_S = 5.0
@@ -148,7 +148,7 @@ def _use(cell: Cell, use: str, call: Callable[[], object]) -> None:
 def _mistakes(error: DeviceError, use: str) -> list[str]:
     """What an error does not say."""
     unsaid = [part for part in ("device", "step", "expected", "got", "remedy") if not getattr(error, part)]
-    if use == "stop" and isinstance(error, DeviceTimeout) and "emergency stop" not in error.remedy:
+    if use == "stop" and "emergency stop" not in error.remedy:
         unsaid.append("the emergency stop")
     return [f"does not name {part}" for part in unsaid]
 
