@@ -19,7 +19,7 @@ from drivers.modbus_pdu import (
     write_one_request,
     write_request,
 )
-from drivers.modbus_wire import SilenceError, Wire
+from drivers.modbus_wire import DamagedError, SilenceError, Wire
 from drivers.turn import Turn
 
 READ_ATTEMPTS = 2
@@ -123,12 +123,19 @@ class ModbusLink:
 
     def _ask_in_turn(self, request: Request) -> list[int]:
         if self._suspect:
-            wire = self._connected()
-            wire.quieten(self._reply_timeout_s, self._turn.wake)
-            if self._probe is not None:
-                self._ask(self._probe, self._turn.wake)
+            try:
+                self._resynchronise()
+            except (DamagedError, ForeignAnswerError):
+                # that was the late answer, come with the proof
+                self._resynchronise()
             self._suspect = False
         return self._ask(request, self._turn.wake)
+
+    def _resynchronise(self) -> None:
+        """Wait until no answer can be late any more, and read what is known."""
+        self._connected().quieten(self._reply_timeout_s, self._turn.wake)
+        if self._probe is not None:
+            self._ask(self._probe, self._turn.wake)
 
     def _ask(self, request: Request, wake: int | None) -> list[int]:
         answer = self._connected().ask(self._unit, request.pdu, self._reply_timeout_s, wake)

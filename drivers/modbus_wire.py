@@ -32,6 +32,10 @@ class SilenceError(Exception):
     """No whole answer came in time; the text says what came instead."""
 
 
+class DamagedError(SilenceError):
+    """What came in time is no whole answer, or more than one."""
+
+
 class Wire(Protocol):
     """A way to ask a device on a line.
 
@@ -142,7 +146,7 @@ class RtuWire:
         answer = self._receive(sent_s + timeout_s, wake)
         self._busy_until_s = self._clock.now_s() + self._gap_s
         if crc(answer[:-2]) != answer[-2:]:
-            raise SilenceError(f"the damaged frame {answer.hex(' ')}")
+            raise DamagedError(f"the damaged frame {answer.hex(' ')}")
         if answer[0] != unit:
             raise ForeignAnswerError(f"an answer of unit {unit}", f"one of unit {answer[0]}")
         return answer[1:-2]
@@ -156,7 +160,7 @@ class RtuWire:
         frame = buffer[:size]
         # the same frame again says nothing else; two different ones leave open which is the answer
         if buffer != (frame * (len(buffer) // size + 1))[: len(buffer)]:
-            raise SilenceError(f"more than one frame, {buffer.hex(' ')}")
+            raise DamagedError(f"more than one frame, {buffer.hex(' ')}")
         return frame
 
     def quieten(self, silence_s: float, wake: int | None) -> None:

@@ -135,22 +135,46 @@ def test_an_answer_of_another_unit_function_or_length_is_not_believed(slave, imp
         impatient.read("input", 8, 1)
 
 
-def test_a_late_answer_is_waited_out_and_never_taken_for_the_next_ones(slave, impatient):
-    """Every answer comes with the next request: without quiet and proof each would be one behind for ever."""
+def answers_one_late(times: int) -> Callable[[bytes], bytes]:
+    """Each answer comes only with the next request, so many times; then all are in time again."""
+    late: list[bytes] = []
+    left = iter(range(times))
+
+    def answer(request: bytes) -> bytes:
+        known = request[:4] == bytes.fromhex("01 04 0020")
+        now = framed("01 04 06 0001 0002 0003") if known else framed("01 04 02 0007")
+        before = late.pop() if late else b""
+        if next(left, None) is None:
+            return before + now
+        late.append(now)
+        return before
+
+    return answer
+
+
+def test_one_late_answer_is_waited_out_and_never_taken_for_the_next_ones(slave, impatient):
     impatient.prove_by("input", 32, 3)
-    proof = framed("01 04 06 0001 0002 0003")
-    held = [b""]
+    slave.answer = answers_one_late(1)
+    assert impatient.read("input", 8, 1) == [7]
+    # asked, late; the proof, and with it the late answer; the proof alone; asked again
+    assert [request[3] for request in slave.requests] == [8, 32, 32, 8]
 
-    def late(request: bytes) -> bytes:
-        answer = proof if request[:4] == bytes.fromhex("01 04 0020") else framed("01 04 02 0001")
-        previous, held[0] = held[0], answer
-        return previous
 
-    slave.answer = late
+def test_answers_that_are_always_one_late_are_never_believed(slave, impatient):
+    """Without quiet and proof each would be one behind for ever."""
+    impatient.prove_by("input", 32, 3)
+    slave.answer = answers_one_late(100)
     with pytest.raises((DeviceTimeout, LinkLost)):
         impatient.read("input", 8, 1)
-    slave.answer = lambda request: proof if request[3] == 32 else framed("01 04 02 0002")
-    assert impatient.read("input", 8, 1) == [2]
+
+
+def test_a_pseudo_terminal_is_opened_as_often_as_needed(slave):
+    """It has no parity bit, and the system refuses to set one on it for the second time."""
+    slave.answer = lambda request: framed("01 04 02 000A")
+    for _ in range(3):
+        link = ModbusLink("frame", ModbusAddress(slave.path, parity="E"), unit=1, reply_timeout_s=PATIENT_S)
+        assert link.read("input", 8, 1) == [10]
+        link.close()
 
 
 def test_what_is_urgent_ends_the_wait_of_others_and_their_reading_goes_on_after_it(slave, impatient):
