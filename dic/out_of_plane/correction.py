@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.calibration import Calibration
+from dic.calibration import Calibration, Model
 from dic.displacement import Displacement, calibrated_displacement
 from dic.measurement import Measurement
 from dic.out_of_plane.plane import Plane
@@ -15,6 +15,9 @@ from dic.out_of_plane.weights import Points
 from dic.strain import MeanStrain
 
 Float = NDArray[np.float64]
+
+_CLEARLY_BETTER = 0.95
+"""The bicubic map must miss left-out points by less than this part of what the pinhole does."""
 
 _STEP = 1e-3
 """Part of the camera's distance over which derivatives by its centre are taken."""
@@ -75,16 +78,24 @@ class Correction:
 
 
 def points_of(measurement: Measurement, calibration: Calibration) -> Points:
-    """Return the valid points of a measurement, mapped by the model that maps the grid best.
+    """Return the valid points of a measurement, mapped by the pinhole unless bicubic is clearly better.
 
-    The paper's bicubic surface and a pinhole differ by up to 0.01 px, which matters where points move far.
+    Both differ by up to 0.01 px, which matters where points move far; and only the pinhole's map and centre
+    belong together.
     """
-    best, field = calibration.using(calibration.recommended), measurement.field
+    best, field = calibration.using(_mapped_by(calibration)), measurement.field
     displacement = calibrated_displacement(field, best, measurement.settings)
     use = displacement.valid
     before = field.points.reshape(*use.shape, 2)[use]
     moved = np.stack([field.u_px, field.v_px], axis=-1)[use]
     return Points(displacement, use, np.stack([before, before + moved]), best)
+
+
+def _mapped_by(calibration: Calibration) -> Model:
+    if calibration.pinhole is None:
+        return "bicubic"
+    limit_px = _CLEARLY_BETTER * calibration.pinhole.left_out_px
+    return "bicubic" if calibration.bicubic_left_out_px < limit_px else "pinhole"
 
 
 def by_centre(estimate: Callable[[Float], Float], centre_mm: Float) -> Float:

@@ -62,11 +62,12 @@ class View:
     subset_px: int = 31
     half_mm: float = 4.2
     seed: int = 0
+    shape: str = "quadratic"  # whose subsets follow perspective, as exact geometry does
 
     @property
     def settings(self):
         # Subsets side by side: their errors are independent.
-        return CorrelationSettings(subset_px=self.subset_px, step_px=self.subset_px)
+        return CorrelationSettings(subset_px=self.subset_px, step_px=self.subset_px, shape=self.shape)
 
     def calibration(self) -> Calibration:
         rng = np.random.default_rng([self.seed, 1])
