@@ -27,8 +27,10 @@ def test_the_driver_on_the_kernels_own_cameras(guest: str) -> None:
     except machine.CannotRunError as reason:
         pytest.skip(str(reason))
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-q", "-s", "--tb=short", guest]
+    said = ""
     for _ in range(ATTEMPTS):
-        status, said = machine.run(command)
+        status, output = machine.run(command)
+        said += output
         if status == 0:
             break
     print(said)
