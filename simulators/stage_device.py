@@ -101,6 +101,8 @@ class StageDevice:
         Every motion that was begun, with its time: what the stage did, whatever its answers said.
     power_ups : int
         How often it was switched on.
+    parked : bool
+        Whether it was told to keep its position and its reference over a power cut, and to refuse motion.
     """
 
     def __init__(
@@ -122,6 +124,7 @@ class StageDevice:
         self.executed: list[tuple[float, str]] = []
         self._jammed = False
         self.power_ups = 1
+        self.parked = False
         self._clock = clock
         self._lock = threading.RLock()
         self._flags = {"WR"}
@@ -186,6 +189,8 @@ class StageDevice:
         """Begin to visit shaft angles in turn; a motion under way is pre-empted and braked first."""
         if self._disabled:
             raise RefusedError("DRIVERDISABLED")
+        if self.parked:
+            raise RefusedError("PARKED")
         speed = (speed or self.speed_microsteps_s) / self.microsteps_per_deg
         acceleration = (acceleration or self.acceleration_microsteps_s2) / self.microsteps_per_deg
         if self.moving:
@@ -232,6 +237,13 @@ class StageDevice:
             end = self.limit_max if speed > 0 else self.limit_min
             angle_deg = end / self.microsteps_per_deg + self._offset_deg
             self._start(f"turn {speed:g}", [angle_deg], abs(speed), acceleration)
+
+    def park(self) -> None:
+        """Keep position and reference over the next power cut; `RefusedError` while moving."""
+        with self._lock:
+            if self.moving:
+                raise RefusedError("STATUSBUSY")
+            self.parked = True
 
     def set_position(self, position: int) -> None:
         """Give the counter a new value; the shaft stays."""
@@ -303,5 +315,8 @@ class StageDevice:
             self._homing = False
             self._disabled = self._estop
             self.power_ups += 1
-            self._offset_deg = angle_deg
-            self._flags = {"WR", "FH"} if self._estop else {"WR"}
+            if not self.parked:
+                self._offset_deg = angle_deg
+                self._flags = {"WR"}
+            if self._estop:
+                self._flags.add("FH")

@@ -130,6 +130,12 @@ class StageWire:
                 return self.settings.get(axis, name)
             case ["set", name, value]:
                 self.settings.set(axis, name, _integer(value))
+            case ["tools", "parking", "park"]:
+                device.park()
+            case ["tools", "parking", "unpark"]:
+                device.parked = False
+            case ["renumber", value] if axis == 0:
+                self.settings.set(0, "comm.address", _integer(value))
             case ["tools", "echo", *rest]:
                 return " ".join(rest)
             case ["system", "reset"] if axis == 0:

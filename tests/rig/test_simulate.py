@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from rig.cli import main
 from rig.devices import open_rig
 from rig.rigfile import read_rig
 
@@ -80,11 +81,23 @@ def test_another_program_runs_its_rig_and_faults_are_typed_in(tmp_path):
     assert times == sorted(times)
 
 
-def test_faults_are_listed():
-    listed = subprocess.run([*COMMAND, "--list-faults"], capture_output=True, text=True, timeout=DEADLINE_S)
-    assert listed.returncode == 0
-    assert any(line.startswith("drop[:COUNT] ") for line in listed.stdout.splitlines())
-    assert any("emergency stop" in line for line in listed.stdout.splitlines())
+@pytest.fixture
+def simulate(monkeypatch, capsys):
+    def call(*options: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["rig", "simulate", *options])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        printed, complaints = capsys.readouterr()
+        return ended.value.code, printed, complaints
+
+    return call
+
+
+def test_faults_are_listed(simulate):
+    status, printed, _ = simulate("--list-faults")
+    assert status == 0
+    assert any(line.startswith("drop[:COUNT] ") for line in printed.splitlines())
+    assert any("emergency stop" in line for line in printed.splitlines())
 
 
 @pytest.mark.parametrize(
@@ -95,10 +108,9 @@ def test_faults_are_listed():
         (("--log", "no/such/folder/log"), "expected a file of its own"),
     ],
 )
-def test_what_is_wrong_is_one_sentence(options, said, tmp_path):
-    ended = subprocess.run(
-        [*COMMAND, *options], capture_output=True, text=True, timeout=DEADLINE_S, cwd=tmp_path
-    )
-    assert ended.returncode == 2
-    assert said in ended.stderr
-    assert "Traceback" not in ended.stderr
+def test_what_is_wrong_is_one_sentence(simulate, options, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    status, _, complaints = simulate(*options)
+    assert status == 2
+    assert said in complaints
+    assert "Traceback" not in complaints
