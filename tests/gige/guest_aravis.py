@@ -92,7 +92,7 @@ def test_a_frame_was_exposed_after_the_call_whatever_the_pause(camera: AravisCam
         frame = camera.grab(5.0)
         waits_s.append(CLOCK.now_s() - asked_s)
         assert frame.exposed_s >= asked_s
-        # a frame that had waited would carry the number after the last one's; beside other work the camera is slow
+        # one that had waited would carry the number after the last; beside other work the camera is slow
         if last is not None:
             apart = (frame.exposed_s - last.exposed_s) * RATE_HZ
             assert frame.sequence - last.sequence > apart / 2 - 1

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
-from drivers.frame_stream import LossKind
+from drivers.frame_stream import IN_A_ROW, LossKind
 from drivers.interfaces import Frame
 from drivers.v4l2 import V4l2Camera
 from tests.kernel_vm.guest import CLOCK, OPENED, left_open, opened, turn
@@ -155,7 +155,10 @@ def test_every_picture_that_is_missing_is_reported(usb: UsbCamera) -> None:
     print(
         f"USB camera: {holes} of {holes + len(shown)} pictures missing: {[loss.kind.name for loss in told]}"
     )
-    assert sum(loss.count for loss in told) == holes
+    # those among the last frames are not known yet
+    known = shown[-1 - IN_A_ROW] - shown[0] - (len(shown) - 1 - IN_A_ROW)
+    assert known <= sum(loss.count for loss in told) <= holes
+    assert holes >= 8
     assert sum(loss.kind is LossKind.DAMAGED for loss in told) == 5
 
 
