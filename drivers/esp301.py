@@ -25,6 +25,7 @@ from drivers.registry import DriverSpec
 STOP_PATIENCE_S = 5.0
 POLL_S = 0.02
 START_POLLS = 5
+POSITION_ATTEMPTS = 3
 # The controller rounds what it is told to its own counts.
 SETTING_TOLERANCE = 1e-3
 
@@ -63,8 +64,7 @@ class EspStage:
             If motion failed or the motor was switched off; it stays until `home` acknowledges it.
         DeviceTimeout, LinkLost
         """
-        angle_deg = self._ask("TP", read_number)
-        moving = not self._ask("MD?", read_switch)
+        angle_deg, moving = self._position()
         on = self._ask("MO?", read_switch)
         # the last question has an answer like no other: it proves that all answers were in their places
         errors = self._empty_queue()
@@ -227,6 +227,24 @@ class EspStage:
             expected="a motion",
             got="a stage that stands still",
             remedy="check the line for noise and the motor, then command it again",
+        )
+
+    def _position(self) -> tuple[float, bool]:
+        """Return the angle and whether the stage moves; that of a standing stage is asked for twice.
+
+        There is no checksum: a digit that was disturbed on the line looks like any other.
+        """
+        for _ in range(POSITION_ATTEMPTS):
+            angle_deg = self._ask("TP", read_number)
+            moving = not self._ask("MD?", read_switch)
+            if moving or abs(self._ask("TP", read_number) - angle_deg) <= self._settings.tolerance_deg:
+                return angle_deg, moving
+        raise DeviceTimeout(
+            self._port.name,
+            "read position",
+            expected="two readings in a row that agree while the stage stands",
+            got=f"{angle_deg:g}° and others",
+            remedy="check the line for noise",
         )
 
     def _empty_queue(self) -> list[QueuedError]:

@@ -180,6 +180,22 @@ def test_a_reset_and_a_motor_switched_on_behind_our_back_are_noticed_by_the_limi
     assert line.motions() == []
 
 
+def test_a_disturbed_digit_of_a_standing_stages_position_is_noticed(homed, line, clock):
+    homed.move_to(90.0)
+    arrive(homed, clock)
+    disturbed = iter([True])
+    line.tamper = lambda command, answer: (
+        b"70.0000\r\n" if command == "1TP" and next(disturbed, False) else answer()
+    )
+    assert homed.read().angle_deg == 90.0
+    wandering = iter(range(100))
+    line.tamper = lambda command, answer: (
+        f"{next(wandering)}.0\r\n".encode() if command == "1TP" else answer()
+    )
+    with pytest.raises(DeviceTimeout, match="two readings in a row that agree while the stage stands"):
+        homed.read()
+
+
 @pytest.mark.parametrize(
     "fault", ["late:3", "late:4", "stale:1", "stale:2", "corrupt:1", "duplicate:3", "drop:1"]
 )

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ from drivers.interfaces import OpenContext, RotationStage
 from drivers.testing import StageBench, StageContract
 from drivers.zaber import open_stage as open_zaber
 from drivers.zaber_settings import ZaberSettings
+from simulators.faults import STAGE, FaultPanel
 from simulators.newport_wire import NewportServer, NewportTcpServer
 from simulators.stage_device import StageDevice
 from simulators.stage_wire import StageServer, StageTcpServer
@@ -38,8 +40,15 @@ LINES: dict[str, tuple[Callable[[StageDevice, VirtualClock], Any], str, Callable
 MOTION = re.compile(rb"\b(home|move)\b|^\d(OR|PA|PR|MV)")
 
 
+@dataclass(frozen=True)
+class FaultyBench(StageBench):
+    """A bench whose line can have any of the simulator's faults."""
+
+    panel: FaultPanel = field(default_factory=lambda: FaultPanel(STAGE))
+
+
 @contextmanager
-def bench_on(line: str) -> Iterator[StageBench]:
+def bench_on(line: str) -> Iterator[FaultyBench]:
     serve, url, open_stage = LINES[line]
     clock = VirtualClock()
     device = StageDevice(clock, power_up_angle_deg=12.0)
@@ -56,7 +65,7 @@ def bench_on(line: str) -> Iterator[StageBench]:
     try:
         stage = open_stage(url.format(server.address), OpenContext("stage", clock))
         try:
-            yield StageBench(
+            yield FaultyBench(
                 stage,
                 clock,
                 LIMITS["angle_min_deg"],
@@ -65,6 +74,7 @@ def bench_on(line: str) -> Iterator[StageBench]:
                 lose_answers=lambda: server.faults.switch_on("drop"),
                 restore=server.faults.clear,
                 power_cycle=device.power_cycle,
+                panel=server.faults,
             )
         finally:
             stage.close()
