@@ -2,6 +2,7 @@
 
 import json
 import threading
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +66,10 @@ class TruthLog:
         """Write one line."""
         if self._file is None:
             return
-        line = {"what": what, "utc": self._clock.utc().isoformat(), "time_s": self._clock.now_s(), **values}
+        now_s, now = self._clock.now_s(), self._clock.utc()
+        # what is told later bears the date of when it happened
+        happened = now - timedelta(seconds=now_s - values.get("time_s", now_s))
+        line = {"what": what, "utc": happened.isoformat(), "time_s": now_s, **values}
         with self._lock:
             self._file.write(json.dumps(line) + "\n")
 

@@ -2,6 +2,7 @@
 
 import json
 import threading
+from datetime import datetime
 
 import numpy as np
 import pytest
@@ -94,6 +95,9 @@ def test_the_log_keeps_what_was_true(simulation, rig, log):
     assert [line["command"] for line in lines(log, "command")] == ["hold"]
     assert [line["fault"] for line in lines(log, "fault")] == ["stage.drop:1"]
     (sample,) = lines(log, "sample")
+    # dates are those of the times, though a frame is written after it was rendered
+    dated = datetime.fromisoformat(sample["utc"]) - datetime.fromisoformat(frame["utc"])
+    assert dated.total_seconds() == pytest.approx(sample["time_s"] - frame["time_s"], abs=1e-3)
     assert (sample["angle_deg"], sample["load_n"], sample["broken"]) == (0.0, 0.0, False)
 
 
