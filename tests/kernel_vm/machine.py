@@ -15,6 +15,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import zlib
 from pathlib import Path
 
 PACKAGES = {
@@ -29,6 +30,7 @@ MODULES = ("virtio_pci", "9p", "9pnet_virtio", "virtio_console", "overlay", "viv
 XZ = b"\xfd7zXZ\x00"
 PATIENCE_S = 180
 FAILED, LATE = 125, 124
+BASE = f"base-{zlib.crc32(repr(MODULES).encode()):08x}.cpio"
 
 
 class CannotRunError(Exception):
@@ -59,16 +61,16 @@ def prepare() -> Path:
     if missing:
         raise CannotRunError(f"install {' '.join(missing)} for a virtual machine with a kernel's cameras")
     folder = cache_folder()
-    if (folder / "base.cpio").exists():
+    if (folder / BASE).exists():
         return folder
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder) as built:
         try:
             _build(Path(built))
-        except (subprocess.CalledProcessError, subprocess.TimeoutExpired, OSError) as error:
+        except (subprocess.SubprocessError, OSError, ValueError, lzma.LZMAError) as error:
             raise CannotRunError(f"Debian's kernel cannot be fetched: {error}") from error
         # the second one last: it tells that both are there
-        for name in ("vmlinux", "base.cpio"):
+        for name in ("vmlinux", BASE):
             (Path(built) / name).replace(folder / name)
     return folder
 
@@ -87,15 +89,17 @@ def run(command: list[str], *, timeout_s: float = PATIENCE_S) -> tuple[int, str]
     with tempfile.TemporaryDirectory() as scratch:
         own = Path(scratch)
         (own / "run.sh").write_text(_script(command))
+        shutil.copy(Path(__file__).with_name("init"), own / "init")
+        (own / "init").chmod(0o755)
         initrd = own / "initrd"
         packed = subprocess.run(
             ["cpio", "-o", "-H", "newc", "--quiet"],
-            input=b"run.sh\n",
+            input=b"init\nrun.sh\n",
             cwd=own,
             capture_output=True,
             check=True,
         )
-        initrd.write_bytes((folder / "base.cpio").read_bytes() + packed.stdout)
+        initrd.write_bytes((folder / BASE).read_bytes() + packed.stdout)
         try:
             qemu = _qemu(folder, initrd, own / "output", own / "status")
             subprocess.run(qemu, timeout=timeout_s, check=False)
@@ -142,42 +146,45 @@ def _qemu(folder: Path, initrd: Path, output: Path, status: Path) -> list[str]:
 
 
 def _build(folder: Path) -> None:
-    """Make `vmlinux` and `base.cpio` in a folder."""
-    unpacked, image = folder / "unpacked", folder / "image"
-    (image / "modules").mkdir(parents=True)
-    (image / "bin").mkdir()
+    """Make the kernel and the first file system in a folder."""
+    unpacked = folder / "unpacked"
     # linux-image-amd64 depends on the newest one; the kernel for clouds has no cameras
-    depends = _output(["apt-cache", "depends", "linux-image-amd64"])
-    package = next(
-        word
-        for word in depends.split()
-        if word.startswith("linux-image-") and "unsigned" not in word and word != "linux-image-amd64"
-    )
+    words = _output(["apt-cache", "depends", "linux-image-amd64"]).split()
+    named = [word for word in words if word.startswith("linux-image-") and word != "linux-image-amd64"]
+    if not named:
+        raise CannotRunError("Debian's kernel is not in the package lists (apt-get update)")
     subprocess.run(
-        ["apt-get", "-qq", "download", package], cwd=folder, check=True, timeout=120, capture_output=True
+        ["apt-get", "-qq", "download", named[0]], cwd=folder, check=True, timeout=120, capture_output=True
     )
-    archive = next(folder.glob("linux-image-*.deb"))
+    (archive,) = folder.glob("linux-image-*.deb")
     subprocess.run(["dpkg-deb", "-x", str(archive), str(unpacked)], check=True, timeout=120)
     (version,) = [path.name for path in (unpacked / "lib" / "modules").iterdir()]
-    _sbin("depmod", "-b", str(unpacked), version)
     # started uncompressed: emulation would take seconds to unpack it
     packed = (unpacked / "boot" / f"vmlinuz-{version}").read_bytes()
     (folder / "vmlinux").write_bytes(lzma.LZMADecompressor().decompress(packed[packed.index(XZ) :]))
+    _pack(unpacked, version, folder / "image", folder / BASE)
+
+
+def _pack(unpacked: Path, version: str, image: Path, archive: Path) -> None:
+    """Pack the modules, in the order of loading, and the tools to load them."""
+    (image / "modules").mkdir(parents=True)
+    (image / "bin").mkdir()
+    _sbin("depmod", "-b", str(unpacked), version)
     order: list[str] = []
     for module in MODULES:
-        for line in _sbin(
-            "modprobe", "-d", str(unpacked), "-S", version, "--show-depends", module
-        ).splitlines():
-            kind, path = line.split()[:2]
-            if kind == "insmod" and Path(path).name not in order:
-                order.append(Path(path).name)
-                shutil.copy(path, image / "modules")
+        shown = _sbin("modprobe", "-d", str(unpacked), "-S", version, "--show-depends", module)
+        for path in (Path(line.split()[1]) for line in shown.splitlines() if line.startswith("insmod")):
+            name = path.name.removesuffix(".xz")
+            if name not in order:
+                order.append(name)
+                content = path.read_bytes()
+                (image / "modules" / name).write_bytes(
+                    lzma.decompress(content) if path.suffix == ".xz" else content
+                )
     (image / "order").write_text("\n".join(order) + "\n")
     shutil.copy(shutil.which("busybox") or "/bin/busybox", image / "bin" / "busybox")
-    shutil.copy(Path(__file__).with_name("init"), image / "init")
-    (image / "init").chmod(0o755)
     names = "\n".join(str(path.relative_to(image)) for path in sorted(image.rglob("*"))) + "\n"
-    with (folder / "base.cpio").open("wb") as out:
+    with archive.open("wb") as out:
         subprocess.run(
             ["cpio", "-o", "-H", "newc", "--quiet"], input=names.encode(), cwd=image, stdout=out, check=True
         )
