@@ -1,8 +1,8 @@
 """Random faults on every line: nothing hangs, nothing false is believed, nothing is done twice.
 
-Each round puts one to three random faults of the line on a standing device, reads it, perhaps moves it, perhaps
-stops it, then clears them. Whatever is read of a standing device must be true, every error must be one of
-ours, and once the faults are gone the device must be usable again.
+Each round puts one to three random faults of the line on a standing device, reads it, perhaps moves it,
+perhaps stops it, then clears them. Whatever is read of a standing device must be true, every error must be
+one of ours, and once the faults are gone the device must be usable again.
 """
 
 import random
