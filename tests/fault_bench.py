@@ -1,4 +1,4 @@
-"""Every driver with a simulated device behind it, and what is true of that device: the matrix's columns.
+"""Every driver with a simulated device behind it, and what is true of that device.
 
 A bench is opened, given a fault, used, and closed; each use is one call of the driver.
 """
@@ -7,12 +7,11 @@ import contextlib
 import importlib
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 from drivers.clock import VirtualClock
 from drivers.interfaces import OpenContext
-from simulators.faults import CAMERA, LOAD_FRAME, NEWPORT, STAGE, FaultPanel
+from simulators.faults import CAMERA, FaultPanel
 
 REPLY_TIMEOUT_S = 0.35
 ON_FOR_S = 1000.0
@@ -363,45 +362,3 @@ class CameraBench(Bench):
 
 def _count(values: list[float], wanted: float) -> int:
     return sum(math.isclose(value, wanted, abs_tol=1e-5) for value in values)
-
-
-@dataclass(frozen=True)
-class Column:
-    """One driver on one line."""
-
-    name: str
-    device: str
-    make: Callable[[], Bench]
-
-
-COLUMNS = [
-    Column(
-        "zaber-ascii, pty",
-        STAGE,
-        lambda: StageBench("simulators.stage_wire:StageServer", "drivers.zaber", "ZaberSettings"),
-    ),
-    Column(
-        "zaber-ascii, TCP",
-        STAGE,
-        lambda: StageBench(
-            "simulators.stage_wire:StageTcpServer", "drivers.zaber", "ZaberSettings", "socket://"
-        ),
-    ),
-    Column(
-        "newport-esp301, pty",
-        NEWPORT,
-        lambda: StageBench("simulators.newport_wire:NewportServer", "drivers.esp301", "EspSettings"),
-    ),
-    Column("modbus-frame, TCP, generic", LOAD_FRAME, lambda: FrameBench("FrameServer", "generic")),
-    Column(
-        "modbus-frame, RTU, scaled-integers",
-        LOAD_FRAME,
-        lambda: FrameBench("FrameRtuServer", "scaled-integers"),
-    ),
-    Column(
-        "modbus-frame, RTU over TCP, separate-words",
-        LOAD_FRAME,
-        lambda: FrameBench("FrameRtuTcpServer", "separate-words", "rtu://"),
-    ),
-    Column("simulated-camera", CAMERA, CameraBench),
-]

@@ -15,7 +15,8 @@ from pathlib import Path
 
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from simulators.faults import FAULTS, Fault
-from tests.fault_bench import COLUMNS, Bench, Column, ReportedFault, WrongAnswerError, short_patience
+from tests.fault_bench import Bench, ReportedFault, WrongAnswerError, short_patience
+from tests.fault_columns import COLUMNS, Column
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "fault-matrix.md"
 HEADING = "## The table\n"

@@ -1,0 +1,49 @@
+"""The columns of the fault matrix: every driver, on each kind of line and with each register map."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from simulators.faults import CAMERA, LOAD_FRAME, NEWPORT, STAGE
+from tests.fault_bench import Bench, CameraBench, FrameBench, StageBench
+
+
+@dataclass(frozen=True)
+class Column:
+    """One driver on one line."""
+
+    name: str
+    device: str
+    make: Callable[[], Bench]
+
+
+COLUMNS = [
+    Column(
+        "zaber-ascii, pty",
+        STAGE,
+        lambda: StageBench("simulators.stage_wire:StageServer", "drivers.zaber", "ZaberSettings"),
+    ),
+    Column(
+        "zaber-ascii, TCP",
+        STAGE,
+        lambda: StageBench(
+            "simulators.stage_wire:StageTcpServer", "drivers.zaber", "ZaberSettings", "socket://"
+        ),
+    ),
+    Column(
+        "newport-esp301, pty",
+        NEWPORT,
+        lambda: StageBench("simulators.newport_wire:NewportServer", "drivers.esp301", "EspSettings"),
+    ),
+    Column("modbus-frame, TCP, generic", LOAD_FRAME, lambda: FrameBench("FrameServer", "generic")),
+    Column(
+        "modbus-frame, RTU, scaled-integers",
+        LOAD_FRAME,
+        lambda: FrameBench("FrameRtuServer", "scaled-integers"),
+    ),
+    Column(
+        "modbus-frame, RTU over TCP, separate-words",
+        LOAD_FRAME,
+        lambda: FrameBench("FrameRtuTcpServer", "separate-words", "rtu://"),
+    ),
+    Column("simulated-camera", CAMERA, CameraBench),
+]
