@@ -233,6 +233,7 @@ class FrameStream:
         """Find frames that the camera did not count, by the time that the counter leaves unexplained.
 
         A frame may come late, but not early: the least delay of some frames in a row tells their true pace.
+        If they all were late, a later one will show it.
         """
         if began_anew:
             self._delays.clear()
@@ -243,6 +244,20 @@ class FrameStream:
         uncounted = round((after_s - before_s) / self._interval_s)
         if full and uncounted > 0:
             self._lose(LossKind.PAUSE, self._delays[0][0], uncounted, frame)
+        elif full and uncounted < 0:
+            self._withdraw(-uncounted)
+
+    def _withdraw(self, count: int) -> None:
+        """Take back what was said missing by its time: a frame has come that is too early for that."""
+        for index in range(len(self._losses) - 1, -1, -1):
+            loss = self._losses[index]
+            if loss.kind is LossKind.PAUSE and count > 0:
+                held = min(count, loss.count)
+                count -= held
+                if held == loss.count:
+                    del self._losses[index]
+                else:
+                    self._losses[index] = replace(loss, count=loss.count - held)
 
     def _lose(self, kind: LossKind, first: int, count: int, frame: Frame) -> None:
         last = self._losses[-1] if self._losses else None

@@ -95,7 +95,8 @@ def test_frames_that_the_camera_did_not_count_are_missed_by_their_time(plugged, 
 
 def test_frames_that_come_late_now_and_then_are_not_missing(plugged, context):
     rng = np.random.default_rng(8)
-    plugged.frame_faults = {int(number): "late" for number in rng.choice(400, 100) if number > 10}
+    late = {*rng.choice(400, 100).tolist(), *range(200, 220)}
+    plugged.frame_faults = {number: "late" for number in late if number > 10}
     camera = opened(plugged, context)
     with camera.stream(capacity=500) as stream:
         take(stream, 400)
