@@ -1,8 +1,10 @@
 """Where a client finds a device: a pseudo-terminal or a TCP port; either can be unplugged and plugged in."""
 
 import contextlib
+import functools
 import os
 import select
+import shutil
 import socket
 import tempfile
 import threading
@@ -11,6 +13,17 @@ from pathlib import Path
 
 from simulators.line import Line, Wire
 from simulators.tcp_server import TcpServer
+
+_PREFIX = "offaxis-pty-"
+
+
+@functools.cache
+def _sweep() -> None:
+    """Remove, once in a process, the links that killed processes left behind."""
+    for folder in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
+        owner = folder.name.removeprefix(_PREFIX).partition("-")[0]
+        if owner.isdecimal() and not Path("/proc", owner).exists():
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 class PtyPort:
@@ -25,7 +38,8 @@ class PtyPort:
 
     def __init__(self, wire: Wire) -> None:
         self._wire = wire
-        self._folder = tempfile.TemporaryDirectory(prefix="offaxis-")
+        _sweep()
+        self._folder = tempfile.TemporaryDirectory(prefix=f"{_PREFIX}{os.getpid()}-")
         self._link = Path(self._folder.name) / "tty"
         self.address = str(self._link)
         self._thread: threading.Thread | None = None

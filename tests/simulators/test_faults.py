@@ -2,6 +2,9 @@
 
 import os
 import select
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -92,6 +95,24 @@ def test_an_unplugged_terminal_is_gone_and_comes_back_under_its_name(server):
         os.close(terminal)
     server.faults.clear("unplug")
     assert talk(server, [b"/1 0 00 get pos:2D\n"], [len(FIRST)]) == [FIRST]
+
+
+def test_what_a_killed_simulation_left_behind_is_swept_away(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    script = (
+        "import os, signal\n"
+        "from drivers.clock import VirtualClock\n"
+        "from simulators.stage_device import StageDevice\n"
+        "from simulators.stage_wire import StageServer\n"
+        "print(StageServer(StageDevice(VirtualClock())).address, flush=True)\n"
+    )
+    run = [sys.executable, "-c"]
+    killed = subprocess.run([*run, script + "os.kill(os.getpid(), signal.SIGKILL)"], capture_output=True)
+    left = Path(killed.stdout.decode().strip()).parent
+    assert left.parent == tmp_path
+    assert left.exists()
+    subprocess.run([*run, script], check=True, capture_output=True)
+    assert not left.exists()
 
 
 @pytest.mark.parametrize("name", ["e-stop", "limit", "reset", "stall"])
