@@ -95,9 +95,11 @@ class UvcDevice:
 
     def _picture(self) -> None:
         number, begin_s = self._number, self._begin_s
-        self._number += 1
-        # a sensor goes on at its own pace, whoever listens
-        self._begin_s += PERIOD_S * max(1, int((time.monotonic() - begin_s) / PERIOD_S))
+        # a sensor goes on at its own pace, whoever listens; what this process sleeps through is lost
+        exposed = max(1, int((time.monotonic() - begin_s) / PERIOD_S))
+        self._begin_s += PERIOD_S * exposed
+        self._number += exposed
+        self.spoilt["lose"].extend(range(number + 1, number + exposed))
         if self._to_come["stall"] or not self._waiting:
             return
         if self._payloads:  # the last one is still on its way
