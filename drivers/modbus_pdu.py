@@ -1,10 +1,22 @@
 """Modbus requests, and whether an answer belongs to one: protocol data units, without unit and checksum.
 
 Source: MODBUS Application Protocol Specification V1.1b3, chapters 6.3, 6.4, 6.6, 6.12 and 7.
+
+pymodbus writes the requests and checksums, here and nowhere else. Answers are judged by ourselves, because it
+takes wrong functions and lengths for success, and so is the waiting, which a stop must be able to end.
 """
 
 import struct
 from dataclasses import dataclass
+
+from pymodbus.framer import FramerRTU
+from pymodbus.pdu import ModbusPDU
+from pymodbus.pdu.register_message import (
+    ReadHoldingRegistersRequest,
+    ReadInputRegistersRequest,
+    WriteMultipleRegistersRequest,
+    WriteSingleRegisterRequest,
+)
 
 READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY = 3, 4, 6, 16
 EXCEPTION_BIT = 0x80
@@ -90,18 +102,27 @@ class Request:
 
 def read_request(table: str, address: int, count: int) -> Request:
     """Ask for `count` registers of the `input` or `holding` table."""
-    function = READ_INPUT if table == "input" else READ_HOLDING
+    kind = ReadInputRegistersRequest if table == "input" else ReadHoldingRegistersRequest
     step = f"read {table} registers {address} to {address + count - 1}"
-    return Request(struct.pack(">BHH", function, address, count), step)
+    return Request(_encoded(kind(address=address, count=count)), step)
 
 
 def write_request(address: int, words: list[int]) -> Request:
     """Write holding registers."""
-    head = struct.pack(">BHHB", WRITE_MANY, address, len(words), 2 * len(words))
     step = f"write holding registers {address} to {address + len(words) - 1}"
-    return Request(head + struct.pack(f">{len(words)}H", *words), step)
+    return Request(_encoded(WriteMultipleRegistersRequest(address=address, registers=words)), step)
 
 
 def write_one_request(address: int, word: int) -> Request:
     """Write one holding register by the function that every device has."""
-    return Request(struct.pack(">BHH", WRITE_ONE, address, word), f"write holding register {address}")
+    request = WriteSingleRegisterRequest(address=address, registers=[word])
+    return Request(_encoded(request), f"write holding register {address}")
+
+
+def crc(data: bytes) -> bytes:
+    """Return the cyclic redundancy check of a serial frame, low byte first."""
+    return FramerRTU.compute_CRC(data).to_bytes(2, "big")
+
+
+def _encoded(request: ModbusPDU) -> bytes:
+    return bytes([request.function_code]) + request.encode()

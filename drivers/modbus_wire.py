@@ -16,6 +16,7 @@ from drivers.modbus_pdu import (
     WRITE_MANY,
     WRITE_ONE,
     ForeignAnswerError,
+    crc,
 )
 
 # A character on the line: start, eight data, parity and stop, or two stops.
@@ -180,16 +181,6 @@ class RtuWire:
     def close(self) -> None:
         """Close it; harmless when repeated."""
         self._channel.close()
-
-
-def crc(data: bytes) -> bytes:
-    """Cyclic redundancy check of a serial frame, low byte first: polynomial 0xA001, from 0xFFFF."""
-    value = 0xFFFF
-    for byte in data:
-        value ^= byte
-        for _ in range(8):
-            value = value >> 1 ^ (0xA001 if value & 1 else 0)
-    return value.to_bytes(2, "little")
 
 
 def _frame_size(start: bytes) -> int | None:
