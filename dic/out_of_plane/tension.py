@@ -21,6 +21,10 @@ Float = NDArray[np.float64]
 
 _FEWEST_POINTS = 30
 
+_MOST_TURN_DEG = 5.0
+"""A turn within the plane takes the tilt that the specimen had in the reference along: false strain of the
+tilt times the turn (rad), in which no signature tells."""
+
 _UNEVEN_PX = 0.002
 """A remainder (rms) up to this much, above what noise explains, is borne: the spline's and the lens's."""
 
@@ -50,12 +54,9 @@ def correct_tilt(measurement: Measurement, calibration: Calibration, poisson_rat
     if pinhole is None:
         return Correction.refused("tilt", measurement, "the calibration knows no camera centre")
     points = points_of(measurement, calibration)
-    if len(points.before_mm) < _FEWEST_POINTS or not points.determine(2):
-        reason = (
-            f"{len(points.before_mm)} points are too few, or lie on too few rows: "
-            f"at least {_FEWEST_POINTS} all over the gauge section are needed"
-        )
-        return Correction.refused("tilt", measurement, reason)
+    objection = _unsuitable(measurement, points)
+    if objection is not None:
+        return Correction.refused("tilt", measurement, objection)
     fit = fit_tilt(points, pinhole.centre_mm, poisson_ratio)
     moved = moved_out_of_plane(points.displacement, pinhole.centre_mm, Plane(), fit.plane)
     objection = _uneven(fit, points, calibration.mm_per_px)
@@ -87,6 +88,22 @@ def _gradient(points: Points, centre_mm: Float, plane: Plane) -> Float:
     """Return the mean displacement gradient (2, 2) of the points, the deformed ones seen on `plane`."""
     moved = plane.within(points.after_mm, centre_mm) - points.before_mm
     return slopes_of(points.before_mm, moved)
+
+
+def _unsuitable(measurement: Measurement, points: Points) -> str | None:
+    """Return why there is nothing to tell a tilt from, or None if there is."""
+    mean, n = measurement.calibrated_mean, len(points.before_mm)
+    if mean is None or n < _FEWEST_POINTS or not points.determine(2):
+        return (
+            f"{n} points are too few, or lie on too few rows: "
+            f"at least {_FEWEST_POINTS} all over the gauge section are needed"
+        )
+    if abs(mean.rotation_deg) > _MOST_TURN_DEG:
+        return (
+            f"the specimen turned by {mean.rotation_deg:.1f}°, more than the {_MOST_TURN_DEG:g}° "
+            "up to which tension tells its tilt"
+        )
+    return None
 
 
 def _uneven(fit: TiltFit, points: Points, mm_per_px: float) -> str | None:
