@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
-from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.plane import Plane, turned
 
 Float = NDArray[np.float64]
 
@@ -46,8 +46,11 @@ class Alignment:
         axis = np.array([*self.slopes[2:], 1.0])
         x, y = self.pivot_mm
         on_axis = np.array([x, y, before.slope_x * x + before.slope_y * y])
-        turned = _turned(before.normal, axis / np.linalg.norm(axis), np.radians(angle_deg))
-        return Plane.across(turned, on_axis)
+        angle = np.radians(angle_deg)
+        normal = turned(
+            before.normal, axis / np.linalg.norm(axis), float(np.sin(angle)), float(np.cos(angle))
+        )
+        return Plane.across(normal, on_axis)
 
     def after_std(self, angle_deg: float) -> Float:
         """Return the standard deviations of the slopes of `after`, shape (2,)."""
@@ -74,10 +77,11 @@ class Alignment:
         return np.asarray(np.degrees(np.sqrt(np.diag(both @ self.covariance @ both.T))))
 
 
-def _turned(v: Float, k: Float, angle: float) -> Float:
-    """Turn `v` about the unit vector `k` (Rodrigues' formula), radians."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.asarray(v * c + np.cross(k, v) * s + k * (k @ v) * (1.0 - c))
+def _is_possible(slopes: Float, covariance: Float) -> bool:
+    """Tell whether a specimen and a stage can lie so, and the covariance is one."""
+    rounding = 1e-9 * np.abs(covariance).max()
+    symmetric = np.abs(covariance - covariance.T).max() <= rounding
+    return bool(np.abs(slopes).max() <= 1.0 and symmetric and np.linalg.eigvalsh(covariance)[0] >= -rounding)
 
 
 def save_alignment(alignment: Alignment, path: Path) -> None:
@@ -101,9 +105,12 @@ def load_alignment(path: Path) -> Alignment:
             content = json.loads(path.read_text(encoding="utf-8"))
             values = {name: np.array(content[name], np.float64) for name in shapes}
             sound = all(values[n].shape == s and np.isfinite(values[n]).all() for n, s in shapes.items())
-            if content.get("file_format") == _FORMAT and sound:
+            if content.get("file_format") != _FORMAT or not sound:
+                got = "a file of another kind"
+            elif not _is_possible(values["slopes"], values["covariance"]):
+                got = "slopes over 45° or a covariance that is none"
+            else:
                 return Alignment(**values)
-            got = "a file of another kind"
         except (ValueError, KeyError, TypeError, AttributeError):
             got = "a file that is no alignment or was cut off"
     raise CalibrationError(

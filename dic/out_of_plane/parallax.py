@@ -71,6 +71,15 @@ class Pairs:
         moved = self.second.after_mm - self.second.before_mm
         return self.first.after_mm[self.chosen], start + self.partner @ moved
 
+    def rises(self, centres_mm: tuple[Float, Float]) -> tuple[Float, Float]:
+        """Return how far either camera shifts the material points for each mm of height, (n, 2) each.
+
+        Their difference is the parallax e.
+        """
+        first, second = self.positions_mm()
+        of_first, of_second = centres_mm
+        return (first - of_first[:2]) / of_first[2], (second - of_second[:2]) / of_second[2]
+
 
 def _pitch(places_px: NDArray[np.int64]) -> float:
     return float(places_px[1] - places_px[0]) if len(places_px) > 1 else 1.0
@@ -109,14 +118,14 @@ class Heights:
 
     @classmethod
     def of(cls, pairs: Pairs, centres_mm: tuple[Float, Float]) -> "Heights":
-        """Triangulate the pairs, given both cameras' centres (3,)."""
+        """Triangulate the pairs, given both cameras' centres (3,), which must lie apart."""
         first, second = pairs.positions_mm()
-        rises = [(m - c[:2]) / c[2] for m, c in zip((first, second), centres_mm, strict=True)]
-        e, apart = rises[0] - rises[1], first - second
+        rise, other = pairs.rises(centres_mm)
+        e, apart = rise - other, first - second
         square = (e**2).sum(axis=1)
         z = (apart * e).sum(axis=1) / square
         across = (apart[:, 1] * e[:, 0] - apart[:, 0] * e[:, 1]) / np.sqrt(square)
-        return cls(first - rises[0] * z[:, None], z, across, e)
+        return cls(first - rise * z[:, None], z, across, e)
 
     def plane(self) -> tuple[Plane, Float]:
         """Return the plane that fits best, and by what the differences m₁ - m₂ enter it.

@@ -55,12 +55,7 @@ class Plane:
             return np.eye(3)[:2]
         k = across / sine
         X, Y = np.eye(3)[:2]
-        return np.array([self._turned(v, k, float(sine), float(normal[2])) for v in (X, Y)])
-
-    @staticmethod
-    def _turned(v: Float, k: Float, sine: float, cosine: float) -> Float:
-        """Turn `v` about the unit vector `k` (Rodrigues' formula)."""
-        return np.asarray(v * cosine + np.cross(k, v) * sine + k * (k @ v) * (1.0 - cosine))
+        return np.array([turned(v, k, float(sine), float(normal[2])) for v in (X, Y)])
 
     def within(self, calibrated_mm: Float, centre_mm: Float) -> Float:
         """Return where calibrated points are on the surface, in isometric coordinates within the plane.
@@ -106,6 +101,11 @@ class Plane:
 def _in_space(calibrated_mm: Float) -> Float:
     m = np.asarray(calibrated_mm, np.float64)
     return np.concatenate([m, np.zeros((*m.shape[:-1], 1))], axis=-1)
+
+
+def turned(v: Float, k: Float, sine: float, cosine: float) -> Float:
+    """Turn the vector `v` (3,) about the unit vector `k` (Rodrigues' formula), anticlockwise."""
+    return np.asarray(v * cosine + np.cross(k, v) * sine + k * (k @ v) * (1.0 - cosine))
 
 
 def moved_out_of_plane(

@@ -88,7 +88,7 @@ def correct_with_two_cameras(
         return declined(f"the cameras share {len(pairs.chosen)} points, at least {_FEWEST_PAIRS} are needed")
     if not (first.determine(1) and second.determine(1)):
         return declined("the points lie on one line")
-    objection = _too_close(Heights.of(pairs, Both.of(pairs).centres_mm))
+    objection = _too_close(pairs, Both.of(pairs).centres_mm)
     if objection is not None:
         return declined(objection)
     agreed = Both.of(pairs).agreed()
@@ -96,8 +96,10 @@ def correct_with_two_cameras(
     return declined(objection) if objection is not None else _step(measurements, agreed)
 
 
-def _too_close(heights: Heights) -> str | None:
-    parallax = float(np.linalg.norm(heights.parallax, axis=1).mean())
+def _too_close(pairs: Pairs, centres_mm: tuple[Float, Float]) -> str | None:
+    # Without heights: two cameras with one centre tell none.
+    rise, other = pairs.rises(centres_mm)
+    parallax = float(np.linalg.norm(rise - other, axis=1).mean())
     if parallax < _LEAST_PARALLAX:
         degrees = np.degrees(np.arctan(parallax))
         return f"the cameras look from directions only {degrees:.1f}° apart, at least 5° are needed"
