@@ -65,8 +65,8 @@ def _pair_lines(result: "RunResult") -> list[str]:
         stds = " ".join(f"{1e6 * getattr(both.mean, f'{name}_std'):6.0f}" for name in _STRAINS)
         lines.append(
             f"{_step_cells(steps[index], both.mean.points)} {_strain_cells(both.mean)} {stds}"
-            f"     {1e3 * both.plane.shift_mm:8.2f} {1e3 * both.plane_std[2]:5.2f}   "
-            f" {slopes[0]:8.4f} {slopes[1]:8.4f}"
+            f"     {1e3 * both.plane.shift_mm:z8.2f} {1e3 * both.plane_std[2]:5.2f}   "
+            f" {slopes[0]:z8.4f} {slopes[1]:z8.4f}"
         )
     return lines
 
@@ -99,7 +99,7 @@ def _step_cells(step: "RunStep", points: int) -> str:
 def _strain_cells(mean: "MeanStrain | None") -> str:
     if mean is None:
         return " ".join([" " * 8 + "–"] * len(_STRAINS))
-    return " ".join(f"{1e6 * getattr(mean, name):9.0f}" for name in _STRAINS)
+    return " ".join(f"{1e6 * getattr(mean, name):z9.0f}" for name in _STRAINS)
 
 
 def _cell(value: float, width: int, unit: str) -> str:

@@ -31,13 +31,14 @@ class Sensitivity:
         Angle of the line from the camera's centre to the grid's middle with the grid's normal.
     per_mdeg : float
         Strain in the direction of the camera's tilt for a slope of a thousandth of a degree in it.
-    per_um : float
-        Isotropic strain for a micrometre towards the camera.
+    per_um, per_um_std : float
+        Isotropic strain for a micrometre towards the camera, and how well the camera's distance tells it.
     """
 
     off_axis_deg: float
     per_mdeg: float
     per_um: float
+    per_um_std: float
 
     @classmethod
     def of(cls, calibration: Calibration) -> "Sensitivity | None":
@@ -46,14 +47,16 @@ class Sensitivity:
             return None
         x, y, z = calibration.pinhole.centre_mm
         tangent = float(np.hypot(x, y) / z)
-        return cls(float(np.degrees(np.arctan(tangent))), tangent * np.radians(1e-3), 1e-3 / float(z))
+        per_um = 1e-3 / float(z)
+        per_um_std = per_um * float(calibration.pinhole.centre_std_mm[2] / z)
+        return cls(float(np.degrees(np.arctan(tangent))), tangent * np.radians(1e-3), per_um, per_um_std)
 
     @property
     def text(self) -> str:
         """What people read."""
         return (
             f"{self.off_axis_deg:.1f}° off-axis: {_MICRO * self.per_mdeg:.1f} µε per millidegree of tilt, "
-            f"{_MICRO * self.per_um:.1f} µε per µm towards the camera"
+            f"{_MICRO * self.per_um:.1f} ± {_MICRO * self.per_um_std:.1f} µε per µm towards the camera"
         )
 
 
@@ -79,18 +82,12 @@ class Harmonics:
         Parameters
         ----------
         angles_deg : ndarray, shape (n,)
+            By which the specimen was turned since the reference.
         strains : ndarray, shape (n, 3)
             exx, eyy, exy in the axes of the undeformed specimen, which turn with it; NaN where unknown.
         """
-        known = np.isfinite(strains).all(axis=1)
-        phi, (exx, eyy, exy) = np.radians(angles_deg[known]), strains[known].T
-        c, s = np.cos(phi), np.sin(phi)
-        across = (exx - eyy) * c * s + exy * (c * c - s * s)
-        along_x, along_y = (
-            c * c * exx - 2 * c * s * exy + s * s * eyy,
-            s * s * exx + 2 * c * s * exy + c * c * eyy,
-        )
-        standing = np.column_stack([along_x, along_y, across])
+        known = np.isfinite(strains).all(axis=1) & np.isfinite(angles_deg)
+        phi, standing = np.radians(angles_deg[known]), in_grid_axes(angles_deg[known], strains[known])
         waves = [np.cos(phi), np.sin(phi), np.cos(2 * phi), np.sin(2 * phi)]
         design = np.column_stack([np.ones(len(phi)), *waves])
         if len(design) < _HARMONICS or np.linalg.cond(design) > 1e3:
@@ -102,6 +99,23 @@ class Harmonics:
         """Amplitudes (2, 3) of the first and the second harmonic of exx, eyy, exy."""
         c1, s1, c2, s2 = self.coefficients[1:]
         return np.array([np.hypot(c1, s1), np.hypot(c2, s2)])
+
+
+def in_grid_axes(angles_deg: Float, strains: Float) -> Float:
+    """Return strains in the axes of the specimen, which turn with it, in those that stand still: R E Rᵀ.
+
+    Parameters
+    ----------
+    angles_deg : ndarray, shape (k,)
+    strains : ndarray, shape (k, 3)
+        εxx, εyy, εxy in any unit.
+    """
+    c, s = np.cos(np.radians(angles_deg)), np.sin(np.radians(angles_deg))
+    turns = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
+    exx, eyy, exy = strains.T
+    tensors = np.stack([np.stack([exx, exy], -1), np.stack([exy, eyy], -1)], -2)
+    standing = turns @ tensors @ turns.transpose(0, 2, 1)
+    return np.stack([standing[:, 0, 0], standing[:, 1, 1], standing[:, 0, 1]], axis=-1)
 
 
 def rotation_findings(harmonics: Harmonics | None, alignment: Alignment | None) -> list[str]:
@@ -157,10 +171,16 @@ def tension_findings(corrections: Sequence[Correction], loads_n: Float) -> list[
         f"the specimen tilted by {_slopes_text(slopes[at], stds[at])} (largest, at {applied[at][0]:.0f} N): "
         "take the reference at a small preload, once the grips have straightened it"
     )
-    shifts = [1e3 * p.shift_mm for _, p, s in applied if np.isfinite(s[2])]
-    if not shifts:
-        return [finding]
-    return [finding, f"it moved by {min(shifts):+.1f} to {max(shifts):+.1f} µm towards the camera"]
+    shifts = [(1e3 * p.shift_mm, 1e3 * s[2]) for _, p, s in applied if np.isfinite(s[2])]
+    return [finding, _shift_text(shifts)] if shifts else [finding]
+
+
+def _shift_text(shifts_um: Sequence[tuple[float, float]]) -> str:
+    """Return how far a specimen moved towards the camera; of each step the shift and its deviation."""
+    if all(abs(shift) <= _CLEAR * std for shift, std in shifts_um):
+        return f"it kept its distance from the camera to ± {max(std for _, std in shifts_um):.1f} µm"
+    moved = [shift for shift, _ in shifts_um]
+    return f"it moved by {min(moved):+z.1f} to {max(moved):+z.1f} µm towards the camera"
 
 
 def _is_clear(slopes_deg: Float, std_deg: Float) -> bool:
@@ -169,7 +189,7 @@ def _is_clear(slopes_deg: Float, std_deg: Float) -> bool:
 
 def _slopes_text(slopes_deg: Float, std_deg: Float) -> str:
     parts = [
-        f"{slope:+.4f}° ± {std:.4f}° along {axis}"
+        f"{slope:+z.4f}° ± {std:.4f}° along {axis}"
         for slope, std, axis in zip(slopes_deg, std_deg, "XY", strict=True)
     ]
     return " and ".join(parts)

@@ -71,7 +71,7 @@ def correct_rotation(
         solved: _Solved | None = _Solved.known(steps, centre_mm, alignment)
     else:
         solved = _Solved.from_steps(steps, centre_mm)
-        reason = _not_rigid(solved)
+        reason = _not_rigid(solved, steps, centre_mm)
     if solved is None or reason is not None:
         refused = [Correction.refused("rigidity", m, reason or "unsolved") for m in measurements]
         return RotationCorrection(refused, None)
@@ -99,9 +99,13 @@ def _objection(steps: Steps | None, calibration: Calibration, alignment: Alignme
     return None
 
 
-def _not_rigid(solved: "_Solved | None") -> str | None:
+def _not_rigid(solved: "_Solved | None", steps: Steps, centre_mm: Float) -> str | None:
     if solved is None:
-        return "no alignment is found: the camera looks too straight on to tell tilts by their false strain"
+        micro = 1e6 * np.abs(steps.strains(np.zeros(4), centre_mm)).max()
+        return (
+            f"no alignment explains strain of up to {micro:.0f} µε: the camera looks too straight on to tell "
+            "tilts by it, the specimen was strained, or the calibration is another camera's"
+        )
     left = solved.strain_left()
     if left > _RIGID:
         return f"the specimen was not rigid: strain of {left:.1f} standard deviations (rms) is left"

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from dic.out_of_plane.diagnosis import Harmonics
+from dic.out_of_plane.diagnosis import Harmonics, in_grid_axes
 from dic.report import rotation, tension
 from dic.report.series import COMPONENTS, MICRO, Float, Run
 from dic.report.setup import slopes_of
@@ -53,23 +53,6 @@ def harmonics_figure(run: Run) -> str:
         axis.set_ylabel(f"{COMPONENTS[component]} in the grid's axes, µε")
     legend_below(figure)
     return svg_uri(figure)
-
-
-def in_grid_axes(angles_deg: Float, strains: Float) -> Float:
-    """Return strains in the axes of the specimen, which turn with it, in those that stand still: R E Rᵀ.
-
-    Parameters
-    ----------
-    angles_deg : ndarray, shape (k,)
-    strains : ndarray, shape (k, 3)
-        εxx, εyy, εxy in any unit.
-    """
-    c, s = np.cos(np.radians(angles_deg)), np.sin(np.radians(angles_deg))
-    turns = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
-    exx, eyy, exy = strains.T
-    tensors = np.stack([np.stack([exx, exy], -1), np.stack([exy, eyy], -1)], -2)
-    standing = turns @ tensors @ turns.transpose(0, 2, 1)
-    return np.stack([standing[:, 0, 0], standing[:, 1, 1], standing[:, 0, 1]], axis=-1)
 
 
 def motion_figure(run: Run) -> str:
