@@ -105,6 +105,9 @@ def process_run(
     with RunFile(path) as run:
         run.step_of_kind("grid")
         run.step_of_kind("reference")
+        correcting = correcting or CorrectionSettings()
+        kinds = {step.kind for step in run.series()[1:]}
+        correcting.require_use(str(path), list(run.cameras), kinds)
         on_count(len(run.cameras) * (len(run.series()) - 1))
         # The compiled kernel runs without the interpreter's lock, so threads use all cores.
         with ThreadPoolExecutor() as pool:
@@ -119,7 +122,7 @@ def process_run(
                 # The pool waits for its threads: without this an interrupt takes as long as the whole run.
                 stopped.set()
                 raise
-        return RunResult(str(path), run.info, settings, cameras, correcting or CorrectionSettings())
+        return RunResult(str(path), run.info, settings, cameras, correcting)
 
 
 def _process_camera(

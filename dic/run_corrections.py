@@ -1,16 +1,18 @@
 """A run's strains corrected for motion out of the grid's plane: by each camera, and by two together."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.errors import CorrelationError
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.diagnosis import Harmonics, Sensitivity, rotation_findings, tension_findings
-from dic.out_of_plane.motion import POISSON_RATIO, Corrections, correct
+from dic.out_of_plane.motion import POISSON_RATIO, Corrections, correct, require_poisson_ratio
 from dic.out_of_plane.two_cameras import TwoCameraStep, correct_with_two_cameras
 
 if TYPE_CHECKING:
@@ -29,10 +31,35 @@ class CorrectionSettings:
         Of the specimen, for its bending in tension.
     alignments : mapping of str to Alignment
         By camera: solved before on the same fixture, for rotations.
+
+    Raises
+    ------
+    CorrelationError
+        If Poisson's ratio is out of range.
     """
 
     poisson_ratio: float = POISSON_RATIO
     alignments: Mapping[str, Alignment] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        require_poisson_ratio(self.poisson_ratio)
+
+    def require_use(self, source: str, cameras: Sequence[str], kinds: Set[str]) -> None:
+        """Refuse alignments that a run of these cameras and kinds of steps has no use for.
+
+        Raises
+        ------
+        CorrelationError
+        """
+        unknown = sorted(set(self.alignments) - set(cameras))
+        if unknown:
+            expected, got, remedy = f"one of {', '.join(cameras)}", unknown[0], "name a camera of the run"
+        elif self.alignments and motion_of(kinds) != "rigid":
+            expected, got = "a run of rotations alone", f"steps of {', '.join(sorted(kinds))}"
+            remedy = "an alignment serves rotations only"
+        else:
+            return
+        raise CorrelationError(source, "apply alignment", expected=expected, got=got, remedy=remedy)
 
     def as_text(self) -> str:
         """Return this as JSON, for a result file."""
@@ -80,7 +107,7 @@ class RunCorrections:
 
 def correct_run(cameras: "Sequence[CameraResult]", settings: CorrectionSettings) -> RunCorrections:
     """Correct all that was measured in a run."""
-    motion = motion_of(cameras)
+    motion = motion_of({step.kind for camera in cameras for step in camera.steps})
     corrected, findings = {}, {}
     for camera in cameras:
         found = correct(
@@ -102,9 +129,8 @@ def correct_run(cameras: "Sequence[CameraResult]", settings: CorrectionSettings)
     return RunCorrections(motion, corrected, names, both, findings)
 
 
-def motion_of(cameras: "Sequence[CameraResult]") -> str:
-    """Return what the steps say the specimen did."""
-    kinds = {step.kind for camera in cameras for step in camera.steps}
+def motion_of(kinds: Set[str]) -> str:
+    """Return what the kinds of a run's steps say the specimen did."""
     if "rotation" in kinds:
         return "free" if kinds & {"load", "displacement"} else "rigid"
     return "tension" if kinds & {"load", "displacement"} else "free"
@@ -116,7 +142,7 @@ def _findings(motion: str, camera: "CameraResult", found: Corrections) -> list[s
     if motion == "rigid":
         means = [m.calibrated_mean for m in camera.measurements]
         strains = [[np.nan] * 3 if m is None else [m.exx, m.eyy, m.exy] for m in means]
-        angles_deg = np.array([step.angle_deg for step in camera.steps])
+        angles_deg = np.array([np.nan if m is None else m.rotation_deg for m in means])
         harmonics = Harmonics.of(angles_deg, np.array(strains)) if strains else None
         findings += rotation_findings(harmonics, found.alignment)
     if motion == "tension":
@@ -127,11 +153,17 @@ def _findings(motion: str, camera: "CameraResult", found: Corrections) -> list[s
 
 def _pair(cameras: "Sequence[CameraResult]") -> "tuple[CameraResult, CameraResult] | None":
     """Return the two cameras that look from the most different directions, the one further aside first."""
-    known = [(s.off_axis_deg, k) for k, c in enumerate(cameras) if (s := Sensitivity.of(c.calibration))]
-    if len(known) < 2:
+    aside = [
+        (c.calibration.pinhole.centre_mm[:2] / c.calibration.pinhole.centre_mm[2], c)
+        for c in cameras
+        if c.calibration.pinhole is not None
+    ]
+    if len(aside) < 2:
         return None
-    known.sort()
-    return cameras[known[-1][1]], cameras[known[0][1]]
+    # The parallax of two cameras is the difference of their tangents.
+    pair = max(combinations(aside, 2), key=lambda both: float(np.linalg.norm(both[0][0] - both[1][0])))
+    second, first = sorted(pair, key=lambda camera: float(np.linalg.norm(camera[0])))
+    return first[1], second[1]
 
 
 def _together(first: "CameraResult", second: "CameraResult") -> dict[int, TwoCameraStep]:

@@ -98,7 +98,7 @@ def _require_sense(
     motion: str, calibration: "Calibration | None", poisson_ratio: float, alignment: "Alignment | None"
 ) -> None:
     from dic.errors import CorrelationError
-    from dic.out_of_plane.motion import MOTIONS
+    from dic.out_of_plane.motion import MOTIONS, require_poisson_ratio
 
     checks = [
         (motion in MOTIONS, "motion", f"one of {', '.join(MOTIONS)}", motion, "correct --motion"),
@@ -110,13 +110,6 @@ def _require_sense(
             "name it with --calibration",
         ),
         (
-            0.0 <= poisson_ratio <= 0.5,
-            "Poisson's ratio",
-            "0 to 0.5",
-            f"{poisson_ratio:g}",
-            "correct --poisson-ratio",
-        ),
-        (
             alignment is None or motion == "rigid",
             "apply alignment",
             "--motion rigid",
@@ -124,6 +117,7 @@ def _require_sense(
             "an alignment serves rotations only",
         ),
     ]
+    require_poisson_ratio(poisson_ratio)
     for good, step, expected, got, remedy in checks:
         if not good:
             raise CorrelationError("settings", step, expected=expected, got=got, remedy=remedy)
@@ -136,8 +130,8 @@ def corrected_text(corrected: dict[str, Any]) -> str:
     values = ", ".join(
         "–"
         if corrected[name] is None
-        else f"{1e6 * corrected[name]:.0f} ± {1e6 * corrected[f'{name}_std']:.0f}"
+        else f"{1e6 * corrected[name]:z.0f} ± {1e6 * corrected[f'{name}_std']:.0f}"
         for name in ("exx", "eyy", "exy")
     )
-    slopes = ", ".join(f"{corrected[f'slope_{axis}_deg']:+.3f}°" for axis in "xy")
+    slopes = ", ".join(f"{corrected[f'slope_{axis}_deg']:+z.3f}°" for axis in "xy")
     return f"corrected exx, eyy, exy {values} µε (slopes x, y {slopes})"

@@ -124,6 +124,8 @@ def correlate(
     calibration = None if calibration_file is None else Calibration.load(calibration_file)
     alignment = None if alignment_file is None else load_alignment(alignment_file)
     corrected = CorrectedSeries(motion, calibration, poisson_ratio, alignment)
+    if save_alignment is not None:
+        _require_rotation(save_alignment, motion)
     image = read_image(reference)
     if calibration is not None:
         _require_calibration_fits(calibration, image.shape, str(reference))
@@ -139,11 +141,11 @@ def correlate(
         content = {"reference": str(reference), "settings": vars(settings), "images": measured.summaries}
         content |= corrected.finish()
         results.write_corrections(corrected.corrections)
-    if save_alignment is not None:
-        _save_alignment(save_alignment, corrected)
     if json_file is not None:
         content |= {"failures": measured.failures}
         json_file.write_text(json.dumps(content, indent=1), encoding="utf-8")
+    if save_alignment is not None:
+        _save_alignment(save_alignment, corrected)
     for sentence in measured.bad:
         fail(sentence)
     context.exit(2 if measured.failures else 1 if measured.bad else 0)
@@ -212,6 +214,19 @@ class _Measured:
         say(_line(summary))
         if measurement.objection is not None:
             self.bad.append(f"{path}: measured, but {measurement.objection}")
+
+
+def _require_rotation(path: Path, motion: str) -> None:
+    from dic.errors import CorrelationError
+
+    if motion != "rigid":
+        raise CorrelationError(
+            str(path),
+            "save alignment",
+            expected="--motion rigid",
+            got=motion,
+            remedy="only a rotation tells an alignment",
+        )
 
 
 def _save_alignment(path: Path, corrected: "CorrectedSeries") -> None:
@@ -284,4 +299,4 @@ def _line(summary: dict[str, Any]) -> str:
 
 def _strain_text(strain: dict[str, Any]) -> str:
     values = (strain["exx"], strain["eyy"], strain["exy"])
-    return "exx, eyy, exy " + ", ".join("–" if v is None else f"{1e6 * v:.0f}" for v in values) + " µε"
+    return "exx, eyy, exy " + ", ".join("–" if v is None else f"{1e6 * v:z.0f}" for v in values) + " µε"

@@ -79,6 +79,8 @@ def process(
     correcting = CorrectionSettings(poisson_ratio, _read_alignments(alignments))
     output = output or run.with_suffix(".results.h5")
     require_places([run], [output, report_file, json_file])
+    if save_alignment is not None:
+        _make_folder(save_alignment)
     with counted_progress("correlating") as (on_count, on_image):
         result = process_run(
             run,
@@ -130,11 +132,25 @@ def _read_alignments(texts: tuple[str, ...]) -> "dict[str, Alignment]":
     return alignments
 
 
+def _make_folder(folder: Path) -> None:
+    from dic.errors import OutputError
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            str(folder),
+            "save alignments",
+            expected="a folder that can be made",
+            got=str(error.strerror or error),
+            remedy="name another place",
+        ) from error
+
+
 def _save_alignments(folder: Path, result: "RunResult") -> None:
     from dic.commands.console import say
     from dic.out_of_plane.alignment import save_alignment
 
-    folder.mkdir(parents=True, exist_ok=True)
     for camera, corrections in result.corrections.cameras.items():
         if corrections.alignment is not None:
             path = folder / f"{camera}.alignment.json"

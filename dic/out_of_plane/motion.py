@@ -18,6 +18,23 @@ uniformly, with some bending."""
 POISSON_RATIO = 0.33
 
 
+def require_poisson_ratio(poisson_ratio: float) -> None:
+    """Refuse a Poisson's ratio that no metal has.
+
+    Raises
+    ------
+    CorrelationError
+    """
+    if not 0.0 <= poisson_ratio <= 0.5:
+        raise CorrelationError(
+            "settings",
+            "Poisson's ratio",
+            expected="0 to 0.5",
+            got=f"{poisson_ratio:g}",
+            remedy="correct --poisson-ratio",
+        )
+
+
 @dataclass(frozen=True)
 class Corrections:
     """The corrections of the images of one camera, in order, and the alignment they rest on, if any."""
@@ -67,5 +84,5 @@ def correct(
         return Corrections(rotation.corrections, rotation.alignment)
     if motion == "tension":
         return Corrections([correct_tilt(m, calibration, poisson_ratio) for m in measurements])
-    reason = "nothing is known of the motion (--motion)"
+    reason = "nothing is known of the specimen's motion"
     return Corrections([Correction.refused("none", m, reason) for m in measurements])

@@ -106,6 +106,14 @@ def test_rigid_motion_loses_its_false_strain_and_tells_the_misalignment(turned, 
     assert np.abs(means(report["images"][0], "corrected")).max() < 40
 
 
+def test_figures_are_kept_although_there_is_no_alignment_to_save(turned, tmp_path):
+    studio, reference, images = turned
+    report = tmp_path / "report.json"
+    files = ["correlate", reference, images[0], "--calibration", studio.calibration, "--json", report]
+    assert "none: see why" in refusal(*files, "--motion", "rigid", "--save-alignment", tmp_path / "a.json")
+    assert len(json.loads(report.read_text())["images"]) == 1
+
+
 def test_one_image_of_a_rotation_is_left_alone(turned):
     studio, reference, images = turned
     done, report = studio.correlate(reference, images[:1], "--motion", "rigid")
@@ -159,3 +167,5 @@ def test_settings_that_make_no_sense_are_refused(pulled, tmp_path):
     assert "expected --motion rigid" in tension
     assert "cut off" in refusal(*calibrated, "--motion", "rigid", "--alignment", broken)
     assert "name it with --calibration" in refusal(*files, "--motion", "rigid")
+    unsolved = refusal(*calibrated, "--motion", "tension", "--save-alignment", tmp_path / "a.json")
+    assert "expected --motion rigid, got tension" in unsolved
