@@ -29,7 +29,12 @@ _FILE = click.Path(path_type=Path)
 @click.option("--subset", default=31, show_default=True, help="Width of the subsets, odd, px.")
 @click.option("--step", default=10, show_default=True, help="Distance of the points, px.")
 @click.option("--spline", default=5, show_default=True, help="Order of the interpolation, 3 or 5.")
-@click.option("--shape", default="affine", show_default=True, help="Shape function, affine or quadratic.")
+@click.option(
+    "--shape",
+    default="auto",
+    show_default=True,
+    help="Shape function: affine, quadratic, or auto (quadratic with --motion rigid, affine else).",
+)
 @click.option("--min-zncc", default=0.8, show_default=True, help="Points that correlate less are left out.")
 @strain_options
 @click.option(
@@ -113,6 +118,9 @@ def correlate(
     from dic.settings import CorrelationSettings
     from dic.strain import StrainSettings, gauge_text
 
+    if shape == "auto":
+        # Seen off-axis, a subset that turns does not stay affine.
+        shape = "quadratic" if motion == "rigid" else "affine"
     settings = CorrelationSettings(
         subset_px=subset, step_px=step, shape=shape, order=spline, min_zncc=min_zncc
     )
