@@ -5,6 +5,7 @@ import os
 import select
 import socket
 import termios
+from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -27,7 +28,7 @@ class _Port(Protocol):
     def close(self) -> None: ...
 
 
-class Channel:
+class Channel(ABC):
     """An open connection; any of its calls may raise one of `CHANNEL_ERRORS` when it is gone.
 
     Parameters
@@ -40,9 +41,9 @@ class Channel:
         self._port = port
         self._clock = SystemClock()
 
+    @abstractmethod
     def send(self, data: bytes) -> None:
         """Hand all of `data` to the system."""
-        raise NotImplementedError
 
     def drain(self) -> None:
         """Forget what was received and not read."""

@@ -30,3 +30,5 @@ def test_a_place_that_cannot_be_is_named(tmp_path, inputs, outputs, got):
 def test_places_of_their_own_are_fine(tmp_path):
     (tmp_path / "old.h5").touch()
     require_places([tmp_path / "in.png", None], [tmp_path / "old.h5", None, tmp_path / "new.json"])
+    # Judging places makes none and takes none away.
+    assert [path.name for path in tmp_path.iterdir()] == ["old.h5"]

@@ -12,6 +12,7 @@ import socket
 import struct
 import threading
 import tty
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 Answer = Callable[[bytes], bytes]
@@ -27,7 +28,7 @@ class RefusedError(Exception):
         self.code = code
 
 
-class ForeignServer:
+class ForeignServer(ABC):
     """A server whose machine can be changed while it runs."""
 
     address: str
@@ -47,8 +48,9 @@ class ForeignServer:
             raise RefusedError(reply[1])
         return reply
 
+    @abstractmethod
     def close(self) -> None:
-        raise NotImplementedError
+        """Overridden by each kind."""
 
 
 class PtyPair:
@@ -236,8 +238,9 @@ class _LibmodbusServer(ForeignServer):
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
 
+    @abstractmethod
     def _serve(self) -> None:
-        raise NotImplementedError
+        """Overridden by each kind."""
 
     def _respond(self) -> bool:
         """Receive one request and answer it; False when the client has gone."""

@@ -83,7 +83,9 @@ def test_rig_that_is_just_enough_is_accepted(tension_protocol):
         speed_max_mm_s=0.02,
         load_rate_max_n_s=200.0,
     )
-    require_feasible(make_plan(tension_protocol, facts), Path())
+    plan = make_plan(tension_protocol, facts)
+    require_feasible(plan, Path())
+    assert list(plan.objections) == []
 
 
 def test_disk_without_space_is_refused(tension_protocol, monkeypatch):

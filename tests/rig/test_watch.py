@@ -7,14 +7,16 @@ from rig.watch import Watch
 LIMITS = Limits(load_max_n=12_000.0, displacement_max_mm=5.0, break_load_drop=0.3)
 
 
-def watch(*loads_n: float) -> None:
+def watch(*loads_n: float) -> int:
+    """Return how many loads were let pass."""
     watching = Watch(LIMITS, carried_n=2000.0)
     for load_n in loads_n:
         watching.check(Reading(0.0, load_n, 1.0), "step 3")
+    return len(loads_n)
 
 
 def test_a_load_that_falls_by_the_declared_fraction_is_no_break_yet():
-    watch(2000.0, 10_000.0, 7000.0)
+    assert watch(2000.0, 10_000.0, 7000.0) == 3
 
 
 def test_a_load_that_falls_by_more_than_the_declared_fraction_is_a_break():

@@ -43,4 +43,5 @@ def test_a_virtual_rig_for_other_peoples_tests(pytester):
 
 def test_the_fixture_says_what_it_is(pytester):
     result = pytester.runpytest("--fixtures", "-p", "no:cacheprovider")
+    assert result.ret == 0
     result.stdout.fnmatch_lines(["*virtual_rig*", "*addresses, clock, scene, faults*"])
