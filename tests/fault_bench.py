@@ -11,7 +11,7 @@ from typing import Any
 
 from drivers.clock import VirtualClock
 from drivers.interfaces import OpenContext
-from simulators.faults import CAMERA, FaultPanel
+from simulators.faults import FaultPanel
 
 REPLY_TIMEOUT_S = 0.35
 ON_FOR_S = 1000.0
@@ -42,6 +42,10 @@ def short_patience() -> Iterator[None]:
     finally:
         for (module, constant), value in before.items():
             setattr(module, constant, value)
+
+
+class UnprovenError(AssertionError):
+    """A driver that says it cannot prove its answers gave one that is not so."""
 
 
 class Bench:
@@ -96,6 +100,10 @@ class Bench:
     def executed_twice(self) -> list[str]:
         """Return the commands that the device executed more often than they were given."""
         return []
+
+    def left_behind(self) -> dict[str, int]:
+        """Return how many of what the driver should have released are held after closing."""
+        return {}
 
     def close(self) -> None:
         """Close driver and device."""
@@ -308,56 +316,6 @@ class ReportedFault(Exception):
     def __init__(self, faults: tuple[str, ...]) -> None:
         self.faults = faults
         super().__init__(", ".join(faults))
-
-
-class CameraBench(Bench):
-    """The simulated camera, whose frames are judged as a run judges them."""
-
-    talks_on_opening = False
-
-    def __init__(self) -> None:
-        from simulators.virtual_rig import VirtualRig, VirtualRigSettings
-
-        super().__init__()
-        self._rig = VirtualRig(VirtualRigSettings())
-        self.clock = self._rig.clock
-        self.faults = self._rig.faults[CAMERA]
-        self._sequence = -1
-        self.uses = {"image": self._image}
-        self.ways_back = {"": lambda: None}
-
-    def opened(self, context: OpenContext) -> Any:
-        """Return the driver, opened."""
-        from simulators.camera import SPEC
-
-        settings = SPEC.settings(width_px=32, height_px=32)
-        self._sequence = -1
-        return SPEC.open(settings, OpenContext("cameras.one", self.clock, self._rig))
-
-    def prepare(self) -> None:
-        """Take a first image."""
-        self._image()
-
-    def works(self) -> None:
-        """Take an image."""
-        self._sequence = -1
-        self._image()
-
-    def close(self) -> None:
-        """Close driver and rig."""
-        self.shut()
-        self._rig.close()
-
-    def _image(self) -> None:
-        from rig.imaging import take_image
-
-        frame = take_image(
-            "one", self.driver, timeout_s=1.0, clock=self.clock, step="step 1", warn=lambda _: None
-        )
-        lost = frame.sequence - self._sequence - 1 if self._sequence >= 0 else 0
-        self._sequence = frame.sequence
-        if lost:
-            raise ReportedFault((f"{lost} frame lost",))
 
 
 def _count(values: list[float], wanted: float) -> int:

@@ -4,7 +4,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from simulators.faults import CAMERA, LOAD_FRAME, NEWPORT, STAGE
-from tests.fault_bench import Bench, CameraBench, FrameBench, StageBench
+from tests.camera_benches import (
+    AravisBench,
+    AravisStreamBench,
+    OpencvBench,
+    SimulatedCameraBench,
+    V4l2Bench,
+    V4l2StreamBench,
+)
+from tests.fault_bench import Bench, FrameBench, StageBench
 
 
 @dataclass(frozen=True)
@@ -45,5 +53,10 @@ COLUMNS = [
         LOAD_FRAME,
         lambda: FrameBench("FrameRtuTcpServer", "separate-words", "rtu://"),
     ),
-    Column("simulated-camera", CAMERA, CameraBench),
+    Column("simulated-camera", CAMERA, SimulatedCameraBench),
+    Column("v4l2, image", CAMERA, V4l2Bench),
+    Column("v4l2, stream", CAMERA, V4l2StreamBench),
+    Column("aravis, image", CAMERA, AravisBench),
+    Column("aravis, stream", CAMERA, AravisStreamBench),
+    Column("opencv-camera, image", CAMERA, OpencvBench),
 ]

@@ -75,7 +75,7 @@ class FakeLibrary:
             pointer._obj.value = value
 
     def camera_start_acquisition(self) -> None:
-        self.begun_s = self.clock.now_s()
+        self.begun_s, self.taken = self.clock.now_s(), -1
 
     def stream_try_pop_buffer(self, stream: int) -> int:
         """Frames are taken in their order; this library holds one, the newest."""
