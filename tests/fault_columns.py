@@ -12,7 +12,8 @@ from tests.camera_benches import (
     V4l2Bench,
     V4l2StreamBench,
 )
-from tests.fault_bench import Bench, FrameBench, StageBench
+from tests.fault_bench import Bench
+from tests.machine_benches import FrameBench, StageBench
 
 
 @dataclass(frozen=True)
