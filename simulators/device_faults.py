@@ -5,15 +5,11 @@ from simulators.frame_device import FrameDevice
 from simulators.stage_device import StageDevice
 
 
-def _nothing() -> None:
-    """Clearing some faults undoes nothing."""
-
-
 def stage_faults(panel: FaultPanel, device: StageDevice) -> FaultPanel:
     """Let the faults of a rotation stage act on `device`; return the panel."""
     panel.when("e-stop", device.press_estop, device.release_estop)
-    panel.when("limit", lambda: device.fail("FE"), _nothing)
-    panel.when("reset", device.power_cycle, _nothing)
+    panel.when("limit", lambda: device.fail("FE"))
+    panel.when("reset", device.power_cycle)
     panel.when("stall", device.jam, device.free)
     return panel
 
@@ -21,11 +17,11 @@ def stage_faults(panel: FaultPanel, device: StageDevice) -> FaultPanel:
 def frame_faults(panel: FaultPanel, device: FrameDevice) -> FaultPanel:
     """Let the faults of a load frame act on `device`; return the panel."""
     panel.when("e-stop", device.press_estop, device.release_estop)
-    panel.when("limit", device.hit_limit_switch, _nothing)
-    panel.when("reset", device.power_cycle, _nothing)
+    panel.when("limit", device.hit_limit_switch)
+    panel.when("reset", device.power_cycle)
     panel.when("stall", device.jam, device.free)
     panel.when("nan-load", lambda: device.break_load_cell(True), lambda: device.break_load_cell(False))
     panel.when("frozen-counter", device.freeze, device.thaw)
-    panel.when("broken-specimen", device.break_specimen, _nothing)
+    panel.when("broken-specimen", device.break_specimen)
     panel.when("watchdog-off", lambda: device.lose_watchdog(True), lambda: device.lose_watchdog(False))
     return panel

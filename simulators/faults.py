@@ -30,6 +30,8 @@ class Fault:
         The value when none is given.
     counted : bool
         Whether it strikes single messages, and may be limited to a number of them. Others stay until cleared.
+    lowest, highest : int
+        Of a value that is a number.
     """
 
     name: str
@@ -38,6 +40,8 @@ class Fault:
     value: str = ""
     default: str = ""
     counted: bool = False
+    lowest: int = 0
+    highest: int = 0
 
     @property
     def usage(self) -> str:
@@ -53,7 +57,7 @@ FAULTS = {
         Fault("drop", "the device acts, but its answer is lost", DEVICES, counted=True),
         Fault("corrupt", "the answer arrives damaged", DEVICES, counted=True),
         Fault("split", "the answer arrives in pieces", LINES, counted=True),
-        Fault("delay", "the answer comes so much later", DEVICES, "SECONDS", "0.02", counted=True),
+        Fault("delay", "the answer comes so much later", DEVICES, "SECONDS", "0.02", True, 0, 3600),
         Fault("duplicate", "the answer arrives twice", LINES, counted=True),
         Fault("late", "the answer arrives only when the next message was sent", LINES, counted=True),
         Fault("stale", "what comes is older than what was asked for", DEVICES, counted=True),
@@ -65,6 +69,8 @@ FAULTS = {
             "CODE",
             "6",
             counted=True,
+            lowest=1,
+            highest=255,
         ),
         Fault("reject", "the device refuses the message", (STAGE,), "REASON", "STATUSBUSY", counted=True),
         Fault(
@@ -74,6 +80,8 @@ FAULTS = {
             "CODE",
             "115",
             counted=True,
+            lowest=1,
+            highest=999,
         ),
         Fault("unplug", "the cable is out", DEVICES),
         Fault("reset", "the device is switched off and on, in motion or not", LINES),
@@ -100,11 +108,16 @@ class FaultPanel:
     def __init__(self, device: str) -> None:
         self.device = device
         self._lock = threading.Lock()
+        # what is done on and off comes in the order in which it was asked for
+        self._switching = threading.RLock()
         self._on: dict[str, tuple[str, int | None]] = {}
-        self._effects: dict[str, list[tuple[Callable[[], None], Callable[[], None]]]] = {}
+        self._effects: dict[str, list[tuple[Callable[[], None], Callable[[], None] | None]]] = {}
 
-    def when(self, name: str, on: Callable[[], None], off: Callable[[], None]) -> None:
-        """Say what is done when the fault of that name is switched on, and when it is cleared."""
+    def when(self, name: str, on: Callable[[], None], off: Callable[[], None] | None = None) -> None:
+        """Say what is done when the fault of that name is switched on, and when it is cleared.
+
+        Without `off` it is over as soon as it happened: switched on again, it happens again.
+        """
         self._effects.setdefault(name, []).append((on, off))
 
     def switch_on(self, text: str) -> None:
@@ -121,21 +134,31 @@ class FaultPanel:
                 f"fault {fault.name!r}: expected one that {self.device} can have "
                 f"({', '.join(names(self.device))}), got one of {', '.join(fault.devices)}"
             )
-        with self._lock:
-            fresh = fault.name not in self._on
-            self._on[fault.name] = (value, count)
-        for on, _ in self._effects.get(fault.name, ()) if fresh else ():
-            on()
+        with self._switching:
+            fresh = fault.name not in self.active
+            with self._lock:
+                self._on[fault.name] = (value, count)
+            for on, off in self._effects.get(fault.name, ()):
+                if fresh or off is None:
+                    on()
 
     def clear(self, name: str = "") -> None:
-        """Switch one fault off, or all of them; harmless when it is not on."""
-        with self._lock:
-            gone = [each for each in self._on if name in ("", each)]
-            for each in gone:
-                del self._on[each]
-        for each in gone:
-            for _, off in self._effects.get(each, ()):
-                off()
+        """Switch one fault off, or all of them; harmless when it is not on.
+
+        Raises
+        ------
+        OSError
+            If a port that was unplugged is another program's by now; the fault is still on then.
+        """
+        with self._switching:
+            for each in self.active:
+                if name not in ("", each):
+                    continue
+                for _, off in self._effects.get(each, ()):
+                    if off is not None:
+                        off()
+                with self._lock:
+                    self._on.pop(each, None)
 
     @property
     def active(self) -> list[str]:
@@ -169,14 +192,24 @@ def parse(text: str) -> tuple[Fault, str, int | None]:
         raise ValueError(f"fault {name!r}: expected one of {', '.join(FAULTS)}")
     value = (rest.pop(0) if rest else fault.default) if fault.value else ""
     count = rest.pop(0) if rest and fault.counted else None
-    if rest or (count is not None and not (count.isdecimal() and int(count) > 0)):
+    if rest or (count is not None and not (_is_number(count) and int(count) > 0)):
         raise ValueError(f"fault {text!r}: expected {fault.usage}")
-    if fault.value in ("SECONDS", "CODE"):
-        _require_number(fault, value, text)
+    _require_value(fault, value, text)
     return fault, value, None if count is None else int(count)
 
 
-def _require_number(fault: Fault, value: str, text: str) -> None:
-    digits = value.replace(".", "", 1) if fault.value == "SECONDS" else value
-    if not digits.isdecimal():
-        raise ValueError(f"fault {text!r}: expected {fault.usage} with a number, got {value!r}")
+def _require_value(fault: Fault, value: str, text: str) -> None:
+    if not fault.value:
+        return
+    if fault.highest:
+        wanted = f"a number from {fault.lowest} to {fault.highest}"
+        digits = value.replace(".", "", 1) if fault.value == "SECONDS" else value
+        good = _is_number(digits) and fault.lowest <= float(value) <= fault.highest
+    else:
+        wanted, good = "one word of letters", value.isascii() and value.isalpha()
+    if not good:
+        raise ValueError(f"fault {text!r}: expected {fault.usage} with {wanted}, got {value!r}")
+
+
+def _is_number(text: str) -> bool:
+    return text.isascii() and text.isdecimal() and len(text) < 10

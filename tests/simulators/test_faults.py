@@ -2,6 +2,7 @@
 
 import os
 import select
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -9,10 +10,11 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import VirtualClock
+from simulators.device_faults import stage_faults
 from simulators.faults import FAULTS, FaultPanel, names, parse
 from simulators.rig_faults import RigFaults
 from simulators.stage_device import StageDevice
-from simulators.stage_wire import StageServer
+from simulators.stage_wire import StageServer, StageTcpServer
 
 FIRST, SECOND = b"@01 0 00 OK IDLE WR 0:BE\r\n", b"@01 0 01 OK IDLE WR 0:BD\r\n"
 """Answers to `get pos` with the ids 00 and 01; checksums from the vendor's way of counting."""
@@ -138,7 +140,15 @@ def test_faults_of_the_stage_end_its_motion(name):
         ("drop:x", r"expected drop\[:COUNT\]"),
         ("drop:0", r"expected drop\[:COUNT\]"),
         ("drop:1:2", r"expected drop\[:COUNT\]"),
-        ("delay:soon", "with a number, got 'soon'"),
+        ("drop:²", r"expected drop\[:COUNT\]"),
+        ("drop:" + "9" * 5000, r"expected drop\[:COUNT\]"),
+        ("delay:soon", "with a number from 0 to 3600, got 'soon'"),
+        ("delay:1e3", "with a number from 0 to 3600"),
+        ("delay:99999", "with a number from 0 to 3600"),
+        ("delay:", "with a number from 0 to 3600"),
+        ("reject:", "with one word of letters"),
+        ("reject:NOT NOW", "with one word of letters"),
+        ("reject:BESCHÄFTIGT", "with one word of letters"),
         ("delay:1:2:3", r"expected delay\[:SECONDS\]\[:COUNT\]"),
         ("unplug:1", "expected unplug"),
         ("nan-load", "expected one that stage can have"),
@@ -149,6 +159,12 @@ def test_a_fault_that_is_none_is_refused(text, said):
     with pytest.raises(ValueError, match=said):
         panel.switch_on(text)
     assert panel.active == []
+
+
+@pytest.mark.parametrize("code", ["0", "256", "6.5"])
+def test_a_code_that_does_not_fit_into_an_answer_is_refused(code):
+    with pytest.raises(ValueError, match="with a number from 1 to 255"):
+        FaultPanel("load_frame").switch_on(f"exception:{code}")
 
 
 def test_counted_faults_are_used_up_and_others_stay():
@@ -170,6 +186,43 @@ def test_effects_come_once_and_go_when_cleared():
     panel.clear()
     panel.clear()
     assert happened == ["pressed", "released"]
+
+
+def test_what_is_over_at_once_happens_again():
+    happened = []
+    panel = FaultPanel("stage")
+    panel.when("reset", lambda: happened.append("reset"))
+    panel.switch_on("reset")
+    panel.switch_on("reset")
+    panel.clear()
+    assert happened == ["reset", "reset"]
+
+
+def test_a_stage_may_be_reset_a_second_time():
+    clock = VirtualClock()
+    device = StageDevice(clock)
+    panel = stage_faults(FaultPanel("stage"), device)
+    for _ in range(2):
+        device.home()
+        clock.sleep(100.0)
+        assert "WR" not in device.flags
+        panel.switch_on("reset")
+        assert "WR" in device.flags
+
+
+def test_a_port_that_another_program_took_meanwhile_is_said_and_comes_back_later():
+    server = StageTcpServer(StageDevice(VirtualClock()))
+    try:
+        server.faults.switch_on("unplug")
+        host, port = server.address.split(":")
+        with socket.create_server((host, int(port))), pytest.raises(OSError, match="in use"):
+            server.faults.clear()
+        assert server.faults.active == ["unplug"]
+        server.faults.clear()
+        assert server.faults.active == []
+        socket.create_connection((host, int(port)), 10.0).close()
+    finally:
+        server.close()
 
 
 def test_a_rigs_faults_are_named_with_their_device():
