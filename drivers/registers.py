@@ -14,6 +14,8 @@ WordOrder = Literal["ABCD", "CDAB", "BADC", "DCBA"]
 Unit = Literal["", "N", "mm", "N/s", "mm/s", "s"]
 RAW_BOUNDS = {"u16": (0, 2**16), "i16": (-(2**15), 2**15), "u32": (0, 2**32), "i32": (-(2**31), 2**31)}
 FORMATS = {"u16": "H", "i16": "h", "u32": "I", "i32": "i", "f32": "f"}
+# What is so small that its register shows 0 would mean something else there: off, or never.
+NEVER_ROUNDED_TO_0 = ("N/s", "mm/s", "s")
 
 
 class Register(Settings):
@@ -28,7 +30,7 @@ class Register(Settings):
         Value in `unit` = raw value × scale.
     unit : str
     invalid : list of int
-        Raw values that mean "no value", such as 0x7FFFFFFF for a broken wire.
+        Raw values that mean "no value", such as 0x7FFFFFFF for a broken wire. Never written either.
     valid : list of two floats, optional
         Least and greatest possible value (in `unit`).
     """
@@ -48,13 +50,21 @@ class Register(Settings):
 
     @model_validator(mode="after")
     def _possible_sentinels(self) -> Self:
-        low, high = RAW_BOUNDS.get(self.type, (-math.inf, math.inf))
         for raw in self.invalid:
-            if not low <= raw < high:
+            if not self._can_show(raw):
                 raise ValueError(
-                    f"invalid: {raw} never stands in {self.type}; write it as signed or unsigned"
+                    f"invalid: {raw} never stands in {self.type}; write it as signed or unsigned, not as bits"
                 )
         return self
+
+    def _can_show(self, raw: int) -> bool:
+        if self.type != "f32":
+            low, high = RAW_BOUNDS[self.type]
+            return low <= raw < high
+        try:
+            return bool(struct.unpack(">f", struct.pack(">f", raw))[0] == raw)
+        except (struct.error, OverflowError):
+            return False
 
     @property
     def size(self) -> int:
@@ -77,23 +87,38 @@ class Register(Settings):
         raw: Number = struct.unpack(
             ">" + FORMATS[self.type], _ordered(struct.pack(f">{self.size}H", *words), order)
         )[0]
-        if raw in self.invalid or not math.isfinite(raw):
-            raise ValueError(f"no valid value ({raw})")
         value = raw if self.scale == 1.0 else raw * self.scale
-        if self.valid is not None and not self.valid[0] <= value <= self.valid[1]:
-            raise ValueError(f"{value:g} {self.unit}, outside {self.valid[0]:g} to {self.valid[1]:g}")
+        self._refuse_impossible(raw, value)
         return value
 
     def encode(self, value: Number, order: WordOrder) -> list[int]:
-        """Return the words that stand for a value; `ValueError` if the type cannot hold it."""
+        """Return the words that stand for a value.
+
+        Raises
+        ------
+        ValueError
+            If the type cannot hold it, it is none that `decode` takes, or a rate or time would become 0.
+        """
+        format = ">" + FORMATS[self.type]
         raw = value if self.scale == 1.0 else value / self.scale
         try:
-            packed = struct.pack(">" + FORMATS[self.type], raw if self.type == "f32" else round(raw))
-        except (struct.error, OverflowError) as error:
+            # some machines show the negative zero of floats as the other one
+            packed = struct.pack(format, raw + 0.0 if self.type == "f32" else round(raw))
+        except (struct.error, OverflowError, ValueError) as error:
             raise ValueError(
                 f"{value:g} {self.unit} does not fit {self.type} with scale {self.scale:g}"
             ) from error
+        (shown,) = struct.unpack(format, packed)
+        if value and not shown and self.unit in NEVER_ROUNDED_TO_0:
+            raise ValueError(f"{value:g} {self.unit} would be 0 in {self.type} with scale {self.scale:g}")
+        self._refuse_impossible(shown, value)
         return list(struct.unpack(f">{self.size}H", _ordered(packed, order)))
+
+    def _refuse_impossible(self, raw: Number, value: Number) -> None:
+        if raw in self.invalid or not math.isfinite(raw):
+            raise ValueError(f"no valid value ({raw})")
+        if self.valid is not None and not self.valid[0] <= value <= self.valid[1]:
+            raise ValueError(f"{value:g} {self.unit}, outside {self.valid[0]:g} to {self.valid[1]:g}")
 
 
 class Block(Settings):
@@ -137,12 +162,21 @@ class Block(Settings):
                 raise ValueError(f"{name} is {error}") from error
         return values
 
-    def encode(self, values: Mapping[str, Number], order: WordOrder) -> list[int]:
-        """Return the block's words; registers without a value are 0."""
-        words = [0] * self.count
-        for name, register in self.registers.items():
+    def encode(
+        self, values: Mapping[str, Number], order: WordOrder, onto: Sequence[int] | None = None
+    ) -> list[int]:
+        """Return the block's words; registers without a value are as in `onto`, or else 0.
+
+        `ValueError` names the register that cannot hold its value.
+        """
+        words = [0] * self.count if onto is None else list(onto)
+        for name, value in values.items():
+            register = self.registers[name]
             first = register.address - self.address
-            words[first : first + register.size] = register.encode(values.get(name, 0), order)
+            try:
+                words[first : first + register.size] = register.encode(value, order)
+            except ValueError as error:
+                raise ValueError(f"{name}: {error}") from error
         return words
 
 

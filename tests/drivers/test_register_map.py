@@ -143,3 +143,66 @@ def test_all_mistakes_of_a_map_are_reported_together(table):
         "overlaps blocks.watchdog",
     ):
         assert where in found
+
+
+def test_a_bit_that_the_status_has_not_got(table):
+    """It is never set: a machine in motion would be taken for one that stands."""
+    table["status"] |= {"moving": 16, "faults": {"watchdog": 17}}
+    assert mistakes(table) == [
+        "status.moving: the register has bits 0 to 15, got 16",
+        "status.faults.watchdog: the register has bits 0 to 15, got 17",
+    ]
+    # in the register that counts
+    apart = read_toml(Path(__file__).parents[2] / "drivers" / "maps" / "separate-words.toml")
+    apart["status"]["moving"] = 16
+    assert mistakes(apart) == ["status.moving: the register has bits 0 to 15, got 16"]
+
+
+@pytest.mark.parametrize(
+    ("block", "name", "change", "mistake"),
+    [
+        ("state", "status", {"type": "i16"}, "type: must be u16 or u32, got 'i16'"),
+        ("state", "executed", {"scale": 0.1}, "scale: must be 1, got 0.1"),
+        ("state", "revision", {"scale": 10.0}, "scale: must be 1, got 10"),
+        ("command", "command", {"type": "i16"}, "type: must be u16, got 'i16'"),
+        ("command", "command", {"scale": 2.0}, "scale: must be 1, got 2"),
+        ("identity", "serial", {"type": "f32"}, "type: must be u16 or u32 or i16 or i32, got 'f32'"),
+    ],
+)
+def test_a_number_that_is_no_measurement_stands_as_it_is(table, block, name, change, mistake):
+    """A hold whose command word does not fit its register could never be sent."""
+    table["blocks"][block]["registers"][name] |= change
+    assert mistakes(table) == [f"blocks.{block}.registers.{name}.{mistake}"]
+
+
+def test_names_of_the_driver_mean_nothing_in_other_blocks(table):
+    table["blocks"]["state"]["registers"]["heartbeat"] = {"address": 18, "type": "f32", "unit": "N"}
+    parse_map(table, "map.toml")
+
+
+@pytest.mark.parametrize("number", ["one", "0", "0x10", "-1", "01"])
+def test_a_meaning_of_a_number_that_is_none(table, number):
+    table["results"][number] = "something"
+    assert mistakes(table) == [
+        f"results: a decimal number above 0 is expected before each meaning, got {number}"
+    ]
+
+
+@pytest.mark.parametrize(("block", "most"), [("limits", 123), ("state", 125)])
+def test_a_block_longer_than_modbus_allows(table, block, most):
+    """MODBUS Application Protocol V1.1b3: 125 registers are read at once (6.3), 123 written (6.12)."""
+    registers = table["blocks"][block]["registers"]
+    first = max(each["address"] for each in registers.values()) + 2
+    start = min(each["address"] for each in registers.values())
+    if block == "limits":
+        for name in ("watchdog", "heartbeat"):
+            for each in table["blocks"][name]["registers"].values():
+                each["address"] += 1000
+    else:
+        for each in table["blocks"]["identity"]["registers"].values():
+            each["address"] += 1000
+    for address in range(first, start + most):
+        registers[f"spare_{address}"] = {"address": address, "type": "u16"}
+    parse_map(table, "map.toml")
+    registers["last"] = {"address": start + most, "type": "u16"}
+    assert mistakes(table) == [f"blocks.{block}: {most + 1} registers, more than {most} in one request"]
