@@ -1,8 +1,9 @@
 """A Modbus device seen through its register map: values by name instead of words by address."""
 
-from collections.abc import Collection, Mapping
+import contextlib
+from collections.abc import Collection, Iterator, Mapping
 
-from drivers.errors import DeviceFault
+from drivers.errors import DeviceError, DeviceFault
 from drivers.modbus_link import ModbusLink
 from drivers.register_map import RegisterMap
 from drivers.registers import Block, Number
@@ -33,7 +34,18 @@ class MappedDevice:
         DeviceFault
             If one of them is NaN, a sentinel or out of range.
         """
-        words = self._words(block)
+        return self._decoded(block, self._words(block, step), step, names)
+
+    def identify(self, step: str) -> dict[str, Number]:
+        """Return the identity, by which the link knows the machine again from now on."""
+        block = self._map.blocks.identity
+        words = self._words(block, step)
+        self._link.prove_by(block.table, block.address, words)
+        return self._decoded(block, words, step)
+
+    def _decoded(
+        self, block: Block, words: list[int], step: str, names: Collection[str] | None = None
+    ) -> dict[str, Number]:
         try:
             return block.decode(words, self._map.word_order, names)
         except ValueError as error:
@@ -70,46 +82,70 @@ class MappedDevice:
 
     def write(self, block: Block, values: Mapping[str, Number], step: str) -> None:
         """Write a block in one request; registers that are not named become 0."""
-        self._write_words(block, self._encode(block, values, step))
-
-    def write_checked(self, block: Block, values: Mapping[str, Number], step: str) -> None:
-        """Write a block and read it back; `DeviceFault` unless every word is the same."""
-        words = self._encode(block, values, step)
-        self._write_words(block, words)
-        if self._words(block) != words:
-            found = _shown(self.read(block, step))
-            raise self.fault(
-                step, _shown(values), f"{found} on reading back", "check the machine's own settings"
-            )
+        self._write_words(block, self._encode(block, values, step), step)
 
     def set(self, block: Block, values: Mapping[str, Number], step: str) -> None:
-        """Make a block of settings hold `values`; written only if it does not: memory wears with writing."""
+        """Make a block hold `values`, and leave its other registers alone.
+
+        It is written only if it does not hold them, for memory wears with writing, and then read back;
+        `DeviceFault` unless every word is the same.
+        """
+        found = self._words(block, step)
+        wanted = self._encode(block, values, step, found)
+        if found == wanted:
+            return
+        self._write_words(block, wanted, step)
         if not self.holds(block, values, step):
-            self.write_checked(block, values, step)
+            got = f"{_shown(self.read(block, step, values))} on reading back"
+            raise self.fault(step, _shown(values), got, "check the machine's own settings")
 
     def holds(self, block: Block, values: Mapping[str, Number], step: str) -> bool:
-        """Whether a block of settings has `values`, word for word."""
-        return self._words(block) == self._encode(block, values, step)
+        """Whether a block has `values`, word for word."""
+        found = self._words(block, step)
+        return found == self._encode(block, values, step, found)
 
     def fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
         """Return an error of this device, to be raised."""
         return DeviceFault(self.name, step, expected=expected, got=got, remedy=remedy)
 
+    def shares_link(self, other: "MappedDevice") -> bool:
+        """Whether both use one connection."""
+        return self._link is other._link
+
     def close(self) -> None:
         """Release the connection; harmless when repeated."""
         self._link.close()
 
-    def _words(self, block: Block) -> list[int]:
-        return self._link.read(block.table, block.address, block.count, urgent=self._urgent)
+    def _words(self, block: Block, step: str) -> list[int]:
+        with _during(step):
+            return self._link.read(block.table, block.address, block.count, urgent=self._urgent)
 
-    def _write_words(self, block: Block, words: list[int]) -> None:
-        self._link.write(block.address, words, urgent=self._urgent, single=block.single)
+    def _write_words(self, block: Block, words: list[int], step: str) -> None:
+        with _during(step):
+            self._link.write(block.address, words, urgent=self._urgent, single=block.single)
 
-    def _encode(self, block: Block, values: Mapping[str, Number], step: str) -> list[int]:
+    def _encode(
+        self, block: Block, values: Mapping[str, Number], step: str, onto: list[int] | None = None
+    ) -> list[int]:
         try:
-            return block.encode(values, self._map.word_order)
+            return block.encode(values, self._map.word_order, onto)
         except ValueError as error:
             raise self.fault(step, "values that fit", str(error), "correct the register map") from error
+
+
+@contextlib.contextmanager
+def _during(step: str) -> Iterator[None]:
+    """Say in errors of the link what it was used for."""
+    try:
+        yield
+    except DeviceError as error:
+        raise type(error)(
+            error.device,
+            f"{step}: {error.step}",
+            expected=error.expected,
+            got=error.got,
+            remedy=error.remedy,
+        ) from error
 
 
 def _shown(values: Mapping[str, Number]) -> str:

@@ -68,6 +68,10 @@ class ModbusFrameSettings(Settings):
         line = self.model_fields_set & {"baud", "parity", "stop_bits"}
         if line and not (place.serial or self.address.startswith("@")):
             raise ValueError(f"{', '.join(sorted(line))} belong to a serial port; remove them")
+        if place.rtu and "connections" in self.model_fields_set:
+            raise ValueError(
+                "connections belong to Modbus TCP; remove them: a line is one, and a hold goes first"
+            )
         if place.rtu and self.unit not in SERIAL_UNITS:
             raise ValueError("a unit from 1 to 247 is expected on a serial line: nobody answers a broadcast")
         return self

@@ -1,8 +1,8 @@
 """Modbus requests with answers that can be believed.
 
 Every answer is compared with its request. Nothing that writes is ever repeated here. Where answers carry no
-number (RTU), a line on which one is missing stays quiet until none can be late any more, and proves itself by
-a known answer, before anything but a hold goes out.
+number (RTU), a line on which one is missing stays quiet until none can be late any more. Then, and on every
+new connection, it proves by a known answer that the machine is the same, before anything but a hold goes out.
 """
 
 from collections.abc import Callable
@@ -12,6 +12,7 @@ from drivers.channel import CHANNEL_ERRORS, OvertakenError
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from drivers.modbus_address import ModbusAddress
 from drivers.modbus_pdu import (
+    NOBODY,
     ExceptionAnswerError,
     ForeignAnswerError,
     Request,
@@ -23,6 +24,8 @@ from drivers.modbus_wire import DamagedError, SilenceError, Wire
 from drivers.turn import Turn
 
 READ_ATTEMPTS = 2
+# What is urgent is repeated rather than waited for.
+URGENT_TIMEOUT_S = 1.0
 
 T = TypeVar("T")
 
@@ -42,7 +45,7 @@ class ModbusLink:
     unit : int
         The unit identifier behind that address.
     reply_timeout_s : float
-        Deadline for connecting, and for an answer; real time.
+        Deadline for connecting, and for an answer; real time. What is urgent gets 1 s at most.
     """
 
     def __init__(self, name: str, address: ModbusAddress, unit: int, reply_timeout_s: float) -> None:
@@ -52,12 +55,12 @@ class ModbusLink:
         self._turn = Turn()
         self._wire: Wire | None = None
         self._suspect = False
-        self._probe: Request | None = None
+        self._proof: tuple[Request, list[int]] | None = None
         self._closed = False
 
-    def prove_by(self, table: str, address: int, count: int) -> None:
-        """Name the registers to read after a missing answer: as many as no other request asks for."""
-        self._probe = read_request(table, address, count)
+    def prove_by(self, table: str, address: int, words: list[int]) -> None:
+        """Name registers that never change, and what they hold: by them the machine is known again."""
+        self._proof = read_request(table, address, len(words)), words
 
     def read(self, table: str, address: int, count: int, *, urgent: bool = False) -> list[int]:
         """Return `count` registers of the `input` or `holding` table; repeated once, for reading is harmless.
@@ -117,9 +120,10 @@ class ModbusLink:
     def _exchange(self, request: Request, urgent: bool) -> list[int]:
         if urgent:
             with self._turn.urgent():
-                return self._told(request, lambda: self._ask(request, None))
+                timeout_s = min(self._reply_timeout_s, URGENT_TIMEOUT_S)
+                return self._told(request, timeout_s, lambda: self._ask(request, timeout_s, None))
         with self._turn.ordinary():
-            return self._told(request, lambda: self._ask_in_turn(request))
+            return self._told(request, self._reply_timeout_s, lambda: self._ask_in_turn(request))
 
     def _ask_in_turn(self, request: Request) -> list[int]:
         if self._suspect:
@@ -129,31 +133,43 @@ class ModbusLink:
                 # that was the late answer, come with the proof
                 self._resynchronise()
             self._suspect = False
-        return self._ask(request, self._turn.wake)
+        return self._ask(request, self._reply_timeout_s, self._turn.wake)
 
     def _resynchronise(self) -> None:
         """Wait until no answer can be late any more, and read what is known."""
-        self._connected().quieten(self._reply_timeout_s, self._turn.wake)
-        if self._probe is not None:
-            self._ask(self._probe, self._turn.wake)
+        self._connected(self._reply_timeout_s).quieten(self._reply_timeout_s, self._turn.wake)
+        if self._proof is not None:
+            request, known = self._proof
+            found = self._ask(request, self._reply_timeout_s, self._turn.wake)
+            if found != known:
+                raise ForeignAnswerError(f"the machine with {known} in its identity", f"one with {found}")
 
-    def _ask(self, request: Request, wake: int | None) -> list[int]:
-        answer = self._connected().ask(self._unit, request.pdu, self._reply_timeout_s, wake)
+    def _ask(self, request: Request, timeout_s: float, wake: int | None) -> list[int]:
+        answer = self._connected(timeout_s).ask(self._unit, request.pdu, timeout_s, wake)
         return request.registers(answer)
 
-    def _connected(self) -> Wire:
+    def _connected(self, timeout_s: float) -> Wire:
         if self._closed:
             raise ConnectionAbortedError("the link was closed")
         if self._wire is None:
-            self._wire = self._address.open(self._reply_timeout_s)
+            self._wire = self._address.open(timeout_s)
         return self._wire
 
-    def _told(self, request: Request, ask: Callable[[], T]) -> T:
+    def _told(self, request: Request, timeout_s: float, ask: Callable[[], T]) -> T:
         """Turn what can go wrong on the wire into an error of this device."""
         step = request.step
         try:
             return ask()
         except ExceptionAnswerError as refusal:
+            if refusal.code in NOBODY:
+                remedy = "check the unit number, and the machine and its line behind the gateway"
+                raise DeviceTimeout(
+                    self.name,
+                    step,
+                    expected=f"an answer of unit {self._unit}",
+                    got=str(refusal),
+                    remedy=remedy,
+                ) from None
             remedy = "compare the register map and the limits with the machine's manual"
             raise DeviceFault(
                 self.name, step, expected="acceptance", got=str(refusal), remedy=remedy
@@ -172,7 +188,7 @@ class ModbusLink:
                 DeviceTimeout(
                     self.name,
                     step,
-                    expected=f"an answer within {self._reply_timeout_s:g} s",
+                    expected=f"an answer within {timeout_s:g} s",
                     got=str(silence),
                     remedy="check that the controller runs, its unit number and the line's settings",
                 )
@@ -203,7 +219,7 @@ class ModbusLink:
 
     def _drop(self) -> None:
         wire, self._wire = self._wire, None
-        # a new connection does not keep late answers away on a line
-        self._suspect = self._address.rtu
+        # somebody else may be there next time, and on a line late answers come over a new connection too
+        self._suspect = True
         if wire is not None:
             wire.close()

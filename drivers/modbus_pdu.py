@@ -20,6 +20,9 @@ from pymodbus.pdu.register_message import (
 
 READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY = 3, 4, 6, 16
 EXCEPTION_BIT = 0x80
+# A gateway's own answers: the device behind it said nothing, and may have acted all the same.
+NOBODY = (10, 11)
+SHOWN_MAX = 40
 EXCEPTIONS = {
     1: "illegal function",
     2: "illegal data address",
@@ -93,10 +96,10 @@ class Request:
         if self.function in (READ_HOLDING, READ_INPUT):
             (count,) = struct.unpack(">H", self.pdu[3:5])
             if len(answer) != 2 + 2 * count or answer[1] != 2 * count:
-                raise ForeignAnswerError(f"{count} registers", f"{(len(answer) - 2) / 2:g}")
+                raise ForeignAnswerError(f"{count} registers", shown(answer))
             return list(struct.unpack(f">{count}H", answer[2:]))
         if answer != self.pdu[:5]:
-            raise ForeignAnswerError(f"the echo {self.pdu[:5].hex(' ')}", answer.hex(" "))
+            raise ForeignAnswerError(f"the echo {shown(self.pdu[:5])}", shown(answer))
         return []
 
 
@@ -117,6 +120,12 @@ def write_one_request(address: int, word: int) -> Request:
     """Write one holding register by the function that every device has."""
     request = WriteSingleRegisterRequest(address=address, registers=[word])
     return Request(_encoded(request), f"write holding register {address}")
+
+
+def shown(data: bytes) -> str:
+    """Return bytes as a person reads them in a message, or the first of too many."""
+    text = data[:SHOWN_MAX].hex(" ")
+    return text if len(data) <= SHOWN_MAX else f"{text} … ({len(data)} bytes)"
 
 
 def crc(data: bytes) -> bytes:

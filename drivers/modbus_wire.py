@@ -17,6 +17,7 @@ from drivers.modbus_pdu import (
     WRITE_ONE,
     ForeignAnswerError,
     crc,
+    shown,
 )
 
 # A character on the line: start, eight data, parity and stop, or two stops.
@@ -82,14 +83,16 @@ class TcpWire:
         while True:
             while (message := self._next()) is None:
                 if not (data := self._channel.receive(deadline_s, wake)):
-                    raise SilenceError(f"the part {self._buffer.hex(' ')}" if self._buffer else "none")
+                    raise SilenceError(f"the part {shown(self._buffer)}" if self._buffer else "none")
                 self._buffer += data
             transaction, answering, answer = message
-            # an answer to an earlier request, which nobody waits for any more
             if transaction == self._transaction:
                 if answering != unit:
                     raise ForeignAnswerError(f"an answer of unit {unit}", f"one of unit {answering}")
                 return answer
+            # to an earlier request, which nobody waits for any more; there may be no end of those
+            if self._clock.now_s() > deadline_s:
+                raise SilenceError("answers to other requests")
 
     def _next(self) -> tuple[int, int, bytes] | None:
         """Take one whole message from the buffer: transaction, unit, protocol data unit."""
@@ -97,7 +100,7 @@ class TcpWire:
             return None
         transaction, protocol, length, unit = struct.unpack(">HHHB", self._buffer[:7])
         if protocol != 0 or not 2 <= length <= PDU_MAX + 1:
-            raise ForeignAnswerError("a Modbus TCP message", self._buffer[:7].hex(" "))
+            raise ForeignAnswerError("a Modbus TCP message", shown(self._buffer[:7]))
         if len(self._buffer) < 6 + length:
             return None
         answer, self._buffer = self._buffer[7 : 6 + length], self._buffer[6 + length :]
@@ -147,7 +150,7 @@ class RtuWire:
         answer = self._receive(sent_s + timeout_s, wake)
         self._busy_until_s = self._clock.now_s() + self._gap_s
         if crc(answer[:-2]) != answer[-2:]:
-            raise DamagedError(f"the damaged frame {answer.hex(' ')}")
+            raise DamagedError(f"the damaged frame {shown(answer)}")
         if answer[0] != unit:
             raise ForeignAnswerError(f"an answer of unit {unit}", f"one of unit {answer[0]}")
         return answer[1:-2]
@@ -156,12 +159,12 @@ class RtuWire:
         buffer = b""
         while (size := _frame_size(buffer)) is None or len(buffer) < size:
             if not (data := self._channel.receive(deadline_s, wake)):
-                raise SilenceError(f"the part {buffer.hex(' ')}" if buffer else "none")
+                raise SilenceError(f"the part {shown(buffer)}" if buffer else "none")
             buffer += data
         frame = buffer[:size]
         # the same frame again says nothing else; two different ones leave open which is the answer
         if buffer != (frame * (len(buffer) // size + 1))[: len(buffer)]:
-            raise DamagedError(f"more than one frame, {buffer.hex(' ')}")
+            raise DamagedError(f"more than one frame, {shown(buffer)}")
         return frame
 
     def quieten(self, silence_s: float, wake: int | None) -> None:
@@ -194,4 +197,4 @@ def _frame_size(start: bytes) -> int | None:
         return 5 + start[2]
     if function in (WRITE_ONE, WRITE_MANY):
         return 8
-    raise ForeignAnswerError("the answer to a read or a write", start.hex(" "))
+    raise ForeignAnswerError("the answer to a read or a write", shown(start))

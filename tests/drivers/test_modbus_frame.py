@@ -4,9 +4,11 @@ import struct
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 
+import drivers.modbus_commands
 import drivers.modbus_frame
 from drivers.clock import VirtualClock
 from drivers.errors import ConfigurationError, DeviceFault, DeviceTimeout, LinkLost
@@ -479,7 +481,7 @@ def test_a_hold_that_is_acknowledged_but_not_executed_is_repeated(frame, port, d
 
 
 def test_a_hold_that_is_never_confirmed_calls_for_the_emergency_stop(frame, port, monkeypatch):
-    monkeypatch.setattr(drivers.modbus_frame, "HOLD_PATIENCE_S", 0.5)
+    monkeypatch.setattr(drivers.modbus_commands, "HOLD_PATIENCE_S", 0.5)
     port.tamper = lambda request, answer: None
     with pytest.raises(DeviceTimeout, match=r"hold: expected a confirmed hold, .*press the emergency stop"):
         frame.hold()
@@ -507,7 +509,7 @@ def test_a_cable_pulled_and_replugged_between_two_reads_is_survived(frame, port)
 
 
 def test_a_server_that_is_gone_is_a_lost_link(frame, port, monkeypatch):
-    monkeypatch.setattr(drivers.modbus_frame, "HOLD_PATIENCE_S", 0.1)
+    monkeypatch.setattr(drivers.modbus_commands, "HOLD_PATIENCE_S", 0.1)
     port.close()
     with pytest.raises(LinkLost):
         frame.read()
@@ -528,9 +530,26 @@ def test_a_mute_machine_is_a_timeout(port, context):
         open_frame(settings(port.address), context)
 
 
-def test_another_unit_is_a_fault(port, context):
-    with pytest.raises(DeviceFault, match="gateway target does not answer"):
+def test_another_unit_does_not_answer(port, context):
+    with pytest.raises(DeviceTimeout, match=r"identify: .* expected an answer of unit 7, .*exception 11"):
         open_frame(settings(port.address, unit=7), context)
+
+
+def test_an_answer_lost_behind_a_gateway_is_a_lost_answer(frame, port, device):
+    """Exceptions 10 and 11 are the gateway's own: the machine may have done what it was told."""
+    lost = iter([True])
+
+    def lose(request: bytes, answer: Answer) -> bytes | None:
+        reply = answer()
+        return bytes([0x90, 11]) if is_command(request) and next(lost, False) else reply
+
+    port.tamper = lose
+    frame.go_to_displacement(0.3, 0.1)
+    assert device.read().moving
+    assert len(port.commands) == 1
+    silent = iter([True])
+    port.tamper = lambda request, answer: b"\x84\x0b" if next(silent, False) else answer()
+    assert frame.read().moving
 
 
 def test_mistakes_in_the_rig_file_are_reported_together():
@@ -563,3 +582,207 @@ def test_set_points_that_are_not_taken_are_not_followed_by_a_command(device, con
     assert commands == []
     frame.close()
     server.close()
+
+
+def test_silence_to_the_settings_before_a_motion_is_a_lost_link_too(frame, port):
+    silent = iter([True] * 2)
+
+    def lose_limits(request: bytes, answer: Answer) -> bytes | None:
+        return None if request[:3] == b"\x03\x00\x20" and next(silent, False) else answer()
+
+    port.tamper = lose_limits
+    with pytest.raises(DeviceTimeout):
+        frame.go_to_displacement(0.1, 0.1)
+    with pytest.raises(DeviceFault, match="a link that was lost"):
+        frame.go_to_displacement(0.1, 0.1)
+    frame.hold()
+    frame.go_to_displacement(0.1, 0.1)
+
+
+def test_after_a_command_that_was_not_confirmed_motion_waits_for_a_hold(frame, port, device):
+    """It may still be under way, and come when nobody expects it."""
+    lost: list[bytes] = []
+
+    def delay(request: bytes, answer: Answer) -> bytes | None:
+        if is_command(request) and len(lost) < 2:
+            lost.append(request)
+            return request[:5]
+        return answer()
+
+    port.tamper = delay
+    with pytest.raises(DeviceTimeout, match="expected command 1 executed"):
+        frame.go_to_displacement(0.1, 0.1)
+    with pytest.raises(DeviceFault, match="a command that was not confirmed"):
+        frame.go_to_displacement(0.2, 0.1)
+    frame.hold()
+    port.answer(1, lost[0])
+    assert device.read().holding
+
+
+def test_no_motion_begins_until_a_hold_was_confirmed(port, device, context, monkeypatch):
+    monkeypatch.setattr(drivers.modbus_commands, "HOLD_PATIENCE_S", 0.1)
+    frame = open_frame(settings(port.address, reply_timeout_s=0.1), context)
+    port.tamper = lambda request, answer: request[:5] if is_command(request) else answer()
+    with pytest.raises(DeviceTimeout, match="press the emergency stop"):
+        frame.hold()
+    port.tamper = lambda request, answer: answer()
+    with pytest.raises(DeviceFault, match="a hold that was not confirmed"):
+        frame.go_to_displacement(0.1, 0.1)
+    frame.hold()
+    frame.go_to_displacement(0.1, 0.1)
+    assert device.read().moving
+    frame.close()
+
+
+def test_a_hold_is_repeated_before_a_long_answer_would_have_come(port, device, context):
+    """With a minute's patience for an answer there would be one try, and the engine would give up first."""
+    frame = open_frame(settings(port.address, reply_timeout_s=60.0), context)
+    frame.go_to_displacement(1.0, 0.1)
+    lost = iter([True])
+    port.tamper = lambda request, answer: None if is_command(request) and next(lost, False) else answer()
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(frame.hold).result(30.0)
+    assert device.read().holding
+    frame.close()
+
+
+def test_another_machine_at_the_address_is_noticed_after_a_lost_connection(frame, port, clock):
+    def another(request: bytes, answer: Answer) -> bytes | None:
+        reply = answer()
+        # input registers 32 and 33, the serial number
+        return reply[:4] + b"\x00\x07" + reply[6:] if request[:3] == b"\x04\x00\x20" and reply else reply
+
+    port.tamper = another
+    assert frame.read().holding
+    port.drop_clients()
+    with pytest.raises(LinkLost, match=r"expected the machine with \[3, 23393, 260\] in its identity"):
+        frame.read()
+    with pytest.raises(DeviceFault, match="a link that was lost"):
+        frame.go_to_displacement(0.1, 0.1)
+    port.tamper = lambda request, answer: answer()
+    frame.hold()
+    frame.go_to_displacement(0.1, 0.1)
+
+
+@pytest.mark.parametrize(("connections", "after_a_pause"), [(2, 2), (1, 1)])
+def test_the_connection_for_hold_is_kept_in_use(port, clock, context, connections, after_a_pause):
+    """Switches and machines forget what is idle for hours, and a hold would be the first to find out."""
+    frame = open_frame(settings(port.address, connections=connections), context)
+    asked: list[bytes] = []
+
+    def count(request: bytes, answer: Answer) -> bytes | None:
+        asked.extend([request] if is_state(request) else [])
+        return answer()
+
+    port.tamper = count
+    for pause_s, requests in ((0.1, 1), (10.5, after_a_pause), (0.1, 1)):
+        clock.sleep(pause_s)
+        asked.clear()
+        frame.read()
+        assert len(asked) == requests
+    frame.close()
+
+
+def test_without_a_way_for_hold_nothing_moves(frame, port, clock):
+    clock.sleep(10.5)
+    asked = iter([True])
+    port.tamper = lambda request, answer: answer() if not is_state(request) or next(asked, False) else None
+    with pytest.raises(DeviceTimeout, match="keep the connection for hold"):
+        frame.read()
+    port.tamper = lambda request, answer: answer()
+    with pytest.raises(DeviceFault, match="a link that was lost"):
+        frame.go_to_displacement(0.1, 0.1)
+
+
+def test_a_machine_that_takes_one_connection_only_is_told_how(port, context):
+    identified = iter([False])
+
+    def one_only(request: bytes, answer: Answer) -> bytes | None:
+        if request[:3] == b"\x04\x00\x20" and next(identified, True):
+            return None
+        return answer()
+
+    port.tamper = one_only
+    with pytest.raises(DeviceTimeout, match=r"open the connection for hold: .*set connections = 1"):
+        open_frame(settings(port.address, reply_timeout_s=0.1), context)
+
+
+def test_what_else_stands_among_the_settings_is_left_alone(port, context, tmp_path):
+    """A map may declare what it does not know, and a zero may mean anything there."""
+    generic = (Path(drivers.modbus_frame.__file__).parent / "maps" / "generic.toml").read_text()
+    after = 'registers.load_rate_max = { address = 42, type = "f32", unit = "N/s" }\n'
+    assert after in generic
+    path = tmp_path / "map.toml"
+    path.write_text(generic.replace(after, after + 'registers.unknown = { address = 44, type = "u16" }\n'))
+    unknown = b"\x12\x34"
+
+    def one_more(request: bytes, answer: Answer) -> bytes | None:
+        nonlocal unknown
+        if request == bytes.fromhex("03 0020 000D"):
+            reply = FrameServer.answer(port, 1, bytes.fromhex("03 0020 000C"))
+            return b"\x03\x1a" + reply[2:] + unknown
+        if request[:6] == bytes.fromhex("10 0020 000D 1A"):
+            unknown = request[-2:]
+            FrameServer.answer(port, 1, bytes.fromhex("10 0020 000C 18") + request[6:-2])
+            return request[:5]
+        return answer()
+
+    port.tamper = one_more
+    frame = open_frame(settings(port.address, map=str(path)), context)
+    assert port.device.limits.load_max_n == 12000.0
+    assert unknown == b"\x12\x34"
+    frame.go_to_displacement(0.1, 0.1)
+    frame.close()
+
+
+def test_set_points_that_a_motion_does_not_need_stay_as_they_are(device, context):
+    """A machine that stands at its load would follow a set point of 0 N before the command comes."""
+    server = FrameServer(device, layout=LAYOUTS["separate-words"])
+    frame = open_frame(settings(server.address, map="separate-words"), context)
+    frame.go_to_load(1500.0, 100.0)
+    frame.go_to_displacement(0.25, 0.125)
+    # displacement, speed, load, load rate
+    reply = server.answer(1, bytes.fromhex("03 0000 0008"))
+    assert struct.unpack(">ffff", reply[2:]) == (0.25, 0.125, 1500.0, 100.0)
+    frame.close()
+    server.close()
+
+
+def test_the_time_of_a_reading_is_that_of_its_answer(frame, port, clock):
+    def slow_heartbeat(request: bytes, answer: Answer) -> bytes | None:
+        if request[:3] == b"\x10\x00\x42":
+            clock.sleep(0.4)
+        return answer()
+
+    port.tamper = slow_heartbeat
+    asked_s = clock.now_s()
+    assert frame.read().time_s == asked_s
+
+
+def test_the_watchdog_is_fed_before_a_motion(frame, port):
+    """Some count all the time: after a long pause such a machine would stop at once."""
+    seen: list[str] = []
+
+    def watch(request: bytes, answer: Answer) -> bytes | None:
+        if request[:3] == b"\x10\x00\x42":
+            seen.append("heartbeat")
+        if is_command(request):
+            seen.append("command")
+        return answer()
+
+    port.tamper = watch
+    frame.go_to_displacement(0.1, 0.1)
+    assert seen == ["heartbeat", "command"]
+
+
+def test_a_link_says_what_it_was_used_for(frame, port):
+    port.tamper = lambda request, answer: b"\x90\x04" if request[0] == 16 else answer()
+    with pytest.raises(DeviceFault, match=r"feed the watchdog: write holding registers 66 to 66: .*failure"):
+        frame.read()
+
+
+def test_two_connections_mean_nothing_on_a_line():
+    limits = {"load_max_n": 1000.0, "displacement_max_mm": 5.0}
+    for address in ("/dev/ttyUSB0", "rtu://192.168.0.9:4001"):
+        with pytest.raises(ValueError, match="connections belong to Modbus TCP"):
+            ModbusFrameSettings(address=address, connections=2, **limits)

@@ -1,6 +1,8 @@
 import socket
 import struct
+import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import pytest
@@ -162,3 +164,80 @@ def test_a_cut_connection_is_made_again_for_the_next_read():
 
     with served(device) as link:
         assert link.read("input", 0, 1) == [1]
+
+
+def test_answers_to_other_requests_without_end_are_silence():
+    """Each restarts no clock: the deadline is one for the whole answer."""
+    strange = bytes.fromhex("7777 0000 0005 01 04 02 0001") * 100
+    asked, told = threading.Event(), threading.Event()
+
+    def converse(connection: socket.socket) -> None:
+        assert connection.recv(300)
+        asked.set()
+        while not told.is_set():
+            connection.sendall(strange)
+
+    server = TcpServer(converse, "127.0.0.1", 0)
+    link = ModbusLink("frame", ModbusAddress(server.address), unit=1, reply_timeout_s=IMPATIENT_S)
+    with ThreadPoolExecutor(1) as pool:
+        writing = pool.submit(link.write, 1, [1])
+        assert asked.wait(30.0)
+        try:
+            with pytest.raises(DeviceTimeout, match=r"within 0\.2 s, got answers to other requests"):
+                writing.result(5.0)
+        finally:
+            told.set()
+            link.close()
+            server.close()
+
+
+def test_a_long_strange_answer_is_told_in_short():
+    answer = bytes.fromhex("04 F0") + bytes(240)
+    with (
+        served(lambda request: reply(request, answer), IMPATIENT_S) as link,
+        pytest.raises(LinkLost, match=r"expected 1 registers, got 04 f0( 00){38} … \(242 bytes\)"),
+    ):
+        link.read("input", 0, 1)
+
+
+@pytest.mark.parametrize("code", [10, 11])
+def test_a_gateway_without_an_answer_is_asked_again_when_reading(code):
+    codes = iter([code])
+
+    def device(request: bytes) -> bytes:
+        lost = next(codes, None)
+        return reply(request, bytes.fromhex("04 02 0001") if lost is None else bytes([0x84, lost]))
+
+    with served(device) as link:
+        assert link.read("input", 0, 1) == [1]
+    with (
+        served(lambda request: reply(request, bytes([0x90, code]))) as link,
+        pytest.raises(DeviceTimeout, match=f"exception {code} "),
+    ):
+        link.write(0, [1])
+
+
+def test_a_new_connection_proves_that_the_same_machine_is_there():
+    serial, requests, cuts = [5], [], iter([False, False, True])
+
+    def device(request: bytes) -> bytes:
+        requests.append(request[9])
+        if next(cuts, False):
+            raise OSError("the cable was pulled")
+        return reply(request, bytes([4, 2, 0, serial[0] if request[9] == 32 else 1]))
+
+    with served(device) as link:
+        link.prove_by("input", 32, link.read("input", 32, 1))
+        assert [link.read("input", 0, 1) for _ in range(2)] == [[1], [1]]
+        # known, read, cut, proven, read again
+        assert requests == [32, 0, 0, 32, 0]
+        serial[0] = 6
+        cuts = iter([True])
+        with pytest.raises(
+            LinkLost, match=r"expected the machine with \[5\] in its identity, got one with \[6\]"
+        ):
+            link.read("input", 0, 1)
+        requests.clear()
+        with pytest.raises(LinkLost, match="identity"):
+            link.write(0, [1])
+        assert set(requests) == {32}

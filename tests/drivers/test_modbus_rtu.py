@@ -153,7 +153,7 @@ def answers_one_late(times: int) -> Callable[[bytes], bytes]:
 
 
 def test_one_late_answer_is_waited_out_and_never_taken_for_the_next_ones(slave, impatient):
-    impatient.prove_by("input", 32, 3)
+    impatient.prove_by("input", 32, [1, 2, 3])
     slave.answer = answers_one_late(1)
     assert impatient.read("input", 8, 1) == [7]
     # asked, late; the proof, and with it the late answer; the proof alone; asked again
@@ -162,7 +162,7 @@ def test_one_late_answer_is_waited_out_and_never_taken_for_the_next_ones(slave, 
 
 def test_answers_that_are_always_one_late_are_never_believed(slave, impatient):
     """Without quiet and proof each would be one behind for ever."""
-    impatient.prove_by("input", 32, 3)
+    impatient.prove_by("input", 32, [1, 2, 3])
     slave.answer = answers_one_late(100)
     with pytest.raises((DeviceTimeout, LinkLost)):
         impatient.read("input", 8, 1)
