@@ -59,7 +59,7 @@ def _requests(buffer: bytes) -> Iterator[tuple[int, int]]:
             end = start + 9 + buffer[start + 6] if len(buffer) > start + 6 else len(buffer) + 1
         else:
             end = len(buffer)
-        if end <= len(buffer) and crc(buffer[start : end - 2]) == buffer[end - 2 : end]:
+        if end <= min(len(buffer), start + RTU_MAX) and crc(buffer[start : end - 2]) == buffer[end - 2 : end]:
             yield start, end
 
 

@@ -5,6 +5,8 @@ import socket
 import threading
 from collections.abc import Callable
 
+RETRY_S = 0.05
+
 
 class TcpServer:
     """Accept connections and run a conversation with each, every one in its own daemon thread.
@@ -30,7 +32,7 @@ class TcpServer:
         bound_host, bound_port = self._listener.getsockname()[:2]
         self.address = f"{bound_host}:{bound_port}"
         self._lock = threading.Lock()
-        self._closing = False
+        self._closing = threading.Event()
         self._talks: dict[socket.socket, threading.Thread] = {}
         self._accepting = threading.Thread(target=self._accept, name=f"accept {self.address}", daemon=True)
         self._accepting.start()
@@ -40,9 +42,12 @@ class TcpServer:
             try:
                 connection, _ = self._listener.accept()
             except OSError:
-                return
+                # with no descriptors left for now, whoever calls waits
+                if self._closing.wait(RETRY_S):
+                    return
+                continue
             with self._lock:
-                if self._closing:
+                if self._closing.is_set():
                     connection.close()
                     return
                 talk = threading.Thread(
@@ -71,7 +76,7 @@ class TcpServer:
     def close(self) -> None:
         """Stop listening, cut every connection and wait for the threads; harmless when repeated."""
         with self._lock:
-            self._closing = True
+            self._closing.set()
         # closing alone does not wake a thread that waits in accept
         with contextlib.suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)

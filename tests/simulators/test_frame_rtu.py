@@ -6,6 +6,7 @@ import socket
 
 import pytest
 
+import simulators.modbus_framing
 from drivers.clock import VirtualClock
 from simulators.frame_device import FrameDevice
 from simulators.frame_wire import FrameRtuServer, FrameRtuTcpServer
@@ -100,6 +101,21 @@ def test_unknown_functions_are_told(terminal):
 def test_noise_before_a_request_is_passed_over():
     request = bytes.fromhex(sealed("01 10 00 40 00 02 04 40 00 00 00"))
     assert cut_rtu(b"\x00\xff\x10" + request + request[:4]) == ([request], request[:4])
+
+
+def test_no_stretch_longer_than_a_message_is_checked(monkeypatch):
+    """A chunk of noise would keep the device busy for seconds otherwise."""
+    checked: list[int] = []
+
+    def count(data: bytes) -> bytes:
+        checked.append(len(data) + 2)
+        return crc(data)
+
+    monkeypatch.setattr(simulators.modbus_framing, "crc", count)
+    noise = bytes([0x2B, 0x10]) * 2048
+    assert cut_rtu(noise) == ([], noise[-256:])
+    # MODBUS over Serial Line V1.02, 2.3: 256 bytes are the most
+    assert max(checked) <= 256
 
 
 def test_the_same_frames_on_tcp(device):
