@@ -10,8 +10,13 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from drivers.clock import SystemClock
+from drivers.errors import LinkLost
 
 CHUNK = 4096
+# More than any device leaves unread: one that still sends then never stops.
+DRAIN_CHUNKS = 256
+# For so many times the time for sending, TCP may try to deliver what was sent.
+UNDELIVERED = 2
 TCP_PREFIX = "socket://"
 # pyserial's SerialException is an OSError, termios.error is none
 CHANNEL_ERRORS = (OSError, termios.error)
@@ -47,8 +52,10 @@ class Channel(ABC):
 
     def drain(self) -> None:
         """Forget what was received and not read."""
-        while self.receive(0.0):
-            pass
+        for _ in range(DRAIN_CHUNKS):
+            if not self.receive(0.0):
+                return
+        raise ConnectionAbortedError("the other end sends without end")
 
     def discard(self) -> None:
         """Forget what was received and not read, and what was sent and has not left yet, if it can be."""
@@ -102,8 +109,15 @@ class TcpChannel(Channel):
     """
 
     def __init__(self, host: str, port: int, timeout_s: float) -> None:
-        self._socket = socket.create_connection((host, port), timeout=timeout_s)
+        try:
+            self._socket = socket.create_connection((host, port), timeout=timeout_s)
+        except UnicodeError as error:
+            raise OSError(f"{host!r} is no host name") from error
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        # What cannot be delivered is dropped with the connection: a motion command that the system sent again
+        # once the cable is back would move what everybody believes to be standing.
+        unheard_ms = max(1, round(1000 * UNDELIVERED * timeout_s))
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, unheard_ms)
         super().__init__(self._socket)
 
     def send(self, data: bytes) -> None:
@@ -138,7 +152,7 @@ class SerialChannel(Channel):
                 write_timeout=timeout_s,
                 exclusive=True,
             )
-        except ValueError as error:
+        except (ValueError, OverflowError) as error:
             raise OSError(str(error)) from error
         super().__init__(self._serial)
 
@@ -166,6 +180,20 @@ def open_channel(url: str, baud: int, timeout_s: float) -> Channel:
     if not (host and port.isascii() and port.isdecimal() and int(port) < 2**16):
         raise OSError(f"expected {TCP_PREFIX}host:port, got {url}")
     return TcpChannel(host, int(port), timeout_s)
+
+
+def open_device(name: str, url: str, baud: int, timeout_s: float) -> Channel:
+    """Open the channel to a device; `LinkLost`, with the device's name, if that fails."""
+    try:
+        return open_channel(url, baud, timeout_s)
+    except CHANNEL_ERRORS as error:
+        raise LinkLost(
+            name,
+            "open port",
+            expected="a connection" if url.startswith(TCP_PREFIX) else "a free serial port",
+            got=str(error),
+            remedy="check address and cable, and that no other program holds the port",
+        ) from error
 
 
 def _is_pseudo_terminal(path: str) -> bool:

@@ -42,6 +42,20 @@ class Turn:
         """End the wait of an ordinary request under way, then hold the turn."""
         with self._changed:
             self._urgent += 1
+        try:
+            self._overtake()
+            try:
+                yield
+            finally:
+                self._release()
+        finally:
+            # also when the wait was broken off: nobody else would ever get a turn again
+            with self._changed:
+                self._urgent -= 1
+                self._changed.notify_all()
+
+    def _overtake(self) -> None:
+        with self._changed:
             if not self._closed:
                 os.write(self._waker, b"!")
             self._changed.wait_for(lambda: not self._taken)
@@ -49,12 +63,6 @@ class Turn:
             if not self._closed:
                 with contextlib.suppress(BlockingIOError):
                     os.read(self.wake, 64)
-        try:
-            yield
-        finally:
-            with self._changed:
-                self._urgent -= 1
-            self._release()
 
     def _release(self) -> None:
         with self._changed:

@@ -1,0 +1,22 @@
+"""A peer that sends without end."""
+
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from simulators.tcp_server import TcpServer
+
+
+@contextmanager
+def flood(data: bytes) -> Iterator[str]:
+    """Give the address of one that sends `data` again and again to whoever connects."""
+
+    def converse(connection: socket.socket) -> None:
+        while True:
+            connection.sendall(data)
+
+    server = TcpServer(converse, "127.0.0.1", 0)
+    try:
+        yield f"socket://{server.address}"
+    finally:
+        server.close()
