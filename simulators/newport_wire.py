@@ -22,6 +22,12 @@ COMMAND = re.compile(r"(?P<axis>\d*)(?P<name>[A-Z]{2})(?P<value>\?|[-+]?\d*\.?\d
 LINE_MAX = 256
 AXES = 3
 DEGREE = 7
+NUMBER_MAX = 2e9
+HOME_MODES = range(7)
+# Find no signal, but go to where the counter is 0.
+TO_THE_COUNTERS_ZERO = 0
+# Software limits are watched (bit 0), and the motion is stopped at them (bit 2).
+SOFT_LIMITS = "5H"
 VERSION = "ESP301 Version 3.0.1 6/1/99"
 SPEED_MAX_DEG_S, ACCELERATION_MAX_DEG_S2 = 40.0, 400.0
 ANSWERED_WITHOUT_MARK = frozenset({"TP", "TV", "TS", "TX", "TE", "TB", "VE", "ID", "DP"})
@@ -38,6 +44,13 @@ class NewportWire:
     serial : int
     faults : FaultPanel, optional
         One is made if none is given.
+
+    Attributes
+    ----------
+    home_mode : int
+        Which signals a home search looks for if ``OR`` does not say.
+    soft_limits : str
+        What is done at the software limits, as ``ZS?`` tells.
     """
 
     def __init__(
@@ -48,6 +61,8 @@ class NewportWire:
         self._clock = clock
         self._serial = serial
         self._turn = threading.Lock()
+        self.home_mode = 1
+        self.soft_limits = SOFT_LIMITS
         self._switch_on()
 
     def _switch_on(self) -> None:
@@ -129,7 +144,9 @@ class NewportWire:
             "SR": lambda: f"{device.limit_max / device.microsteps_per_deg:.4f}",
             "SN": lambda: str(DEGREE),
             "ID": lambda: f"URS100BCC, SN {self._serial}",
+            "OM": lambda: str(self.home_mode),
             "ZE": lambda: "3H",
+            "ZS": lambda: self.soft_limits,
         }
         if name not in readings:
             raise NewportError(errors.UNKNOWN_COMMAND)
@@ -156,9 +173,9 @@ class NewportWire:
                     device.fail("NI")
                 self._motor_on = False
             case "OR":
-                self._require_motor()
-                self._begin(device.home)
-                self._target_deg = 0.0
+                self._find_home(int(_number(value)) if value else self.home_mode)
+            case "OM":
+                self.home_mode = _home_mode(int(_number(value)))
             case "PA":
                 self._go_to(_number(value))
             case "PR":
@@ -175,6 +192,14 @@ class NewportWire:
                 self._set(name, _number(value))
             case _:
                 raise NewportError(errors.UNKNOWN_COMMAND)
+
+    def _find_home(self, mode: int) -> None:
+        if _home_mode(mode) == TO_THE_COUNTERS_ZERO:
+            self._go_to(0.0)
+            return
+        self._require_motor()
+        self._begin(self.device.home)
+        self._target_deg = 0.0
 
     def _set(self, name: str, number: float) -> None:
         device, scale = self.device, self.device.microsteps_per_deg
@@ -277,6 +302,15 @@ def _number(value: str) -> float:
     if not value:
         raise NewportError(errors.NO_PARAMETER)
     try:
-        return float(value)
+        number = float(value)
     except ValueError as error:
         raise NewportError(errors.OUT_OF_RANGE) from error
+    if abs(number) > NUMBER_MAX:
+        raise NewportError(errors.OUT_OF_RANGE)
+    return number
+
+
+def _home_mode(mode: int) -> int:
+    if mode not in HOME_MODES:
+        raise NewportError(errors.AXIS + errors.AXIS_OUT_OF_RANGE)
+    return mode

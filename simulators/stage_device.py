@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from drivers.clock import Clock
 
 # Flags that end a motion and forbid the next one until the driver is enabled again.
-DISABLING_FLAGS = ("FD", "FO", "FH")
+DISABLING_FLAGS = ("FD", "FO", "FH", "FV")
 HOMING_BACKOFF_DEG = 2.0
 
 

@@ -17,6 +17,7 @@ from simulators.stage_settings import ACCELERATION_UNIT, SPEED_UNIT, StageSettin
 MESSAGE = re.compile(r"/(?:(?P<address>\d+)(?: +(?P<axis>\d+)(?: +(?P<id>\d+|--))?)?)? *(?P<command>[^:]*)$")
 LINE_MAX = 128
 AXES = 1
+NUMBER_MAX = 2**63 - 1
 
 
 def checksum(text: str) -> str:
@@ -217,6 +218,9 @@ def _changed(reply: bytes, place: int, byte: int) -> bytes:
 
 def _integer(text: str) -> int:
     try:
-        return int(text)
+        number = int(text)
     except ValueError as error:
         raise RefusedError("BADDATA") from error
+    if abs(number) > NUMBER_MAX:
+        raise RefusedError("BADDATA")
+    return number

@@ -55,6 +55,8 @@ def test_moves_only_with_the_motor_on_and_says_so_when_asked(server, clock):
         (b"2PA1", 208),  # no stage there
         (b"4PA1", 9),  # three axes
         (b"PA1", 37),
+        (b"1PA" + b"9" * 400, 7),
+        (b"1OR7", 101),
         (b"1PA", 38),
         (b"1QQ", 6),
         (b"hello", 6),
@@ -70,6 +72,19 @@ def test_what_is_wrong_waits_in_the_queue(server, line, code):
 def test_errors_come_in_the_order_in_which_they_happened(server):
     server.answer(b"1PA1;1QQ;2PA1")
     assert server.answer(b"TE?;TE?;TE?;TE?") == b"113\r\n6\r\n208\r\n0\r\n"
+
+
+def test_home_mode_0_goes_to_the_counters_zero_and_seeks_nothing(server, device, clock):
+    server.answer(b"1MO;1PA20")
+    clock.sleep(9.0)
+    server.answer(b"1OM0;1OR")
+    clock.sleep(9.0)
+    # switched on at 12°, and nothing but the counter knows
+    assert server.answer(b"1OM?;1TP") == b"0\r\n0.0000\r\n"
+    assert device.angle_deg() == pytest.approx(12.0)
+    server.answer(b"1OR1")
+    clock.sleep(9.0)
+    assert device.angle_deg() == pytest.approx(0.0, abs=1e-9)
 
 
 def test_stop_brakes_and_abort_cuts_the_power(server, clock):

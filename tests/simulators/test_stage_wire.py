@@ -38,6 +38,7 @@ def server(clock):
         (b"/1 2 07 home", b"@01 2 07 RJ IDLE WR BADAXIS\r\n"),
         (b"/1 1 07 move abs 99999999", b"@01 1 07 RJ IDLE WR BADDATA\r\n"),
         (b"/1 1 07 move abs far", b"@01 1 07 RJ IDLE WR BADDATA\r\n"),
+        (b"/1 1 07 set maxspeed " + b"9" * 400, b"@01 1 07 RJ IDLE WR BADDATA\r\n"),
         (b"/1 1 07 set colour 5", b"@01 1 07 RJ IDLE WR BADCOMMAND\r\n"),
         # not for this stage, damaged, no reply wanted, no message
         (b"/2 0 07", b""),
