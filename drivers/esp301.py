@@ -1,28 +1,30 @@
 """Rotation stage on a Newport ESP301 (or ESP300, ESP302) motion controller."""
 
-import math
 from collections.abc import Callable
 from typing import TypeVar
 
 from drivers.address import resolve_address
-from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
+from drivers.errors import DeviceTimeout
 from drivers.esp301_port import EspPort
 from drivers.esp301_protocol import (
     DEGREES,
+    LIMITS_ACTED_ON,
+    LIMITS_WATCHED,
     MODEL,
     QUEUE_DEPTH,
     QueuedError,
+    read_bits,
     read_error,
+    read_name,
     read_number,
     read_switch,
 )
 from drivers.esp301_reference import MOTOR_OFF, Reference
 from drivers.esp301_settings import EspSettings
+from drivers.guarded_stage import STOP_ANSWER_S, GuardedStage
 from drivers.interfaces import DeviceInfo, OpenContext, StageState
-from drivers.patience import Patience, calling_for_the_emergency_stop
 from drivers.registry import DriverSpec
 
-STOP_PATIENCE_S = 5.0
 POLL_S = 0.02
 START_POLLS = 5
 POSITION_ATTEMPTS = 3
@@ -32,20 +34,22 @@ SETTING_TOLERANCE = 1e-3
 T = TypeVar("T")
 
 
-class EspStage:
+class EspStage(GuardedStage):
     """A `RotationStage` on an ESP301; construct it with `open_stage`."""
 
     info: DeviceInfo
 
     def __init__(self, settings: EspSettings, context: OpenContext, port: EspPort) -> None:
+        super().__init__(port.name, settings, context.clock)
         self._settings = settings
-        self._clock = context.clock
         self._port = port
         self._axis = settings.axis
         self._reference = Reference()
         self._empty_queue()
+        # what went wrong before was not ours; without a reference nothing moves anyhow
+        self._reference.acknowledge()
         found = MODEL.fullmatch(port.version)
-        stage, _, serial = self._ask("ID?", str).partition("SN")
+        stage, _, serial = self._ask("ID?", read_name).partition("SN")
         self.info = DeviceInfo(
             vendor="Newport",
             model=f"{found['model'] if found else ''} with {stage.strip(' ,')}",
@@ -53,6 +57,7 @@ class EspStage:
             firmware=found["firmware"] if found else "",
             simulated=settings.port.startswith("@"),
         )
+        self._home_mode = self._signals_to_home_by()
         self._configure()
 
     def read(self) -> StageState:
@@ -64,12 +69,12 @@ class EspStage:
             If motion failed or the motor was switched off; it stays until `home` acknowledges it.
         DeviceTimeout, LinkLost
         """
+        sought = self._reference.seeking
         angle_deg, moving = self._position()
         on = self._ask("MO?", read_switch)
         # the last question has an answer like no other: it proves that all answers were in their places
         errors = self._empty_queue()
-        failures = [str(error) for error in errors if error.fails(self._axis)]
-        referenced, failure = self._reference.see(on=on, moving=moving, failures=failures)
+        referenced, failure = self._reference.see(on=on, ended=sought and not moving)
         if failure:
             raise self._fault("read position", "no fault", failure, "remove the cause, then home the stage")
         warnings = [str(error) for error in errors] + ([] if on else [MOTOR_OFF])
@@ -78,84 +83,36 @@ class EspStage:
     def home(self) -> None:
         """Acknowledge past faults, switch the motor on and begin to find the reference position."""
         permit = self._unless_stopped("home")
-        stops = self._reference.stops
+        self._require_standing(not self._ask("MD?", read_switch), "home")
         self._empty_queue()
         self._reference.acknowledge()
         self._command("MO", "home", permit)
         if not self._ask("MO?", read_switch):
             raise self._fault("home", "a motor that is on", MOTOR_OFF, "check emergency stop and interlock")
         self._reference.motor_is_on()
-        mode = "" if self._settings.home_mode is None else str(self._settings.home_mode)
-        self._command(f"OR{mode}", "home", permit)
+        self._command(f"OR{self._home_mode}", "home", permit)
         self._confirm_start("home", None)
-        self._reference.seek(stops)
+        with self._stop_lock:
+            permit()
+            self._reference.seek()
 
-    def move_to(self, angle_deg: float) -> None:
-        """Begin to move to an absolute angle.
-
-        Raises
-        ------
-        DeviceFault
-            If the angle is out of limits, or the stage moves, has no reference, has a fault or refuses.
-        DeviceTimeout
-            If the stage did not begin to move. The command is never sent twice.
-        """
-        step = f"move to {angle_deg:g}°"
-        low, high = self._settings.angle_min_deg, self._settings.angle_max_deg
-        if not (math.isfinite(angle_deg) and low <= angle_deg <= high):
-            raise self._fault(
-                step, f"an angle from {low:g}° to {high:g}°", f"{angle_deg:g}°", "correct the protocol"
-            )
-        permit = self._unless_stopped(step)
-        state = self.read()
-        if state.moving:
-            raise self._fault(step, "a standing stage", "a stage in motion", "wait for its end, or stop it")
-        if not state.homed:
-            raise self._fault(step, "a referenced stage", "no reference position", "home the stage first")
+    def _begin_move(self, angle_deg: float, state: StageState, step: str, permit: Callable[[], None]) -> None:
         self._refuse_forgotten_limits(step)
         self._command(f"PA{angle_deg:.5f}", step, permit)
         self._confirm_start(step, angle_deg)
 
-    def move_by(self, angle_deg: float) -> None:
-        """Begin to move by an angle from where the stage stands; sent as an absolute one, like `move_to`."""
-        self.move_to(self.read().angle_deg + angle_deg)
-
     def set_speed(self, speed_deg_s: float) -> None:
         """Set the speed of motions to come and read it back; `DeviceFault` if the stage does not take it."""
-        greatest = self._ask("VU?", read_number)
-        if not 0 < speed_deg_s <= greatest:
-            expected = f"a speed above 0 up to {greatest:g}°/s"
-            raise self._fault("set speed", expected, f"{speed_deg_s:g}°/s", "correct the rig file")
+        self._require_speed(speed_deg_s, self._ask("VU?", read_number))
         self._set("VA", speed_deg_s, "set speed")
 
-    def stop(self) -> None:
-        """Stop now; repeated until the controller says that the stage stands still.
+    def _try_to_stop(self) -> str:
+        self._port.send(f"{self._axis}ST")
+        stands = self._port.ask_first(f"{self._axis}MD?", read_switch, STOP_ANSWER_S)
+        return "" if stands else "a stage in motion"
 
-        Other threads' questions do not delay it, and a motion command that was not yet sent is kept back.
-
-        Raises
-        ------
-        DeviceTimeout
-            If it does not confirm within 5 s.
-        LinkLost
-            If the port is gone.
-        """
-        self._reference.stop()
-        patience = Patience(self._clock, STOP_PATIENCE_S)
-        got = "silence"
-        while not patience.exhausted:
-            try:
-                with calling_for_the_emergency_stop(self._port.name):
-                    self._port.send(f"{self._axis}ST")
-                    if self._port.ask_first(f"{self._axis}MD?", read_switch):
-                        return
-                got = "a stage in motion"
-            except DeviceTimeout as silence:
-                got = silence.got
-            self._clock.sleep(POLL_S)
-        raise DeviceTimeout(
-            self._port.name, "stop", expected="standstill", got=got, remedy="press the emergency stop"
-        )
+    def _break_off_search(self) -> None:
+        self._reference.break_off()
 
     def close(self) -> None:
         """Release the port; harmless when repeated. It does not stop anything."""
@@ -168,14 +125,38 @@ class EspStage:
             raise self._fault(
                 "read unit", f"degrees ({DEGREES})", f"unit {unit:g}", "set up the axis for a rotation stage"
             )
-        low, high = self._settings.angle_min_deg, self._settings.angle_max_deg
+        low, high = self._limits_deg
         limits = [("SR", high, "set right limit"), ("SL", low, "set left limit")]
         # in the order that never crosses them
         if high <= self._ask("SL?", read_number):
             limits.reverse()
         for name, value, step in limits:
             self._set(name, value, step)
+        self._refuse_idle_limits()
         self.set_speed(self._settings.speed_deg_s)
+
+    def _signals_to_home_by(self) -> int:
+        """Return the home search's mode, the controller's own if none is given; it must look for a signal."""
+        mode = self._settings.home_mode or self._ask("OM?", read_number)
+        if mode < 1:
+            raise self._fault(
+                "read home mode",
+                "a home search that looks for a signal (1 to 6)",
+                f"{mode:g}, which goes to where the counter is 0",
+                "set home_mode, as the stage's signals are",
+            )
+        return int(mode)
+
+    def _refuse_idle_limits(self) -> None:
+        """Limits that the controller was told, but not to watch, do not hold anything."""
+        bits = self._ask("ZS?", read_bits)
+        if not (bits & LIMITS_WATCHED and bits & LIMITS_ACTED_ON):
+            raise self._fault(
+                "read limits",
+                "software limits that are watched and stop the stage (ZS with bit 0, and 1 or 2)",
+                f"{bits:X}H",
+                f"switch them on, as {self._axis}ZS5 does",
+            )
 
     def _set(self, name: str, value: float, step: str) -> None:
         self._command(f"{name}{value:.5f}", step)
@@ -185,7 +166,7 @@ class EspStage:
 
     def _refuse_forgotten_limits(self, step: str) -> None:
         """A controller that was reset and switched on again behind our back has its own limits again."""
-        for name, value in (("SL", self._settings.angle_min_deg), ("SR", self._settings.angle_max_deg)):
+        for name, value in zip(("SL", "SR"), self._limits_deg, strict=True):
             got = self._ask(f"{name}?", read_number)
             if abs(got - value) > SETTING_TOLERANCE:
                 self._reference.forget()
@@ -200,9 +181,7 @@ class EspStage:
         """Send a command once, and see whether the controller refused it."""
         self._port.send(f"{self._axis}{command}", permit)
         try:
-            errors = self._empty_queue()
-        except LinkLost:
-            raise
+            errors = self._empty_queue(after_command=True)
         except DeviceTimeout:
             return  # whether it was obeyed is seen by what the stage does
         refused = [str(error) for error in errors if error.axis in (0, self._axis)]
@@ -247,31 +226,28 @@ class EspStage:
             remedy="check the line for noise",
         )
 
-    def _empty_queue(self) -> list[QueuedError]:
+    def _empty_queue(self, *, after_command: bool = False) -> list[QueuedError]:
+        """Take out all errors, and note those after which motion has failed: nobody can read them again."""
         errors = []
         for _ in range(QUEUE_DEPTH + 1):
-            error = self._port.ask("TB?", read_error)
+            error = self._oldest_error()
             if error.code == 0:
                 break
             errors.append(error)
+            if error.fails(self._axis) and not (after_command and error.may_refuse(self._axis)):
+                self._reference.fail(str(error))
         return errors
+
+    def _oldest_error(self) -> QueuedError:
+        try:
+            return self._port.ask("TB?", read_error, attempts=1)
+        except DeviceTimeout:
+            # the answer that is missing may have been the error that ended a home search
+            self._reference.break_off()
+            return self._port.ask("TB?", read_error)
 
     def _ask(self, question: str, read: Callable[[str], T]) -> T:
         return self._port.ask(f"{self._axis}{question}", read)
-
-    def _unless_stopped(self, step: str) -> Callable[[], None]:
-        stops = self._reference.stops
-
-        def permit() -> None:
-            if self._reference.stops != stops:
-                raise self._fault(
-                    step, "no stop meanwhile", "a stop", "command the motion again if it is wanted"
-                )
-
-        return permit
-
-    def _fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
-        return DeviceFault(self._port.name, step, expected=expected, got=got, remedy=remedy)
 
 
 def open_stage(settings: EspSettings, context: OpenContext) -> EspStage:
@@ -286,7 +262,7 @@ def open_stage(settings: EspSettings, context: OpenContext) -> EspStage:
     port = EspPort(f"{context.name} ({url})", url, settings.baud, settings.reply_timeout_s)
     try:
         return EspStage(settings, context, port)
-    except DeviceError:
+    except BaseException:
         port.close()
         raise
 

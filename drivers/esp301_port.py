@@ -5,62 +5,34 @@ controller is asked for its version, and everything before that answer is thrown
 answer, such as a stop, waits for nobody's answer.
 """
 
-import threading
 from collections.abc import Callable
 from typing import TypeVar
 
-from drivers.channel import CHANNEL_ERRORS, OvertakenError, open_channel
+from drivers.channel import CHANNEL_ERRORS, OvertakenError
 from drivers.clock import SystemClock
-from drivers.errors import DeviceTimeout, LinkLost
+from drivers.errors import DeviceTimeout
 from drivers.esp301_protocol import END, MODEL
+from drivers.stage_port import StagePort
 from drivers.turn import Turn
 
 ATTEMPTS = 2
+LINE_MAX = 512
+SHOWN_MAX = 80
 
 T = TypeVar("T")
 
 
-class EspPort:
-    """An exclusively opened port; its methods may be called from any thread.
-
-    Parameters
-    ----------
-    name : str
-        The device's name and port, for messages.
-    url : str
-        A serial device's path, or ``socket://host:port``.
-    baud : int
-    reply_timeout_s : float
-        Deadline for a complete answer, in real time.
-
-    Raises
-    ------
-    LinkLost
-        If the port cannot be opened.
-    """
+class EspPort(StagePort):
+    """An exclusively opened port; its methods may be called from any thread."""
 
     def __init__(self, name: str, url: str, baud: int, reply_timeout_s: float) -> None:
-        self.name = name
-        self._reply_timeout_s = reply_timeout_s
+        super().__init__(name, url, baud, reply_timeout_s)
         self._clock = SystemClock()
         self._turn = Turn()
-        self._write_lock = threading.Lock()
         self._buffer = b""
         # what a program before left on the line is not ours
         self._suspect = True
-        self._lost: str | None = None
         self.version = ""
-        try:
-            self._channel = open_channel(url, baud, reply_timeout_s)
-        except CHANNEL_ERRORS as error:
-            self._turn.close()
-            raise LinkLost(
-                name,
-                "open port",
-                expected="a free serial port",
-                got=str(error),
-                remedy="check path and cable, and that no other program holds the port",
-            ) from error
 
     def send(self, command: str, permit: Callable[[], None] | None = None) -> None:
         """Send a command that has no answer.
@@ -77,17 +49,9 @@ class EspPort:
             If the port is gone.
         """
         with self._write_lock:
-            if permit is not None:
-                permit()
-            if self._lost is None:
-                try:
-                    self._channel.send(command.encode("ascii") + END)
-                    return
-                except CHANNEL_ERRORS as error:
-                    self._lost = str(error)
-        raise self._link_lost(command)
+            self._write(command.encode("ascii") + END, command, permit)
 
-    def ask(self, question: str, read: Callable[[str], T]) -> T:
+    def ask(self, question: str, read: Callable[[str], T], attempts: int = ATTEMPTS) -> T:
         """Ask and return the answer; asked once more if none came, or one that `read` does not understand.
 
         Parameters
@@ -95,6 +59,8 @@ class EspPort:
         question : str
         read : callable
             Turns a line into a value; `ValueError` if it cannot be the answer.
+        attempts : int
+            1 for what must not be asked again unnoticed. A question that a stop broke off always is.
 
         Raises
         ------
@@ -104,25 +70,33 @@ class EspPort:
         while True:
             try:
                 with self._turn.ordinary():
-                    return self._answer(question, read, self._turn.wake)
+                    return self._answer(question, read, self._turn.wake, self._reply_timeout_s)
             except OvertakenError:
                 continue
             except DeviceTimeout:
                 failures += 1
-                if failures == ATTEMPTS:
+                if failures == attempts:
                     raise
 
-    def ask_first(self, question: str, read: Callable[[str], T]) -> T:
+    def ask_first(self, question: str, read: Callable[[str], T], at_most_s: float) -> T:
         """Ask ahead of everybody who waits, and prove that the answer belongs to this question.
+
+        Parameters
+        ----------
+        question : str
+        read : callable
+        at_most_s : float
+            Wait no longer than that for an answer, if answers may take longer.
 
         Raises
         ------
         DeviceTimeout, LinkLost
         """
+        timeout_s = min(self._reply_timeout_s, at_most_s)
         with self._turn.urgent():
-            answer = self._answer(question, read, None)
+            answer = self._answer(question, read, None, timeout_s)
             # a late answer in place of this one would leave this one in place of the version
-            self._answer("VE?", self._same_version, None)
+            self._answer("VE?", self._same_version, None, timeout_s)
             return answer
 
     def close(self) -> None:
@@ -132,66 +106,51 @@ class EspPort:
             self._channel.close()
         self._turn.close()
 
-    def _answer(self, question: str, read: Callable[[str], T], wake: int | None) -> T:
+    def _answer(self, question: str, read: Callable[[str], T], wake: int | None, timeout_s: float) -> T:
         if self._lost is not None:
             raise self._link_lost(question)
         suspect, self._suspect = self._suspect, True
         try:
             if suspect:
-                self._resynchronise(wake)
+                self._resynchronise(wake, timeout_s)
             self._buffer = b""
             self._channel.drain()
             self.send(question)
-            line = self._line(question, wake, self._clock.now_s() + self._reply_timeout_s)
+            line = self._line(question, wake, timeout_s, self._clock.now_s() + timeout_s)
         except CHANNEL_ERRORS as error:
             self._lost = self._lost or str(error)
             raise self._link_lost(question) from error
         try:
             answer = read(line)
         except ValueError as error:
-            raise self._timeout(question, str(error)) from None
+            raise self._timeout(question, timeout_s, str(error)[:SHOWN_MAX]) from None
         self._suspect = False
         return answer
 
-    def _resynchronise(self, wake: int | None) -> None:
+    def _resynchronise(self, wake: int | None, timeout_s: float) -> None:
         """Ask for the version and throw away whatever comes before it."""
         self.send("VE?")
-        deadline_s = self._clock.now_s() + self._reply_timeout_s
+        deadline_s = self._clock.now_s() + timeout_s
         while True:
-            line = self._line("VE?", wake, deadline_s)
+            line = self._line("VE?", wake, timeout_s, deadline_s)
             if MODEL.fullmatch(line) and self.version in ("", line):
                 self.version = line
                 return
+            if self._clock.now_s() > deadline_s:
+                raise self._timeout("VE?", timeout_s, f"other lines, the last {line[:SHOWN_MAX]!r}")
 
     def _same_version(self, line: str) -> str:
         if line != self.version:
             raise ValueError(f"{line!r} instead of {self.version!r}")
         return line
 
-    def _line(self, question: str, wake: int | None, deadline_s: float) -> str:
+    def _line(self, question: str, wake: int | None, timeout_s: float, deadline_s: float) -> str:
         """Wait for a whole line."""
         while b"\n" not in self._buffer:
-            if not (data := self._channel.receive(deadline_s, wake)):
-                got = f"the part {self._buffer!r}" if self._buffer else "silence"
-                raise self._timeout(question, got)
+            data = self._channel.receive(deadline_s, wake)
+            if not data or len(self._buffer) > LINE_MAX:
+                got = f"the part {self._buffer[:SHOWN_MAX]!r}" if self._buffer else "silence"
+                raise self._timeout(question, timeout_s, got)
             self._buffer += data
         line, _, self._buffer = self._buffer.partition(b"\n")
         return line.decode("ascii", "backslashreplace").strip()
-
-    def _timeout(self, question: str, got: str) -> DeviceTimeout:
-        return DeviceTimeout(
-            self.name,
-            f"ask {question!r}",
-            expected=f"an answer within {self._reply_timeout_s:g} s",
-            got=got,
-            remedy="check power, cable, baud rate and axis",
-        )
-
-    def _link_lost(self, command: str) -> LinkLost:
-        return LinkLost(
-            self.name,
-            f"send {command!r}",
-            expected="an open port",
-            got=self._lost or "the port closed",
-            remedy="check the cable, then open the stage again and home it",
-        )

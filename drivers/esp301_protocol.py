@@ -16,11 +16,17 @@ _ERROR = re.compile(r"(?P<code>\d+) *, *(?P<stamp>\d+) *, *(?P<text>.*)")
 
 # A command arrived that the controller does not understand: noise on the line, not a fault of the stage.
 MISUNDERSTOOD = frozenset({6, 7, 9, 37, 38})
-EMERGENCY_STOP = 4
 NOT_OF_AN_AXIS = 100
 
-# Errors of an axis, less the axis number times 100, after which its last motion has failed.
-MOTION_FAILED = frozenset({2, 3, 4, 5, 6, 7, 8, 9, 13, 20})
+# Errors of an axis, less the axis number times 100, that only say that a command was not taken. After all
+# others its last motion has failed, or cannot be trusted.
+NOT_TAKEN = frozenset({1, 10, 11, 15, 16, 17, 24, 25, 26, 27, 28, 30, 31, 32})
+# Errors that may say so: of a soft limit, or a motor that is off. They may come in motion too.
+PERHAPS_NOT_TAKEN = frozenset({6, 7, 13})
+
+# Bits of the software limits' configuration, ``ZS``: they are watched; the motor is switched off, or stopped.
+LIMITS_WATCHED = 1 << 0
+LIMITS_ACTED_ON = 1 << 1 | 1 << 2
 
 
 @dataclass(frozen=True)
@@ -42,7 +48,11 @@ class QueuedError:
         """Whether the last motion of `axis` has failed by it."""
         if self.axis == 0:
             return self.code not in (0, *MISUNDERSTOOD)
-        return self.axis == axis and self.code % NOT_OF_AN_AXIS in MOTION_FAILED
+        return self.axis == axis and self.code % NOT_OF_AN_AXIS not in NOT_TAKEN
+
+    def may_refuse(self, axis: int) -> bool:
+        """Whether it may be what a command to `axis` was refused for, with the motion before it unharmed."""
+        return self.axis == axis and self.code % NOT_OF_AN_AXIS in PERHAPS_NOT_TAKEN
 
 
 def read_error(line: str) -> QueuedError:
@@ -58,6 +68,21 @@ def read_number(line: str) -> float:
     if re.fullmatch(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?", line) is None:
         raise ValueError(f"{line!r} instead of a number")
     return float(line)
+
+
+def read_bits(line: str) -> int:
+    """Read a hexadecimal number such as ``5H``; `ValueError` if it is none."""
+    match = re.fullmatch(r"([0-9A-F]+)H?", line)
+    if match is None:
+        raise ValueError(f"{line!r} instead of a hexadecimal number")
+    return int(match[1], 16)
+
+
+def read_name(line: str) -> str:
+    """Read who a stage is; `ValueError` if it is rather the controller that says its version."""
+    if MODEL.fullmatch(line):
+        raise ValueError(f"{line!r} instead of a stage's name")
+    return line
 
 
 def read_switch(line: str) -> bool:

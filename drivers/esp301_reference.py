@@ -10,16 +10,9 @@ MOTOR_OFF = "motor off"
 
 
 class Reference:
-    """What was seen of the stage so far; may be used from any thread.
-
-    Attributes
-    ----------
-    stops : int
-        How often the stage was stopped.
-    """
+    """What was seen of the stage so far; may be used from any thread."""
 
     def __init__(self) -> None:
-        self.stops = 0
         self._lock = threading.Lock()
         self._found = False
         self._seeking = False
@@ -37,24 +30,40 @@ class Reference:
         with self._lock:
             self._on = True
 
-    def seek(self, stops: int) -> None:
-        """Say that a home search has begun, unless the stage was stopped since `stops`."""
-        with self._lock:
-            self._seeking = self.stops == stops
+    @property
+    def seeking(self) -> bool:
+        """Whether a home search is under way, as far as was seen."""
+        return self._seeking
 
-    def stop(self) -> None:
-        """Say that the stage is being stopped: a home search under way finds nothing any more."""
+    def seek(self) -> None:
+        """Say that a home search has begun."""
         with self._lock:
-            self.stops += 1
+            self._seeking = True
+
+    def break_off(self) -> None:
+        """Say that a home search under way, if there is one, finds nothing that can be believed."""
+        with self._lock:
             self._seeking = False
 
     def forget(self) -> None:
         """Say that the position cannot be trusted."""
         with self._lock:
-            self._found = False
+            self._found = self._seeking = False
 
-    def see(self, *, on: bool, moving: bool, failures: list[str]) -> tuple[bool, str]:
+    def fail(self, failure: str) -> None:
+        """Say what made motion fail."""
+        with self._lock:
+            self._fail(failure)
+
+    def see(self, *, on: bool, ended: bool) -> tuple[bool, str]:
         """Take in a reading.
+
+        Parameters
+        ----------
+        on : bool
+            Whether the motor is on.
+        ended : bool
+            Whether a home search was under way before the stage was asked, and it stood then.
 
         Returns
         -------
@@ -64,12 +73,14 @@ class Reference:
         """
         with self._lock:
             if self._on and not on:
-                failures = [*failures, f"{MOTOR_OFF}: a reset, a power cut or an emergency stop"]
+                self._fail(f"{MOTOR_OFF}: a reset, a power cut or an emergency stop")
             self._on = on
-            if failures:
-                self._failure = "; ".join(failures)
-            if failures or not on:
+            if not on:
                 self._found = self._seeking = False
-            elif self._seeking and not moving:
+            elif self._seeking and ended:
                 self._found, self._seeking = True, False
             return self._found, self._failure
+
+    def _fail(self, failure: str) -> None:
+        self._failure = f"{self._failure}; {failure}" if self._failure else failure
+        self._found = self._seeking = False

@@ -17,26 +17,31 @@ _REPLY = re.compile(
     r"(?P<flag>--|[A-Z0-9]{2}) (?P<data>.*)"
 )
 
-# Flags after which the last motion has failed; all others warn.
-MOTION_FAILED = frozenset({"FS", "FD", "FO", "FH", "FE", "WL", "FF"})
-# Flags of a motor driver that takes no motion until it was enabled again.
-DISABLED = frozenset({"FD", "FO", "FH"})
 # Flags that say that the position counter does not belong to a reference.
 NOT_REFERENCED = frozenset({"WR", "WH"})
 
 FLAGS = {
+    "FA": "the encoder is out of step",
+    "FB": "the bounds of a stream were passed",
+    "FC": "a current inrush",
     "FD": "the motor driver switched itself off",
-    "FO": "the motor driver is switched off",
-    "FH": "the hardware emergency stop is pressed",
-    "FS": "the stage stalled",
     "FE": "a limit error",
     "FF": "a system error",
+    "FH": "the hardware emergency stop is pressed",
+    "FI": "the index mark is not where it was",
+    "FM": "the motor is too hot",
+    "FN": "the stage is not supported by its controller",
+    "FO": "the motor driver is switched off",
+    "FP": "the stage left its path",
+    "FQ": "an encoder error",
+    "FR": "the motor was overdriven",
+    "FS": "the stage stalled",
+    "FT": "a twist beyond what is allowed",
+    "FV": "the supply voltage is out of range, and the motor driver off",
+    "FZ": "the stage is not active",
     "WL": "an unexpected limit switch",
-    "WR": "no reference position",
-    "WH": "the stage was not homed",
-    "NI": "the motion was interrupted",
-    "NC": "the knob was turned by hand",
 }
+UNKNOWN_COMMAND = "BADCOMMAND"
 
 REJECTIONS = {
     "BADDATA": "the value is out of range or beyond the stage's own limits",
@@ -79,6 +84,11 @@ class Reply:
     busy: bool
     flag: str
     data: str
+
+
+def is_fault(flag: str) -> bool:
+    """Whether motion failed, or cannot be: every flag that the manual calls a fault, known here or not."""
+    return flag.startswith("F") or flag == "WL"
 
 
 def lrc(text: str) -> str:

@@ -5,16 +5,18 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 import drivers.esp301
+import drivers.guarded_stage
 from drivers.clock import VirtualClock
 from drivers.errors import ConfigurationError, DeviceFault, DeviceTimeout, LinkLost
 from drivers.esp301 import EspStage, open_stage
-from drivers.esp301_protocol import QueuedError, read_error, read_number, read_switch
+from drivers.esp301_protocol import QueuedError, read_bits, read_error, read_name, read_number, read_switch
 from drivers.esp301_settings import EspSettings
 from drivers.interfaces import OpenContext
 from drivers.registry import find_driver
 from drivers.settings import validate
 from simulators.newport_wire import NewportServer
 from simulators.stage_device import StageDevice
+from tests.drivers.flood import flood
 
 
 class Line(NewportServer):
@@ -95,6 +97,55 @@ def test_errors_belong_to_the_controller_or_to_an_axis():
     assert not QueuedError(6, "COMMAND DOES NOT EXIST").fails(1)
 
 
+@pytest.mark.parametrize("number", [0, 2, 3, 4, 5, 8, 9, 18, 19, 20, 21, 22, 23, 29])
+def test_errors_of_hardware_and_search_fail_the_motion(number):
+    assert QueuedError(100 + number, "").fails(1)
+    assert not QueuedError(100 + number, "").may_refuse(1)
+
+
+@pytest.mark.parametrize("number", [1, 10, 11, 15, 30])
+def test_errors_of_a_command_that_was_not_taken_fail_no_motion(number):
+    assert not QueuedError(100 + number, "").fails(1)
+
+
+def test_hexadecimal_settings_are_read_as_the_manual_writes_them():
+    assert (read_bits("123H"), read_bits("0F25H"), read_bits("5")) == (0x123, 0xF25, 5)
+    with pytest.raises(ValueError, match="instead of"):
+        read_bits("5.0")
+
+
+def test_the_version_is_no_stages_name():
+    assert read_name("TS50DC.5, SN1263") == "TS50DC.5, SN1263"
+    with pytest.raises(ValueError, match="instead of a stage's name"):
+        read_name("ESP301 Version 3.0.1 6/1/99")
+
+
+@pytest.mark.parametrize("bits", ["0H", "4H", "1H", "0F8H"])
+def test_limits_that_the_controller_does_not_watch_are_refused(line, context, bits):
+    line.soft_limits = bits
+    with pytest.raises(DeviceFault, match="software limits that are watched and stop the stage"):
+        open_stage(settings(line.address), context)
+
+
+def test_a_home_search_that_looks_for_no_signal_is_refused(line, context):
+    # 0 goes to where the counter is 0, wherever the stage was switched on
+    line.home_mode = 0
+    with pytest.raises(DeviceFault, match="a home search that looks for a signal"):
+        open_stage(settings(line.address), context)
+    with pytest.raises(ConfigurationError, match="home_mode"):
+        validate(
+            EspSettings, {"port": "x", "angle_min_deg": 0, "angle_max_deg": 1, "home_mode": 0}, "rig.toml"
+        )
+
+
+@pytest.mark.parametrize(("home_mode", "command"), [(None, "1OR1"), (4, "1OR4")])
+def test_the_home_search_is_told_which_signals_to_look_for(line, context, home_mode, command):
+    stage = open_stage(settings(line.address, home_mode=home_mode), context)
+    stage.home()
+    assert line.motions() == [command]
+    stage.close()
+
+
 def test_opening_sends_what_the_manual_says_and_moves_nothing(stage, line, device):
     assert line.received[0] == "VE?"
     assert line.motions() == []
@@ -140,6 +191,75 @@ def test_a_move_that_never_arrived_is_reported_not_repeated(homed, line, device)
         homed.move_to(20.0)
     assert line.motions() == ["1PA20.00000"]
     assert device.position == 0
+
+
+def test_a_failure_that_another_command_heard_of_first_is_not_forgotten(homed, device, clock):
+    homed.move_to(90.0)
+    clock.sleep(1.0)
+    # a limit switch stops the stage, and leaves the motor on
+    device.fail("FE")
+    with pytest.raises(DeviceFault, match="set speed: expected acceptance, got error 104"):
+        homed.set_speed(5.0)
+    for _ in range(2):
+        with pytest.raises(DeviceFault, match="read position: expected no fault, got error 104"):
+            homed.read()
+    homed.home()
+    arrive(homed, clock)
+    assert homed.read().homed
+
+
+def test_a_move_beyond_the_controllers_limits_is_refused_and_fails_nothing(homed, line):
+    line.faults.switch_on("error:106:1")
+    with pytest.raises(DeviceFault, match=r"move to 20°: expected acceptance, got error 106"):
+        homed.move_to(20.0)
+    assert homed.read().homed
+
+
+def test_a_home_search_whose_error_may_have_been_lost_found_nothing(stage, line, device, clock):
+    stage.home()
+    clock.sleep(0.1)
+    # the search hits a limit switch, and nobody hears of it: reading the queue has emptied it
+    device.fail("FE")
+    lost = iter([True])
+
+    def lose(command: str, answer: Callable[[], bytes]) -> bytes:
+        reply = answer()
+        return b"" if command == "TB?" and next(lost, False) else reply
+
+    line.tamper = lose
+    assert not stage.read().homed
+    assert not stage.read().homed
+
+
+def test_homing_in_motion_is_refused(homed, line, clock):
+    homed.move_to(90.0)
+    clock.sleep(1.0)
+    with pytest.raises(DeviceFault, match="home: expected a standing stage, got a stage in motion"):
+        homed.home()
+    assert line.motions() == ["1PA90.00000"]
+
+
+@pytest.mark.parametrize("speed_deg_s", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_speed_that_is_none_is_refused(homed, line, speed_deg_s):
+    with pytest.raises(DeviceFault, match="set speed: expected a speed above 0 up to 40°/s"):
+        homed.set_speed(speed_deg_s)
+    assert not [command for command in line.received if command.startswith("1VA")]
+
+
+@pytest.mark.parametrize("data", [b"x" * 1000, b"x\n" * 500])
+def test_a_peer_that_sends_without_end_is_told_in_time_and_in_one_short_line(context, data):
+    with flood(data) as url, ThreadPoolExecutor(1) as pool:
+        opening = pool.submit(open_stage, settings(url), context)
+        with pytest.raises((DeviceTimeout, LinkLost)) as caught:
+            opening.result(30.0)
+    assert len(str(caught.value)) < 400
+
+
+def test_a_stop_under_a_flood_ends_in_time(homed, line, monkeypatch):
+    monkeypatch.setattr(drivers.guarded_stage, "STOP_PATIENCE_S", 0.3)
+    line.tamper = lambda command, answer: b"x\n" * 2000
+    with ThreadPoolExecutor(1) as pool, pytest.raises(DeviceTimeout, match="press the emergency stop"):
+        pool.submit(homed.stop).result(30.0)
 
 
 def test_a_move_to_where_it_stands_is_done(homed):
@@ -233,7 +353,8 @@ def test_stop_goes_out_while_a_question_waits_and_the_question_is_asked_again(ho
         assert 0.0 < reading.result(30.0).angle_deg < 90.0
 
 
-def test_stop_keeps_back_a_move_that_was_not_sent_yet(homed, line):
+@pytest.mark.parametrize("move", [EspStage.move_to, EspStage.move_by])
+def test_stop_keeps_back_a_move_that_was_not_sent_yet(homed, line, move):
     polled = threading.Event()
 
     def swallow_first(command: str, answer: Callable[[], bytes]) -> bytes:
@@ -244,7 +365,7 @@ def test_stop_keeps_back_a_move_that_was_not_sent_yet(homed, line):
 
     line.tamper = swallow_first
     with ThreadPoolExecutor(1) as pool:
-        moving = pool.submit(homed.move_to, 90.0)
+        moving = pool.submit(move, homed, 90.0)
         assert polled.wait(30.0)
         homed.stop()
         with pytest.raises(DeviceFault, match="no stop meanwhile"):
@@ -262,8 +383,20 @@ def test_stop_is_repeated_until_standstill_is_confirmed(homed, line, device, clo
     assert line.received.count("1ST") >= 3
 
 
+def test_a_stop_is_repeated_however_patient_the_rig_file_is(line, context, monkeypatch):
+    monkeypatch.setattr(drivers.esp301, "STOP_ANSWER_S", 0.1)
+    stage = open_stage(settings(line.address, reply_timeout_s=60.0), context)
+    lost = iter([True])
+    line.tamper = lambda command, answer: b"" if command == "1MD?" and next(lost, False) else answer()
+    with ThreadPoolExecutor(1) as pool:
+        # long before the answer to the first question is overdue
+        pool.submit(stage.stop).result(30.0)
+    assert line.received.count("1ST") == 2
+    stage.close()
+
+
 def test_a_stop_that_is_never_confirmed_calls_for_the_emergency_stop(homed, line, monkeypatch):
-    monkeypatch.setattr(drivers.esp301, "STOP_PATIENCE_S", 0.3)
+    monkeypatch.setattr(drivers.guarded_stage, "STOP_PATIENCE_S", 0.3)
     line.tamper = lambda command, answer: b""
     with pytest.raises(DeviceTimeout, match="press the emergency stop"):
         homed.stop()

@@ -4,6 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+import drivers.guarded_stage
 import drivers.zaber
 from drivers.clock import VirtualClock
 from drivers.errors import ConfigurationError, DeviceFault, DeviceTimeout, LinkLost
@@ -11,12 +12,15 @@ from drivers.interfaces import OpenContext
 from drivers.registry import find_driver
 from drivers.settings import validate
 from drivers.zaber import ZaberStage, open_stage
-from drivers.zaber_protocol import MOTION_FAILED, lrc
+from drivers.zaber_protocol import lrc
 from drivers.zaber_settings import ZaberSettings
 from simulators.stage_device import StageDevice
 from simulators.stage_wire import StageServer, StageTcpServer
+from tests.drivers.flood import flood
 
-Answer = Callable[[bytes], bytes]
+# the faults among the constants of the vendor's client (zaber-motion, WarningFlags), one it has not got,
+# and the limit switch, after which a motion has failed too
+FAULTS = [f"F{letter}" for letter in "FNZHVOCMDQIARSBPETX"] + ["WL"]
 
 
 class Line(StageServer):
@@ -198,6 +202,115 @@ def test_homing_switches_a_motor_driver_on_again(homed, device, line, clock):
     assert homed.read().homed
 
 
+def answered(reply: bytes, words: str) -> bytes:
+    """The same answer with other words after the id, and the checksum they need."""
+    body = " ".join([*reply.decode()[1:].split()[:3], words])
+    return f"@{body}:{lrc(body)}\r\n".encode()
+
+
+def test_a_home_command_that_never_arrived_is_no_home_search(homed, line, device):
+    device.fail("FS")
+    line.tamper = lambda command, answer: b"" if command == "home" else answer()
+    # the stage still has the reference it had before it stalled, and stands still as if it had found it
+    with pytest.raises(DeviceTimeout, match="home: expected a motion, got silence"):
+        homed.home()
+    line.tamper = lambda command, answer: answer()
+    assert not homed.read().homed
+    assert line.motions() == ["home"]
+
+
+def test_a_home_search_whose_answer_is_lost_counts_when_it_has_ended(stage, line, clock):
+    line.tamper = lose("home")
+    stage.home()
+    assert not stage.read().homed
+    arrive(stage, clock)
+    assert stage.read().homed
+    assert line.motions() == ["home"]
+
+
+def test_a_stopped_search_after_a_fault_leaves_no_reference(homed, device, clock):
+    device.fail("FS")
+    homed.home()
+    homed.stop()
+    # the stage itself still calls its reference good
+    assert homed.read().warnings == ("NI",)
+    assert not homed.read().homed
+    with pytest.raises(DeviceFault, match="home the stage first"):
+        homed.move_to(10.0)
+    homed.home()
+    arrive(homed, clock)
+    homed.move_to(10.0)
+    assert arrive(homed, clock) == 10.0
+
+
+def test_homing_in_motion_is_refused(homed, line, clock):
+    homed.move_to(90.0)
+    clock.sleep(1.0)
+    with pytest.raises(DeviceFault, match="home: expected a standing stage, got a stage in motion"):
+        homed.home()
+    assert line.motions() == ["move abs 576000"]
+
+
+def test_a_fault_that_strikes_at_the_start_is_told_and_not_called_silence(homed, line, device):
+    def stall(command: str, answer: Callable[[], bytes]) -> bytes:
+        reply = answer()
+        if not command.startswith("move"):
+            return reply
+        device.fail("FS")
+        return b""
+
+    line.tamper = stall
+    with pytest.raises(DeviceFault, match="the stage stalled"):
+        homed.move_to(45.0)
+
+
+@pytest.mark.parametrize("reason", ["AGAIN", "STATUSBUSY", "REMOTE"])
+def test_a_scale_that_the_stage_does_not_tell_just_now_is_not_taken_for_right(line, context, reason):
+    line.tamper = lambda command, answer: (
+        answered(answer(), f"RJ IDLE WR {reason}") if "cycle" in command else answer()
+    )
+    with pytest.raises(DeviceFault, match=f"limit.cycle.dist: expected acceptance, got rejection {reason}"):
+        open_stage(settings(line.address, microsteps_per_deg=3200.0), context)
+
+
+def test_another_devices_standstill_is_not_this_ones(homed, line, device, clock, monkeypatch):
+    monkeypatch.setattr(drivers.guarded_stage, "STOP_PATIENCE_S", 0.3)
+    homed.move_to(90.0)
+    clock.sleep(1.0)
+
+    def foreign(command: str, answer: Callable[[], bytes]) -> bytes:
+        body = line.readdressed(answer()).decode()[1:].partition(":")[0].replace("BUSY", "IDLE")
+        return f"@{body}:{lrc(body)}\r\n".encode()
+
+    line.tamper = foreign
+    with pytest.raises(DeviceTimeout, match="an answer of device 2; press the emergency stop"):
+        homed.stop()
+
+
+@pytest.mark.parametrize("speed_deg_s", [0.0, -1.0, float("nan"), float("inf"), 1e308])
+def test_a_speed_that_is_none_is_refused_before_anything_is_sent(homed, line, speed_deg_s):
+    with pytest.raises(DeviceFault, match="set speed: expected a speed above 0 up to 10000°/s"):
+        homed.set_speed(speed_deg_s)
+    assert line.received == []
+
+
+def test_a_port_is_released_whatever_breaks_off_the_opening(line, context, monkeypatch):
+    def interrupted(stage: ZaberStage) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ZaberStage, "_configure", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            open_stage(settings(line.address), context)
+    open_stage(settings(line.address), context).close()
+
+
+def test_a_flood_of_bytes_that_are_no_answer_is_told_in_one_short_line(context):
+    with flood(b"x" * 1000) as url, pytest.raises(DeviceTimeout) as caught:
+        open_stage(settings(url, reply_timeout_s=0.2), context)
+    assert len(str(caught.value)) < 400
+
+
 def test_motion_without_a_reference_is_refused(stage, line):
     with pytest.raises(DeviceFault, match="home the stage first"):
         stage.move_to(10.0)
@@ -217,7 +330,7 @@ def test_a_second_move_while_moving_is_refused(homed):
         homed.move_to(10.0)
 
 
-@pytest.mark.parametrize("flag", sorted(MOTION_FAILED))
+@pytest.mark.parametrize("flag", FAULTS)
 def test_a_failed_motion_is_a_fault_until_homing_acknowledges_it(homed, device, clock, flag):
     homed.move_to(90.0)
     clock.sleep(1.0)
@@ -364,7 +477,8 @@ def test_stop_goes_out_while_another_request_waits_for_its_answer(line, device, 
     stage.close()
 
 
-def test_stop_keeps_back_a_move_that_was_not_sent_yet(line, device, clock, context):
+@pytest.mark.parametrize("move", [ZaberStage.move_to, ZaberStage.move_by])
+def test_stop_keeps_back_a_move_that_was_not_sent_yet(line, device, clock, context, move):
     stage = open_stage(settings(line.address, reply_timeout_s=30.0), context)
     stage.home()
     arrive(stage, clock)
@@ -381,7 +495,7 @@ def test_stop_keeps_back_a_move_that_was_not_sent_yet(line, device, clock, conte
     line.received.clear()
     line.tamper = hold_back
     with ThreadPoolExecutor(1) as pool:
-        moving = pool.submit(stage.move_to, 90.0)
+        moving = pool.submit(move, stage, 90.0)
         assert polled.wait(30.0)
         stage.stop()
         with pytest.raises(DeviceFault, match="no stop meanwhile"):
@@ -402,10 +516,22 @@ def test_stop_is_repeated_until_standstill_is_confirmed(homed, line, device, clo
 
 
 def test_a_stop_that_is_never_confirmed_calls_for_the_emergency_stop(homed, line, monkeypatch):
-    monkeypatch.setattr(drivers.zaber, "STOP_PATIENCE_S", 0.3)
+    monkeypatch.setattr(drivers.guarded_stage, "STOP_PATIENCE_S", 0.3)
     line.tamper = lambda command, answer: b""
     with pytest.raises(DeviceTimeout, match="press the emergency stop"):
         homed.stop()
+
+
+def test_a_stop_is_repeated_however_patient_the_rig_file_is(line, device, clock, context, monkeypatch):
+    monkeypatch.setattr(drivers.zaber, "STOP_ANSWER_S", 0.1)
+    stage = open_stage(settings(line.address, reply_timeout_s=60.0), context)
+    lost = iter([True])
+    line.tamper = lambda command, answer: b"" if next(lost, False) else answer()
+    with ThreadPoolExecutor(1) as pool:
+        # long before the answer to the first one is overdue
+        pool.submit(stage.stop).result(30.0)
+    assert line.received.count("stop") == 2
+    stage.close()
 
 
 def test_a_mute_stage_is_a_timeout(line, context):
@@ -477,6 +603,22 @@ def test_mistakes_in_the_rig_file_are_reported_together():
     with pytest.raises(ConfigurationError) as caught:
         validate(spec.settings, table, "rig.toml")
     assert len(caught.value.mistakes) == 3
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("microsteps_per_deg", 0.5),
+        ("microsteps_per_deg", 1e30),
+        ("speed_deg_s", 1e308),
+        ("angle_min_deg", -1e300),
+        ("angle_max_deg", 1e300),
+    ],
+)
+def test_numbers_that_no_stage_can_mean_are_a_mistake(key, value):
+    table = {"port": "/dev/ttyUSB0", "angle_min_deg": 0.0, "angle_max_deg": 9.0, key: value}
+    with pytest.raises(ConfigurationError, match=key):
+        validate(ZaberSettings, table, "rig.toml")
 
 
 def test_crossed_limits_are_a_mistake():
