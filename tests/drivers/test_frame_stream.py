@@ -7,7 +7,8 @@ import pytest
 
 from drivers.clock import VirtualClock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
-from drivers.frame_stream import FrameStream, LossKind
+from drivers.frame_losses import LossKind
+from drivers.frame_stream import FrameStream
 from drivers.interfaces import OpenContext
 from drivers.v4l2 import V4l2Camera, open_camera
 from drivers.v4l2_settings import V4l2Settings
@@ -165,3 +166,45 @@ def test_a_stream_has_the_camera_to_itself_until_it_is_closed(plugged, context):
     camera.close()
     with pytest.raises(DeviceTimeout, match="none, since the stream was closed"):
         take(stream, 1000)
+
+
+def test_whatever_ends_the_thread_is_raised_for_whoever_takes_the_frames(plugged):
+    def source(timeout_s: float) -> None:
+        raise ValueError("not foreseen")
+
+    stream = FrameStream("camera", source, plugged.clock, interval_s=1.0, silence_s=1.0, on_close=list)
+    with pytest.raises(ValueError, match="not foreseen"):
+        stream.next(float("inf"))
+    stream.close()
+
+
+def test_closing_an_old_stream_again_leaves_the_new_one_alone(plugged, context):
+    camera = opened(plugged, context)
+    old = camera.stream()
+    old.close()
+    with camera.stream() as new:
+        old.close()
+        with pytest.raises(DeviceFault, match="expected no open stream"):
+            camera.grab(1.0)
+        take(new, 3)
+    camera.close()
+
+
+def test_every_close_waits_until_the_camera_is_let_go(plugged):
+    asked, going = threading.Event(), threading.Event()
+
+    def source(timeout_s: float) -> None:
+        asked.set()
+        going.wait(PATIENCE_S)
+
+    stream = FrameStream("camera", source, plugged.clock, interval_s=1.0, silence_s=1.0, on_close=list)
+    asked.wait(PATIENCE_S)
+    closers = [threading.Thread(target=stream.close) for _ in range(2)]
+    for closer in closers:
+        closer.start()
+    closers[1].join(0.05)
+    assert all(closer.is_alive() for closer in closers)
+    going.set()
+    for closer in closers:
+        closer.join()
+    assert not stream._thread.is_alive()
