@@ -92,6 +92,7 @@ class Buffers:
 
     def take(self) -> Filled | None:
         """Take out the oldest filled buffer; None if there is none. Raises `OSError`."""
+        self._offer()  # all may have been refused: then none comes that could be given back
         buffer = self._buffer(0)
         try:
             self._node.ioctl(Request.DQBUF, buffer)
@@ -110,6 +111,9 @@ class Buffers:
         One that the kernel refuses now is offered again next time: forgotten, it would be lost for good.
         """
         self._owed.add(filled.index)
+        self._offer()
+
+    def _offer(self) -> None:
         for index in sorted(self._owed):
             try:
                 self._node.ioctl(Request.QBUF, self._buffer(index))

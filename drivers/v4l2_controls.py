@@ -1,5 +1,6 @@
 """A camera's controls: all automatics off, the rest as wanted, every one read back."""
 
+import errno
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,8 +17,6 @@ from drivers.v4l2_abi import (
 )
 from drivers.v4l2_node import Node, translate
 
-EXPOSURE_UNIT_US = 100.0
-"""Of V4L2_CID_EXPOSURE_ABSOLUTE, by the kernel's documentation."""
 MANUAL_EXPOSURE = 1
 
 # In this order: exposure and gain can only be set once their automatics are off.
@@ -68,22 +67,23 @@ class Controls:
         self._set: dict[int, int] = {}
         self.known = self._enumerate()
 
-    def switch_automatics_off(self, spared: Mapping[str, int]) -> None:
-        """Switch every automatic off that the camera has, but for those `spared` by name.
+    def switch_automatics_off(self, wanted: Mapping[str, int]) -> None:
+        """Switch every automatic off that the camera has, or set it as `wanted` by its name.
 
         Raises
         ------
         DeviceFault
-            If one stays on.
+            If one stays otherwise.
         """
         for id, off in AUTOMATICS.items():
             control = self.known.get(id)
-            if control is None or control.name in spared:
+            if control is None:
                 continue
+            value = wanted.get(control.name, off)
             if control.flags & ControlFlag.READ_ONLY:
-                self._require_off(control, off)
+                self._require(control, value)
             else:
-                self.set(control, off)
+                self.set(control, value)
 
     def named(self, name: str) -> Control:
         """Return the control of that name.
@@ -123,12 +123,11 @@ class Controls:
         request = ControlValue(id=control.id, value=value)
         try:
             self._node.ioctl(Request.S_CTRL, request)
-        except PermissionError as error:
-            raise self._fault(
-                step, str(value), "a refusal (EACCES)", "switch off the automatic that holds it"
-            ) from error
         except OSError as error:
-            raise translate(error, self._device, step, str(value)) from error
+            refusal = _REFUSALS.get(error.errno or 0)
+            if refusal is None:
+                raise translate(error, self._device, step, str(value)) from error
+            raise self._fault(step, str(value), *refusal) from error
         if (got := self.get(control)) != value:
             raise self._fault(
                 step, str(value), f"{got} on reading back", "choose a value that the camera takes"
@@ -149,6 +148,32 @@ class Controls:
         self._set[control.id] = self.get(control)
         return self._set[control.id]
 
+    def is_held(self, control: Control) -> bool:
+        """Return whether an automatic holds a control, so that what is written has no effect."""
+        query = ControlQuery(id=control.id)
+        try:
+            self._node.ioctl(Request.QUERYCTRL, query)
+        except OSError as error:
+            raise translate(error, self._device, f"query {control.name}", "its state") from error
+        return bool(query.flags & ControlFlag.INACTIVE)
+
+    def set_active(self, control: Control, value: int) -> None:
+        """Write a control that must have an effect.
+
+        Raises
+        ------
+        DeviceFault
+            As `set` does, and if an automatic holds it: some drivers take the value all the same.
+        """
+        self.set(control, value)
+        if self.is_held(control):
+            raise self._fault(
+                f"set {control.name}",
+                f"{value} in effect",
+                "a control that an automatic holds",
+                "switch that automatic off under `controls`",
+            )
+
     def verify(self) -> None:
         """Read back everything that was set.
 
@@ -166,11 +191,11 @@ class Controls:
                     "end the program that changes the camera, then start again",
                 )
 
-    def _require_off(self, control: Control, off: int) -> None:
-        if (got := self.get(control)) != off:
+    def _require(self, control: Control, value: int) -> None:
+        if (got := self.get(control)) != value:
             raise self._fault(
-                f"switch {control.name} off",
-                str(off),
+                f"set {control.name}",
+                str(value),
                 f"{got}, which cannot be changed",
                 f"use another camera, or accept it: controls = {{ {control.name} = {got} }}",
             )
@@ -199,7 +224,11 @@ class Controls:
         return DeviceFault(self._device, step, expected=expected, got=got, remedy=remedy)
 
 
-_END_OF_LIST = (22, 25)  # EINVAL; ENOTTY of a camera without any control
+_END_OF_LIST = (errno.EINVAL, errno.ENOTTY)  # the latter of a camera without any control
+_REFUSALS = {
+    errno.EACCES: ("a refusal (EACCES)", "switch off the automatic that holds it"),
+    errno.EINVAL: ("a refusal (EINVAL)", "choose a value that the camera takes"),
+}
 _NUMBERS = (
     ControlType.INTEGER,
     ControlType.BOOLEAN,

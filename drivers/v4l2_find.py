@@ -1,5 +1,6 @@
 """Finding a camera among the video nodes: by path, by bus or by serial number."""
 
+import errno
 from dataclasses import dataclass
 
 from drivers.errors import DeviceError, DeviceFault, LinkLost
@@ -7,6 +8,7 @@ from drivers.v4l2_abi import Capability, CapabilityInfo, Request
 from drivers.v4l2_node import Node, System, translate
 
 BUS, SERIAL = "bus:", "serial:"
+_NO_CAMERA = (errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.ENOTTY)
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,9 @@ def open_node(wanted: str, system: System, device: str) -> tuple[Node, Identity]
         try:
             node, identity = _open_path(path, system, device)
         except DeviceError as error:
-            refused = error if "EACCES" in error.got else refused
+            cause = error.__cause__
+            if isinstance(cause, OSError) and cause.errno not in _NO_CAMERA:
+                refused = error  # it may be the one
             continue
         node.close()
         if wanted in (BUS + identity.bus, SERIAL + identity.serial):

@@ -1,6 +1,7 @@
 """Picture format and frame rate: asked for, read back, refused if the camera chose something else."""
 
 import ctypes
+import errno
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -59,12 +60,13 @@ def set_picture(
     Raises
     ------
     DeviceFault
-        If the camera is in use, or answers another format, size or rate.
+        If the camera is in use, or answers another format, size, stride or rate.
     """
     try:
         node.ioctl(Request.S_INPUT, ctypes.c_int(input))
     except OSError as error:
-        if input or error.errno not in (22, 25):  # a camera with one input may not know the request
+        # a camera with one input may not know the request
+        if input or error.errno not in (errno.EINVAL, errno.ENOTTY):
             raise translate(error, device, "choose input", f"input {input}") from error
     wanted = f"{width} x {height} px {code}"
     format = Format(type=CAPTURE)
@@ -73,11 +75,11 @@ def set_picture(
     pix.field, pix.bytesperline = PROGRESSIVE, stride
     try:
         node.ioctl(Request.S_FMT, format)
-        _require(device, wanted, pix)
+        _require(device, wanted, pix, stride)
         rate = _set_rate(node, device, rate_hz)
         # once more: the rate may have changed it
         node.ioctl(Request.G_FMT, format)
-        _require(device, wanted, pix)
+        _require(device, wanted, pix, stride)
     except OSError as error:
         raise translate(error, device, "set format", wanted) from error
     grey = FORMATS[code]
@@ -93,12 +95,20 @@ def set_picture(
     return picture
 
 
-def _require(device: str, wanted: str, pix: PixelFormat) -> None:
+def _require(device: str, wanted: str, pix: PixelFormat, stride: int) -> None:
     got = f"{pix.width} x {pix.height} px {code_of(pix.pixelformat)}"
     if got != wanted or pix.field != PROGRESSIVE:
         got += "" if pix.field == PROGRESSIVE else f", interlaced (field {pix.field})"
         raise DeviceFault(
             device, "set format", expected=wanted, got=got, remedy="see v4l2-ctl --list-formats-ext"
+        )
+    if stride not in (0, pix.bytesperline):
+        raise DeviceFault(
+            device,
+            "set stride",
+            expected=f"rows of {stride} bytes",
+            got=f"rows of {pix.bytesperline}",
+            remedy="leave out `stride_bytes`",
         )
 
 

@@ -12,6 +12,9 @@ from typing import Any, Protocol
 
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 
+LONGEST_WAIT_S = 3600.0
+"""The kernel counts a wait's milliseconds in 32 bits."""
+
 
 class Node(Protocol):
     """An opened device node."""
@@ -23,7 +26,7 @@ class Node(Protocol):
         """Return the driver's buffer as writable memory with a method ``close``."""
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait for a filled buffer or an error; False when the time is over."""
+        """Wait for a filled buffer or an error; False when the time is over, or some of it."""
 
     def close(self) -> None:
         """Release the node; harmless when repeated."""
@@ -71,7 +74,7 @@ class KernelNode:
 
         poll = select.poll()
         poll.register(self._file, select.POLLIN)
-        return bool(poll.poll(max(0.0, timeout_s) * 1000))
+        return bool(poll.poll(min(max(0.0, timeout_s), LONGEST_WAIT_S) * 1000))
 
     def close(self) -> None:
         """Close the file; harmless when repeated."""

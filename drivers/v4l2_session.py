@@ -1,16 +1,15 @@
 """One camera from plugging in to unplugging: opened, identified, set up, filming, closed."""
 
 import errno
-import math
-from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from drivers.clock import Clock
 from drivers.errors import DeviceError, DeviceFault
 from drivers.interfaces import Frame
-from drivers.v4l2_abi import PRIORITY_RECORD, BufferFlag, ControlId, Request
+from drivers.v4l2_abi import PRIORITY_RECORD, BufferFlag, Request
 from drivers.v4l2_buffers import Buffers, Filled
-from drivers.v4l2_controls import EXPOSURE_UNIT_US, Controls
+from drivers.v4l2_controls import Controls
+from drivers.v4l2_exposure import set_exposure
 from drivers.v4l2_find import Identity
 from drivers.v4l2_format import set_picture
 from drivers.v4l2_node import Node, translate
@@ -18,20 +17,10 @@ from drivers.v4l2_pixels import Image, grey_levels
 from drivers.v4l2_settings import V4l2Settings
 from drivers.v4l2_stamps import FrameNumbers, StampRule, require_monotonic
 
-EXPOSURE_TOLERANCE = 1e-3
-MOST_BUFFERS = 32
 UNSETTLED_FRAMES = 2
 """How many frames after a change of controls may still be exposed as before."""
 SHORT = 1 << 32
 """Flag of a frame that ends too soon, above the kernel's 32 bits of flags."""
-
-
-@dataclass(frozen=True)
-class Exposure:
-    """Exposure time and gain as read back; the time is NaN where the camera does not tell it."""
-
-    time_us: float
-    gain: float
 
 
 class Session:
@@ -63,6 +52,7 @@ class Session:
         self._buffers: Buffers | None = None
         self._unsettled = UNSETTLED_FRAMES
         self._healing = False
+        self.seen = 0
         try:
             self._claim()
             self._picture = set_picture(
@@ -100,16 +90,7 @@ class Session:
         """Read all settings back; `DeviceFault` if another program has changed one."""
         self._controls.verify()
 
-    def drain(self) -> None:
-        """Give all waiting buffers back: the kernel keeps the oldest, whatever their age."""
-        # while one is given back the camera may fill another, so there may be no end
-        for _ in range(MOST_BUFFERS):
-            filled = self._take()
-            if filled is None:
-                return
-            self._give_back(filled)
-
-    def next_frame(self, timeout_s: float, after_s: float = -math.inf) -> Frame | None:
+    def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
         """Return the next frame whose exposure began after `after_s`; None when the time is over.
 
         Frames that end too soon or that the kernel flags as damaged are returned, with their flags.
@@ -126,8 +107,9 @@ class Session:
             filled = self._take()
             if filled is None:
                 left_s = deadline_s - self._clock.now_s()
-                if left_s <= 0 or not self._wait(left_s):
+                if not left_s > 0:
                     return None
+                self._wait(left_s)
                 continue
             try:
                 frame = self._frame(filled, after_s)
@@ -135,7 +117,7 @@ class Session:
                 self._give_back(filled)
             if frame is not None:
                 return frame
-            if self._clock.now_s() > deadline_s:
+            if not self._clock.now_s() <= deadline_s:
                 return None
 
     def close(self) -> None:
@@ -156,12 +138,13 @@ class Session:
                 raise translate(error, self._device, "claim camera", "a free camera") from error
 
     def _take(self) -> Filled | None:
-        """Take out a buffer; after an error of the stream, restart it once per good frame."""
+        """Take out a buffer; after an error of the stream, restart it, but not twice without a frame."""
         assert self._buffers is not None
         try:
             return self._buffers.take()
         except OSError as error:
             if self._healing or error.errno not in (errno.EIO, errno.EPIPE, errno.EINVAL):
+                self._healing = False  # the next call may try again
                 raise self._translated(error) from error
         self._healing = True
         try:
@@ -170,11 +153,12 @@ class Session:
             self._numbers.restarted()
             return self._buffers.take()
         except OSError as error:
+            self._healing = False
             raise self._translated(error) from error
 
-    def _wait(self, timeout_s: float) -> bool:
+    def _wait(self, timeout_s: float) -> None:
         try:
-            return self._node.wait(timeout_s)
+            self._node.wait(timeout_s)
         except OSError as error:
             raise self._translated(error) from error
 
@@ -190,6 +174,7 @@ class Session:
 
     def _frame(self, filled: Filled, after_s: float) -> Frame | None:
         self._healing = False
+        self.seen += 1
         require_monotonic(filled.flags, self._device)
         received_s = self._clock.now_s()
         sequence = self._numbers.number(filled.sequence, filled.stamp_s)
@@ -238,58 +223,3 @@ class Session:
 
     def _fault(self, expected: str, got: str, remedy: str) -> DeviceFault:
         return DeviceFault(self._device, "get frame", expected=expected, got=got, remedy=remedy)
-
-
-def set_exposure(controls: Controls, settings: V4l2Settings, device: str) -> Exposure:
-    """Switch the automatics off, then set exposure, gain and the other controls.
-
-    Raises
-    ------
-    DeviceFault
-        If a value is not taken; if the camera has an exposure control and the settings do not use it, or it
-        has none and they try to.
-    """
-    controls.switch_automatics_off(settings.controls)
-    time_us = _set_exposure_time(controls, settings, device)
-    gain_control = controls.known.get(ControlId.GAIN) or controls.known.get(ControlId.ANALOGUE_GAIN)
-    if gain_control is None and settings.gain is not None:
-        raise _unusable(device, "set gain", "no gain control", "leave out `gain`")
-    for name, value in settings.controls.items():
-        controls.set(controls.named(name), value)
-    if gain_control is None:
-        return Exposure(time_us, math.nan)
-    if settings.gain is None:
-        return Exposure(time_us, controls.hold(gain_control))
-    controls.set(gain_control, settings.gain)
-    return Exposure(time_us, settings.gain)
-
-
-def _set_exposure_time(controls: Controls, settings: V4l2Settings, device: str) -> float:
-    wanted_us = settings.exposure_us
-    unit_us: float | None = EXPOSURE_UNIT_US
-    control = controls.known.get(ControlId.EXPOSURE_ABSOLUTE)
-    if control is None:
-        # sensors without this control count exposure in lines, whose duration only their data sheet tells
-        control, unit_us = controls.known.get(ControlId.EXPOSURE), settings.line_us
-    if control is None:
-        if wanted_us is None:
-            return math.nan
-        raise _unusable(device, "set exposure", "no exposure control", "leave out `exposure_us`")
-    if wanted_us is None:
-        raise _unusable(device, "set exposure", "no `exposure_us`", "add it: the camera has a control for it")
-    if unit_us is None:
-        raise _unusable(device, "set exposure", "exposure in lines", "add `line_us`, the duration of a line")
-    value = round(wanted_us / unit_us)
-    if abs(value * unit_us - wanted_us) > EXPOSURE_TOLERANCE * wanted_us:
-        raise _unusable(
-            device,
-            "set exposure",
-            f"{wanted_us:g} µs",
-            f"choose a multiple of {unit_us:g} µs, as the camera does",
-        )
-    controls.set(control, value)
-    return value * unit_us
-
-
-def _unusable(device: str, step: str, got: str, remedy: str) -> DeviceFault:
-    return DeviceFault(device, step, expected="what the camera can do", got=got, remedy=remedy)

@@ -2,9 +2,10 @@
 
 from typing import Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from drivers.settings import Settings
+from drivers.v4l2_find import BUS, SERIAL
 from drivers.v4l2_pixels import FORMATS
 
 
@@ -40,9 +41,9 @@ class V4l2Settings(Settings):
     exposure_us: float | None = Field(default=None, gt=0)
     gain: int | None = None
     controls: dict[str, int] = Field(default_factory=dict)
-    input: int = Field(default=0, ge=0)
+    input: int = Field(default=0, ge=0, le=255)
     buffers: int = Field(default=4, ge=2, le=32)
-    stride_bytes: int = Field(default=0, ge=0)
+    stride_bytes: int = Field(default=0, ge=0, le=2**20)
     line_us: float | None = Field(default=None, gt=0)
     transfer_us: float | None = Field(default=None, ge=0)
 
@@ -50,6 +51,13 @@ class V4l2Settings(Settings):
     def bits(self) -> int:
         """Significant bits of a pixel; a plan tells from them how large a run will be."""
         return FORMATS[self.format].bits
+
+    @field_validator("device")
+    @classmethod
+    def _names_something(cls, device: str) -> str:
+        if device in (BUS, SERIAL):
+            raise ValueError(f"a name is expected after {device!r}")
+        return device
 
     @model_validator(mode="after")
     def _fits_between_frames(self) -> Self:

@@ -229,6 +229,8 @@ class FakeNode:
         self.camera.queued.append(buffer.index)
 
     def dqbuf(self, buffer) -> None:
+        if not self.camera.streaming:
+            raise OSError(errno.EINVAL, "not streaming")
         if not self.camera.filled:
             raise BlockingIOError(errno.EAGAIN, "nothing yet")
         done = self.camera.filled.popleft()
@@ -246,7 +248,8 @@ class FakeNode:
 
     def queryctrl(self, query) -> None:
         after = query.id & ~NEXT_CONTROL
-        later = [id for id in sorted(self.camera.controls) if id > after]
+        one = after == query.id
+        later = [id for id in sorted(self.camera.controls) if id > after or (one and id == after)]
         if not later:
             raise OSError(errno.EINVAL, "no more")
         control = self.camera.controls[later[0]]
@@ -263,7 +266,13 @@ class FakeNode:
         automatic = controls.get(ControlId.EXPOSURE_AUTO)
         if request.id == ControlId.EXPOSURE_ABSOLUTE and automatic is not None and automatic.value != 1:
             raise PermissionError(errno.EACCES, "automatic")
+        if control.flags & ControlFlag.READ_ONLY:
+            raise PermissionError(errno.EACCES, "read-only")
         control.value = request.value if control.keeps is None else control.keeps
+        exposure = controls.get(ControlId.EXPOSURE_ABSOLUTE)
+        if request.id == ControlId.EXPOSURE_AUTO and exposure is not None:
+            manual = control.value == 1
+            exposure.flags = exposure.flags & ~ControlFlag.INACTIVE if manual else ControlFlag.INACTIVE
 
 
 def _mapped(camera: FakeCamera, index: int) -> object:

@@ -1,4 +1,5 @@
 import errno
+import os
 from collections.abc import Iterator
 
 import numpy as np
@@ -11,6 +12,7 @@ from drivers.interfaces import OpenContext
 from drivers.registry import find_driver
 from drivers.v4l2 import V4l2Camera, open_camera
 from drivers.v4l2_abi import BufferFlag, ControlFlag, ControlId, Request
+from drivers.v4l2_node import KernelNode
 from drivers.v4l2_session import SHORT
 from drivers.v4l2_settings import V4l2Settings
 from tests.drivers.fake_kernel import FakeCamera, FakeControl, FakeSystem
@@ -367,3 +369,104 @@ def test_a_rig_file_cannot_ask_for_compression_or_an_exposure_longer_than_a_fram
     with pytest.raises(ValidationError, match="exposure_us must not be longer than a frame"):
         settings(exposure_us=31_300.0)
     assert issubclass(DeviceFault, DeviceError)
+
+
+def test_buffers_that_were_all_refused_are_offered_again(camera, plugged):
+    def grab_on() -> None:
+        while True:
+            camera.grab(0.5)
+
+    plugged.errors[Request.QBUF] = [errno.ENOMEM] * 100_000
+    with pytest.raises(DeviceTimeout):
+        grab_on()
+    assert not plugged.queued
+    plugged.errors.clear()
+    assert camera.grab(1.0).flags == 0
+
+
+def test_a_stream_that_could_not_be_restarted_is_tried_again_at_the_next_call(camera, plugged):
+    camera.grab(1.0)
+    plugged.errors = {Request.DQBUF: [errno.EIO], Request.STREAMON: [errno.EIO]}
+    with pytest.raises(DeviceFault, match=r"input/output error \(EIO\)"):
+        camera.grab(1.0)
+    assert camera.grab(1.0).flags == 0
+
+
+def test_what_has_a_setting_of_its_own_is_no_further_control(plugged, context):
+    for name, own in (("exposure_time_absolute", "exposure_us"), ("gain", "gain")):
+        with pytest.raises(DeviceFault, match=f"set {name}: .*under `controls`; say it by `{own}`"):
+            opened(plugged, context, controls={name: 50})
+
+
+def test_an_automatic_that_is_named_is_set_before_what_it_holds(plugged, context):
+    camera = opened(plugged, context, controls={"auto_exposure": 1})
+    assert camera.grab(1.0).exposure_us == EXPOSURE_US
+    camera.close()
+
+
+def test_an_automatic_that_cannot_be_changed_may_be_accepted(plugged, context):
+    plugged.controls[ControlId.BACKLIGHT_COMPENSATION] = FakeControl(
+        "Backlight Compensation", 1, flags=ControlFlag.READ_ONLY
+    )
+    opened(plugged, context, controls={"backlight_compensation": 1}).close()
+
+
+def test_a_control_that_an_automatic_holds_is_not_called_set(plugged, context):
+    plugged.controls[ControlId.GAIN].flags = ControlFlag.INACTIVE
+    with pytest.raises(DeviceFault, match="set gain: expected 4 in effect, got a control that an automatic"):
+        opened(plugged, context)
+    camera = opened(plugged, context, gain=None)
+    assert np.isnan(camera.grab(1.0).gain)
+    plugged.controls[ControlId.GAIN].value = 7  # as the automatic does
+    assert np.isnan(camera.grab(1.0).gain)
+    camera.close()
+
+
+def test_a_value_that_the_camera_does_not_know_is_named(plugged, context):
+    plugged.errors[Request.S_CTRL] = [errno.EINVAL]
+    with pytest.raises(DeviceFault, match=r"set auto_exposure: .*EINVAL\); choose a value that the camera"):
+        opened(plugged, context)
+
+
+def test_rows_of_another_stride_than_asked_for_are_refused(plugged, context):
+    with pytest.raises(DeviceFault, match="set stride: expected rows of 128 bytes, got rows of 64"):
+        opened(plugged, context, stride_bytes=128)
+    opened(plugged, context, stride_bytes=64).close()
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("device", "serial:"), ("device", "bus:"), ("input", 2**32), ("stride_bytes", 2**32)]
+)
+def test_what_would_be_cut_off_or_mean_any_camera_is_refused(key, value):
+    with pytest.raises(ValidationError, match=key):
+        settings(**{key: value})
+
+
+def test_a_node_that_cannot_be_asked_may_be_the_camera_that_is_looked_for(plugged, context):
+    plugged.errors[Request.QUERYCAP] = [errno.EIO]
+    with pytest.raises(DeviceFault, match=r"identify camera: .*input/output error \(EIO\)"):
+        opened(plugged, context, device="serial:A17")
+
+
+def test_frames_that_are_all_too_old_are_told_from_none(plugged, context):
+    camera = opened(plugged, context, transfer_us=1e7)
+    with pytest.raises(DeviceTimeout, match=r"got none but [1-9]\d older; allow more time"):
+        camera.grab(2.0)
+    camera.close()
+
+
+@pytest.mark.parametrize("timeout_s", [float("inf"), 1e12])
+def test_a_wait_may_be_as_long_as_anyone_likes(timeout_s, tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    node = KernelNode(str(pipe))
+    os.write(node._file, b"x")
+    assert node.wait(timeout_s)
+    node.close()
+
+
+def test_a_deadline_that_is_no_number_is_over_at_once(camera, clock):
+    asked_s = clock.now_s()
+    with pytest.raises(DeviceTimeout):
+        camera.grab(float("nan"))
+    assert clock.now_s() == asked_s
