@@ -1,43 +1,65 @@
 """GigE Vision and USB3 Vision cameras, through Debian's Aravis library (package libaravis-0.8-0)."""
 
+import contextlib
 import threading
+from collections.abc import Callable
 
 from drivers.aravis_library import Aravis, AravisError, load
 from drivers.aravis_session import Session
 from drivers.aravis_settings import AravisSettings
-from drivers.clock import VirtualClock
-from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
-from drivers.frame_stream import CAPACITY, FrameStream
-from drivers.interfaces import CameraInfo, Frame, OpenContext
+from drivers.errors import DeviceError, DeviceTimeout, LinkLost
+from drivers.filming_camera import FilmingCamera, refuse_simulated_time
+from drivers.interfaces import CameraInfo, OpenContext
 from drivers.registry import DriverSpec
 
-SILENCE_S = 1.0
-SILENCE_FRAMES = 10
-OPENING_S = 20.0
-"""How long a stream waits for a connection to be given up before the camera is opened anew."""
+GIVING_UP_S = 20.0
+"""How long `close` waits for a connection to be given up; a camera that died takes Aravis up to 13 s."""
 
 
-class AravisCamera:
+class _Aside:
+    """Something done in a thread of its own, since Aravis asks a camera that does not answer for seconds."""
+
+    def __init__(self, name: str, act: Callable[[], Session | None]) -> None:
+        self._act = act
+        self._session: Session | None = None
+        self._error: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def is_done(self, timeout_s: float) -> bool:
+        """Return whether it is done within that time."""
+        self._thread.join(max(0.0, timeout_s))
+        return not self._thread.is_alive()
+
+    def result(self) -> Session | None:
+        """Return what was opened, if anything was, or raise what was raised."""
+        if self._error is not None:
+            raise self._error
+        return self._session
+
+    def _run(self) -> None:
+        try:
+            self._session = self._act()
+        except Exception as error:  # for whoever asks for the result
+            self._error = error
+
+
+class AravisCamera(FilmingCamera[Session]):
     """A `Camera`; construct it with `open_camera`.
 
-    It films all the time; `grab` throws away what was exposed before the call. After a call that got no frame
-    the camera is not trusted: the next one opens it anew and sets it up again.
+    After a call that got no frame the camera is not trusted: it is given up, and the next call opens it anew
+    and sets it up again. Both happen aside, so that calls keep their deadlines.
     """
 
-    info: CameraInfo
+    silent_is_lost = True
 
     def __init__(self, settings: AravisSettings, context: OpenContext, library: Aravis) -> None:
+        super().__init__(f"{context.name} ({settings.camera})", context.clock)
         self._settings = settings
-        self._clock = context.clock
         self._library = library
-        self._name = f"{context.name} ({settings.camera})"
-        self._lock = threading.Lock()
-        self._stream: FrameStream | None = None
-        self._closed = False
-        self._retiring: threading.Thread | None = None
+        self._aside: _Aside | None = None
         self._serial: str | None = None
-        self._session: Session | None = self._open()
-        session = self._session
+        self._session = session = self._open()
         self._serial = session.serial
         self.info = CameraInfo(
             vendor=session.vendor,
@@ -48,125 +70,57 @@ class AravisCamera:
             bits=settings.bits,
         )
 
-    def grab(self, timeout_s: float) -> Frame:
-        """Return a frame whose exposure began after this call; its flags are Aravis' buffer status.
-
-        Raises
-        ------
-        DeviceTimeout
-            If there is none after `timeout_s`.
-        LinkLost
-            If the camera does not answer any more.
-        DeviceFault
-            If a setting has changed, or a stream is open.
-        """
-        asked_s = self._clock.now_s()
-        with self._lock:
-            session = self._ready("grab", asked_s + timeout_s)
-            session.drain()
-            frame = session.next_frame(asked_s + timeout_s - self._clock.now_s(), after_s=asked_s)
-            if frame is not None:
-                try:
-                    session.verify()
-                except AravisError as error:
-                    self._retire()
-                    raise self._lost("grab", str(error)) from error
-                return frame
-            self._retire()
-        raise self._late("grab", f"none within {timeout_s:g} s")
-
-    def stream(self, capacity: int = CAPACITY) -> FrameStream:
-        """Return a stream of all frames from now on; `grab` is refused until it is closed."""
-        with self._lock:
-            begun_s = self._clock.now_s()
-            session = self._ready("stream", begun_s + OPENING_S)
-            session.drain()
-
-            def source(timeout_s: float) -> Frame | None:
-                return session.next_frame(timeout_s, after_s=begun_s)
-
-            interval_s = 1 / self._settings.rate_hz
-            self._stream = FrameStream(
-                self._name,
-                source,
-                self._clock,
-                interval_s=interval_s,
-                silence_s=max(SILENCE_S, SILENCE_FRAMES * interval_s),
-                capacity=capacity,
-                on_close=self._stream_closed,
-            )
-            return self._stream
-
     def close(self) -> None:
-        """Release the camera; harmless when repeated."""
-        if self._stream is not None:
-            self._stream.close()
+        """Release the camera; harmless when repeated. One that died is waited for, but not for ever."""
+        super().close()
         with self._lock:
-            self._closed = True
-            self._retire()
-            if self._retiring is not None:
-                self._retiring.join()
-                self._retiring = None
+            aside, self._aside = self._aside, None
+        if aside is not None and aside.is_done(GIVING_UP_S):
+            with contextlib.suppress(DeviceError):  # a camera that could not be opened again is closed
+                if (session := aside.result()) is not None:
+                    session.close()
 
-    def _stream_closed(self) -> None:
-        self._stream = None
-
-    def _ready(self, step: str, deadline_s: float) -> Session:
-        if self._closed or self._stream is not None:
-            raise DeviceFault(
-                self._name,
-                step,
-                expected="an open camera without an open stream",
-                got="a closed camera" if self._closed else "a stream that takes every frame",
-                remedy="open the camera again"
-                if self._closed
-                else "take the frame from the stream, or close it",
-            )
-        if self._retiring is not None:
-            self._retiring.join(max(0.0, deadline_s - self._clock.now_s()))
-            if self._retiring.is_alive():
-                raise self._late(step, "a connection that is still being given up")
-            self._retiring = None
-        if self._session is None:
-            self._session = self._open()
-        return self._session
+    def _open_again(self, step: str, deadline_s: float) -> Session:
+        session: Session | None = None
+        while session is None:
+            if self._aside is None:
+                self._aside = _Aside(f"open {self._name}", self._open)
+            if not self._aside.is_done(deadline_s - self._clock.now_s()):
+                raise DeviceTimeout(
+                    self._name,
+                    step,
+                    expected="a camera that can be opened again in time",
+                    got="a connection that is still being given up or made",
+                    remedy="check cable, power and the firewall, or allow more time",
+                )
+            aside, self._aside = self._aside, None
+            session = aside.result()
+        return session
 
     def _open(self) -> Session:
         try:
             session = Session(self._library, self._settings, self._name, self._clock)
         except AravisError as error:
-            raise self._lost("open camera", str(error)) from error
+            raise self._lost(str(error)) from error
         if self._serial is not None and session.serial != self._serial:
             session.close()
-            raise self._lost("open camera", f"the camera with serial number {session.serial}")
+            raise self._lost(f"the camera with serial number {session.serial}")
         return session
 
-    def _lost(self, step: str, got: str) -> LinkLost:
+    def _lost(self, got: str) -> LinkLost:
+        known = "a free camera" if self._serial is None else f"the camera with serial number {self._serial}"
         return LinkLost(
             self._name,
-            step,
-            expected="a free camera"
-            if self._serial is None
-            else f"the camera with serial number {self._serial}",
+            "open camera",
+            expected=known,
             got=got,
             remedy="check cable, power and address, and that no other program controls the camera",
         )
 
-    def _retire(self) -> None:
-        """Close the session aside: a camera that does not answer is asked for ten seconds."""
+    def _give_up(self) -> None:
         session, self._session = self._session, None
         if session is not None:
-            self._retiring = threading.Thread(target=session.close, name=f"close {self._name}", daemon=True)
-            self._retiring.start()
-
-    def _late(self, step: str, got: str) -> DeviceTimeout:
-        return DeviceTimeout(
-            self._name,
-            step,
-            expected="a frame exposed after the call, in time",
-            got=got,
-            remedy="check cable, power and the firewall, or allow more time",
-        )
+            self._aside = _Aside(f"close {self._name}", session.close)
 
 
 def open_camera(settings: AravisSettings, context: OpenContext) -> AravisCamera:
@@ -178,14 +132,7 @@ def open_camera(settings: AravisSettings, context: OpenContext) -> AravisCamera:
         If the library is missing, the camera cannot be opened, or takes a setting differently.
     """
     name = f"{context.name} ({settings.camera})"
-    if isinstance(context.clock, VirtualClock):
-        raise DeviceFault(
-            name,
-            "open camera",
-            expected="a rig in real time",
-            got="simulated time, of which a real camera knows nothing",
-            remedy="use driver 'simulated-camera' in a simulated rig",
-        )
+    refuse_simulated_time(name, context)
     try:
         library = load()
     except OSError as error:

@@ -15,7 +15,11 @@ MISSING_PACKETS = 4
 
 
 class FakeLibrary:
-    """Behaves as Aravis does; `keeps` says which settings come back otherwise, `status` what a frame's is."""
+    """Behaves as Aravis does.
+
+    `keeps` says which settings come back otherwise, `status` what a frame's is, `waiting` which frames come
+    first and `dated` their stamps, where these are of a date that has been set since.
+    """
 
     def __init__(self, clock: VirtualClock) -> None:
         self.clock = clock
@@ -23,12 +27,14 @@ class FakeLibrary:
         self.keeps: dict[str, Any] = {}
         self.status: dict[int, int] = {}
         self.serial = "G1"
-        self.silent = self.gone = False
+        self.silent = self.gone = self.controlled = False
         self.first_id = 1
         self.begun_s = 0.0
         self.taken = -1
         self.size = (WIDTH, HEIGHT)
         self.held = 0
+        self.waiting: list[int] = []
+        self.dated: dict[int, int] = {}
         self.pixels = np.zeros((HEIGHT, WIDTH), np.uint16)
 
     def text(self, name: str, *arguments: Any) -> str:
@@ -58,6 +64,15 @@ class FakeLibrary:
         self.held += 1
         return 2
 
+    def camera_is_gv_device(self) -> bool:
+        return True
+
+    def camera_get_device(self) -> int:
+        return 3
+
+    def gv_device_is_controller(self, device: int) -> bool:
+        return not self.controlled
+
     def camera_is_feature_available(self, name: bytes) -> bool:
         return name.decode() in self.values
 
@@ -86,6 +101,8 @@ class FakeLibrary:
         return 100 + self.taken
 
     def stream_timeout_pop_buffer(self, stream: int, timeout_us: int) -> int:
+        if self.waiting:
+            return self.waiting.pop(0)
         end_s = self.clock.now_s() + timeout_us * 1e-6
         while self.clock.now_s() < end_s:
             buffer = self.stream_try_pop_buffer(stream)
@@ -98,6 +115,8 @@ class FakeLibrary:
         return (buffer - 100 + self.first_id - 1) % 65535 + 1
 
     def buffer_get_system_timestamp(self, buffer: int) -> int:
+        if buffer in self.dated:
+            return self.dated[buffer]
         at_s = self.begun_s + (buffer - 100) * INTERVAL_S
         return round((self.clock.utc().timestamp() - self.clock.now_s() + at_s) * 1e9)
 
@@ -106,7 +125,7 @@ class FakeLibrary:
 
     def buffer_get_data(self, buffer: int, size: Any) -> int:
         size._obj.value = self.pixels.nbytes
-        self.pixels[:] = buffer - 100
+        self.pixels[:] = (buffer - 100) % 2**16
         return int(self.pixels.ctypes.data)
 
     def buffer_get_image_width(self, buffer: int) -> int:

@@ -2,6 +2,7 @@
 
 import math
 import threading
+from datetime import timedelta
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from drivers.aravis_session import OTHER_SIZE
 from drivers.aravis_settings import AravisSettings
 from drivers.clock import VirtualClock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
-from drivers.frame_stream import LossKind
+from drivers.frame_losses import LossKind
 from drivers.interfaces import OpenContext
 from drivers.registry import find_driver
 from tests.drivers.fake_aravis import HEIGHT, INTERVAL_S, MISSING_PACKETS, WIDTH, FakeLibrary
@@ -98,7 +99,7 @@ def test_damaged_frames_and_frames_of_another_size_carry_flags(library, context)
 def test_a_silent_camera_is_opened_anew_and_another_one_in_its_place_refused(library, context):
     camera = opened(library, context)
     library.silent = True
-    with pytest.raises(DeviceTimeout, match=r"grab: .*got none within 0\.5 s"):
+    with pytest.raises(DeviceTimeout, match=r"grab: .* within 0\.5 s, got none; check cable"):
         camera.grab(0.5)
     library.gone = True
     with pytest.raises(LinkLost, match="expected the camera with serial number G1, got Device not found"):
@@ -124,3 +125,103 @@ def test_the_counter_of_16_bits_goes_round_without_a_loss(library, context):
     assert sequences[0] < 65535 < sequences[-1]
     gaps = [loss for loss in stream.report().losses if loss.kind is not LossKind.OVERFLOW]
     assert gaps == []
+
+
+def test_a_picture_that_waited_stays_old_when_the_date_is_set_back(library, context, clock):
+    camera = opened(library, context)
+    for _ in range(3):
+        camera.grab(1.0)
+    for step in (timedelta(seconds=-2), timedelta(seconds=2)):
+        clock.sleep(1.5)
+        waiting = library.stream_try_pop_buffer(2)
+        old = {waiting: library.buffer_get_system_timestamp(waiting)}
+        clock._start += step
+        library.waiting, library.dated = [waiting], old
+        asked_s = clock.now_s()
+        frame = camera.grab(1.0)
+        assert library.waiting == []
+        assert library.begun_s + int(frame.image[0, 0]) * INTERVAL_S >= asked_s
+        age_s = (clock.utc() - frame.utc).total_seconds()
+        assert age_s == pytest.approx(clock.now_s() - frame.exposed_s, abs=1e-5)
+    camera.close()
+
+
+def test_the_counter_of_16_bits_goes_round_any_number_of_times_in_a_pause(library, context, clock):
+    camera = opened(library, context, format="Mono16")
+    before = camera.grab(1.0)
+    for rounds in (0.6, 1.0, 7.4):
+        clock.sleep(rounds * 65535 * INTERVAL_S)
+        after = camera.grab(1.0)
+        apart = (after.exposed_s - before.exposed_s) / INTERVAL_S
+        assert after.sequence - before.sequence == round(apart)
+        before = after
+    camera.close()
+
+
+def test_a_camera_in_other_hands_is_left_alone(library, context):
+    library.controlled = True
+    with pytest.raises(LinkLost, match="expected a free camera, got one that another program controls"):
+        opened(library, context)
+    assert library.held == 0
+    assert library.values["ExposureAuto"] == "Continuous"
+
+
+def test_grey_levels_beyond_the_format_are_refused_but_in_damaged_frames(library, context, clock):
+    camera = opened(library, context)
+    clock.sleep(4096 * INTERVAL_S)
+    with pytest.raises(DeviceFault, match=r"expected grey levels of 12 bits, got 4\d+; choose format Mono16"):
+        camera.grab(1.0)
+    library.status = dict.fromkeys(range(9000), MISSING_PACKETS)
+    assert camera.grab(1.0).flags == MISSING_PACKETS
+    camera.close()
+
+
+def test_a_camera_that_answers_no_number_is_not_believed(library, context):
+    camera = opened(library, context)
+    library.values["exposure_time"] = math.nan
+    with pytest.raises(DeviceFault, match="verify exposure_time: expected 5000, got nan"):
+        camera.grab(1.0)
+    camera.close()
+
+
+def test_a_camera_that_stops_answering_is_lost_and_found_again(library, context):
+    camera = opened(library, context)
+    camera.grab(1.0)
+    library.gone = True
+    with pytest.raises(LinkLost, match="verify frame_rate: expected 32, got Device not found; check"):
+        camera.grab(1.0)
+    library.gone, library.taken = False, -1
+    assert camera.grab(1.0).flags == 0
+    camera.close()
+    assert library.held == 0
+
+
+def test_calls_keep_their_deadlines_while_a_camera_is_opened_again(library, context):
+    camera = opened(library, context)
+    library.silent = True
+    with pytest.raises(DeviceTimeout, match="got none"):
+        camera.grab(0.5)
+    library.silent, library.taken = False, -1
+    answer, opens = threading.Event(), library.camera_new
+    library.camera_new = lambda name: answer.wait(20.0) and opens(name)
+    for _ in range(2):
+        with pytest.raises(DeviceTimeout, match="got a connection that is still being given up or made"):
+            camera.grab(0.01)
+    answer.set()
+    assert camera.grab(5.0).flags == 0
+    camera.close()
+    assert library.held == 0
+
+
+def test_a_camera_that_is_closed_while_it_is_opened_again_is_let_go(library, context):
+    camera = opened(library, context)
+    library.silent = True
+    with pytest.raises(DeviceTimeout, match="got none"):
+        camera.grab(0.5)
+    answer, opens = threading.Event(), library.camera_new
+    library.camera_new = lambda name: answer.wait(20.0) and opens(name)
+    with pytest.raises(DeviceTimeout, match="still being given up or made"):
+        camera.grab(0.01)
+    answer.set()
+    camera.close()
+    assert library.held == 0
