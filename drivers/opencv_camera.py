@@ -7,14 +7,15 @@ reads back is compared. Where the camera has another driver, use that one.
 
 import math
 import threading
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from drivers.clock import Clock
-from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
+from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
+from drivers.filming_camera import refuse_simulated_time
 from drivers.interfaces import CameraInfo, Frame, OpenContext
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
@@ -42,7 +43,7 @@ class OpencvCameraSettings(Settings):
         How many frames camera, kernel and OpenCV may hold back: so many are thrown away before one counts.
     """
 
-    source: int | str
+    source: Annotated[int, Field(ge=0, le=9999)] | Annotated[str, Field(min_length=1)]
     width_px: int = Field(ge=16, le=32768)
     height_px: int = Field(ge=16, le=32768)
     rate_hz: float = Field(gt=0, le=10_000)
@@ -51,6 +52,14 @@ class OpencvCameraSettings(Settings):
     properties: dict[str, float] = Field(default_factory=dict)
     channel: Literal["grey", "green"] = "grey"
     buffered_frames: int = Field(default=5, ge=0, le=64)
+
+    @model_validator(mode="after")
+    def _says_nothing_twice(self) -> Self:
+        own = {"FRAME_WIDTH": "width_px", "FRAME_HEIGHT": "height_px", "FPS": "rate_hz"}
+        own |= {"EXPOSURE": "exposure", "GAIN": "gain"}
+        for name in own.keys() & self.properties.keys():
+            raise ValueError(f"properties must not hold {name}: say it by {own[name]}")
+        return self
 
     @property
     def bits(self) -> int:
@@ -207,18 +216,20 @@ def open_camera(settings: OpencvCameraSettings, context: OpenContext) -> OpencvC
     """
     import cv2
 
+    name = f"{context.name} ({settings.source})"
+    refuse_simulated_time(name, context)
     capture = cv2.VideoCapture(settings.source)
     try:
         if not capture.isOpened():
             raise LinkLost(
-                f"{context.name} ({settings.source})",
+                name,
                 "open camera",
                 expected="a free camera",
                 got="none that OpenCV can open",
                 remedy="check number and cable, and that no other program uses it",
             )
         return OpencvCamera(settings, context, capture)
-    except DeviceError:
+    except BaseException:
         capture.release()
         raise
 

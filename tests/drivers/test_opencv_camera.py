@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from drivers.clock import SystemClock, VirtualClock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
@@ -102,3 +103,17 @@ def test_opencv_itself_reads_a_film(tmp_path: Path):
     assert levels == pytest.approx([30, 70], abs=4)
     with pytest.raises(LinkLost, match="got none that OpenCV can open"):
         open_camera(settings(source=str(tmp_path / "nothing.avi")), context)
+
+
+def test_simulated_time_is_refused(context):
+    with pytest.raises(DeviceFault, match="use driver 'simulated-camera' in a simulated rig"):
+        open_camera(settings(), context)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"source": -1}, {"source": 2**40}, {"source": ""}, {"properties": {"FPS": 10.0}}, {"source": 1.5}],
+)
+def test_a_rig_file_cannot_say_nothing_or_something_twice(changes):
+    with pytest.raises(ValidationError):
+        settings(**changes)
