@@ -43,11 +43,23 @@ def find_driver(name: str) -> DriverSpec:
     Raises
     ------
     LookupError
-        If no installed package offers it; the message lists those that exist.
+        If no installed package offers it, more than one does, or it cannot be loaded.
     """
-    for point in entry_points(group=GROUP, name=name):
+    points = {point.value: point for point in entry_points(group=GROUP, name=name)}
+    if not points:
+        raise LookupError(f"no driver {name!r} is installed; there are {', '.join(driver_names())}")
+    if len(points) > 1:
+        raise LookupError(
+            f"driver {name!r} is offered more than once: {', '.join(points)}; remove one package"
+        )
+    (point,) = points.values()
+    try:
         spec = point.load()
-        if not isinstance(spec, DriverSpec):
-            raise LookupError(f"driver {name!r}: entry point {point.value!r} is no DriverSpec")
-        return spec
-    raise LookupError(f"no driver {name!r} is installed; there are {', '.join(driver_names())}")
+    # somebody else's module may fail in any way
+    except Exception as error:
+        raise LookupError(
+            f"driver {name!r}: {point.value!r} cannot be loaded: {type(error).__name__}: {error}"
+        ) from error
+    if not isinstance(spec, DriverSpec):
+        raise LookupError(f"driver {name!r}: entry point {point.value!r} is no DriverSpec")
+    return spec

@@ -1,7 +1,10 @@
 """Files that people write: TOML, strictly checked, all mistakes reported together."""
 
+import json
+import re
 import tomllib
 import unicodedata
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -37,17 +40,43 @@ def read_toml(path: Path) -> dict[str, Any]:
     ConfigurationError
         If the file is missing, unreadable or not TOML; the message names line and column.
     """
+    return read_toml_text(path)[0]
+
+
+def read_toml_text(path: Path) -> tuple[dict[str, Any], str]:
+    """Return a TOML file's content and the text that says so; raises like `read_toml`."""
     try:
         text = path.read_text(encoding="utf-8")
         if text.startswith("\ufeff"):
             raise ConfigurationError(str(path), ["has a byte order mark; save it as UTF-8 without one"])
-        return tomllib.loads(text)
+        return tomllib.loads(text), text
     except OSError as error:
         raise ConfigurationError(str(path), [f"cannot be read: {error.strerror or error}"]) from error
     except UnicodeDecodeError as error:
         raise ConfigurationError(str(path), ["is not UTF-8 text; save it as UTF-8"]) from error
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError(str(path), [f"is not valid TOML: {error}"]) from error
+    except RecursionError as error:
+        raise ConfigurationError(str(path), ["is nested too deeply to be read"]) from error
+
+
+def toml_table(names: Sequence[str], table: Mapping[str, Any]) -> str:
+    """Return a table as TOML: texts, numbers, truth values, and lists and tables of them."""
+    heading = ".".join(map(_toml_key, names))
+    return "\n".join([f"[{heading}]", *(f"{_toml_key(k)} = {_toml_value(v)}" for k, v in table.items())])
+
+
+def _toml_key(key: str) -> str:
+    return key if re.fullmatch("[A-Za-z0-9_-]+", key) else _toml_value(key)
+
+
+def _toml_value(value: object) -> str:
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{_toml_key(k)} = {_toml_value(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_toml_value, value)) + "]"
+    # JSON writes texts, numbers and truth values as TOML does
+    return json.dumps(value, ensure_ascii=False)
 
 
 def mistakes_in(error: ValidationError, prefix: str = "") -> list[str]:

@@ -8,7 +8,7 @@ from pydantic import Field, ValidationError
 
 from drivers.errors import ConfigurationError
 from drivers.registry import DriverSpec, Kind, find_driver
-from drivers.settings import Settings, mistakes_in, read_toml
+from drivers.settings import Settings, mistakes_in, read_toml_text
 
 _SINGLE: dict[str, Kind] = {
     "simulation": "environment",
@@ -70,7 +70,7 @@ def read_rig(path: Path) -> RigFile:
     ConfigurationError
         If the file cannot be read or any table has mistakes; those of all tables are listed together.
     """
-    data = read_toml(path)
+    data, text = read_toml_text(path)
     mistakes = [f"{key}: unknown key; remove it or correct its name" for key in data if key not in _KNOWN]
     name = _read_name(data.get("rig"), mistakes)
     devices = {
@@ -84,7 +84,7 @@ def read_rig(path: Path) -> RigFile:
         raise ConfigurationError(str(path), mistakes)
     return RigFile(
         path=path,
-        text=path.read_text(encoding="utf-8"),
+        text=text,
         name=name,
         operator=operator,
         cameras=cameras,
@@ -130,7 +130,7 @@ def _read_device(where: str, table: object, kind: Kind, mistakes: list[str]) -> 
     driver = table["driver"]
     try:
         spec = find_driver(driver)
-    except (LookupError, ImportError, AttributeError) as error:
+    except LookupError as error:
         mistakes.append(f"{where}.driver: {error}")
         return None
     if spec.kind != kind:
