@@ -157,6 +157,14 @@ def verify(run_file: Path, json_path: Path | None) -> None:
     help="Time between two samples in the log.",
 )
 @click.option("--fault", "faults", multiple=True, help="Begin with this fault, such as stage.drop:2.")
+@click.option(
+    "--at",
+    "places",
+    multiple=True,
+    metavar="NAME=PLACE",
+    help="Put a server there: a TCP port, such as load_frame=5020, or the name of a terminal, such as "
+    "stage=/tmp/stage. May be repeated; others take what is free.",
+)
 @click.option("--list-faults", is_flag=True, help="Print all faults and end.")
 @_JSON
 def simulate(
@@ -165,13 +173,14 @@ def simulate(
     log: Path | None,
     period_s: float,
     faults: tuple[str, ...],
+    places: tuple[str, ...],
     list_faults: bool,
     json_path: Path | None,
 ) -> None:
     """Start the virtual rig as servers for other programs, in real time, until Ctrl-C.
 
-    RIG is a rig file with [simulation]; without one there are a stage, a load frame and two cameras. Type
-    help while it runs.
+    RIG is a rig file all of whose devices are simulated; without one there are a stage, a load frame and
+    two cameras. Type help while it runs.
     """
     from rig.simulate import find_simulator, run, signals_noted, start
 
@@ -179,13 +188,13 @@ def simulate(
         _finish(find_simulator().list_faults(), {}, None, good=True)
         return
     require_places([rig_path], [output, log, json_path])
-    with signals_noted() as signals, closing(start(rig_path, log, faults)) as simulation:
+    with signals_noted() as ending, closing(start(rig_path, log, faults, places)) as simulation:
         if output is not None:
             _write(output, simulation.rig_file(), "-o")
         addresses = dict(simulation.addresses)
         lines = [f"{name}: {address}" for name, address in addresses.items()]
         _finish(lines, addresses, json_path, good=True)
-        run(simulation, signals, period_s, say)
+        run(simulation, ending, period_s, say)
 
 
 @cli.command()

@@ -3,18 +3,19 @@
 import os
 import select
 import signal
-import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Protocol, cast
 
 from drivers.settings import read_toml
 from rig.errors import RigError
+from rig.rigfile import read_rig
 
 GROUP = "offaxis.simulators"
 NAME = "virtual-rig"
+STDIN = 0
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -65,25 +66,44 @@ def find_simulator() -> Any:
     )
 
 
-def start(rig_path: Path | None, log: Path | None, faults: Iterable[str]) -> Simulation:
+def start(
+    rig_path: Path | None, log: Path | None, faults: Iterable[str], places: Iterable[str]
+) -> Simulation:
     """Start the virtual rig that a rig file describes, or the one that there is without.
+
+    Parameters
+    ----------
+    rig_path, log : Path or None
+    faults : iterable of str
+        Those it begins with.
+    places : iterable of str
+        ``NAME=PLACE``, where a server is to be.
 
     Raises
     ------
     ConfigurationError
         If the file has mistakes.
     RigError
-        If the log cannot be written, or there is no such fault.
+        If the log cannot be written, a place is taken or none, or there is no such fault.
     """
-    tables = {} if rig_path is None else read_toml(rig_path)
+    tables = {}
+    if rig_path is not None:
+        read_rig(rig_path)
+        tables = read_toml(rig_path)
     try:
-        simulation = cast(Simulation, find_simulator()(tables, str(rig_path or "rig simulate"), log))
+        simulation = cast(
+            Simulation, find_simulator()(tables, str(rig_path or "rig simulate"), log, tuple(places))
+        )
     except OSError as error:
         raise RigError(
-            str(log or "rig simulate"),
-            expected="a file that can be written, and free ports",
-            got=error.strerror or str(error),
-            remedy="name another with --log",
+            "rig simulate",
+            expected="a log that can be written, and places that are free",
+            got=str(error),
+            remedy="name others with --log and --at",
+        ) from error
+    except ValueError as error:
+        raise RigError(
+            "rig simulate", expected="a place", got=str(error), remedy="see rig simulate --help"
         ) from error
     try:
         for fault in faults:
@@ -96,28 +116,34 @@ def start(rig_path: Path | None, log: Path | None, faults: Iterable[str]) -> Sim
     return simulation
 
 
-def run(simulation: Simulation, signals: Sequence[int], period_s: float, say: Callable[[str], None]) -> None:
+def run(simulation: Simulation, ending: int, period_s: float, say: Callable[[str], None]) -> None:
     """Sample the truth, and do what is typed, until a signal or ``quit``.
 
     Parameters
     ----------
     simulation : Simulation
-    signals : sequence of int
-        Those of `signals_noted`.
+    ending : int
+        The descriptor of `signals_noted`.
     period_s : float
         Time between two samples.
     say : callable
         Prints a line.
     """
-    typed, typing = b"", [sys.stdin.fileno()]
-    while not signals:
+    typed, typing = b"", True
+    while True:
         simulation.log.sample()
-        if not select.select(typing, [], [], period_s)[0]:
+        listened = [ending, STDIN] if typing and _in_foreground() else [ending]
+        ready = select.select(listened, [], [], period_s)[0]
+        if ending in ready:
+            return
+        if STDIN not in ready or not _in_foreground():
             continue
-        received = os.read(typing[0], 4096)
-        if not received:
-            # nobody types any more, but the rig goes on
-            typing = []
+        try:
+            received = os.read(STDIN, 4096)
+        except OSError:
+            received = b""
+        # at its end nobody types any more, but the rig goes on
+        typing = bool(received)
         *lines, typed = (typed + received).split(b"\n")
         for line in lines:
             if line.strip() == b"quit":
@@ -126,13 +152,39 @@ def run(simulation: Simulation, signals: Sequence[int], period_s: float, say: Ca
                 say(answer)
 
 
-@contextmanager
-def signals_noted() -> Iterator[list[int]]:
-    """Collect signals that end the simulation, instead of being ended by them."""
-    seen: list[int] = []
-    before = {number: signal.signal(number, lambda n, _: seen.append(n)) for number in SIGNALS}
+def _in_foreground() -> bool:
+    """Whether what is typed is for us: a program in the background that reads its terminal is suspended."""
     try:
-        yield seen
+        return os.tcgetpgrp(STDIN) == os.getpgrp()
+    except OSError:
+        # no terminal
+        return True
+
+
+@contextmanager
+def signals_noted() -> Iterator[int]:
+    """Let signals make a descriptor readable, which is yielded, instead of ending the program.
+
+    A wait for a descriptor is over at once; a wait for time alone would go on after a signal.
+    """
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+
+    def note(number: int, _: object) -> None:
+        # a full pipe says it already
+        with suppress(BlockingIOError):
+            os.write(writing, b"!")
+
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    # under nohup the end of the terminal ends nothing
+    if before[signal.SIGHUP] is signal.SIG_IGN:
+        del before[signal.SIGHUP]
+    try:
+        for number in before:
+            signal.signal(number, note)
+        yield reading
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+        os.close(reading)
+        os.close(writing)

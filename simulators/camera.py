@@ -20,6 +20,8 @@ from simulators.sensor import Sensor
 
 # The bit that V4L2 sets in a damaged buffer's flags.
 FLAG_ERROR = 0x40
+# Sine of the least angle to the grid's plane under which a pixel looks; the surface may lean by some degrees.
+GRAZING = 0.2
 
 
 class CameraSettings(Settings):
@@ -69,7 +71,14 @@ class CameraSettings(Settings):
 
     @model_validator(mode="after")
     def _can_see_its_corners(self) -> "CameraSettings":
-        self.optics()
+        optics = self.optics()
+        right, bottom = self.width_px - 1.0, self.height_px - 1.0
+        corners = np.array([[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]])
+        _, directions = optics.ray(corners)
+        if np.any(directions[:, 2] > -GRAZING * np.linalg.norm(directions, axis=1)):
+            raise ValueError(
+                "it looks past the specimen's plane; a longer focal_px, or less pan and tilt, is expected"
+            )
         return self
 
 

@@ -59,9 +59,13 @@ class SceneClient:
             self._socket.settimeout(patience_s)
             self._socket.sendall(json.dumps(request).encode() + b"\n")
             with self._socket.makefile("rb") as answer:
-                head = json.loads(answer.readline())
+                if not (line := answer.readline()).endswith(b"\n"):
+                    raise ConnectionResetError("the other end closed the connection")
+                head = json.loads(line)
                 body = answer.read(head.get("bytes", 0))
-        except (OSError, ValueError) as error:
+                if len(body) < head.get("bytes", 0):
+                    raise ConnectionResetError(f"{len(body)} of {head['bytes']} bytes")
+        except (OSError, ValueError, AttributeError) as error:
             self.close()
             raise LinkLost(
                 f"{self._name} ({self._address})",

@@ -26,6 +26,9 @@ from simulators.camera import SimulatedCamera
 from simulators.operator import SimulatedOperator
 from simulators.tcp_server import TcpServer
 
+LINE_MAX = 4096
+TIMEOUT_MAX_S = 3600.0
+
 
 class SceneServer:
     """The port.
@@ -67,7 +70,7 @@ class SceneServer:
 
     def _converse(self, connection: socket.socket) -> None:
         with connection.makefile("rb") as lines:
-            for line in lines:
+            while line := lines.readline(LINE_MAX):
                 head, body = self._answer(line)
                 connection.sendall(json.dumps(head).encode() + b"\n" + body)
 
@@ -85,12 +88,14 @@ class SceneServer:
         except DeviceError as error:
             said = {part: getattr(error, part) for part in ("device", "step", "expected", "got", "remedy")}
             return {"error": type(error).__name__, **said}, b""
-        except (ValueError, TypeError, KeyError) as error:
+        except (ValueError, TypeError, KeyError, RecursionError) as error:
             return _misunderstood(f"{type(error).__name__} {error}"), b""
         return _misunderstood(repr(request["do"])), b""
 
     def _grab(self, name: str, timeout_s: float) -> tuple[dict[str, Any], bytes]:
         camera = self._cameras[name]
+        if not 0.0 <= timeout_s <= TIMEOUT_MAX_S:
+            raise ValueError(f"timeout_s {timeout_s:g}, which is not within 0 to {TIMEOUT_MAX_S:g}")
         with self._turns[name]:
             frame = camera.grab(timeout_s)
             self._on_frame(name, camera, frame)

@@ -9,6 +9,9 @@ from pydantic import Field, model_validator
 
 from drivers.settings import Settings
 
+# Plastic strain at the yield stress, by which that is defined.
+YIELD_STRAIN = 0.002
+
 
 class SpecimenSettings(Settings):
     """Dimensions, material and grips.
@@ -42,7 +45,17 @@ class SpecimenSettings(Settings):
     def _hardens(self) -> "SpecimenSettings":
         if self.ultimate_stress_mpa <= self.yield_stress_mpa:
             raise ValueError("ultimate_stress_mpa must exceed yield_stress_mpa")
+        if self.plastic_at_ultimate <= YIELD_STRAIN:
+            raise ValueError(
+                "ultimate_strain must exceed its elastic part, ultimate_stress_mpa / youngs_modulus_mpa, "
+                f"by more than {YIELD_STRAIN}"
+            )
         return self
+
+    @property
+    def plastic_at_ultimate(self) -> float:
+        """Plastic strain at the ultimate stress."""
+        return self.ultimate_strain - self.ultimate_stress_mpa / self.youngs_modulus_mpa
 
     @property
     def area_mm2(self) -> float:
@@ -80,8 +93,9 @@ class Specimen:
         s = settings
         self._elastic_n = s.youngs_modulus_mpa * s.area_mm2
         self._elastic_mm_per_n = s.parallel_length_mm / self._elastic_n + 1.0 / s.machine_stiffness_n_mm
-        plastic_at_ultimate = s.ultimate_strain - s.ultimate_stress_mpa / s.youngs_modulus_mpa
-        self._exponent = log(plastic_at_ultimate / 0.002) / log(s.ultimate_stress_mpa / s.yield_stress_mpa)
+        self._exponent = log(s.plastic_at_ultimate / YIELD_STRAIN) / log(
+            s.ultimate_stress_mpa / s.yield_stress_mpa
+        )
         self._highest_n = 0.0
 
     def stretch_to(self, displacement_mm: float) -> float:
@@ -112,7 +126,7 @@ class Specimen:
 
     def _plastic_strain(self, load_n: float) -> float:
         stress_mpa = load_n / self.settings.area_mm2
-        return float(0.002 * (stress_mpa / self.settings.yield_stress_mpa) ** self._exponent)
+        return float(YIELD_STRAIN * (stress_mpa / self.settings.yield_stress_mpa) ** self._exponent)
 
     def _total_strain(self, load_n: float) -> float:
         return load_n / self._elastic_n + self._plastic_strain(load_n)

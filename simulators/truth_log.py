@@ -63,19 +63,21 @@ class TruthLog:
         )
 
     def write(self, what: str, **values: Any) -> None:
-        """Write one line."""
-        if self._file is None:
-            return
+        """Write one line; nothing any more once it is closed."""
         now_s, now = self._clock.now_s(), self._clock.utc()
         # what is told later bears the date of when it happened
         happened = now - timedelta(seconds=now_s - values.get("time_s", now_s))
         line = {"what": what, "utc": happened.isoformat(), "time_s": now_s, **values}
         with self._lock:
-            self._file.write(json.dumps(line) + "\n")
+            if self._file is not None:
+                self._file.write(json.dumps(line) + "\n")
 
     def close(self) -> None:
-        """Write no more; harmless when repeated."""
-        with self._lock:
-            if self._file is not None:
-                self._file.close()
-            self._file = None
+        """Write what was commanded since the last sample, and no more; harmless when repeated."""
+        try:
+            self.sample()
+        finally:
+            with self._lock:
+                file, self._file = self._file, None
+            if file is not None:
+                file.close()

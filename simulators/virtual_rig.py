@@ -1,6 +1,8 @@
 """The whole rig without hardware: stage and frame as servers on the wire, and the specimen they move."""
 
 from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -16,6 +18,7 @@ from simulators.frame_device import FrameDevice
 from simulators.frame_layout import LAYOUTS
 from simulators.frame_wire import FrameRtuServer, FrameRtuTcpServer, FrameServer
 from simulators.newport_wire import NewportServer
+from simulators.places import Link, Places
 from simulators.rig_faults import RigFaults
 from simulators.scene import Misalignment, Scene
 from simulators.specimen import Specimen, SpecimenSettings
@@ -45,6 +48,13 @@ class VirtualRig:
     settings : VirtualRigSettings
     clock : Clock, optional
         Another one than the settings ask for.
+    places : Places, optional
+        Where its servers are to be; without one they take what is free.
+
+    Raises
+    ------
+    OSError
+        If a place is taken.
 
     Attributes
     ----------
@@ -62,7 +72,9 @@ class VirtualRig:
     load_frame : FrameDevice
     """
 
-    def __init__(self, settings: VirtualRigSettings, clock: Clock | None = None) -> None:
+    def __init__(
+        self, settings: VirtualRigSettings, clock: Clock | None = None, places: Places | None = None
+    ) -> None:
         self.clock: Clock = clock or (SystemClock() if settings.real_time else VirtualClock())
         specimen = Specimen(settings.specimen)
         self.stage = StageDevice(self.clock)
@@ -80,27 +92,38 @@ class VirtualRig:
             frame_faults(FaultPanel(LOAD_FRAME), self.load_frame),
             FaultPanel(CAMERA),
         )
-        self._start(settings)
+        with ExitStack() as started:
+            self.addresses: Mapping[str, str] = self._start(settings, places or Places(), started)
+            self._started = started.pop_all()
 
-    def _start(self, settings: VirtualRigSettings) -> None:
-        of_stage, of_frame = self.faults[STAGE], self.faults[LOAD_FRAME]
-        frame = FrameServer(self.load_frame, layout=LAYOUTS[settings.load_frame_map], faults=of_frame)
-        self._servers: dict[str, Any] = {
-            "stage": StageServer(self.stage, faults=of_stage),
-            "stage_tcp": StageTcpServer(self.stage, faults=of_stage),
-            "newport": NewportServer(self.stage, self.clock, faults=self.faults[NEWPORT]),
-            "load_frame": frame,
-            "load_frame_rtu": FrameRtuServer(self.load_frame, faults=of_frame, registers=frame.registers),
-            "load_frame_rtu_tcp": FrameRtuTcpServer(
-                self.load_frame, faults=of_frame, registers=frame.registers
-            ),
-        }
+    def _start(self, settings: VirtualRigSettings, places: Places, started: ExitStack) -> dict[str, str]:
+        """Start every server, leave with `started` what ends it, and return where each is."""
+        addresses: dict[str, str] = {}
 
-    @property
-    def addresses(self) -> Mapping[str, str]:
-        """Where each server is, as the drivers' settings want it."""
-        prefixes = {"stage_tcp": "socket://", "load_frame_rtu_tcp": "rtu://"}
-        return {name: prefixes.get(name, "") + server.address for name, server in self._servers.items()}
+        def serve(name: str, server: Any, prefix: str = "") -> None:
+            started.callback(server.close)
+            addresses[name] = prefix + server.address
+            if name in places.links:
+                started.callback(Link(places.links[name], Path(server.address)).close)
+                addresses[name] = str(places.links[name])
+
+        def port(name: str) -> int:
+            return places.ports.get(name, 0)
+
+        stage, of_stage = self.stage, self.faults[STAGE]
+        serve("stage", StageServer(stage, faults=of_stage))
+        serve("stage_tcp", StageTcpServer(stage, port=port("stage_tcp"), faults=of_stage), "socket://")
+        serve("newport", NewportServer(stage, self.clock, faults=self.faults[NEWPORT]))
+
+        frame, of_frame = self.load_frame, self.faults[LOAD_FRAME]
+        layout = LAYOUTS[settings.load_frame_map]
+        tcp = FrameServer(frame, port=port("load_frame"), layout=layout, faults=of_frame)
+        serve("load_frame", tcp)
+        serve("load_frame_rtu", FrameRtuServer(frame, faults=of_frame, registers=tcp.registers))
+        rtu_port = port("load_frame_rtu_tcp")
+        rtu_tcp = FrameRtuTcpServer(frame, port=rtu_port, faults=of_frame, registers=tcp.registers)
+        serve("load_frame_rtu_tcp", rtu_tcp, "rtu://")
+        return addresses
 
     def truth(self) -> dict[str, float | bool]:
         """Return what is true now: the shaft's angle, the crosshead, the load and the specimen's strains."""
@@ -119,8 +142,7 @@ class VirtualRig:
 
     def close(self) -> None:
         """Stop every server; harmless when repeated."""
-        for server in self._servers.values():
-            server.close()
+        self._started.close()
 
 
 def _open(settings: VirtualRigSettings, context: OpenContext) -> VirtualRig:

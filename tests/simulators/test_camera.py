@@ -133,3 +133,10 @@ def test_all_mistakes_in_its_settings_are_reported_together():
 def test_a_lens_that_cannot_see_the_corners_is_refused():
     with pytest.raises(ConfigurationError, match="folds the image over before its corners"):
         validate(CameraSettings, {"k1_per_px2": -1e-6}, "rig.toml")
+
+
+def test_a_camera_that_looks_past_the_specimens_plane_is_refused():
+    # half the picture is atan(450 / 450) = 45°: raised by 50°, its upper edge looks 5° above the plane
+    with pytest.raises(ConfigurationError, match="looks past the specimen's plane"):
+        validate(CameraSettings, {"focal_px": 450.0, "tilt_deg": 50.0}, "rig.toml")
+    validate(CameraSettings, {"focal_px": 450.0, "tilt_deg": 20.0}, "rig.toml")

@@ -1,7 +1,11 @@
 """The simulated rig as another program meets it: through the rig file that it writes."""
 
 import json
+import math
+import socket
+import stat
 import threading
+from contextlib import closing
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -11,8 +15,10 @@ from drivers.errors import ConfigurationError, DeviceTimeout, LinkLost
 from drivers.interfaces import OpenContext, OperatorAction
 from rig.devices import open_rig
 from rig.rigfile import read_rig
+from simulators.places import SERVERS, Places
 from simulators.scene_client import CAMERA, SceneClient
-from simulators.simulation import Simulation
+from simulators.simulation import Simulation, StoppableClock
+from simulators.tcp_server import TcpServer
 from simulators.truth_log import TruthLog
 from simulators.virtual_rig import VirtualRig, VirtualRigSettings
 
@@ -90,14 +96,22 @@ def test_the_log_keeps_what_was_true(simulation, rig, log):
     rig.cameras["front"].grab(5.0)
     rig.load_frame.hold()
     simulation.command("fault stage.drop:1")
+    simulation.command("clear")
     simulation.log.sample()
     (frame,) = lines(log, "frame")
     assert (frame["camera"], frame["sequence"], frame["texture"]) == ("front", 0, "Speckle")
     assert frame["deformation_gradient"] == [[1.0, 0.0], [0.0, 1.0]]
     assert [line["command"] for line in lines(log, "command")] == ["hold"]
-    assert [line["fault"] for line in lines(log, "fault")] == ["stage.drop:1"]
+    faults = [(line["fault"], line["on"]) for line in lines(log, "fault")]
+    assert faults == [("stage.drop:1", True), ("stage.drop", False)]
     (sample,) = lines(log, "sample")
     assert (sample["angle_deg"], sample["load_n"], sample["broken"]) == (0.0, 0.0, False)
+
+
+def test_what_was_commanded_last_is_not_lost(simulation, log):
+    simulation.rig.load_frame.hold()
+    simulation.close()
+    assert [line["command"] for line in lines(log, "command")] == ["hold"]
 
 
 def test_what_is_told_later_bears_the_date_of_when_it_happened(log):
@@ -138,10 +152,52 @@ def test_its_end_wakes_who_waits(simulation):
 
 def test_nonsense_on_the_port_of_the_scene_is_answered(simulation):
     client = SceneClient("cameras.x", simulation.addresses["scene"])
-    for request in ({"do": "dance"}, {"do": "grab", "camera": "none", "timeout_s": 1.0}, {"do": "operator"}):
+    simulation.switch_on("camera.stall")
+    grab = {"do": "grab", "camera": "front"}
+    for request in (
+        {"do": "dance"},
+        {"do": "grab", "camera": "none", "timeout_s": 1.0},
+        {"do": "operator"},
+        *(grab | {"timeout_s": timeout_s} for timeout_s in (math.inf, math.nan, 1e30, -1.0)),
+        {"do": "x" * 100_000},
+    ):
         with pytest.raises(Exception, match="expected camera, grab or operator"):
             client.ask(10.0, **request)
-    client.close()
+        # what is left of the longest
+        client.close()
+    deep = b"[" * 4000 + b"\n"
+    host, port = simulation.addresses["scene"].split(":")
+    with socket.create_connection((host, int(port)), 10.0) as raw:
+        raw.sendall(deep)
+        assert b"RecursionError" in raw.recv(1000)
+
+
+def test_half_a_frame_is_a_lost_link():
+    def half(connection: socket.socket) -> None:
+        connection.recv(4096)
+        connection.sendall(b'{"bytes": 100}\n' + bytes(10))
+
+    server = TcpServer(half, "127.0.0.1", 0)
+    try:
+        client = SceneClient("cameras.x", server.address)
+        with pytest.raises(LinkLost, match="10 of 100 bytes"):
+            client.ask(10.0, do="grab", camera="x", timeout_s=1.0)
+    finally:
+        server.close()
+
+
+@pytest.mark.parametrize("answer", [b"", b"{", b"[]\n", b"HTTP/1.1 400 Bad Request\r\n"])
+def test_another_program_at_its_address_is_told_from_it(answer):
+    def other(connection: socket.socket) -> None:
+        connection.recv(4096)
+        connection.sendall(answer)
+
+    server = TcpServer(other, "127.0.0.1", 0)
+    try:
+        with pytest.raises(LinkLost, match="start rig simulate"):
+            SceneClient("cameras.x", server.address).ask(10.0, do="camera", camera="x")
+    finally:
+        server.close()
 
 
 def test_a_camera_needs_a_simulation():
@@ -168,11 +224,115 @@ def test_what_is_typed_is_answered(simulation, line, answer):
 def test_mistakes_in_its_tables_are_told(log):
     for tables, match in (
         ({"simulation": {"driver": "virtual-rig", "sed": 1}}, "sed: unknown key"),
-        ({"cameras": {"front": SMALL | {"width_px": 0}}}, "cameras.front: 1 mistake"),
+        ({"cameras": {"front": SMALL | {"width_px": 0}}}, "cameras.front.width_px: "),
         ({"cameras": 3}, "tables"),
+        ({"simulation": 3}, 'simulation: a table with driver = "virtual-rig" is expected'),
+        ({"simulation": {"driver": "other"}}, 'simulation: a table with driver = "virtual-rig" is expected'),
+        ({"stage": 3}, "stage: the address of a simulated device is expected"),
     ):
         with pytest.raises(ConfigurationError, match=match):
             Simulation(tables, "rig.toml", log)
+    assert not log.exists()
+
+
+def test_a_device_that_is_not_simulated_is_refused_for_whoever_uses_the_rig_would_move_it(log):
+    stage, frame = TABLES["stage"], TABLES["load_frame"]
+    tables = TABLES | {
+        "stage": stage | {"port": "/dev/ttyUSB0"},
+        "load_frame": frame | {"address": "@frame"},
+        "cameras": {"front": {"driver": "v4l2", "device": "/dev/video0"}},
+        "operator": {"driver": "console-operator"},
+    }
+    with pytest.raises(ConfigurationError) as refused:
+        Simulation(tables, "rig.toml", log)
+    said = "\n".join(refused.value.mistakes)
+    assert 'stage: the address of a simulated device is expected, such as "@stage"' in said
+    assert "load_frame: '@frame' is none of the simulation's servers: @stage, @newport, " in said
+    assert 'cameras.front: a table with driver = "simulated-camera" is expected' in said
+    assert 'operator: a table with driver = "simulated-operator" is expected' in said
+
+
+def test_the_operator_takes_the_time_that_the_rig_file_says(monkeypatch):
+    slept: list[float] = []
+    monkeypatch.setattr(StoppableClock, "sleep", lambda _, duration_s: slept.append(duration_s))
+    tables = TABLES | {"operator": {"driver": "simulated-operator", "duration_s": 3600.0}}
+    with closing(Simulation(tables, "rig.toml", None)) as simulation:
+        client = SceneClient("operator", simulation.addresses["scene"])
+        client.ask(10.0, do="operator", action="ATTACH_GRID")
+        client.close()
+    assert slept == [3600.0]
+
+
+def test_servers_are_where_somebody_wants_them(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    link = tmp_path / "stage"
+    places = [f"load_frame={port}", f"stage={link}"]
+    for _ in range(2):
+        simulation = Simulation({}, "rig simulate", None, places)
+        try:
+            assert simulation.addresses["load_frame"] == f"127.0.0.1:{port}"
+            assert simulation.addresses["stage"] == str(link)
+            assert stat.S_ISCHR(link.stat().st_mode)
+            assert f'port = "{link}"' in simulation.rig_file()
+        finally:
+            simulation.close()
+        assert not link.is_symlink()
+
+
+@pytest.mark.parametrize("kind", ["port", "scene", "link"])
+def test_a_place_that_is_taken_is_refused_and_nothing_is_left_open(kind, tmp_path):
+    before = set(threading.enumerate())
+    taken = tmp_path / "stage"
+    taken.write_text("somebody's")
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        place = {"port": f"load_frame={port}", "scene": f"scene={port}", "link": f"stage={taken}"}[kind]
+        with pytest.raises(OSError, match=r"in use|exists"):
+            Simulation({}, "rig simulate", None, [place])
+    assert set(threading.enumerate()) <= before
+    assert taken.read_text() == "somebody's"
+
+
+def test_a_name_is_not_taken_from_a_simulation_that_runs(tmp_path):
+    place = f"stage={tmp_path / 'stage'}"
+    simulation = Simulation({}, "rig simulate", None, [place])
+    try:
+        simulation.switch_on("stage.unplug")
+        with pytest.raises(FileExistsError):
+            Simulation({}, "rig simulate", None, [place])
+    finally:
+        simulation.close()
+    # what a killed one leaves behind points nowhere
+    (tmp_path / "stage").symlink_to(tmp_path / "gone" / "tty")
+    Simulation({}, "rig simulate", None, [place]).close()
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        "",
+        "load_frame",
+        "load_frame=0",
+        "load_frame=65536",
+        "load_frame=/tmp/x",
+        "stage=",
+        "camera=5000",
+        "scene=²",
+    ],
+)
+def test_a_place_that_is_none_is_refused(place):
+    with pytest.raises(ValueError, match="instead of NAME=PORT"):
+        Simulation({}, "rig simulate", None, [place])
+
+
+def test_one_server_has_one_place():
+    with pytest.raises(ValueError, match="a second place for scene"):
+        Places.read(["scene=5000", "scene=5001"])
+
+
+def test_places_are_for_all_servers_there_are(simulation):
+    assert sorted(simulation.addresses) == sorted(SERVERS)
 
 
 def test_the_default_rig_has_everything(log):

@@ -94,3 +94,9 @@ def test_a_broken_specimen_stays_broken():
 def test_a_material_that_does_not_harden_is_refused():
     with pytest.raises(ValidationError, match="ultimate_stress_mpa must exceed yield_stress_mpa"):
         SpecimenSettings(ultimate_stress_mpa=300.0)
+
+
+def test_a_material_too_soft_to_reach_its_strength_is_refused():
+    # 483 MPa stretch 3 GPa by 16 % elastically, more than the 15 % at which it is to be reached
+    with pytest.raises(ValidationError, match="ultimate_strain must exceed its elastic part"):
+        SpecimenSettings(youngs_modulus_mpa=3000.0)
