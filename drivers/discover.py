@@ -11,7 +11,8 @@ class VideoNode:
     Attributes
     ----------
     path : str
-        Lasting, where the system keeps one: it stays the same when cameras are plugged in in another order.
+        Lasting, where the system keeps one: that of the socket, or else that of the camera. Two cameras of a
+        kind may have one name between them, but never one socket.
     name : str
         As the driver says.
     """
@@ -58,11 +59,13 @@ def serial_ports(root: Path = Path("/")) -> list[SerialPort]:
     """Return the serial ports that have hardware behind them."""
     from serial.tools import list_ports
 
-    lasting = _lasting(root / "dev/serial/by-id")
-    return [
-        SerialPort(lasting.get(Path(port.device).name, port.device), port.description)
-        for port in sorted(list_ports.comports())
-    ]
+    by_id, by_path = _lasting(root / "dev/serial/by-id"), _lasting(root / "dev/serial/by-path")
+    ports = []
+    for port in sorted(list_ports.comports()):
+        # adapters of a kind without serial numbers have one name between them
+        lasting = by_id if port.serial_number else by_path
+        ports.append(SerialPort(lasting.get(Path(port.device).name, port.device), port.description))
+    return ports
 
 
 def _lasting(folder: Path) -> dict[str, str]:

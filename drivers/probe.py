@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from drivers import esp301_protocol, zaber_port, zaber_protocol
-from drivers.channel import CHANNEL_ERRORS, Channel, open_channel
+from drivers.channel import CHANNEL_ERRORS, TCP_PREFIX, Channel, open_channel
 from drivers.clock import SystemClock
 from drivers.errors import DeviceError
 from drivers.mapped_device import MappedDevice
@@ -52,18 +52,22 @@ class Found:
 def probe_serial(path: str) -> list[Found]:
     """Ask whether Zaber, Newport or Modbus devices are at a serial port.
 
+    Behind ``socket://host:port`` it looks for stages only: Modbus has addresses of its own for TCP.
+
     Raises
     ------
     OSError, termios.error
         If the port cannot be opened; another program may hold it.
     """
-    return _zaber(path) or _esp301(path) or _modbus_rtu(path)
+    stages = _zaber(path) or _esp301(path)
+    return stages or ([] if path.startswith(TCP_PREFIX) else _modbus_rtu(path))
 
 
 def probe_modbus_tcp(address: str) -> list[Found]:
-    """Ask whether a Modbus device is at ``host:port``, under the usual units."""
+    """Ask whether Modbus devices are at ``host:port`` or ``rtu://host:port``, under the usual units."""
     place = ModbusAddress(address)
-    return _modbus(place, TCP_UNITS, {"address": address}, CONNECT_S)
+    units, timeout_s = (SERIAL_UNITS, ANSWER_S) if place.rtu else (TCP_UNITS, CONNECT_S)
+    return _modbus(place, units, {"address": address}, timeout_s)
 
 
 def _zaber(path: str) -> list[Found]:
@@ -140,7 +144,7 @@ def _answers(place: ModbusAddress, unit: int, timeout_s: float) -> bool:
     """Whether anything comes back that is Modbus, a refusal included."""
     request = read_request("holding", 0, 1)
     try:
-        wire = place.open(timeout_s)
+        wire = place.open(CONNECT_S)
     except CHANNEL_ERRORS:
         if place.serial:
             raise

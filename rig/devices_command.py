@@ -1,15 +1,19 @@
 """What is plugged in, who answers, and a rig file to start from: the work of ``rig devices``."""
 
-import json
-import os
+import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from drivers.channel import CHANNEL_ERRORS
 from drivers.discover import SerialPort, VideoNode, serial_ports, video_nodes
 from drivers.probe import Found, probe_modbus_tcp, probe_serial
+from drivers.settings import toml_table
 from rig.errors import RigError
 
+# `host`, `host:port`, and either behind `rtu://`; an IPv6 address stands in brackets
+_MODBUS = re.compile(r"((?:rtu://)?(?:\[[^\[\]\s]+\]|[^:\s\[\]/]+))(?::(\d{1,5}))?")
 MODBUS_PORT = 502
 
 # What a person has to decide: without it the rig file is refused, and the message names each.
@@ -29,17 +33,18 @@ class Search:
     cameras : list of VideoNode
     ports : list of (SerialPort, list of Found, str)
         The last is why a port could not be asked; empty if it was, or should not be.
-    hosts : list of (str, list of Found)
+    hosts : list of (str, list of Found, str)
+        Modbus addresses, likewise.
     """
 
     cameras: list[VideoNode] = field(default_factory=list)
     ports: list[tuple[SerialPort, list[Found], str]] = field(default_factory=list)
-    hosts: list[tuple[str, list[Found]]] = field(default_factory=list)
+    hosts: list[tuple[str, list[Found], str]] = field(default_factory=list)
 
     @property
     def found(self) -> list[Found]:
         """Every device that answered."""
-        lists = [found for _, found, _ in self.ports] + [found for _, found in self.hosts]
+        lists = [found for _, found, _ in [*self.ports, *self.hosts]]
         return [each for found in lists for each in found]
 
     def lines(self) -> list[str]:
@@ -48,9 +53,9 @@ class Search:
         for port, found, trouble in self.ports:
             what = "; ".join(each.what for each in found) or trouble or "nobody known answers"
             lines.append(f"serial port {port.path} ({port.description}): {what}")
-        for host, found in self.hosts:
-            what = "; ".join(each.what for each in found) or "nobody answers"
-            lines.append(f"Modbus TCP {host}: {what}")
+        for host, found, trouble in self.hosts:
+            what = "; ".join(each.what for each in found) or trouble or "nobody answers"
+            lines.append(f"Modbus at {host}: {what}")
         return lines or ["no camera and no serial port"]
 
     def table(self) -> dict[str, Any]:
@@ -61,8 +66,9 @@ class Search:
                 {**vars(port), "found": [vars(each) for each in found], "trouble": trouble}
                 for port, found, trouble in self.ports
             ],
-            "modbus_tcp": [
-                {"address": host, "found": [vars(each) for each in found]} for host, found in self.hosts
+            "modbus": [
+                {"address": host, "found": [vars(each) for each in found], "trouble": trouble}
+                for host, found, trouble in self.hosts
             ],
         }
 
@@ -73,15 +79,19 @@ class Search:
             '[rig]\nname = "my rig"',
         ]
         for number, node in enumerate(self.cameras):
-            parts.append(
-                _table(f"cameras.camera_{number}", "v4l2", {"device": node.path}, node.name, "camera")
-            )
+            settings = {"driver": "v4l2", "device": node.path}
+            parts.append(_table(["cameras", f"camera_{number}"], settings, node.name, "camera"))
+        if not self.cameras:
+            parts.append("# No camera was found: add [cameras.NAME] for each.")
         used: set[str] = set()
         for each in self.found:
-            table = _table(each.kind, each.driver, each.settings, each.what, each.kind)
+            table = _table([each.kind], {"driver": each.driver, **each.settings}, each.what, each.kind)
             # a rig has one stage and one load frame: further ones are offered as comments
-            parts.append(_commented(table) if each.kind in used or not each.driver else table)
-            used.add(each.kind)
+            if each.driver and each.kind not in used:
+                parts.append(table)
+                used.add(each.kind)
+            else:
+                parts.append(_commented(table))
         parts.append('[operator]\ndriver = "console-operator"')
         return "\n\n".join(parts) + "\n"
 
@@ -92,18 +102,25 @@ def search(ports: list[str], hosts: list[str], *, ask: bool) -> Search:
     Parameters
     ----------
     ports : list of str
-        Serial ports besides those that the system lists.
+        Serial ports besides those that the system lists, and ``socket://host:port``.
     hosts : list of str
-        Modbus TCP addresses, ``host`` or ``host:port``.
+        Modbus addresses, ``host`` or ``host:port`` for Modbus TCP, ``rtu://host:port`` for RTU over TCP.
     ask : bool
-        Whether serial ports are asked who is there. The questions change nothing, but a device that is none
+        Whether anybody is asked who is there. The questions change nothing, but a device that is none
         of those known gets bytes that it may not expect.
+
+    Raises
+    ------
+    RigError
+        If a Modbus address is none; nobody is asked then.
     """
-    listed = [*serial_ports(), *(SerialPort(path, "named") for path in ports)]
+    addresses = [_with_port(host) for host in hosts]
+    listed = {port.path: port for port in serial_ports()}
+    listed |= {path: SerialPort(path, "named") for path in ports if path not in listed}
     return Search(
         cameras=video_nodes(),
-        ports=[(port, *(_asked(port) if ask else ([], "not asked"))) for port in listed],
-        hosts=[(address, probe_modbus_tcp(address)) for address in map(_with_port, hosts)],
+        ports=[(port, *_asked(probe_serial, path, ask)) for path, port in listed.items()],
+        hosts=[(address, *_asked(probe_modbus_tcp, address, ask)) for address in addresses],
     )
 
 
@@ -121,25 +138,29 @@ def write_rig_file(found: Search, path: Path) -> None:
         ) from error
 
 
-def _asked(port: SerialPort) -> tuple[list[Found], str]:
-    import termios
-
-    if not os.access(port.path, os.R_OK | os.W_OK):
-        return [], "cannot be opened: no permission, or not there"
+def _asked(probe: Callable[[str], list[Found]], place: str, ask: bool) -> tuple[list[Found], str]:
+    if not ask:
+        return [], "not asked"
     try:
-        return probe_serial(port.path), ""
-    except (OSError, termios.error) as error:
+        return probe(place), ""
+    except CHANNEL_ERRORS as error:
         return [], f"cannot be opened: {error}"
 
 
-def _with_port(host: str) -> str:
-    return host if host.rpartition(":")[2].isdecimal() and ":" in host else f"{host}:{MODBUS_PORT}"
+def _with_port(address: str) -> str:
+    match = _MODBUS.fullmatch(address)
+    if match is None or int(match[2] or MODBUS_PORT) not in range(1, 2**16):
+        raise RigError(
+            "rig devices",
+            expected="--modbus HOST[:PORT] or rtu://HOST[:PORT]",
+            got=repr(address),
+            remedy="correct it, or name a serial port with --port",
+        )
+    return f"{match[1]}:{match[2] or MODBUS_PORT}"
 
 
-def _table(name: str, driver: str, settings: dict[str, Any], what: str, kind: str) -> str:
-    lines = [f"# {what}", f"[{name}]", f"driver = {json.dumps(driver)}"]
-    lines += [f"{key} = {json.dumps(value)}" for key, value in settings.items()]
-    return "\n".join([*lines, f"# {_TO_DECIDE[kind]}"])
+def _table(names: list[str], settings: dict[str, Any], what: str, kind: str) -> str:
+    return "\n".join([f"# {what}", toml_table(names, settings), f"# {_TO_DECIDE[kind]}"])
 
 
 def _commented(text: str) -> str:

@@ -3,26 +3,30 @@
 import json
 import socket
 import sys
+import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
+import serial.tools.list_ports
+from serial.tools.list_ports_common import ListPortInfo
 
 import rig.devices_command
 from drivers.clock import VirtualClock
-from drivers.discover import VideoNode, video_nodes
+from drivers.discover import VideoNode, serial_ports, video_nodes
 from drivers.errors import ConfigurationError
 from drivers.probe import probe_modbus_tcp, probe_serial
 from rig.cli import main
+from rig.devices_command import search
 from rig.rigfile import read_rig
 from simulators.frame_device import FrameDevice
 from simulators.frame_layout import LAYOUTS
-from simulators.frame_wire import FrameRtuServer, FrameServer
+from simulators.frame_wire import FrameRtuServer, FrameRtuTcpServer, FrameServer
 from simulators.newport_wire import NewportServer
 from simulators.stage_device import StageDevice
-from simulators.stage_wire import StageServer
+from simulators.stage_wire import StageServer, StageTcpServer
 
 
 class Spring:
@@ -105,7 +109,7 @@ def test_the_rig_file_to_start_from_lacks_only_what_a_person_must_decide(serve, 
     assert (status, err) == (0, "")
     assert "camera /dev/video7: a camera" in out
     assert "Zaber device 1, serial number 110001" in out
-    assert json.loads(table.read_text())["modbus_tcp"][0]["found"][0]["settings"]["map"] == "generic"
+    assert json.loads(table.read_text())["modbus"][0]["found"][0]["settings"]["map"] == "generic"
     with pytest.raises(ConfigurationError) as missing:
         read_rig(path)
     assert all(mistake.endswith("is missing; add it") for mistake in missing.value.mistakes)
@@ -137,17 +141,113 @@ def test_a_rig_file_that_is_there_is_kept(call, tmp_path):
 
 def test_no_probe_sends_nothing(serve, clock, call):
     zaber = serve(StageServer(StageDevice(clock)))
+    frame = serve(FrameServer(FrameDevice(clock, Spring())))
     heard: list[bytes] = []
-    zaber.respond = lambda message: heard.append(message) or b""
-    status, out, _ = call("--port", zaber.address, "--no-probe")
+    zaber.respond = frame.respond = lambda message: heard.append(message) or b""
+    status, out, _ = call("--port", zaber.address, "--modbus", frame.address, "--no-probe")
     assert (status, heard) == (0, [])
-    assert "not asked" in out
+    assert out.count("not asked") == 2
+
+
+def test_a_stage_behind_tcp_is_found_and_named_once(serve, clock, call):
+    zaber = serve(StageTcpServer(StageDevice(clock)))
+    place = f"socket://{zaber.address}"
+    status, out, _ = call("--port", place, "--port", place)
+    assert status == 0
+    assert out.count(f"serial port {place} (named): Zaber device 1, serial number 110001") == 1
+    zaber.close()
+    _, out, _ = call("--port", place)
+    assert "Connection refused" in out
+
+
+@pytest.mark.parametrize("unit", [1, 3])
+def test_a_frame_behind_a_gateway_is_found_as_rtu(serve, clock, unit):
+    server = serve(FrameRtuTcpServer(FrameDevice(clock, Spring()), unit=unit))
+    (found,) = probe_modbus_tcp(f"rtu://{server.address}")
+    assert found.settings["address"] == f"rtu://{server.address}"
+    assert found.settings.get("unit", 1) == unit
+
+
+def test_a_modbus_device_of_no_known_map_does_not_stand_for_the_load_frame(serve, clock, call, tmp_path):
+    thermometer = serve(FrameServer(FrameDevice(clock, Spring()), serial=1))
+    registers = thermometer.registers.answer
+    # it has registers for whoever asks for one, and no blocks
+    thermometer.registers.answer = lambda pdu: registers(pdu) if pdu[-2:] == b"\x00\x01" else b"\x84\x02"
+    frame = serve(FrameServer(FrameDevice(clock, Spring())))
+    path = tmp_path / "rig.toml"
+    status, out, _ = call("--modbus", thermometer.address, "--modbus", frame.address, "-o", path)
+    assert status == 0
+    assert "which no shipped register map fits" in out
+    load_frame = tomllib.loads(path.read_text())["load_frame"]
+    assert load_frame["address"] == frame.address
+    assert f'# address = "{thermometer.address}"' in path.read_text()
+
+
+@pytest.mark.parametrize(
+    "address", ["", "::1", "a:b", "host:", "host:0", "host:65536", "/dev/ttyS0", "rtu://", "a b"]
+)
+def test_an_address_that_is_none_is_refused_before_anybody_is_asked(call, monkeypatch, address):
+    monkeypatch.setattr(rig.devices_command, "serial_ports", lambda: pytest.fail("was asked"))
+    status, out, err = call("--modbus", address)
+    assert (status, out) == (2, "")
+    assert f"expected --modbus HOST[:PORT] or rtu://HOST[:PORT], got {address!r}" in err
+
+
+@pytest.mark.parametrize(
+    ("written", "asked"),
+    [
+        ("frame", "frame:502"),
+        ("10.0.0.7:1502", "10.0.0.7:1502"),
+        ("[fe80::1]", "[fe80::1]:502"),
+        ("rtu://gate:4001", "rtu://gate:4001"),
+    ],
+)
+def test_an_address_without_a_port_gets_that_of_the_standard(written, asked):
+    assert search([], [written], ask=False).hosts == [(asked, [], "not asked")]
+
+
+def test_a_rig_file_without_cameras_says_that_they_are_missing(call, monkeypatch, tmp_path):
+    monkeypatch.setattr(rig.devices_command, "video_nodes", list)
+    call("-o", tmp_path / "rig.toml")
+    assert "# No camera was found: add [cameras.NAME]" in (tmp_path / "rig.toml").read_text()
 
 
 def test_a_port_that_is_not_there_is_told(call):
     status, out, err = call("--port", "/dev/ttyNone")
     assert (status, err) == (0, "")
     assert "/dev/ttyNone (named): cannot be opened" in out
+
+
+def test_serial_ports_are_named_by_what_lasts(tmp_path, monkeypatch):
+    links = {
+        "by-id/usb-FTDI_A1-if00": "ttyUSB0",
+        "by-id/usb-1a86_USB_Serial-if00": "ttyUSB2",
+        "by-path/pci-usb-0:1": "ttyUSB0",
+        "by-path/pci-usb-0:2": "ttyUSB1",
+        "by-path/pci-usb-0:3": "ttyUSB2",
+    }
+    for name, node in links.items():
+        link = tmp_path / "dev/serial" / name
+        link.parent.mkdir(parents=True, exist_ok=True)
+        link.symlink_to(f"../../{node}")
+    # two adapters of a kind without a serial number share one name in by-id
+    plugged = {"ttyUSB0": "A1", "ttyUSB1": None, "ttyUSB2": None}
+    ports = [ListPortInfo(f"/dev/{name}") for name in plugged]
+    for port, number in zip(ports, plugged.values(), strict=True):
+        port.serial_number = number
+    monkeypatch.setattr(serial.tools.list_ports, "comports", lambda: ports)
+    found = [port.path.removeprefix(f"{tmp_path}/dev/serial/") for port in serial_ports(tmp_path)]
+    assert found == ["by-id/usb-FTDI_A1-if00", "by-path/pci-usb-0:2", "by-path/pci-usb-0:3"]
+
+
+def test_of_a_cameras_names_its_sockets_is_taken(tmp_path):
+    folder = tmp_path / "sys/class/video4linux/video0"
+    folder.mkdir(parents=True)
+    for kind in ("by-id", "by-path"):
+        links = tmp_path / "dev/v4l" / kind
+        links.mkdir(parents=True)
+        (links / "camera").symlink_to("../../video0")
+    assert [node.path for node in video_nodes(tmp_path)] == [str(tmp_path / "dev/v4l/by-path/camera")]
 
 
 def test_video_nodes_are_named_by_what_lasts(tmp_path):
