@@ -12,7 +12,7 @@ from simulators.scene import Scene, scene_of
 class OperatorSettings(Settings):
     """How long the person takes."""
 
-    duration_s: float = Field(default=60.0, ge=0, description="time to attach or remove the grid")
+    duration_s: float = Field(default=60.0, ge=0, le=3600, description="time to attach or remove the grid")
 
 
 class SimulatedOperator:

@@ -17,6 +17,9 @@ from drivers.settings import Settings
 RENDERING_S = 30.0
 """How much longer than its own deadline a frame may take to come: rendering is slow on a busy machine."""
 
+OPERATOR_S = 3630.0
+"""How long a person may take: more than the longest time that a rig file can say."""
+
 
 class RemoteOperatorSettings(Settings):
     """Where the simulation is, as ``rig simulate`` prints it."""
@@ -119,7 +122,7 @@ class RemoteOperator:
 
     def perform(self, action: OperatorAction) -> None:
         """Let the grid be attached or removed; return when it is done."""
-        self._client.ask(RENDERING_S * 4, do="operator", action=action.name)
+        self._client.ask(OPERATOR_S, do="operator", action=action.name)
 
     def close(self) -> None:
         """Hang up; harmless when repeated."""
