@@ -91,7 +91,7 @@ class EspStage(GuardedStage):
             raise self._fault("home", "a motor that is on", MOTOR_OFF, "check emergency stop and interlock")
         self._reference.motor_is_on()
         self._command(f"OR{self._home_mode}", "home", permit)
-        self._confirm_start("home", None)
+        self._confirm_start("home", None, permit)
         with self._stop_lock:
             permit()
             self._reference.seek()
@@ -99,7 +99,7 @@ class EspStage(GuardedStage):
     def _begin_move(self, angle_deg: float, state: StageState, step: str, permit: Callable[[], None]) -> None:
         self._refuse_forgotten_limits(step)
         self._command(f"PA{angle_deg:.5f}", step, permit)
-        self._confirm_start(step, angle_deg)
+        self._confirm_start(step, angle_deg, permit)
 
     def set_speed(self, speed_deg_s: float) -> None:
         """Set the speed of motions to come and read it back; `DeviceFault` if the stage does not take it."""
@@ -190,7 +190,7 @@ class EspStage(GuardedStage):
                 step, "acceptance", "; ".join(refused), "see appendix A of the controller's manual"
             )
 
-    def _confirm_start(self, step: str, target_deg: float | None) -> None:
+    def _confirm_start(self, step: str, target_deg: float | None, permit: Callable[[], None]) -> None:
         """See that the stage moves, or stands at its target already."""
         for _ in range(START_POLLS):
             if not self._ask("MD?", read_switch):
@@ -200,6 +200,7 @@ class EspStage(GuardedStage):
                 if off_deg <= self._settings.tolerance_deg:
                     return
             self._clock.sleep(POLL_S)
+        permit()
         raise DeviceTimeout(
             self._port.name,
             step,

@@ -170,6 +170,7 @@ class ZaberStage(GuardedStage):
             seen = self.read()
             if seen.moving or arrived(seen):
                 return
+            permit()
             raise DeviceTimeout(
                 self._name,
                 step,

@@ -116,15 +116,18 @@ class StageContract:
         bench.stage.move_to(40.0)
         bench.arrive()
         assert 10.0 <= bench.clock.now_s() - start_s < 12.5
-        with pytest.raises(DeviceFault):
-            bench.stage.set_speed(0.0)
+        for speed_deg_s in (0.0, -4.0, math.nan, math.inf):
+            with pytest.raises(DeviceFault) as refused:
+                bench.stage.set_speed(speed_deg_s)
+            assert_says_all(refused.value)
 
     def test_refuses_a_second_motion(self, bench: StageBench) -> None:
         """Whoever wants it stops the first one."""
         bench.home()
         bench.stage.move_to(40.0)
-        with pytest.raises(DeviceFault):
-            bench.stage.move_to(0.0)
+        for refuse in (bench.stage.move_to, bench.stage.move_by):
+            with pytest.raises(DeviceFault):
+                refuse(0.0)
         assert bench.arrive() == pytest.approx(40.0, abs=bench.tolerance_deg)
 
     def test_stop_returns_when_it_stands(self, bench: StageBench) -> None:

@@ -231,6 +231,38 @@ def test_a_home_search_whose_error_may_have_been_lost_found_nothing(stage, line,
     assert not stage.read().homed
 
 
+def test_a_home_search_that_was_stopped_before_it_was_known_to_have_begun_is_told(homed, monkeypatch):
+    confirm = homed._confirm_start
+
+    def confirm_and_be_stopped(*given: object) -> None:
+        confirm(*given)
+        homed.stop()
+
+    monkeypatch.setattr(homed, "_confirm_start", confirm_and_be_stopped)
+    with pytest.raises(DeviceFault, match="no stop meanwhile"):
+        homed.home()
+    assert not homed.read().homed
+
+
+@pytest.mark.parametrize("command", ["1OR", "1PA"])
+def test_a_stop_that_comes_before_the_start_was_seen_is_told(homed, line, command):
+    commanded, lost = threading.Event(), iter([True])
+
+    def lose_first_error(sent: str, answer: Callable[[], bytes]) -> bytes:
+        reply = answer()
+        if sent.startswith(command):
+            commanded.set()
+        return b"" if commanded.is_set() and sent == "TB?" and next(lost, False) else reply
+
+    line.tamper = lose_first_error
+    with ThreadPoolExecutor(1) as pool:
+        moving = pool.submit(homed.home) if command == "1OR" else pool.submit(homed.move_to, 45.0)
+        assert commanded.wait(30.0)
+        homed.stop()
+        with pytest.raises(DeviceFault, match="no stop meanwhile"):
+            moving.result(30.0)
+
+
 def test_homing_in_motion_is_refused(homed, line, clock):
     homed.move_to(90.0)
     clock.sleep(1.0)

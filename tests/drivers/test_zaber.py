@@ -228,10 +228,12 @@ def test_a_home_search_whose_answer_is_lost_counts_when_it_has_ended(stage, line
     assert line.motions() == ["home"]
 
 
-def test_a_stopped_search_after_a_fault_leaves_no_reference(homed, device, clock):
+@pytest.mark.parametrize("by", ["us", "somebody else"])
+def test_a_stopped_search_after_a_fault_leaves_no_reference(homed, device, clock, by):
+    stop = homed.stop if by == "us" else lambda: (device.stop(), clock.sleep(10.0))
     device.fail("FS")
     homed.home()
-    homed.stop()
+    stop()
     # the stage itself still calls its reference good
     assert homed.read().warnings == ("NI",)
     assert not homed.read().homed
@@ -241,6 +243,15 @@ def test_a_stopped_search_after_a_fault_leaves_no_reference(homed, device, clock
     arrive(homed, clock)
     homed.move_to(10.0)
     assert arrive(homed, clock) == 10.0
+
+
+def test_a_stopped_search_leaves_no_reference_though_another_program_cleared_the_flags(homed, device):
+    device.fail("FS")
+    homed.home()
+    homed.stop()
+    device.clear_flags()
+    assert homed.read().warnings == ()
+    assert not homed.read().homed
 
 
 def test_homing_in_motion_is_refused(homed, line, clock):
@@ -271,6 +282,13 @@ def test_a_scale_that_the_stage_does_not_tell_just_now_is_not_taken_for_right(li
     )
     with pytest.raises(DeviceFault, match=f"limit.cycle.dist: expected acceptance, got rejection {reason}"):
         open_stage(settings(line.address, microsteps_per_deg=3200.0), context)
+
+
+def test_a_refused_stop_is_no_standstill(homed, line, monkeypatch):
+    monkeypatch.setattr(drivers.guarded_stage, "STOP_PATIENCE_S", 0.3)
+    line.tamper = lambda command, answer: answered(answer(), "RJ IDLE -- AGAIN")
+    with pytest.raises(DeviceTimeout, match="got rejection AGAIN .*press the emergency stop"):
+        homed.stop()
 
 
 def test_another_devices_standstill_is_not_this_ones(homed, line, device, clock, monkeypatch):
@@ -365,6 +383,53 @@ def test_a_move_whose_answer_is_lost_is_never_sent_again(homed, line, device, cl
     assert arrive(homed, clock) == 45.0
 
 
+def test_a_move_that_ended_before_its_answer_was_missed_is_done(homed, line, clock):
+    def lose_and_arrive(command: str, answer: Callable[[], bytes]) -> bytes:
+        reply = answer()
+        if not command.startswith("move"):
+            return reply
+        clock.sleep(60.0)
+        return b""
+
+    line.tamper = lose_and_arrive
+    homed.move_to(45.0)
+    assert line.motions() == ["move abs 288000"]
+    assert homed.read().angle_deg == 45.0
+
+
+@pytest.mark.parametrize("command", ["home", "move"])
+def test_a_stop_while_the_answer_to_a_motion_is_missing_is_told(homed, line, command):
+    commanded = threading.Event()
+
+    def lose_motion(sent: str, answer: Callable[[], bytes]) -> bytes:
+        reply = answer()
+        if not sent.startswith(command):
+            return reply
+        commanded.set()
+        return b""
+
+    line.tamper = lose_motion
+    with ThreadPoolExecutor(1) as pool:
+        moving = pool.submit(homed.home) if command == "home" else pool.submit(homed.move_to, 45.0)
+        assert commanded.wait(30.0)
+        homed.stop()
+        with pytest.raises(DeviceFault, match="no stop meanwhile"):
+            moving.result(30.0)
+
+
+def test_a_home_search_that_was_stopped_before_it_was_known_to_have_begun_is_told(homed, line, monkeypatch):
+    begin = homed._begin
+
+    def begin_and_be_stopped(*given: object) -> None:
+        begin(*given)
+        homed.stop()
+
+    monkeypatch.setattr(homed, "_begin", begin_and_be_stopped)
+    with pytest.raises(DeviceFault, match="no stop meanwhile"):
+        homed.home()
+    assert not homed.read().homed
+
+
 def test_a_move_that_never_arrived_is_reported_not_repeated(homed, line, device):
     line.tamper = lambda command, answer: b"" if command.startswith("move") else answer()
     with pytest.raises(DeviceTimeout, match="a stage that stands still"):
@@ -419,6 +484,7 @@ def test_a_reading_that_is_always_damaged_says_what_came(homed, line):
     line.tamper = lambda command, answer: answer().replace(b"IDLE", b"BUSY")
     with pytest.raises(DeviceTimeout, match=r"damaged line '@01 1 .. OK BUSY -- 0:"):
         homed.read()
+    assert line.received == ["get pos", "get pos"]
 
 
 def test_a_late_answer_is_not_taken_for_the_next_ones(homed, line, clock):
