@@ -35,7 +35,7 @@ class ModbusFrameSettings(Settings):
     stale_after_s : float
         Readings whose sample counter has stood still for longer are refused.
     reply_timeout_s : float
-        How long an answer may take.
+        How long an answer may take; to a hold 1 s at most.
     """
 
     address: str

@@ -26,6 +26,8 @@ class FrameBench:
         The clock the machine runs on.
     load_tolerance_n, displacement_tolerance_mm : float
         How near a standing machine is to its target.
+    duration_tolerance : float
+        By which fraction a motion may take longer or shorter than its way at the commanded rate.
     commands : callable, optional
         ``commands()`` counts the motion commands the machine executed, holds not among them.
     lose_answers, restore : callable, optional
@@ -39,6 +41,7 @@ class FrameBench:
     clock: Clock
     load_tolerance_n: float = 2.0
     displacement_tolerance_mm: float = 1e-3
+    duration_tolerance: float = 0.25
     commands: Counter | None = None
     lose_answers: Handle | None = None
     restore: Handle | None = None
@@ -47,9 +50,11 @@ class FrameBench:
     press_estop: Handle | None = None
     release_estop: Handle | None = None
 
-    def arrive(self) -> None:
-        """Wait until the crosshead stands."""
+    def arrive(self) -> float:
+        """Wait until the crosshead stands, and return the seconds it took."""
+        start_s = self.clock.now_s()
         wait_until(lambda: not self.frame.read().moving, self.clock)
+        return self.clock.now_s() - start_s
 
 
 class FrameContract:
@@ -70,19 +75,19 @@ class FrameContract:
         assert state.displacement_mm == pytest.approx(0.0, abs=bench.displacement_tolerance_mm)
 
     def test_goes_to_a_displacement(self, bench: FrameBench) -> None:
-        """And says so."""
+        """In its time, 0.2 mm at 0.1 mm/s, and says so."""
         bench.frame.go_to_displacement(0.2, 0.1)
         assert bench.frame.read().moving
-        bench.arrive()
+        assert bench.arrive() == pytest.approx(2.0, rel=bench.duration_tolerance)
         state = bench.frame.read()
         assert state.at_target
         assert state.displacement_mm == pytest.approx(0.2, abs=bench.displacement_tolerance_mm)
         assert state.faults == ()
 
     def test_goes_to_a_load(self, bench: FrameBench) -> None:
-        """And says so."""
+        """In its time, 500 N at 250 N/s, and says so."""
         bench.frame.go_to_load(500.0, 250.0)
-        bench.arrive()
+        assert bench.arrive() == pytest.approx(2.0, rel=bench.duration_tolerance)
         state = bench.frame.read()
         assert state.at_target
         assert state.load_n == pytest.approx(500.0, abs=bench.load_tolerance_n)

@@ -170,13 +170,14 @@ def test_limits_that_the_machine_has_already_are_not_written_again(frame, port, 
     assert [request[:3] for request in written] == [b"\x10\x00\x20"]
 
 
-def test_a_machine_that_takes_one_connection_is_held_over_it(port, device, context, clock):
+@pytest.mark.parametrize("start", [b"\x04\x00\x00", b"\x10\x00\x42"], ids=["state", "heartbeat"])
+def test_a_machine_that_takes_one_connection_is_held_over_it(port, device, context, start):
     frame = open_frame(settings(port.address, connections=1, reply_timeout_s=30.0), context)
     frame.go_to_displacement(1.0, 0.1)
     asked = threading.Event()
 
     def swallow_first(request: bytes, answer: Answer) -> bytes | None:
-        if is_state(request) and not asked.is_set():
+        if request[:3] == start and not asked.is_set():
             asked.set()
             return None
         return answer()
@@ -187,8 +188,8 @@ def test_a_machine_that_takes_one_connection_is_held_over_it(port, device, conte
         assert asked.wait(30.0)
         frame.hold()
         assert device.read().holding
-        # asked again behind the hold
-        assert reading.result(30.0).holding
+        # the state is asked for again behind the hold, and the heartbeat is needed no more
+        assert reading.result(30.0).holding is (start[0] == 4)
     frame.close()
 
 
@@ -446,13 +447,14 @@ def test_hold_is_repeated_until_it_is_confirmed(frame, port, device):
     assert device.read().holding
 
 
-def test_hold_lasts_until_the_crosshead_stands(frame, port):
+@pytest.mark.parametrize(("on", "off"), [(1 << 1, 0), (0, 1 << 3)], ids=["moving", "not holding"])
+def test_hold_lasts_until_the_crosshead_stands(frame, port, on, off):
     braking = iter([True, True])
 
     def brake(request: bytes, answer: Answer) -> bytes | None:
         reply = answer()
         if is_state(request) and reply is not None and next(braking, False):
-            status = int.from_bytes(reply[8:10], "big") | 1 << 1
+            status = (int.from_bytes(reply[8:10], "big") | on) & ~off
             return reply[:8] + status.to_bytes(2, "big") + reply[10:]
         return reply
 
@@ -786,3 +788,34 @@ def test_two_connections_mean_nothing_on_a_line():
     for address in ("/dev/ttyUSB0", "rtu://192.168.0.9:4001"):
         with pytest.raises(ValueError, match="connections belong to Modbus TCP"):
             ModbusFrameSettings(address=address, connections=2, **limits)
+
+
+def test_a_restart_that_a_narrow_counter_does_not_tell_shows_in_the_commands(device, context, clock):
+    server = FrameServer(device, layout=LAYOUTS["separate-words"])
+    frame = open_frame(settings(server.address, map="separate-words"), context)
+    frame.tare()
+    device.power_cycle()
+    # nobody reads for so long that 16 bits may have gone round
+    clock.sleep(60.0)
+    with pytest.raises(DeviceFault, match=r"a restarted machine \(command 0 executed after 1\)"):
+        frame.read()
+    frame.close()
+    server.close()
+
+
+def test_a_status_apart_is_read_before_the_readings(device, context):
+    """Or "at target" might be newer than a load from before the target."""
+    asked: list[int] = []
+
+    class Watched(FrameServer):
+        def answer(self, unit: int, request: bytes) -> bytes | None:
+            asked.extend([request[2]] if request[0] == 4 else [])
+            return super().answer(unit, request)
+
+    server = Watched(device, layout=LAYOUTS["separate-words"])
+    frame = open_frame(settings(server.address, map="separate-words"), context)
+    asked.clear()
+    frame.read()
+    assert asked == [16, 0]
+    frame.close()
+    server.close()

@@ -241,3 +241,13 @@ def test_a_new_connection_proves_that_the_same_machine_is_there():
         with pytest.raises(LinkLost, match="identity"):
             link.write(0, [1])
         assert set(requests) == {32}
+
+
+def test_bytes_that_are_no_modbus_are_left_behind_with_their_connection():
+    answers = iter([b"HTTP/1.1 400 Bad Request\r\n"])
+
+    def device(request: bytes) -> bytes:
+        return next(answers, None) or reply(request, bytes.fromhex("04 02 0001"))
+
+    with served(device) as link:
+        assert link.read("input", 0, 1) == [1]

@@ -5,14 +5,18 @@ import threading
 import tty
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 import pytest
 
+import drivers.modbus_wire
+from drivers.channel import OvertakenError
+from drivers.clock import VirtualClock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.modbus_address import ModbusAddress
 from drivers.modbus_frame_settings import ModbusFrameSettings
 from drivers.modbus_link import ModbusLink, Overtaken
-from drivers.modbus_wire import crc
+from drivers.modbus_wire import DamagedError, RtuWire, SilenceError, crc
 
 # long enough for a busy machine; tests that wait for nothing have less patience
 PATIENT_S, IMPATIENT_S = 10.0, 0.2
@@ -34,6 +38,10 @@ class Slave:
         while (request := os.read(self._near, 300)) != b"end":
             self.requests.append(request)
             os.write(self._near, self.answer(request))
+
+    def say(self, data: bytes) -> None:
+        """Send what nobody asked for."""
+        os.write(self._near, data)
 
     def close(self) -> None:
         os.write(self._far, b"end")
@@ -119,6 +127,13 @@ def test_the_same_answer_twice_is_one_answer(slave, link):
     slave.answer = lambda request: framed("01 04 02 000A") * 2
     assert [link.read("input", 8, 1) for _ in range(3)] == [[10]] * 3
     assert len(slave.requests) == 3
+
+
+def test_what_came_before_a_request_is_not_its_answer(slave, link):
+    slave.answer = lambda request: framed("01 04 02 000A")
+    assert link.read("input", 8, 1) == [10]
+    slave.say(framed("01 04 02 000B"))
+    assert link.read("input", 8, 1) == [10]
 
 
 def test_a_damaged_acknowledgement_is_not_followed_by_a_second_write(slave, impatient):
@@ -231,3 +246,95 @@ def test_an_address_that_is_none_is_told(address):
 def test_a_baud_rate_over_tcp_is_told():
     with pytest.raises(ValueError, match="baud belong to a serial port"):
         ModbusFrameSettings(address="host:502", baud=9600, load_max_n=1.0, displacement_max_mm=1.0)
+
+
+class ScriptedWire:
+    """A line without numbered answers that does as it is told, and what was asked of it."""
+
+    numbered = False
+
+    def __init__(self, *answers: bytes | Exception) -> None:
+        self.log: list[str] = []
+        self._answers = list(answers)
+
+    def ask(self, unit: int, pdu: bytes, timeout_s: float, wake: int | None) -> bytes:
+        self.log.append(f"ask {pdu[2]}")
+        answer = self._answers.pop(0)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    def quieten(self, silence_s: float, wake: int | None) -> None:
+        self.log.append(f"quiet for {silence_s:g} s")
+
+    def close(self) -> None: ...
+
+
+@pytest.mark.parametrize("trouble", [SilenceError("none"), DamagedError("half"), OvertakenError()])
+def test_after_a_missing_answer_the_line_is_quiet_and_proven_before_anything_else(monkeypatch, trouble):
+    """An answer that comes late belongs to nobody then."""
+    wire = ScriptedWire(trouble, bytes.fromhex("04 02 0009"), bytes.fromhex("04 02 0007"))
+    monkeypatch.setattr(ModbusAddress, "open", lambda address, timeout_s: wire)
+    link = ModbusLink("frame", ModbusAddress("/dev/ttyUSB0"), unit=1, reply_timeout_s=0.5)
+    link.prove_by("input", 32, [9])
+    assert link.read("input", 8, 1) == [7]
+    assert wire.log == ["ask 8", "quiet for 0.5 s", "ask 32", "ask 8"]
+    link.close()
+
+
+class Babble:
+    """A channel with so many pieces to come, and a clock that goes on by 10 ms with each."""
+
+    def __init__(self, pieces: int) -> None:
+        self.pieces = pieces
+        self.clock = VirtualClock()
+
+    def receive(self, deadline_s: float, wake: int | None) -> bytes:
+        self.clock.sleep(0.01)
+        self.pieces -= 1
+        return b"?" if self.pieces >= 0 else b""
+
+
+def test_quiet_is_waited_for_but_not_for_ever(monkeypatch):
+    channel = Babble(pieces=50)
+    monkeypatch.setattr(drivers.modbus_wire, "SystemClock", lambda: channel.clock)
+    RtuWire(channel, 19_200).quieten(0.1, None)  # type: ignore[arg-type]
+    assert channel.pieces == -1
+    channel.pieces = 10**6
+    with pytest.raises(SilenceError, match="other bytes all the time"):
+        RtuWire(channel, 19_200).quieten(0.1, None)  # type: ignore[arg-type]
+
+
+class Recorder:
+    """A channel that answers everything, and when each frame was sent."""
+
+    def __init__(self, clock: VirtualClock) -> None:
+        self.sent_s: list[float] = []
+        self._clock = clock
+
+    def discard(self) -> None: ...
+
+    def send(self, data: bytes) -> None:
+        self.sent_s.append(self._clock.now_s())
+
+    def receive(self, deadline_s: float, wake: int | None) -> bytes:
+        if wake is not None:
+            raise OvertakenError
+        return framed("01 04 02 000A")
+
+
+@pytest.mark.parametrize(("baud", "gap_s"), [(9600, 3.5 * 11 / 9600), (115_200, 0.00175)])
+def test_frames_are_apart_by_the_silence_of_the_specification(monkeypatch, baud, gap_s):
+    """MODBUS over Serial Line V1.02, 2.5.1.1: 3.5 characters of 11 bits, 1.750 ms above 19 200 baud."""
+    clock = VirtualClock()
+    monkeypatch.setattr(drivers.modbus_wire, "SystemClock", lambda: clock)
+    channel = Recorder(clock)
+    wire = RtuWire(channel, baud)  # type: ignore[arg-type]
+    request = bytes.fromhex("04 0008 0001")
+    wire.ask(1, request, 1.0, None)
+    wire.ask(1, request, 1.0, None)
+    with pytest.raises(OvertakenError):
+        wire.ask(1, request, 1.0, 0)
+    wire.ask(1, request, 1.0, None)
+    apart_s = [after - before for before, after in pairwise(channel.sent_s)]
+    assert apart_s == pytest.approx([gap_s] * 3)

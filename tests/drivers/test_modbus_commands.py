@@ -1,0 +1,41 @@
+"""What needs very many commands to show."""
+
+from collections.abc import Mapping
+
+from drivers.clock import VirtualClock
+from drivers.modbus_commands import FrameCommands
+from drivers.modbus_frame_settings import ModbusFrameSettings
+from drivers.register_map import load_map
+from drivers.registers import Block, Number
+
+
+class Listener:
+    """A machine that takes everything and remembers its heartbeats as they stand in the register."""
+
+    name = "frame"
+
+    def __init__(self) -> None:
+        self.beats: list[int] = []
+
+    def read_state(self, step: str) -> dict[str, Number]:
+        return {"executed": 0}
+
+    def set(self, block: Block, values: Mapping[str, Number], step: str) -> None:
+        block.encode(values, "ABCD")
+
+    def write(self, block: Block, values: Mapping[str, Number], step: str) -> None:
+        self.beats += block.encode(values, "ABCD")
+
+    def shares_link(self, other: object) -> bool:
+        return True
+
+
+def test_the_heartbeat_goes_round_and_always_changes():
+    """A night has more of them than 16 bits can count."""
+    machine = Listener()
+    settings = ModbusFrameSettings(address="host:502", load_max_n=100.0, displacement_max_mm=1.0)
+    commands = FrameCommands(settings, VirtualClock(), load_map("generic"), machine, machine)  # type: ignore[arg-type]
+    for _ in range(2**16 + 2):
+        commands.stay_in_charge()
+    assert all(beat != after for beat, after in zip(machine.beats, machine.beats[1:], strict=False))
+    assert set(machine.beats) == set(range(2**16))
