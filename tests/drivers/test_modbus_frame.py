@@ -709,6 +709,21 @@ def test_a_machine_that_takes_one_connection_only_is_told_how(port, context):
         open_frame(settings(port.address, reply_timeout_s=0.1), context)
 
 
+def test_two_machines_at_one_address_are_told(port, context):
+    """A hold would stop the other one."""
+    serials = iter([b"\x00\x01", b"\x00\x02"])
+
+    def either(request: bytes, answer: Answer) -> bytes | None:
+        reply = answer()
+        if request[:3] == b"\x04\x00\x20" and reply is not None:
+            return reply[:4] + next(serials) + reply[6:]
+        return reply
+
+    port.tamper = either
+    with pytest.raises(DeviceFault, match="check that one machine only has this address"):
+        open_frame(settings(port.address), context)
+
+
 def test_what_else_stands_among_the_settings_is_left_alone(port, context, tmp_path):
     """A map may declare what it does not know, and a zero may mean anything there."""
     generic = (Path(drivers.modbus_frame.__file__).parent / "maps" / "generic.toml").read_text()
