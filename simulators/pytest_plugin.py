@@ -9,7 +9,8 @@ It is there as soon as offaxis is installed::
     @pytest.mark.virtual_rig(load_frame_map="scaled-integers", real_time=True)
     def test_my_program_gives_up_when_answers_are_lost(virtual_rig):
         virtual_rig.faults.switch_on("load_frame.drop")
-        ...
+        with pytest.raises(TimeoutError):
+            my_program(virtual_rig.addresses["load_frame"])
 """
 
 from collections.abc import Iterator
@@ -39,6 +40,8 @@ def virtual_rig(request: pytest.FixtureRequest) -> "Iterator[VirtualRig]":
     from simulators.virtual_rig import VirtualRig, VirtualRigSettings
 
     mark = request.node.get_closest_marker("virtual_rig")
+    if mark is not None and mark.args:
+        raise pytest.UsageError(f"virtual_rig: expected settings by name, such as seed=1, got {mark.args}")
     rig = VirtualRig(VirtualRigSettings.model_validate({} if mark is None else mark.kwargs))
     yield rig
     rig.close()

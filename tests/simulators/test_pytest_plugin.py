@@ -1,5 +1,8 @@
 """The plugin as somebody else's test suite meets it: by being installed."""
 
+import re
+from pathlib import Path
+
 pytest_plugins = ["pytester"]
 
 THEIR_TESTS = """
@@ -28,6 +31,11 @@ def test_a_rig_with_settings(virtual_rig):
     assert virtual_rig.clock.now_s() >= before_s + 0.01
 
 
+@pytest.mark.virtual_rig("generic")
+def test_a_rig_with_a_setting_without_its_name(virtual_rig):
+    pass
+
+
 @pytest.mark.virtual_rig(sed=1)
 def test_a_rig_with_a_mistake(virtual_rig):
     pass
@@ -37,8 +45,52 @@ def test_a_rig_with_a_mistake(virtual_rig):
 def test_a_virtual_rig_for_other_peoples_tests(pytester):
     pytester.makepyfile(THEIR_TESTS)
     result = pytester.runpytest("--strict-markers", "-p", "no:cacheprovider")
-    result.assert_outcomes(passed=2, errors=1)
-    result.stdout.fnmatch_lines(["*sed*"])
+    result.assert_outcomes(passed=2, errors=2)
+    result.stdout.fnmatch_lines(["*expected settings by name*", "*sed*"])
+
+
+THEIR_PROGRAM = """
+import os
+import select
+
+
+def my_program(address):
+    if not address.startswith("/"):
+        return stretch(address)
+    line = os.open(address, os.O_RDWR | os.O_NOCTTY)
+    try:
+        os.write(line, b"/1 home\\n")
+        if not select.select([line], [], [], 0.1)[0]:
+            raise TimeoutError
+    finally:
+        os.close(line)
+
+
+def stretch(address):
+    from drivers.clock import SystemClock
+    from drivers.interfaces import OpenContext
+    from drivers.registry import find_driver
+
+    spec, clock = find_driver("modbus-frame"), SystemClock()
+    settings = spec.settings(
+        address=address, map="separate-words", load_max_n=5000.0, displacement_max_mm=2.0
+    )
+    frame = spec.open(settings, OpenContext("load_frame", clock))
+    frame.go_to_displacement(0.6, 1.0)
+    while frame.read().moving:
+        clock.sleep(0.02)
+    frame.close()
+"""
+
+
+def test_the_examples_of_the_documentation_run(pytester, capsys):
+    page = (Path(__file__).parents[2] / "docs" / "simulators.md").read_text(encoding="utf-8")
+    with_fixture, alone = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    pytester.makepyfile(THEIR_PROGRAM + with_fixture)
+    pytester.runpytest("--strict-markers", "-p", "no:cacheprovider").assert_outcomes(passed=2)
+    capsys.readouterr()
+    exec(compile(alone, "simulators.md", "exec"), {})
+    assert capsys.readouterr().out.startswith("/")
 
 
 def test_the_fixture_says_what_it_is(pytester):
