@@ -51,3 +51,11 @@ def test_a_narrow_counter_that_stood_still_all_the_time_is_stale():
     freshness.check(100, 0.0)
     with pytest.raises(ValueError, match="sample 100 again after 60 s"):
         freshness.check(100, 60.0)
+
+
+def test_a_restart_is_not_forgotten_while_nobody_reads():
+    freshness = Freshness(0.5, 2**16)
+    freshness.check(1000, 0.0)
+    for sample, now_s in ((3, 1.0), (500, 60.0)):
+        with pytest.raises(ValueError, match="a restarted machine"):
+            freshness.check(sample, now_s)

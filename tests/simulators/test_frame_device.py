@@ -52,7 +52,9 @@ def test_load_follows_its_ramp(frame, clock):
     clock.sleep(10.0)
     assert frame.load_n() == pytest.approx(4000.0, abs=1.0)
     frame.go_to_load(1000.0, 400.0)
-    clock.sleep(10.0)
+    clock.sleep(1.0)
+    assert frame.load_n() == pytest.approx(3600.0, abs=400.0 * CONTROL_PERIOD_S)
+    clock.sleep(9.0)
     assert frame.load_n() == pytest.approx(1000.0, abs=1.0)
 
 
@@ -102,6 +104,7 @@ def test_the_load_limit_trips_on_the_way_out_and_leaves_the_way_back_free(frame,
         (lambda frame: frame.set_limits(Limits(0, float("nan"), 0, 1, 1, 1)), Refusal.BEYOND_LIMITS),
         (lambda frame: frame.set_limits(Limits(10, 0, 0, 1, 1, 1)), Refusal.BEYOND_LIMITS),
         (lambda frame: frame.set_watchdog(float("nan")), Refusal.BEYOND_LIMITS),
+        (lambda frame: frame.set_watchdog(60.1), Refusal.BEYOND_LIMITS),
     ],
 )
 def test_commands_beyond_the_limits_are_refused(frame, command, reason):
@@ -165,3 +168,39 @@ def test_tare_sets_both_zeros(frame, clock):
     clock.sleep(2.0)
     frame.tare()
     assert (frame.load_n(), frame.displacement_mm()) == (0.0, 0.0)
+
+
+def test_the_lower_load_limit_trips(frame, clock):
+    frame.set_limits(Limits(-1000.0, 1000.0, -5.0, 5.0, 5.0, 100.0))
+    frame.go_to_displacement(-0.5, 0.5)
+    clock.sleep(2.0)
+    assert frame.read().fault is Fault.LOAD_LIMIT
+    # 1 kN at 5 kN/mm, and two control periods
+    assert frame.displacement_mm() == pytest.approx(-0.2, abs=0.5 * 2 * CONTROL_PERIOD_S)
+
+
+def test_the_lower_travel_limit_trips(frame, clock):
+    frame.set_limits(Limits(-9000.0, 1000.0, -0.5, 5.0, 5.0, 100.0))
+    frame.go_to_load(-5000.0, 100.0)
+    clock.sleep(60.0)
+    assert frame.read().fault is Fault.DISPLACEMENT_LIMIT
+    assert frame.displacement_mm() == pytest.approx(-0.5, abs=100.0 / STIFFNESS_N_MM)
+
+
+def test_out_of_limits_that_were_narrowed_meanwhile_the_way_back_is_free(frame, clock):
+    frame.go_to_displacement(3.0, 5.0)
+    clock.sleep(2.0)
+    frame.set_limits(Limits(-100.0, 10_000.0, -1.0, 2.5, 1.0, 100.0))
+    frame.go_to_displacement(1.0, 0.1)
+    clock.sleep(30.0)
+    assert (frame.read().fault, frame.displacement_mm()) == (Fault.NONE, pytest.approx(1.0))
+
+
+def test_after_a_tare_it_holds_position(frame, clock):
+    """A load controller would go on to its target, now from another zero."""
+    frame.go_to_load(1000.0, 500.0)
+    clock.sleep(10.0)
+    assert not frame.read().holding
+    frame.tare()
+    clock.sleep(10.0)
+    assert (frame.read().holding, frame.load_n()) == (True, 0.0)

@@ -64,6 +64,7 @@ def test_word_orders(word_order, data):
     [
         ("i32", 0.1, -12.34, (-123).to_bytes(4, "big", signed=True)),
         ("i32", 0.1, 1e12, b"\x7f\xff\xff\xff"),  # beyond the register: its end
+        ("i32", 0.1, -1e12, b"\x80\x00\x00\x00"),
         ("i32", 0.1, float("nan"), b"\x7f\xff\xff\xff"),  # a broken wire
         ("u16", 0.001, 2.0, b"\x07\xd0"),
         ("u16", 1.0, 65_537, b"\x00\x01"),  # a counter goes round

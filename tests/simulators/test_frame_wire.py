@@ -8,6 +8,7 @@ import pytest
 
 from drivers.clock import VirtualClock
 from simulators.frame_device import FrameDevice
+from simulators.frame_layout import LAYOUTS
 from simulators.frame_wire import FrameServer
 
 
@@ -134,8 +135,18 @@ def test_a_request_may_come_byte_by_byte_and_two_at_once(client):
     assert answers == bytes.fromhex("0001 0000 0005 01 04 02 0001") * 3
 
 
-def test_bytes_that_are_no_modbus_end_the_connection(client):
-    client.sendall(b"GET / HTTP/1.1\r\n\r\n")
+@pytest.mark.parametrize(
+    "message",
+    [
+        b"GET / HTTP/1.1\r\n\r\n",
+        bytes.fromhex("0001 0000 0001 01"),  # no function
+        # MODBUS Messaging on TCP/IP V1.0b: 260 bytes in all are the most
+        bytes.fromhex("0001 0000 00FF 01"),
+    ],
+)
+def test_bytes_that_are_no_modbus_end_the_connection(client, message):
+    client.settimeout(10.0)
+    client.sendall(message)
     assert client.recv(100) == b""
 
 
@@ -148,3 +159,51 @@ def test_closing_leaves_no_thread(clock):
         server.close()
         assert client.recv(1) == b""
     assert threading.active_count() == before
+
+
+def outcome(client: socket.socket) -> tuple[int, ...]:
+    """Number and result of the last command."""
+    return struct.unpack(">HH", exchange(client, "0002 0000 0006 01 04 0005 0002")[9:])
+
+
+def test_a_refusal_is_shown_until_the_next_command(client, clock):
+    # 200 mm are beyond the machine's travel, 50 mm/s beyond its speed; it knows no command 9
+    for number, (request, result) in enumerate(
+        [
+            (command(2, 1, displacement_mm=200.0, speed_mm_s=1.0), 1),
+            (command(2, 2, displacement_mm=1.0, speed_mm_s=50.0), 2),
+            (command(9, 3), 4),
+            (command(1, 4), 0),
+        ],
+        start=1,
+    ):
+        exchange(client, request)
+        assert outcome(client) == (number, result)
+
+
+def test_a_machine_that_was_switched_on_again_knows_of_no_command(server, client):
+    exchange(client, command(1, 7))
+    assert outcome(client) == (7, 0)
+    server.device.power_cycle()
+    assert outcome(client) == (0, 0)
+
+
+def test_set_points_apart_are_used_by_the_command_that_follows(clock):
+    server = FrameServer(FrameDevice(clock, Spring()), layout=LAYOUTS["separate-words"])
+    try:
+        targets = struct.pack(">ffff", 0.5, 0.25, 0.0, 0.0)
+        assert server.answer(1, bytes.fromhex("10 0000 0008 10") + targets) == bytes.fromhex("10 0000 0008")
+        assert server.answer(1, bytes.fromhex("10 0010 0002 04 0201 0001")) == bytes.fromhex("10 0010 0002")
+        clock.sleep(1.0)
+        assert server.device.displacement_mm() == pytest.approx(0.25, abs=0.25 * 0.021)
+    finally:
+        server.close()
+
+
+def test_a_machine_with_one_table_has_no_input_registers(clock):
+    server = FrameServer(FrameDevice(clock, Spring()), layout=LAYOUTS["scaled-integers"])
+    try:
+        assert server.answer(1, bytes.fromhex("04 0100 0001")) == bytes.fromhex("84 02")
+        assert server.answer(1, bytes.fromhex("03 0100 0001")) == bytes.fromhex("03 02 0001")
+    finally:
+        server.close()
