@@ -24,7 +24,7 @@ from drivers.modbus_wire import DamagedError, SilenceError, Wire
 from drivers.turn import Turn
 
 READ_ATTEMPTS = 2
-# What is urgent is repeated rather than waited for.
+# What is urgent is repeated rather than waited for, and connecting is a wait that it cannot end.
 URGENT_TIMEOUT_S = 1.0
 
 T = TypeVar("T")
@@ -45,13 +45,14 @@ class ModbusLink:
     unit : int
         The unit identifier behind that address.
     reply_timeout_s : float
-        Deadline for connecting, and for an answer; real time. What is urgent gets 1 s at most.
+        Deadline for an answer; real time. Connecting and what is urgent get 1 s of it at most.
     """
 
     def __init__(self, name: str, address: ModbusAddress, unit: int, reply_timeout_s: float) -> None:
         self.name = name
         self._address, self._unit = address, unit
         self._reply_timeout_s = reply_timeout_s
+        self._urgent_timeout_s = min(reply_timeout_s, URGENT_TIMEOUT_S)
         self._turn = Turn()
         self._wire: Wire | None = None
         self._suspect = False
@@ -120,7 +121,7 @@ class ModbusLink:
     def _exchange(self, request: Request, urgent: bool) -> list[int]:
         if urgent:
             with self._turn.urgent():
-                timeout_s = min(self._reply_timeout_s, URGENT_TIMEOUT_S)
+                timeout_s = self._urgent_timeout_s
                 return self._told(request, timeout_s, lambda: self._ask(request, timeout_s, None))
         with self._turn.ordinary():
             return self._told(request, self._reply_timeout_s, lambda: self._ask_in_turn(request))
@@ -137,7 +138,7 @@ class ModbusLink:
 
     def _resynchronise(self) -> None:
         """Wait until no answer can be late any more, and read what is known."""
-        self._connected(self._reply_timeout_s).quieten(self._reply_timeout_s, self._turn.wake)
+        self._connected().quieten(self._reply_timeout_s, self._turn.wake)
         if self._proof is not None:
             request, known = self._proof
             found = self._ask(request, self._reply_timeout_s, self._turn.wake)
@@ -145,14 +146,14 @@ class ModbusLink:
                 raise ForeignAnswerError(f"the machine with {known} in its identity", f"one with {found}")
 
     def _ask(self, request: Request, timeout_s: float, wake: int | None) -> list[int]:
-        answer = self._connected(timeout_s).ask(self._unit, request.pdu, timeout_s, wake)
+        answer = self._connected().ask(self._unit, request.pdu, timeout_s, wake)
         return request.registers(answer)
 
-    def _connected(self, timeout_s: float) -> Wire:
+    def _connected(self) -> Wire:
         if self._closed:
             raise ConnectionAbortedError("the link was closed")
         if self._wire is None:
-            self._wire = self._address.open(timeout_s)
+            self._wire = self._address.open(self._urgent_timeout_s)
         return self._wire
 
     def _told(self, request: Request, timeout_s: float, ask: Callable[[], T]) -> T:

@@ -9,7 +9,7 @@ from drivers.errors import DeviceError
 from drivers.mapped_device import MappedDevice
 from drivers.modbus_address import ModbusAddress
 from drivers.modbus_link import ModbusLink
-from drivers.modbus_pdu import ExceptionAnswerError, ForeignAnswerError, read_request
+from drivers.modbus_pdu import NOBODY, ExceptionAnswerError, ForeignAnswerError, read_request
 from drivers.modbus_wire import SilenceError
 from drivers.register_map import load_map, shipped_maps
 
@@ -21,8 +21,6 @@ ESP_BAUDS = (921_600, 19_200)
 MODBUS_LINES = ((19_200, "E"), (9600, "N"), (9600, "E"), (115_200, "N"))
 SERIAL_UNITS = (1, 2, 3)
 TCP_UNITS = (1, 255, 0)
-# A gateway that has nobody behind it under this unit.
-NOBODY = (10, 11)
 
 STAGE, LOAD_FRAME = "stage", "load_frame"
 

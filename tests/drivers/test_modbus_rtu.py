@@ -282,6 +282,23 @@ def test_after_a_missing_answer_the_line_is_quiet_and_proven_before_anything_els
     link.close()
 
 
+def test_connecting_never_takes_as_long_as_an_answer_may(monkeypatch):
+    """A hold waits for it on a link that is shared."""
+    timeouts_s: list[float] = []
+
+    def unreachable(address: ModbusAddress, timeout_s: float) -> None:
+        timeouts_s.append(timeout_s)
+        raise TimeoutError
+
+    monkeypatch.setattr(ModbusAddress, "open", unreachable)
+    for reply_timeout_s in (60.0, 0.5):
+        link = ModbusLink("frame", ModbusAddress("rtu://host:4001"), unit=1, reply_timeout_s=reply_timeout_s)
+        with pytest.raises(LinkLost, match="expected a connection to rtu://host:4001"):
+            link.write(0, [1])
+        link.close()
+    assert timeouts_s == [1.0, 0.5]
+
+
 class Babble:
     """A channel with so many pieces to come, and a clock that goes on by 10 ms with each."""
 
