@@ -5,6 +5,7 @@ import select
 import socket
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -12,9 +13,10 @@ import pytest
 from drivers.clock import VirtualClock
 from simulators.device_faults import stage_faults
 from simulators.faults import FAULTS, FaultPanel, names, parse
+from simulators.line import Line
 from simulators.rig_faults import RigFaults
 from simulators.stage_device import StageDevice
-from simulators.stage_wire import StageServer, StageTcpServer
+from simulators.stage_wire import StageServer, StageTcpServer, StageWire
 
 FIRST, SECOND = b"@01 0 00 OK IDLE WR 0:BE\r\n", b"@01 0 01 OK IDLE WR 0:BD\r\n"
 """Answers to `get pos` with the ids 00 and 01; checksums from the vendor's way of counting."""
@@ -66,6 +68,26 @@ def test_what_comes_after_two_questions(server, fault, answers):
     server.faults.switch_on(fault)
     questions = [b"/1 0 00 get pos:2D\n", b"/1 0 01 get pos:2C\n"]
     assert talk(server, questions, [len(answer) for answer in answers]) == answers
+
+
+@pytest.mark.parametrize(
+    ("fault", "expected"),
+    [
+        ("drop:1", [SECOND]),
+        ("delay:0.25:1", ["0.25", FIRST, SECOND]),
+        ("delay", ["0.02", FIRST, "0.02", SECOND]),
+        # 26 bytes in three pieces, a pause before each but the first
+        ("split:1", [FIRST[:9], "0.002", FIRST[9:18], "0.002", FIRST[18:], SECOND]),
+    ],
+)
+def test_when_and_in_how_many_pieces_an_answer_comes(fault, expected):
+    happened = []
+    wire = StageWire(StageDevice(VirtualClock()))
+    line = Line(wire, happened.append, lambda seconds: happened.append(f"{seconds:g}"))
+    wire.faults.switch_on(fault)
+    line.receive(b"/1 0 00 get pos:2D\n/1 0 01 get")
+    line.receive(b" pos:2C\n")
+    assert happened == expected
 
 
 def test_a_damaged_answer_has_the_right_length_and_a_wrong_checksum(server):
@@ -223,6 +245,23 @@ def test_a_port_that_another_program_took_meanwhile_is_said_and_comes_back_later
         socket.create_connection((host, int(port)), 10.0).close()
     finally:
         server.close()
+
+
+def test_a_fault_that_is_just_being_switched_on_is_cleared_after_that():
+    happened = []
+    panel = FaultPanel("stage")
+    clearing = threading.Thread(target=panel.clear)
+
+    def unplug() -> None:
+        clearing.start()
+        # it would be done by now, if it did not wait its turn
+        clearing.join(0.1)
+        happened.append("unplugged")
+
+    panel.when("unplug", unplug, lambda: happened.append("plugged in"))
+    panel.switch_on("unplug")
+    clearing.join()
+    assert (happened, panel.active) == (["unplugged", "plugged in"], [])
 
 
 def test_a_rigs_faults_are_named_with_their_device():
