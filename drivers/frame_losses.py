@@ -62,7 +62,7 @@ class LossAccount:
         # frames not counted, each with the delay before it
         self._pauses: list[tuple[Loss, float]] = []
         self._settled = 0
-        self._delays: deque[tuple[int, float]] = deque(maxlen=IN_A_ROW)
+        self._delays: deque[tuple[int, float]] = deque(maxlen=2 * IN_A_ROW)
 
     def losses(self) -> tuple[Loss, ...]:
         """Return all losses in the order in which they were noticed."""
@@ -112,16 +112,19 @@ class LossAccount:
         delay_s = frame.exposed_s - frame.sequence * self._interval_s
         if began_anew:
             self._delays.clear()
-            self._settled = len(self._pauses)
         self._doubt(frame.sequence, delay_s)
-        full = len(self._delays) == IN_A_ROW
-        before_s = min(delay_s for _, delay_s in self._delays) if full else 0.0
         self._delays.append((frame.sequence, delay_s))
-        after_s = min(delay_s for _, delay_s in self._delays)
+        if len(self._delays) < 2 * IN_A_ROW:
+            return
+        older, newer = list(self._delays)[:IN_A_ROW], list(self._delays)[IN_A_ROW:]
+        # not the least: the number of one may be rounded up, by a camera that numbers by the time
+        before_s = sorted(delay_s for _, delay_s in older)[1]
+        after_s = min(delay_s for _, delay_s in newer)
         uncounted = round((after_s - before_s) / self._interval_s)
-        if full and uncounted > 0:
-            loss = Loss(LossKind.PAUSE, self._delays[0][0], uncounted, frame.received_s)
-            self._pauses.append((loss, before_s))
+        if uncounted > 0:
+            self._pauses.append((Loss(LossKind.PAUSE, newer[0][0], uncounted, frame.received_s), before_s))
+            explained = [(number, delay_s + uncounted * self._interval_s) for number, delay_s in older]
+            self._delays.extend(explained + newer)
 
     def _doubt(self, number: int, delay_s: float) -> None:
         """Take back what was said missing by its time, if a frame has come too early for that."""

@@ -124,13 +124,11 @@ class Buffers:
             self._owed.discard(index)
 
     def close(self) -> None:
-        """Stop and unmap; harmless when repeated."""
+        """Stop and unmap; harmless when repeated. The kernel frees them with the node."""
         with contextlib.suppress(OSError):
             self.stop()
         while self._maps:
             self._maps.pop().close()
-        with contextlib.suppress(OSError):
-            self._node.ioctl(Request.REQBUFS, BufferRequest(count=0, type=CAPTURE, memory=MMAP))
 
     def _buffer(self, index: int) -> Buffer:
         return Buffer(index=index, type=CAPTURE, memory=MMAP)

@@ -33,6 +33,7 @@ class FakeLibrary:
         self.taken = -1
         self.size = (WIDTH, HEIGHT)
         self.held = 0
+        self.lent = 0
         self.waiting: list[int] = []
         self.dated: dict[int, int] = {}
         self.pixels = np.zeros((HEIGHT, WIDTH), np.uint16)
@@ -97,6 +98,7 @@ class FakeLibrary:
         newest = int((self.clock.now_s() - self.begun_s) / INTERVAL_S) - 1
         if self.silent or newest <= self.taken:
             return 0
+        self.lent += 1
         self.taken = newest if newest - self.taken > 3 else self.taken + 1
         return 100 + self.taken
 
@@ -110,6 +112,9 @@ class FakeLibrary:
                 return buffer
             self.clock.sleep(INTERVAL_S / 8)
         return 0
+
+    def stream_push_buffer(self, stream: int, buffer: int) -> None:
+        self.lent -= 1
 
     def buffer_get_frame_id(self, buffer: int) -> int:
         return (buffer - 100 + self.first_id - 1) % 65535 + 1
@@ -143,7 +148,7 @@ class FakeLibrary:
             return lambda: self.values.get(setting, 3.0)
         if name == "camera_get_payload":
             return lambda: WIDTH * HEIGHT * 2
-        known = ("clear_triggers", "set_acquisition_mode", "stop_acquisition", "push_buffer", "new_allocate")
+        known = ("clear_triggers", "set_acquisition_mode", "stop_acquisition", "new_allocate")
         if name.endswith(known):
             return lambda *_: 1
         raise AttributeError(name)

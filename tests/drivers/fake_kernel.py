@@ -55,7 +55,8 @@ def uvc_controls() -> dict[int, FakeControl]:
 class FakeCamera:
     """A plugged-in camera and its kernel driver; what goes wrong is set by its attributes.
 
-    `frame_faults` maps the number of a picture to what happens to it: ``lost``, ``damaged`` or ``short``;
+    `frame_faults` maps the number of a picture to what happens to it: ``lost``, ``damaged``, ``short`` or
+    ``unpadded``, without the last row's padding;
     with ``uncounted`` three frames' time passes besides, with ``repeat`` the counter does not grow, with
     ``broken`` the stream reports an input/output error, with ``late`` the stamp is almost a frame time late.
     `errors` maps a request to errors that its next calls raise.
@@ -84,6 +85,7 @@ class FakeCamera:
     level_mask: int = 0xFFF
     present: bool = True
     stalled: bool = False
+    most_buffers: int = 32
 
     def __post_init__(self) -> None:
         self.stride = 0
@@ -130,7 +132,7 @@ class FakeCamera:
                 continue
             index = self.queued.popleft()
             data = self.picture(number)
-            used = len(data) // 2 if fault == "short" else len(data)
+            used = len(data) // 2 if fault == "short" else len(data) - self.padding * (fault == "unpadded")
             self.memory[index][:used] = data[:used]
             late_s = 0.9 * self.interval_s if fault == "late" else 0.0
             stamp_s = begin_s + self.stamp_offset_s + late_s
@@ -217,6 +219,7 @@ class FakeNode:
 
     def reqbufs(self, request) -> None:
         self.streamoff(None)
+        request.count = min(request.count, self.camera.most_buffers)
         self.camera.memory = [
             bytearray(self.camera.stride * self.camera.height) for _ in range(request.count)
         ]

@@ -225,3 +225,40 @@ def test_a_camera_that_is_closed_while_it_is_opened_again_is_let_go(library, con
     answer.set()
     camera.close()
     assert library.held == 0
+
+
+def test_every_buffer_goes_back_and_two_frames_settle(library, context):
+    camera = opened(library, context, transfer_us=0.0)
+    assert library.lent == -8  # as many as are there to be filled
+    assert camera.grab(1.0).sequence - library.first_id >= 2
+    for _ in range(20):
+        camera.grab(1.0)
+    assert library.lent == -8
+    camera.close()
+
+
+def test_a_frame_of_less_bytes_carries_a_flag(library, context):
+    camera = opened(library, context)
+    library.pixels = np.zeros((HEIGHT, WIDTH - 1), np.uint16)
+    frame = camera.grab(1.0)
+    assert (frame.flags, frame.image.any()) == (OTHER_SIZE, False)
+    camera.close()
+
+
+def test_a_setting_that_another_one_changes_is_refused(library, context):
+    library.camera_set_gain = lambda gain: library.values.update(gain=gain, exposure_time=100.0)
+    with pytest.raises(DeviceFault, match="verify exposure_time: expected 5000, got 100"):
+        opened(library, context)
+    assert library.held == 0
+
+
+def test_no_trigger_is_left_on(library, context):
+    cleared = []
+    library.camera_clear_triggers = lambda: cleared.append(1)
+    opened(library, context).close()
+    assert cleared == [1]
+
+
+def test_an_automatic_that_must_stay_on_may_be_accepted(library, context):
+    library.keeps = {"ExposureAuto": "Continuous"}
+    opened(library, context, features={"ExposureAuto": "Continuous"}).close()

@@ -77,3 +77,33 @@ def test_a_counter_that_begins_anew_costs_no_frame():
         numbers = [*range(last + 1), *range(40)]
         assert all(losses.see(frame(number, at * INTERVAL_S)) for at, number in enumerate(numbers))
         assert [(loss.kind, loss.count) for loss in losses.losses()] == [(LossKind.REPEAT, 0)]
+
+
+def test_an_overtaken_frame_that_nobody_missed_is_told():
+    losses = LossAccount(INTERVAL_S)
+    taken = [losses.see(frame(number, number * INTERVAL_S)) for number in (1, 2, 3, 2, 4)]
+    assert taken == [True, True, True, False, True]
+    assert [(loss.kind, loss.first, loss.count) for loss in losses.losses()] == [(LossKind.REPEAT, 2, 0)]
+
+
+def test_a_counter_that_begins_anew_takes_back_no_loss_of_before():
+    losses, _ = account([0.0] * 100 + [2.0] * 60)
+    for number in range(200):
+        losses.see(frame(number, (170.0 + number) * INTERVAL_S))
+    assert summed(losses.losses())[LossKind.PAUSE] == 2
+
+
+def test_two_losses_by_time_are_denied_one_after_the_other():
+    delays = [0.0] * 20 + [1.0] * 20 + [2.0] * 20
+    assert summed(account(delays)[0].losses())[LossKind.PAUSE] == 2
+    assert summed(account([*delays, 1.0])[0].losses())[LossKind.PAUSE] == 1
+    assert summed(account([*delays, 1.2, 2.0])[0].losses())[LossKind.PAUSE] == 1
+    assert account([*delays, 0.0])[0].losses() == ()
+    # two of which each alone could be, but not both
+    assert summed(account([0.0] * 20 + [0.6] * 20 + [1.2] * 20 + [1.15])[0].losses())[LossKind.PAUSE] == 1
+
+
+def test_a_number_that_is_rounded_up_beside_late_frames_is_no_loss():
+    # a camera that numbers by the time: one frame, late by 0.6, bears the next number
+    delays = [0.2] * 20 + [-0.4] + [0.2, 0.3, 0.4] * 10
+    assert account(delays)[0].losses() == ()

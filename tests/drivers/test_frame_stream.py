@@ -135,6 +135,7 @@ def test_the_error_that_ends_a_stream_comes_after_the_frames_before_it(plugged, 
     plugged.present = False
     with pytest.raises(LinkLost, match="unplugged camera"):
         take(stream, 1000)
+    assert (plugged.open_nodes, plugged.mapped) == (0, 0)
     stream.close()
     plugged.present = True
     assert camera.grab(1.0).flags == 0

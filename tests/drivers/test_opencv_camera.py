@@ -117,3 +117,11 @@ def test_simulated_time_is_refused(context):
 def test_a_rig_file_cannot_say_nothing_or_something_twice(changes):
     with pytest.raises(ValidationError):
         settings(**changes)
+
+
+def test_a_camera_that_is_refused_is_let_go(capture, monkeypatch):
+    capture.isOpened = lambda: True
+    monkeypatch.setattr(cv2, "VideoCapture", lambda source: capture)
+    with pytest.raises(DeviceFault, match="set SHARPNES"):
+        open_camera(settings(properties={"SHARPNES": 1.0}), OpenContext("camera", SystemClock()))
+    assert capture.released

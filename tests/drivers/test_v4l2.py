@@ -15,7 +15,7 @@ from drivers.v4l2_abi import BufferFlag, ControlFlag, ControlId, Request
 from drivers.v4l2_node import KernelNode
 from drivers.v4l2_session import SHORT
 from drivers.v4l2_settings import V4l2Settings
-from tests.drivers.fake_kernel import FakeCamera, FakeControl, FakeSystem
+from tests.drivers.fake_kernel import FakeCamera, FakeControl, FakeNode, FakeSystem
 
 EXPOSURE_US = 10_000.0
 
@@ -470,3 +470,106 @@ def test_a_deadline_that_is_no_number_is_over_at_once(camera, clock):
     with pytest.raises(DeviceTimeout):
         camera.grab(float("nan"))
     assert clock.now_s() == asked_s
+
+
+def test_an_exposure_that_nobody_tells_is_no_longer_than_a_frame(plugged, context):
+    plugged.controls = {}
+    camera = opened(plugged, context, exposure_us=None, gain=None)
+    frame = camera.grab(1.0)
+    camera.close()
+    assert np.isnan(frame.exposure_us)
+    assert frame.exposed_s == pytest.approx(plugged.begun_s + (frame.sequence - 1) / 32, abs=2e-6)
+
+
+def test_a_restart_queues_no_buffer_twice(camera, plugged):
+    plugged.errors[Request.QBUF] = [errno.ENOMEM] * 100_000
+    camera.grab(1.0)
+    plugged.errors = {Request.QBUF: [errno.ENOMEM], Request.DQBUF: [errno.EIO]}
+    assert [camera.grab(1.0).flags for _ in range(8)] == [0] * 8
+    plugged.pass_time()
+    assert len(plugged.queued) + len(plugged.filled) == 4
+
+
+def test_too_few_buffers_are_refused(plugged, context):
+    plugged.most_buffers = 1
+    with pytest.raises(DeviceFault, match="get buffers: expected at least 2, got 1; free memory"):
+        opened(plugged, context)
+
+
+def test_a_driver_that_lists_its_controls_in_a_circle_is_asked_once(plugged, context, monkeypatch):
+    listed = FakeNode.queryctrl
+    first = min(plugged.controls)
+
+    def in_a_circle(node: FakeNode, query) -> None:
+        listed(node, query)
+        if query.id == max(plugged.controls):
+            query.id = first
+
+    monkeypatch.setattr(FakeNode, "queryctrl", in_a_circle)
+    opened(plugged, context).close()
+
+
+def test_a_control_that_is_disabled_is_left_alone(plugged, context):
+    plugged.controls[ControlId.FOCUS_AUTO] = FakeControl("Focus", 1, keeps=1, flags=ControlFlag.DISABLED)
+    opened(plugged, context).close()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"width": 24}, "expected 32 x 20 px Y12, got 24 x 20 px Y12"),
+        ({"field": 4}, r"got 32 x 20 px Y12, interlaced \(field 4\)"),
+        (
+            {"sizeimage": 1000},
+            "rows of at least 64 bytes, 20 of them, got rows of 64 bytes in buffers of 1000",
+        ),
+        ({"bytesperline": 60}, "expected rows of at least 64 bytes, 20 of them, got rows of 60 bytes"),
+    ],
+)
+def test_a_picture_that_the_rate_has_changed_is_refused(changes, message, plugged, context, monkeypatch):
+    answered = FakeNode.g_fmt
+
+    def otherwise(node: FakeNode, format) -> None:
+        answered(node, format)
+        if plugged.rate_set:
+            for name, value in changes.items():
+                setattr(format.fmt.pix, name, value)
+
+    plugged.rate_set = False
+    monkeypatch.setattr(FakeNode, "g_fmt", otherwise)
+    monkeypatch.setattr(FakeNode, "s_parm", lambda *_: setattr(plugged, "rate_set", True))
+    with pytest.raises(DeviceFault, match=message):
+        opened(plugged, context)
+
+
+def test_a_camera_without_a_serial_number_is_known_by_its_socket(plugged, context):
+    plugged.serial = ""
+    camera = opened(plugged, context)
+    for bus, same in ((plugged.bus, True), (b"usb-0000:00:14.0-7", False)):
+        plugged.present = False
+        with pytest.raises(LinkLost, match="unplugged"):
+            camera.grab(1.0)
+        plugged.present, plugged.bus = True, bus
+        if same:
+            assert camera.grab(1.0).flags == 0
+    with pytest.raises(LinkLost, match=r"expected Mono 12 usb-0000:00:14.0-2, got .*-7"):
+        camera.grab(1.0)
+    camera.close()
+
+
+def test_a_last_row_without_its_padding_is_a_whole_picture(plugged, context):
+    plugged.padding = 24
+    plugged.frame_faults = dict.fromkeys(range(1000), "unpadded")
+    camera = opened(plugged, context)
+    frame = camera.grab(1.0)
+    camera.close()
+    assert frame.flags == 0
+    assert number_of(frame.image) == plugged.shown - 1
+
+
+def test_a_stream_is_not_begun_with_settings_that_another_program_changed(camera, plugged):
+    plugged.controls[ControlId.GAIN].value = 5
+    with pytest.raises(DeviceFault, match="verify gain: expected 4, as it was set, got 5"):
+        camera.stream()
+    plugged.controls[ControlId.GAIN].value = 4
+    assert camera.grab(1.0).flags == 0
