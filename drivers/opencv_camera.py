@@ -7,11 +7,11 @@ reads back is compared. Where the camera has another driver, use that one.
 
 import math
 import threading
-from typing import Annotated, Any, Literal, Self
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator
 
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
@@ -23,6 +23,15 @@ from drivers.settings import Settings
 UNPROVEN = "frame loss unproven"
 """Stands in the model's name, and so in every run file."""
 GREEN, DIMENSIONS = 1, 2
+LAST_NUMBER = 9999
+"""OpenCV adds some thousands for the backend to a camera's own number."""
+OWN_SETTINGS = {
+    "FRAME_WIDTH": "width_px",
+    "FRAME_HEIGHT": "height_px",
+    "FPS": "rate_hz",
+    "EXPOSURE": "exposure",
+    "GAIN": "gain",
+}
 TOLERANCE = 1e-3
 
 
@@ -43,7 +52,7 @@ class OpencvCameraSettings(Settings):
         How many frames camera, kernel and OpenCV may hold back: so many are thrown away before one counts.
     """
 
-    source: Annotated[int, Field(ge=0, le=9999)] | Annotated[str, Field(min_length=1)]
+    source: int | str
     width_px: int = Field(ge=16, le=32768)
     height_px: int = Field(ge=16, le=32768)
     rate_hz: float = Field(gt=0, le=10_000)
@@ -53,13 +62,19 @@ class OpencvCameraSettings(Settings):
     channel: Literal["grey", "green"] = "grey"
     buffered_frames: int = Field(default=5, ge=0, le=64)
 
-    @model_validator(mode="after")
-    def _says_nothing_twice(self) -> Self:
-        own = {"FRAME_WIDTH": "width_px", "FRAME_HEIGHT": "height_px", "FPS": "rate_hz"}
-        own |= {"EXPOSURE": "exposure", "GAIN": "gain"}
-        for name in own.keys() & self.properties.keys():
-            raise ValueError(f"properties must not hold {name}: say it by {own[name]}")
-        return self
+    @field_validator("source")
+    @classmethod
+    def _is_a_number_or_an_address(cls, source: int | str) -> int | str:
+        if source == "" or (isinstance(source, int) and not 0 <= source <= LAST_NUMBER):
+            raise ValueError(f"a number of OpenCV's from 0 to {LAST_NUMBER} or an address is expected")
+        return source
+
+    @field_validator("properties")
+    @classmethod
+    def _says_nothing_twice(cls, properties: dict[str, float]) -> dict[str, float]:
+        for name in OWN_SETTINGS.keys() & properties.keys():
+            raise ValueError(f"must not hold {name}: say it by {OWN_SETTINGS[name]}")
+        return properties
 
     @property
     def bits(self) -> int:
