@@ -14,7 +14,7 @@ from drivers.aravis import AravisCamera, open_camera
 from drivers.aravis_settings import AravisSettings
 from drivers.clock import SystemClock
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
-from drivers.frame_stream import LossKind
+from drivers.frame_losses import LossKind
 from drivers.interfaces import OpenContext
 
 CLOCK = SystemClock()
@@ -85,12 +85,13 @@ def test_says_who_it_is_and_films_at_full_depth() -> None:
 
 
 def test_a_frame_was_exposed_after_the_call_whatever_the_pause(camera: AravisCamera) -> None:
-    waits_s, last = [], None
+    waits_s, begins_s, last = [], [], None
     for pause_s in (0.0, 0.01, 0.1, 1.0) * 4:
         CLOCK.sleep(pause_s)
         asked_s = CLOCK.now_s()
         frame = camera.grab(5.0)
         waits_s.append(CLOCK.now_s() - asked_s)
+        begins_s.append(frame.exposed_s - asked_s)
         assert frame.exposed_s >= asked_s
         # one that had waited would carry the number after the last; beside other work the camera is slow
         if last is not None:
@@ -99,7 +100,7 @@ def test_a_frame_was_exposed_after_the_call_whatever_the_pause(camera: AravisCam
         last = frame
     median_s = statistics.median(waits_s)
     print(f"fresh frame at 25 Hz: median {median_s * 1e3:.0f} ms, longest {max(waits_s) * 1e3:.0f} ms")
-    assert median_s <= 1.5 / RATE_HZ + EXPOSURE_US * 1e-6
+    assert statistics.median(begins_s) <= 1.5 / RATE_HZ
 
 
 def test_what_the_camera_does_not_take_is_refused() -> None:
@@ -131,7 +132,8 @@ def test_no_loss_stays_unnoticed() -> None:
         for i in range(loss.count)
     }
     print(f"{len(frames)} frames, {len(missing)} lost or damaged, all reported")
-    assert {number for number in reported if number < sequences[-1]} == missing
+    # what came before the first whole frame or after the last one that was taken is told as well
+    assert {number for number in reported if sequences[0] < number < sequences[-1]} == missing
     assert sequences == sorted(set(sequences))
 
 
@@ -140,15 +142,18 @@ def test_a_camera_that_dies_is_given_up_in_time_and_taken_again() -> None:
         camera = opened()
         camera.grab(5.0)
     asked_s = CLOCK.now_s()
-    with pytest.raises(DeviceTimeout, match=r"grab: .*, got none within 0\.5 s"):
+    with pytest.raises(DeviceTimeout, match=r"grab: .* within 0\.5 s, got none; check cable"):
         camera.grab(0.5)
-    with pytest.raises(DeviceTimeout, match="still being given up"):
+    with pytest.raises(DeviceTimeout, match="still being given up or made"):
         camera.grab(0.5)
     noticed_s = CLOCK.now_s() - asked_s
     print(f"dead camera: two calls with a deadline of 0.5 s each took {noticed_s:.2f} s together")
-    assert noticed_s < 2.0
+    # each of the two would take Aravis 2.5 s at the least if it did not happen aside
+    assert noticed_s < 2.5
     with pytest.raises(LinkLost, match=r"expected the camera with serial number GV77, got .*127\.0\.0\.1"):
         camera.grab(60.0)
+    with pytest.raises(DeviceTimeout, match="being given up or made"):
+        camera.grab(0.5)
     with plugged():
         deadline_s = CLOCK.now_s() + 10
         while CLOCK.now_s() < deadline_s:
@@ -165,14 +170,16 @@ def test_a_camera_that_dies_is_given_up_in_time_and_taken_again() -> None:
 def test_a_second_program_is_refused_the_control(camera: AravisCamera) -> None:
     with pytest.raises(DeviceError) as refused:
         open_camera(camera._settings, OpenContext("second", CLOCK))
-    print(refused.value)
-    assert "second (127.0.0.1): " in str(refused.value)
+    assert str(refused.value) == (
+        "second (127.0.0.1): open camera: expected a free camera, got one that another program controls; "
+        "check cable, power and address, and that no other program controls the camera"
+    )
     assert camera.grab(5.0).flags == 0
 
 
 def test_a_stream_has_the_camera_to_itself(camera: AravisCamera) -> None:
     with camera.stream() as stream:
         assert stream.next(5.0).flags == 0
-        with pytest.raises(DeviceFault, match="a stream that takes every frame"):
+        with pytest.raises(DeviceFault, match="expected no open stream, got one that takes every frame"):
             camera.grab(1.0)
     assert camera.grab(5.0).flags == 0

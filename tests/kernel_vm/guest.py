@@ -9,6 +9,7 @@ from drivers.clock import SystemClock
 from drivers.interfaces import OpenContext
 from drivers.v4l2 import V4l2Camera, open_camera
 from drivers.v4l2_abi import NEXT_CONTROL, ControlQuery, ControlValue, Request
+from drivers.v4l2_buffers import Filled
 from drivers.v4l2_settings import V4l2Settings
 
 CLOCK = SystemClock()
@@ -50,6 +51,22 @@ def _turn(file: int, knob: str, value: int) -> None:
         query.id |= NEXT_CONTROL
         fcntl.ioctl(file, Request.QUERYCTRL, query)
     fcntl.ioctl(file, Request.S_CTRL, ControlValue(id=query.id, value=value))
+
+
+def watched(camera: V4l2Camera) -> list[Filled]:
+    """The buffers that the kernel gives the driver from now on, in their order."""
+    session = camera._session
+    assert session is not None
+    assert session._buffers is not None
+    take, seen = session._buffers.take, []
+
+    def noting() -> Filled | None:
+        filled = take()
+        seen.extend([filled] if filled else [])
+        return filled
+
+    session._buffers.take = noting  # type: ignore[method-assign]
+    return seen
 
 
 def left_open() -> list[str]:

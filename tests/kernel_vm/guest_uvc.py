@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
-from drivers.frame_stream import IN_A_ROW, LossKind
+from drivers.frame_losses import IN_A_ROW, LossKind
 from drivers.interfaces import Frame
 from drivers.v4l2 import V4l2Camera
 from tests.kernel_vm.guest import CLOCK, OPENED, left_open, opened, turn
