@@ -4,8 +4,10 @@ from typing import Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
+from drivers.errors import ConfigurationError
 from drivers.interfaces import FrameLimits
 from drivers.modbus_address import SERIAL_UNITS, ModbusAddress, address_mistake
+from drivers.register_map import load_map
 from drivers.settings import Settings
 
 
@@ -61,6 +63,16 @@ class ModbusFrameSettings(Settings):
         if not address.startswith("@") and (mistake := address_mistake(address)):
             raise ValueError(mistake)
         return address
+
+    @field_validator("map")
+    @classmethod
+    def _sound(cls, name: str) -> str:
+        # here already, so that its mistakes are told with all the others and before any device is opened
+        try:
+            load_map(name)
+        except ConfigurationError as error:
+            raise ValueError(f"{error.source}: {'; '.join(error.mistakes)}") from error
+        return name
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:

@@ -562,6 +562,18 @@ def test_mistakes_in_the_rig_file_are_reported_together():
     assert len(caught.value.mistakes) == 4
 
 
+def test_mistakes_in_the_register_map_are_reported_with_those_of_the_rig_file(tmp_path):
+    path = tmp_path / "map.toml"
+    path.write_text('vendor = 1\ncolour = "red"')
+    table = {"address": "host:502", "load_max_n": -1.0, "displacement_max_mm": 1.0, "map": str(path)}
+    with pytest.raises(ConfigurationError) as caught:
+        validate(find_driver("modbus-frame").settings, table, "rig.toml")
+    map_mistake, limit_mistake = sorted(caught.value.mistakes, key=lambda each: each.startswith("load_max_n"))
+    assert map_mistake.startswith(f"map: {path}: ")
+    assert all(part in map_mistake for part in ("vendor", "colour: unknown key", "blocks: is missing"))
+    assert limit_mistake.startswith("load_max_n")
+
+
 def test_a_simulated_name_without_a_simulated_rig_is_told(context):
     with pytest.raises(LinkLost, match="no simulated rig"):
         open_frame(settings("@load_frame"), context)
