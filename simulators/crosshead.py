@@ -106,8 +106,11 @@ class Crosshead:
         self._string.break_now()
         self._force_n = self._string.stretch_to(self._position_mm)
 
-    def follow(self, limits: Limits) -> Fault:
-        """Let one control period pass, and say what went wrong in it."""
+    def follow(self, limits: Limits, ratings: Limits) -> Fault:
+        """Let one control period pass, and say what went wrong in it.
+
+        The limits count from the zero set by `tare`; the ratings are the machine's own and know of none.
+        """
         if self.jammed:
             return Fault.STALL
         if self.control is Control.DISPLACEMENT:
@@ -121,7 +124,11 @@ class Crosshead:
         reach_mm = speed_mm_s * CONTROL_PERIOD_S
         step_mm = min(max(wanted_mm, -reach_mm), reach_mm)
         self._step(step_mm)
-        if (fault := self._beyond(limits, step_mm)) is not Fault.NONE:
+        out = step_mm > 0
+        fault = _beyond(limits, self.load_n, self.displacement_mm, out) or _beyond(
+            ratings, self._force_n, self._position_mm, out
+        )
+        if fault:
             return fault
         if self.control is Control.DISPLACEMENT:
             arrived = step_mm == wanted_mm
@@ -140,15 +147,15 @@ class Crosshead:
         if step_mm:
             self._stiffness_n_mm = max((self._force_n - before_n) / step_mm, STIFFNESS_MIN_N_MM)
 
-    def _beyond(self, limits: Limits, step_mm: float) -> Fault:
-        """Whether a limit was passed on the way out; the way back is free."""
-        load_n, displacement_mm = self.load_n, self.displacement_mm
-        if step_mm > 0:
-            overload = load_n > limits.load_max_n + LOAD_TOLERANCE_N
-            overtravel = displacement_mm > limits.displacement_max_mm + TRAVEL_TOLERANCE_MM
-        else:
-            overload = load_n < limits.load_min_n - LOAD_TOLERANCE_N
-            overtravel = displacement_mm < limits.displacement_min_mm - TRAVEL_TOLERANCE_MM
-        if overload:
-            return Fault.LOAD_LIMIT
-        return Fault.DISPLACEMENT_LIMIT if overtravel else Fault.NONE
+
+def _beyond(limits: Limits, load_n: float, displacement_mm: float, out: bool) -> Fault:
+    """Whether a limit was passed on the way out; the way back is free."""
+    if out:
+        overload = load_n > limits.load_max_n + LOAD_TOLERANCE_N
+        overtravel = displacement_mm > limits.displacement_max_mm + TRAVEL_TOLERANCE_MM
+    else:
+        overload = load_n < limits.load_min_n - LOAD_TOLERANCE_N
+        overtravel = displacement_mm < limits.displacement_min_mm - TRAVEL_TOLERANCE_MM
+    if overload:
+        return Fault.LOAD_LIMIT
+    return Fault.DISPLACEMENT_LIMIT if overtravel else Fault.NONE

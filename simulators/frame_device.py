@@ -27,7 +27,7 @@ class FrameDevice:
     load_string : LoadString
     load_min_n, load_max_n, displacement_min_mm, displacement_max_mm : float
     speed_max_mm_s, load_rate_max_n_s : float
-        The machine's ratings: the widest limits that can be set.
+        The machine's ratings: the widest limits that can be set, and what trips it whatever its zero is.
     rng : numpy.random.Generator, optional
         Source of the measurement noise (2 N and 0.2 µm); without one there is none.
 
@@ -284,7 +284,7 @@ class FrameDevice:
             self._tick += 1
             silence_s = (self._tick - self._beat_tick) * CONTROL_PERIOD_S
             tripped = 0 < self._watchdog_s < silence_s
-            fault = Fault.WATCHDOG if tripped else self._crosshead.follow(self._limits)
+            fault = Fault.WATCHDOG if tripped else self._crosshead.follow(self._limits, self.ratings)
             if fault is not Fault.NONE:
                 self._trip(fault)
         self._tick = max(self._tick, due)

@@ -204,3 +204,15 @@ def test_after_a_tare_it_holds_position(frame, clock):
     frame.tare()
     clock.sleep(10.0)
     assert (frame.read().holding, frame.load_n()) == (True, 0.0)
+
+
+def test_a_zero_set_under_load_moves_the_limits_but_not_what_the_machine_bears(frame, clock):
+    """Rated for 20 kN, with 15 kN zeroed away, there are 5 left."""
+    frame.go_to_load(15_000.0, 5000.0)
+    clock.sleep(10.0)
+    frame.tare()
+    frame.go_to_displacement(3.0, 0.5)
+    clock.sleep(10.0)
+    assert frame.read().fault is Fault.LOAD_LIMIT
+    # within what one control period at 0.5 mm/s adds
+    assert frame.load_n() == pytest.approx(5000.0, abs=0.5 * CONTROL_PERIOD_S * STIFFNESS_N_MM + 2.0)
