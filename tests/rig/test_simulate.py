@@ -21,9 +21,9 @@ DEADLINE_S = 60
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def begin(*options: str) -> subprocess.Popen:
+def begin(*options: str, command: list[str] = COMMAND) -> subprocess.Popen:
     return subprocess.Popen(
-        [*COMMAND, *options],
+        [*command, *options],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -85,6 +85,17 @@ def test_another_program_runs_its_rig_and_faults_are_typed_in(tmp_path):
     assert {line["what"] for line in truth} == {"sample", "command", "fault"}
     times = [line["time_s"] for line in truth if line["what"] == "sample"]
     assert times == sorted(times)
+
+
+def test_under_nohup_it_outlives_its_terminal():
+    ignoring = "import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN); from rig.cli import main; main()"
+    process = begin(command=[sys.executable, "-c", ignoring, "simulate"])
+    lines_until(process, "scene: ")
+    process.send_signal(signal.SIGHUP)
+    process.stdin.write("truth\n")
+    lines_until(process, "grid_attached: ")
+    _, complaints = process.communicate("quit\n", timeout=DEADLINE_S)
+    assert (process.returncode, complaints) == (0, "")
 
 
 def test_what_was_commanded_last_is_in_the_log(tmp_path):
