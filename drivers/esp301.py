@@ -34,28 +34,29 @@ SETTING_TOLERANCE = 1e-3
 T = TypeVar("T")
 
 
-class EspStage(GuardedStage):
+class EspStage(GuardedStage[EspPort]):
     """A `RotationStage` on an ESP301; construct it with `open_stage`."""
 
-    info: DeviceInfo
-
-    def __init__(self, settings: EspSettings, context: OpenContext, port: EspPort) -> None:
-        super().__init__(port.name, settings, context.clock)
+    def __init__(self, settings: EspSettings, context: OpenContext, open_port: Callable[[], EspPort]) -> None:
+        super().__init__(open_port, settings, context.clock)
         self._settings = settings
-        self._port = port
         self._axis = settings.axis
         self._reference = Reference()
+
+    def set_up(self) -> None:
+        """Identify controller and stage, write limits and speed; nothing moves."""
         self._empty_queue()
         # what went wrong before was not ours; without a reference nothing moves anyhow
         self._reference.acknowledge()
-        found = MODEL.fullmatch(port.version)
-        stage, _, serial = self._ask("ID?", read_name).partition("SN")
+        found = MODEL.fullmatch(self._port.version)
+        self._identity = self._ask("ID?", read_name)
+        stage, _, serial = self._identity.partition("SN")
         self.info = DeviceInfo(
             vendor="Newport",
             model=f"{found['model'] if found else ''} with {stage.strip(' ,')}",
             serial=serial.strip(),
             firmware=found["firmware"] if found else "",
-            simulated=settings.port.startswith("@"),
+            simulated=self._settings.port.startswith("@"),
         )
         self._home_mode = self._signals_to_home_by()
         self._configure()
@@ -106,17 +107,17 @@ class EspStage(GuardedStage):
         self._require_speed(speed_deg_s, self._ask("VU?", read_number))
         self._set("VA", speed_deg_s, "set speed")
 
-    def _try_to_stop(self) -> str:
-        self._port.send(f"{self._axis}ST")
-        stands = self._port.ask_first(f"{self._axis}MD?", read_switch, STOP_ANSWER_S)
+    def _try_to_stop(self, port: EspPort) -> str:
+        port.send(f"{self._axis}ST")
+        stands = port.ask_first(f"{self._axis}MD?", read_switch, STOP_ANSWER_S)
         return "" if stands else "a stage in motion"
+
+    def _stranger(self, port: EspPort) -> str:
+        identity = port.ask_first(f"{self._axis}ID?", read_name, STOP_ANSWER_S)
+        return "" if identity == self._identity else f"the stage {identity!r}"
 
     def _break_off_search(self) -> None:
         self._reference.break_off()
-
-    def close(self) -> None:
-        """Release the port; harmless when repeated. It does not stop anything."""
-        self._port.close()
 
     def _configure(self) -> None:
         """Check the unit, write limits and speed and read them back."""
@@ -260,12 +261,14 @@ def open_stage(settings: EspSettings, context: OpenContext) -> EspStage:
         If the port cannot be opened, nothing answers, or a setting is not taken.
     """
     url = resolve_address(settings.port, context)
-    port = EspPort(f"{context.name} ({url})", url, settings.baud, settings.reply_timeout_s)
+    name = f"{context.name} ({url})"
+    stage = EspStage(settings, context, lambda: EspPort(name, url, settings.baud, settings.reply_timeout_s))
     try:
-        return EspStage(settings, context, port)
+        stage.set_up()
     except BaseException:
-        port.close()
+        stage.close()
         raise
+    return stage
 
 
 SPEC = DriverSpec(kind="stage", settings=EspSettings, open=open_stage)

@@ -5,7 +5,8 @@ controller is asked for its version, and everything before that answer is thrown
 answer, such as a stop, waits for nobody's answer.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TypeVar
 
 from drivers.channel import CHANNEL_ERRORS, OvertakenError
@@ -94,9 +95,9 @@ class EspPort(StagePort):
         """
         timeout_s = min(self._reply_timeout_s, at_most_s)
         with self._turn.urgent():
-            answer = self._answer(question, read, None, timeout_s)
-            # a late answer in place of this one would leave this one in place of the version
-            self._answer("VE?", self._same_version, None, timeout_s)
+            answer, line = self._answer(question, lambda line: (read(line), line), None, timeout_s)
+            with self._losing("VE?"):
+                self._prove(line, timeout_s)
             return answer
 
     def close(self) -> None:
@@ -107,25 +108,35 @@ class EspPort(StagePort):
         self._turn.close()
 
     def _answer(self, question: str, read: Callable[[str], T], wake: int | None, timeout_s: float) -> T:
-        if self._lost is not None:
-            raise self._link_lost(question)
         suspect, self._suspect = self._suspect, True
-        try:
+        with self._losing(question):
             if suspect:
                 self._resynchronise(wake, timeout_s)
             self._buffer = b""
             self._channel.drain()
             self.send(question)
             line = self._line(question, wake, timeout_s, self._clock.now_s() + timeout_s)
-        except CHANNEL_ERRORS as error:
-            self._lost = self._lost or str(error)
-            raise self._link_lost(question) from error
         try:
             answer = read(line)
         except ValueError as error:
             raise self._timeout(question, timeout_s, str(error)[:SHOWN_MAX]) from None
+        # the same once more says nothing else; of two that differ nobody knows which is the answer
+        for other in self._buffer.split(b"\n")[:-1]:
+            if _text(other) != line:
+                raise self._timeout(question, timeout_s, f"{line!r} and {_text(other)[:SHOWN_MAX]!r}")
         self._suspect = False
         return answer
+
+    @contextmanager
+    def _losing(self, question: str) -> Iterator[None]:
+        """Tell of a lost link, now and from now on."""
+        if self._lost is not None:
+            raise self._link_lost(question)
+        try:
+            yield
+        except CHANNEL_ERRORS as error:
+            self._lost = self._lost or str(error)
+            raise self._link_lost(question) from error
 
     def _resynchronise(self, wake: int | None, timeout_s: float) -> None:
         """Ask for the version and throw away whatever comes before it."""
@@ -136,16 +147,20 @@ class EspPort(StagePort):
             if MODEL.fullmatch(line) and self.version in ("", line):
                 self.version = line
                 return
-            if self._clock.now_s() > deadline_s:
-                raise self._timeout("VE?", timeout_s, f"other lines, the last {line[:SHOWN_MAX]!r}")
 
-    def _same_version(self, line: str) -> str:
+    def _prove(self, answer: str, timeout_s: float) -> None:
+        """Ask for the version, which must come next: after a late answer in its place the true one would."""
+        self._suspect = True
+        self.send("VE?")
+        deadline_s = self._clock.now_s() + timeout_s
+        while (line := self._line("VE?", None, timeout_s, deadline_s)) == answer:
+            pass
         if line != self.version:
-            raise ValueError(f"{line!r} instead of {self.version!r}")
-        return line
+            raise self._timeout("VE?", timeout_s, f"{line[:SHOWN_MAX]!r} instead of {self.version!r}")
+        self._suspect = False
 
     def _line(self, question: str, wake: int | None, timeout_s: float, deadline_s: float) -> str:
-        """Wait for a whole line."""
+        """Wait for a whole line; it may be there already, but not for ever."""
         while b"\n" not in self._buffer:
             data = self._channel.receive(deadline_s, wake)
             if not data or len(self._buffer) > LINE_MAX:
@@ -153,4 +168,10 @@ class EspPort(StagePort):
                 raise self._timeout(question, timeout_s, got)
             self._buffer += data
         line, _, self._buffer = self._buffer.partition(b"\n")
-        return line.decode("ascii", "backslashreplace").strip()
+        if self._clock.now_s() > deadline_s:
+            raise self._timeout(question, timeout_s, f"other lines, the last {_text(line)[:SHOWN_MAX]!r}")
+        return _text(line)
+
+
+def _text(line: bytes) -> str:
+    return line.decode("ascii", "backslashreplace").strip()

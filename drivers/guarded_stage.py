@@ -4,11 +4,13 @@ import math
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from typing import Generic, TypeVar
 
 from drivers.clock import Clock
-from drivers.errors import DeviceFault, DeviceTimeout
-from drivers.interfaces import StageState
+from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
+from drivers.interfaces import DeviceInfo, StageState
 from drivers.patience import Patience, calling_for_the_emergency_stop
+from drivers.stage_port import StagePort
 from drivers.stage_settings import StageSettings
 
 STOP_PATIENCE_S = 5.0
@@ -16,24 +18,37 @@ STOP_ANSWER_S = 1.0
 """A stop is repeated after so long, however patient the rig file is with other answers."""
 STOP_POLL_S = 0.02
 
+P = TypeVar("P", bound=StagePort)
 
-class GuardedStage(ABC):
+
+class GuardedStage(ABC, Generic[P]):
     """Limits, permission and stop of a `RotationStage`; a driver adds how its device is asked and told.
 
     Parameters
     ----------
-    name : str
-        The device's name and port, for messages.
+    open_port : callable
+        Opens the port; once more for a stop, when the link was lost.
     settings : StageSettings
     clock : Clock
+
+    Raises
+    ------
+    LinkLost
+        If the port cannot be opened.
     """
 
-    def __init__(self, name: str, settings: StageSettings, clock: Clock) -> None:
-        self._name = name
+    info: DeviceInfo
+
+    def __init__(self, open_port: Callable[[], P], settings: StageSettings, clock: Clock) -> None:
+        self._open_port = open_port
+        self._port = open_port()
+        self._name = self._port.name
+        self._closed = False
         self._limits_deg = (settings.angle_min_deg, settings.angle_max_deg)
         self._clock = clock
         self._stops = 0
         self._stop_lock = threading.Lock()
+        self._new_link_lock = threading.Lock()
 
     @abstractmethod
     def read(self) -> StageState:
@@ -44,11 +59,15 @@ class GuardedStage(ABC):
         """Send the motion once, if `permit` lets it; `state` was read just before."""
 
     @abstractmethod
-    def _try_to_stop(self) -> str:
+    def _try_to_stop(self, port: P) -> str:
         """Command a stop once, and return what was seen instead of standstill; empty if it stands.
 
         `DeviceTimeout` if nothing is known.
         """
+
+    @abstractmethod
+    def _stranger(self, port: P) -> str:
+        """Return who answers there, if it is not this device; `DeviceTimeout` if nobody does."""
 
     def move_to(self, angle_deg: float) -> None:
         """Begin to move to an absolute angle.
@@ -82,7 +101,8 @@ class GuardedStage(ABC):
     def stop(self) -> None:
         """Stop now; repeated until the device says that the stage stands still.
 
-        Other threads' requests do not delay it, and a motion command that was not yet sent is kept back.
+        Other threads' requests do not delay it, and a motion command that was not yet sent is kept back. If
+        the link is lost, the port is opened once more for the stop alone.
 
         Raises
         ------
@@ -94,19 +114,42 @@ class GuardedStage(ABC):
         with self._stop_lock:
             self._stops += 1
             self._break_off_search()
+        with calling_for_the_emergency_stop(self._name):
+            try:
+                self._stop_on(self._port, lambda: "")
+            except LinkLost:
+                if self._closed:
+                    raise
+                self._stop_on_new_link()
+
+    def _stop_on_new_link(self) -> None:
+        """Stop a stage that goes on without us; for everything else the link stays lost."""
+        with self._new_link_lock:
+            self._port.close()
+            port = self._open_port()
+            try:
+                self._stop_on(port, lambda: self._stranger(port))
+            finally:
+                port.close()
+
+    def _stop_on(self, port: P, stranger: Callable[[], str]) -> None:
         patience = Patience(self._clock, STOP_PATIENCE_S)
         got = "silence"
         while not patience.exhausted:
             try:
-                with calling_for_the_emergency_stop(self._name):
-                    if not (got := self._try_to_stop()):
-                        return
+                if not (got := self._try_to_stop(port) or stranger()):
+                    return
             except DeviceTimeout as silence:
                 got = silence.got
             self._clock.sleep(STOP_POLL_S)
         raise DeviceTimeout(
             self._name, "stop", expected="standstill", got=got, remedy="press the emergency stop"
         )
+
+    def close(self) -> None:
+        """Release the port; harmless when repeated. It does not stop anything."""
+        self._closed = True
+        self._port.close()
 
     @abstractmethod
     def _break_off_search(self) -> None:

@@ -1,13 +1,14 @@
 """What the ports of all stages share: an exclusive channel, one message at a time, and errors."""
 
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from drivers.channel import CHANNEL_ERRORS, open_device
 from drivers.errors import DeviceTimeout, LinkLost
 
 
-class StagePort:
+class StagePort(ABC):
     """An exclusively opened port; messages may be sent from any thread.
 
     Parameters
@@ -32,6 +33,10 @@ class StagePort:
         self._write_lock = threading.Lock()
         self._lost: str | None = None
         self._channel = open_device(name, url, baud, reply_timeout_s)
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release the port; harmless when repeated."""
 
     def _write(self, message: bytes, command: str, permit: Callable[[], None] | None) -> None:
         """Send a message; `permit` is asked just before, while nobody else can write, and may raise.

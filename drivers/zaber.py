@@ -24,23 +24,25 @@ READ_ATTEMPTS = 2
 INTERRUPTED = "NI"
 
 
-class ZaberStage(GuardedStage):
+class ZaberStage(GuardedStage[ZaberPort]):
     """A `RotationStage` on a Zaber ASCII line; construct it with `open_stage`."""
 
-    info: DeviceInfo
-
-    def __init__(self, settings: ZaberSettings, context: OpenContext, port: ZaberPort) -> None:
-        super().__init__(port.name, settings, context.clock)
+    def __init__(
+        self, settings: ZaberSettings, context: OpenContext, open_port: Callable[[], ZaberPort]
+    ) -> None:
+        super().__init__(open_port, settings, context.clock)
         self._settings = settings
-        self._port = port
         # After a fault the stage may still call its reference good: only a whole home search counts then.
         self._doubted = self._seeking = False
+
+    def set_up(self) -> None:
+        """Identify the stage, write limits and speed; nothing moves."""
         self.info = DeviceInfo(
             vendor="Zaber",
             model=f"device {self._get('deviceid', axis=0)}",
             serial=self._get("system.serial", axis=0),
             firmware=self._get("version", axis=0),
-            simulated=settings.port.startswith("@"),
+            simulated=self._settings.port.startswith("@"),
         )
         self._configure()
 
@@ -96,21 +98,21 @@ class ZaberStage(GuardedStage):
         self._require_speed(speed_deg_s, SPEED_GREATEST_DEG_S)
         self._set("maxspeed", round(speed_deg_s * self._settings.microsteps_per_deg * SPEED_UNIT))
 
-    def _try_to_stop(self) -> str:
+    def _try_to_stop(self, port: ZaberPort) -> str:
         settings = self._settings
-        reply = self._port.ask(settings.address, settings.axis, "stop", at_most_s=STOP_ANSWER_S)
+        reply = port.ask(settings.address, settings.axis, "stop", at_most_s=STOP_ANSWER_S)
         if reply.address != settings.address:
             return _foreign(reply)
         if not reply.accepted:
             return _reason(reply)
         return "a stage in motion" if reply.busy else ""
 
+    def _stranger(self, port: ZaberPort) -> str:
+        reply = port.ask(self._settings.address, 0, "get system.serial", at_most_s=STOP_ANSWER_S)
+        return "" if reply.data == self.info.serial else f"a device with serial number {reply.data}"
+
     def _break_off_search(self) -> None:
         self._seeking = False
-
-    def close(self) -> None:
-        """Release the port; harmless when repeated. It does not stop anything."""
-        self._port.close()
 
     def _configure(self) -> None:
         """Check the scale, write limits and speed to the stage and read them back."""
@@ -229,12 +231,14 @@ def open_stage(settings: ZaberSettings, context: OpenContext) -> ZaberStage:
         If the port cannot be opened, nothing answers, or a setting is not taken.
     """
     url = resolve_address(settings.port, context)
-    port = ZaberPort(f"{context.name} ({url})", url, settings.reply_timeout_s)
+    name = f"{context.name} ({url})"
+    stage = ZaberStage(settings, context, lambda: ZaberPort(name, url, settings.reply_timeout_s))
     try:
-        return ZaberStage(settings, context, port)
+        stage.set_up()
     except BaseException:
-        port.close()
+        stage.close()
         raise
+    return stage
 
 
 SPEC = DriverSpec(kind="stage", settings=ZaberSettings, open=open_stage)

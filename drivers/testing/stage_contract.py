@@ -107,6 +107,9 @@ class StageContract:
         with pytest.raises(DeviceFault):
             bench.stage.move_by(bench.angle_max_deg - bench.angle_min_deg + 1.0)
         assert not bench.stage.read().moving
+        for angle_deg in (bench.angle_min_deg, bench.angle_max_deg):
+            bench.stage.move_to(angle_deg)
+            assert bench.arrive() == pytest.approx(angle_deg, abs=bench.tolerance_deg)
 
     def test_moves_at_the_speed_it_was_given(self, bench: StageBench) -> None:
         """Within a quarter, for it has to accelerate."""

@@ -14,7 +14,7 @@ from drivers.esp301_settings import EspSettings
 from drivers.interfaces import OpenContext
 from drivers.registry import find_driver
 from drivers.settings import validate
-from simulators.newport_wire import NewportServer
+from simulators.newport_wire import NewportServer, NewportTcpServer
 from simulators.stage_device import StageDevice
 from tests.drivers.flood import flood
 
@@ -263,6 +263,43 @@ def test_a_stop_that_comes_before_the_start_was_seen_is_told(homed, line, comman
             moving.result(30.0)
 
 
+def test_a_home_command_that_never_arrived_is_reported(homed, line, device):
+    line.tamper = lambda command, answer: b"" if command.startswith("1OR") else answer()
+    with pytest.raises(DeviceTimeout, match="home: expected a motion, got a stage that stands still"):
+        homed.home()
+    assert not homed.read().homed
+    assert line.motions() == ["1OR1"]
+
+
+def test_a_reading_begun_before_the_home_search_does_not_end_it(stage, line):
+    def begin_search(command: str, answer: Callable[[], bytes]) -> bytes:
+        reply = answer()
+        if command == "1MD?":
+            stage._reference.seek()
+        return reply
+
+    line.answer(b"1MO")
+    line.tamper = begin_search
+    # the stage stood when it was asked, for it had not begun yet
+    assert not stage.read().homed
+
+
+def test_a_power_cut_right_after_the_start_of_a_home_search_is_noticed(stage, device):
+    stage.home()
+    device.power_cycle()
+    with pytest.raises(DeviceFault, match="motor off: a reset"):
+        stage.read()
+
+
+def test_errors_from_before_the_opening_are_no_fault(line, device, context):
+    line.answer(b"1MO")
+    device.fail("FE")
+    stage = open_stage(settings(line.address), context)
+    state = stage.read()
+    assert (state.homed, state.warnings) == (False, ())
+    stage.close()
+
+
 def test_homing_in_motion_is_refused(homed, line, clock):
     homed.move_to(90.0)
     clock.sleep(1.0)
@@ -405,6 +442,79 @@ def test_stop_keeps_back_a_move_that_was_not_sent_yet(homed, line, move):
     assert line.motions() == []
 
 
+def test_a_stop_need_not_wait_for_the_end_of_a_question(line, device, clock, context):
+    stage = open_stage(settings(line.address, reply_timeout_s=60.0), context)
+    polled = threading.Event()
+
+    def swallow_first(command: str, answer: Callable[[], bytes]) -> bytes:
+        if command == "1TP" and not polled.is_set():
+            polled.set()
+            return b""
+        return answer()
+
+    line.tamper = swallow_first
+    with ThreadPoolExecutor(2) as pool:
+        reading = pool.submit(stage.read)
+        assert polled.wait(30.0)
+        pool.submit(stage.stop).result(30.0)
+        reading.result(30.0)
+    stage.close()
+
+
+@pytest.mark.parametrize("late", [0, 1])
+def test_a_stray_answer_does_not_confirm_a_standstill(homed, line, clock, monkeypatch, late):
+    homed.move_to(90.0)
+    clock.sleep(1.0)
+    held: list[bytes] = []
+
+    def stray(command: str, answer: Callable[[], bytes]) -> bytes:
+        if command == "1ST":
+            return b""  # nor does the stop arrive
+        if command == "1MD?":
+            held.append(answer())
+            return b"1\r\n" + (b"" if late else held.pop())
+        return (held.pop() if held else b"") + answer()
+
+    line.tamper = stray
+    monkeypatch.setattr(drivers.guarded_stage, "STOP_PATIENCE_S", 0.3)
+    with pytest.raises(DeviceTimeout, match="press the emergency stop"):
+        homed.stop()
+    line.tamper = lambda command, answer: answer()
+    assert homed.read().moving
+
+
+def test_what_came_unasked_is_thrown_away(homed, line):
+    line._port._send(b"77.0000\r\n")
+    assert homed.read().angle_deg == 0.0
+    assert "VE?" not in line.received
+
+
+def test_an_answer_torn_by_noise_is_asked_for_again(homed, line, clock):
+    homed.move_to(15.0)
+    clock.sleep(1.0)
+    torn = iter([True])
+    line.tamper = lambda command, answer: (
+        answer().replace(b".", b"\n", 1) if command == "1TP" and next(torn, False) else answer()
+    )
+    # in motion it is asked for once only: 10 °/s, less the start
+    assert homed.read().angle_deg == pytest.approx(10 * (1.0 - 0.025), abs=1e-3)
+    assert line.received[line.received.index("VE?") - 1] == "1TP"
+
+
+def test_a_port_that_cannot_be_written_to_is_lost_for_good(homed, monkeypatch):
+    sent = []
+
+    def fail(data: bytes) -> None:
+        sent.append(data)
+        raise OSError("the hub is off")
+
+    monkeypatch.setattr(homed._port._channel, "send", fail)
+    for _ in range(2):
+        with pytest.raises(LinkLost, match="the hub is off"):
+            homed._port.send("1ST")
+    assert sent == [b"1ST\r"]
+
+
 def test_stop_is_repeated_until_standstill_is_confirmed(homed, line, device, clock):
     homed.move_to(90.0)
     clock.sleep(1.0)
@@ -448,6 +558,49 @@ def test_a_lost_link_is_told_by_every_call(homed, line):
     # nobody knows whether it still moves
     with pytest.raises(LinkLost, match="press the emergency stop"):
         homed.stop()
+
+
+def test_a_stage_whose_link_was_cut_in_motion_is_stopped_over_a_new_one(device, clock, context):
+    wire = NewportTcpServer(device, clock)
+    stage = open_stage(settings(f"socket://{wire.address}"), context)
+    stage.home()
+    arrive(stage, clock)
+    stage.move_to(90.0)
+    clock.sleep(1.0)
+    wire._port.drop_clients()
+    stage.stop()
+    assert not device.moving
+    assert 0.0 < device.angle_deg() < 90.0
+    # for anything else it must be opened again
+    with pytest.raises(LinkLost, match="open the stage again"):
+        stage.read()
+    stage.close()
+    with pytest.raises(LinkLost, match="press the emergency stop"):
+        stage.stop()
+    wire.close()
+
+
+def test_a_stage_whose_cable_is_back_is_stopped(homed, line, device, clock):
+    homed.move_to(90.0)
+    clock.sleep(1.0)
+    line.faults.switch_on("unplug")
+    with pytest.raises(LinkLost, match="press the emergency stop"):
+        homed.stop()
+    line.faults.clear()
+    homed.stop()
+    assert not device.moving
+
+
+def test_another_stage_where_ours_was_is_not_ours_standing_still(device, clock, context, monkeypatch):
+    monkeypatch.setattr(drivers.guarded_stage, "STOP_PATIENCE_S", 0.3)
+    wire = NewportTcpServer(device, clock)
+    stage = open_stage(settings(f"socket://{wire.address}"), context)
+    wire._port.drop_clients()
+    wire._serial = 7777
+    with pytest.raises(DeviceTimeout, match=r"expected standstill, got .*7777.*press the emergency stop"):
+        stage.stop()
+    stage.close()
+    wire.close()
 
 
 def test_a_port_in_use_is_told(stage, line, context):

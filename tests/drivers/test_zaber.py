@@ -15,6 +15,7 @@ from drivers.zaber import ZaberStage, open_stage
 from drivers.zaber_protocol import lrc
 from drivers.zaber_settings import ZaberSettings
 from simulators.stage_device import StageDevice
+from simulators.stage_settings import StageSettings
 from simulators.stage_wire import StageServer, StageTcpServer
 from tests.drivers.flood import flood
 
@@ -287,7 +288,7 @@ def test_a_scale_that_the_stage_does_not_tell_just_now_is_not_taken_for_right(li
 def test_a_refused_stop_is_no_standstill(homed, line, monkeypatch):
     monkeypatch.setattr(drivers.guarded_stage, "STOP_PATIENCE_S", 0.3)
     line.tamper = lambda command, answer: answered(answer(), "RJ IDLE -- AGAIN")
-    with pytest.raises(DeviceTimeout, match="got rejection AGAIN .*press the emergency stop"):
+    with pytest.raises(DeviceTimeout, match=r"got rejection AGAIN .*press the emergency stop"):
         homed.stop()
 
 
@@ -614,6 +615,49 @@ def test_a_lost_link_is_told_by_every_call(homed, line):
     # nobody knows whether it still moves
     with pytest.raises(LinkLost, match="press the emergency stop"):
         homed.stop()
+
+
+def test_a_stage_whose_link_was_cut_in_motion_is_stopped_over_a_new_one(device, clock, context):
+    wire = StageTcpServer(device)
+    stage = open_stage(settings(f"socket://{wire.address}"), context)
+    stage.home()
+    arrive(stage, clock)
+    stage.move_to(90.0)
+    clock.sleep(1.0)
+    wire._port.drop_clients()
+    stage.stop()
+    assert not device.moving
+    assert 0.0 < device.angle_deg() < 90.0
+    # for anything else it must be opened again
+    with pytest.raises(LinkLost, match="open the stage again"):
+        stage.read()
+    stage.close()
+    with pytest.raises(LinkLost, match="press the emergency stop"):
+        stage.stop()
+    wire.close()
+
+
+def test_a_stage_whose_cable_is_back_is_stopped(homed, line, device, clock):
+    homed.move_to(90.0)
+    clock.sleep(1.0)
+    line.faults.switch_on("unplug")
+    with pytest.raises(LinkLost, match="press the emergency stop"):
+        homed.stop()
+    line.faults.clear()
+    homed.stop()
+    assert not device.moving
+
+
+def test_another_stage_where_ours_was_is_not_ours_standing_still(device, clock, context, monkeypatch):
+    monkeypatch.setattr(drivers.guarded_stage, "STOP_PATIENCE_S", 0.3)
+    wire = StageTcpServer(device)
+    stage = open_stage(settings(f"socket://{wire.address}"), context)
+    wire._port.drop_clients()
+    wire.settings = StageSettings(device, 1, 7777)
+    with pytest.raises(DeviceTimeout, match=r"expected standstill, got .*7777.*press the emergency stop"):
+        stage.stop()
+    stage.close()
+    wire.close()
 
 
 @pytest.mark.parametrize(("server", "url"), [(StageServer, "{}"), (StageTcpServer, "socket://{}")])
