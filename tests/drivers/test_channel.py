@@ -1,8 +1,11 @@
+import os
 import socket
+import tty
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from drivers.channel import TcpChannel, open_device
+from drivers.channel import SerialChannel, TcpChannel, open_device
 from drivers.errors import LinkLost
 from simulators.tcp_server import TcpServer
 
@@ -44,3 +47,15 @@ def test_a_peer_that_never_falls_silent_is_no_device(address, monkeypatch):
     with pytest.raises(ConnectionAbortedError, match="sends without end"):
         channel.drain()
     channel.close()
+
+
+def test_what_a_line_does_not_take_is_given_up_in_time():
+    near, far = os.openpty()
+    tty.setraw(far)
+    channel = SerialChannel(os.ttyname(far), 9600, "N", 1, 0.1)
+    with ThreadPoolExecutor(1) as pool, pytest.raises(OSError, match="timeout"):
+        # more than any system keeps for a reader that does not come
+        pool.submit(channel.send, bytes(2**20)).result(30.0)
+    channel.close()
+    os.close(near)
+    os.close(far)

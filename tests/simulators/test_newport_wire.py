@@ -121,6 +121,15 @@ def test_a_jammed_shaft_is_a_following_error(server):
     assert server.answer(b"1MD?;TE?;1MO?") == b"1\r\n103\r\n0\r\n"
 
 
+def test_a_limit_switch_that_trips_in_every_motion_is_an_error_each_time(server, device, clock):
+    server.answer(b"1MO")
+    for target in (b"1PA20", b"1PA40"):
+        server.answer(target)
+        clock.sleep(0.5)
+        device.fail("FE")
+        assert server.answer(b"TE?;TE?") == b"104\r\n0\r\n"
+
+
 def test_limits_speed_and_identity_can_be_read_back(server):
     server.answer(b"1SL-5;1SR365;1VA10;1SN7")
     assert server.answer(b"1SL?;1SR?;1VA?;1SN?") == b"-5.0000\r\n365.0000\r\n10.0000\r\n7\r\n"

@@ -79,6 +79,13 @@ def test_homing_that_is_interrupted_finds_nothing(stage, clock):
     assert stage.flags == ["WR", "NI"]
 
 
+def test_a_jammed_shaft_finds_no_reference(stage, clock):
+    stage.jam()
+    stage.home()
+    clock.sleep(60.0)
+    assert stage.flags == ["FS", "WR"]
+
+
 def test_a_new_motion_preempts_the_old_one(stage, clock):
     stage.move_to(90 * 6400)
     clock.sleep(1.0)
