@@ -13,6 +13,8 @@ from drivers.interfaces import CameraInfo, Frame, OpenContext
 
 SILENCE_S = 1.0
 SILENCE_FRAMES = 10
+LOST_FRAMES = 3
+"""After so many frames' time without any, whatever its age, a camera may be opened anew."""
 OPENING_S = 20.0
 """How long a stream waits for a camera to be opened again."""
 
@@ -57,7 +59,7 @@ class FilmingCamera(ABC, Generic[S]):
 
     info: CameraInfo
     silent_is_lost = False
-    """Whether a camera that gave no frame in time is to be opened anew."""
+    """Whether a camera that gave no frame at all is to be opened anew."""
 
     def __init__(self, name: str, clock: Clock) -> None:
         self._name = name
@@ -66,6 +68,7 @@ class FilmingCamera(ABC, Generic[S]):
         self._stream: FrameStream | None = None
         self._closed = False
         self._session: S | None = None
+        self._silent_s = 0.0
 
     def grab(self, timeout_s: float) -> Frame:
         """Return a frame whose exposure began after this call; its flags tell if it is damaged.
@@ -80,16 +83,18 @@ class FilmingCamera(ABC, Generic[S]):
             If it reports errors, a setting has changed, or a stream is open.
         """
         asked_s = self._clock.now_s()
-        with self._lock:
+        with self._to_itself("grab", timeout_s):
             session = self._ready("grab", asked_s + timeout_s)
-            before = session.seen
+            before, begun_s = session.seen, self._clock.now_s()
             with self._giving_up_lost():
                 frame = session.next_frame(asked_s + timeout_s - self._clock.now_s(), after_s=asked_s)
                 if frame is not None:
+                    self._silent_s = 0.0
                     session.verify()
                     return frame
             older = session.seen - before
-            if self.silent_is_lost and not older:
+            self._silent_s = 0.0 if older else self._silent_s + self._clock.now_s() - begun_s
+            if self.silent_is_lost and self._silent_s > LOST_FRAMES * session.interval_s:
                 self._give_up()
         raise DeviceTimeout(
             self._name,
@@ -112,7 +117,7 @@ class FilmingCamera(ABC, Generic[S]):
         DeviceError
             As `grab` does.
         """
-        with self._lock:
+        with self._to_itself("stream", OPENING_S):
             session = self._ready("stream", self._clock.now_s() + OPENING_S)
             begun_s = self._clock.now_s()
             with self._giving_up_lost():
@@ -135,8 +140,9 @@ class FilmingCamera(ABC, Generic[S]):
 
     def close(self) -> None:
         """Release the camera; harmless when repeated."""
+        self._closed = True  # before it waits: threads that grab by turns might never let it in
         with self._lock:
-            self._closed, stream = True, self._stream
+            stream = self._stream
         if stream is not None:
             stream.close()
         with self._lock:
@@ -166,10 +172,26 @@ class FilmingCamera(ABC, Generic[S]):
             )
         if self._session is None:
             self._session = self._open_again(step, deadline_s)
+            self._silent_s = 0.0
         return self._session
 
     def _stream_closed(self) -> None:
         self._stream = None
+
+    @contextmanager
+    def _to_itself(self, step: str, timeout_s: float) -> Iterator[None]:
+        if not self._lock.acquire(timeout=min(max(0.0, timeout_s), threading.TIMEOUT_MAX)):
+            raise DeviceTimeout(
+                self._name,
+                step,
+                expected="a camera that no other call uses",
+                got=f"one in use for {timeout_s:g} s",
+                remedy="call it from one thread, or take its frames from a stream",
+            )
+        try:
+            yield
+        finally:
+            self._lock.release()
 
     @contextmanager
     def _giving_up_lost(self) -> Iterator[None]:

@@ -45,7 +45,8 @@ class Frame:
     ----------
     image : ndarray of uint8 or uint16, shape (height, width)
     exposed_s : float
-        When the exposure began, on the rig's monotonic clock.
+        When the exposure began at the earliest, on the rig's monotonic clock: what a driver does not know of
+        the delay counts against the frame.
     received_s : float
         When the frame reached the program, on the same clock.
     utc : datetime

@@ -262,3 +262,46 @@ def test_no_trigger_is_left_on(library, context):
 def test_an_automatic_that_must_stay_on_may_be_accepted(library, context):
     library.keeps = {"ExposureAuto": "Continuous"}
     opened(library, context, features={"ExposureAuto": "Continuous"}).close()
+
+
+def test_a_camera_is_not_given_up_for_a_call_without_patience(library, context):
+    camera = opened(library, context)
+    opens = []
+    library.camera_new = opens.append
+    for timeout_s in (0.0, -1.0, math.nan, INTERVAL_S / 4):
+        with pytest.raises(DeviceTimeout, match="got none"):
+            camera.grab(timeout_s)
+    assert camera.grab(1.0).flags == 0
+    library.silent = True
+    with pytest.raises(DeviceTimeout, match="got none"):
+        camera.grab(2 * INTERVAL_S)
+    assert library.held == 2
+    with pytest.raises(DeviceTimeout, match="got none"):
+        camera.grab(2 * INTERVAL_S)
+    camera.close()
+    assert (library.held, opens) == (0, [])
+
+
+def test_a_call_does_not_wait_for_another_beyond_its_deadline(library, context, clock):
+    camera = opened(library, context)
+    asked, going, pops = threading.Event(), threading.Event(), library.stream_timeout_pop_buffer
+
+    def slowly(stream: int, timeout_us: int) -> int:
+        asked.set()
+        going.wait(20.0)
+        return pops(stream, timeout_us)
+
+    library.stream_timeout_pop_buffer = slowly
+    other = threading.Thread(target=camera.grab, args=(1.0,))
+    other.start()
+    asked.wait(20.0)
+    with pytest.raises(DeviceTimeout, match="a camera that no other call uses, got one in use"):
+        camera.grab(0.01)
+    closing = threading.Thread(target=camera.close)
+    closing.start()
+    going.set()
+    other.join()
+    closing.join()
+    with pytest.raises(DeviceFault, match="got a closed one"):
+        camera.grab(1.0)
+    assert library.held == 0
