@@ -90,6 +90,8 @@ class FrameCommands:
             remedy = "call for a hold, then look at the specimen"
             raise self._work.fault(step, "a machine in a known state", self._doubt, remedy)
         holds = self._sequence.holds
+        # a machine that cannot measure, or was restarted, is not set in motion to find out
+        self.state(step)
         with self._doubting():
             self._refuse_lost_settings(step)
         self.stay_in_charge()
@@ -158,8 +160,6 @@ class FrameCommands:
         """A machine that somebody else has set, or that forgot its settings, is not what was opened."""
         for name, block, values in self._settings:
             if not self._work.holds(block, values, step):
-                # a restart explains it better
-                self.state(step)
                 remedy = "hold, see who else sets the machine, then open the frame again"
                 raise self._work.fault(step, f"the {name} this program has set", "another setting", remedy)
 

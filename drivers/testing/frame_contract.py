@@ -139,15 +139,20 @@ class FrameContract:
         assert second.time_s > first.time_s
 
     def test_readings_that_stand_still_are_refused(self, bench: FrameBench) -> None:
-        """A frozen display looks like a machine that holds."""
+        """A frozen display looks like a machine that holds, and nothing moves on its word."""
         freeze = needed(bench.freeze, "freeze the readings")
         bench.frame.read()
         freeze()
         bench.frame.read()
         bench.clock.sleep(10.0)
+        commands = bench.commands or (lambda: 0)
+        count = commands()
         with pytest.raises(DeviceFault) as stale:
             bench.frame.read()
         assert_says_all(stale.value)
+        with pytest.raises(DeviceFault):
+            bench.frame.go_to_displacement(0.1, 0.1)
+        assert commands() == count
 
     def test_a_load_that_is_none_is_refused_but_the_machine_holds(self, bench: FrameBench) -> None:
         """A broken wire must neither pass for a load nor keep anybody from stopping."""
@@ -159,6 +164,16 @@ class FrameContract:
             bench.frame.read()
         assert_says_all(broken.value)
         bench.frame.hold()
+
+    def test_without_a_load_that_is_one_nothing_is_set_in_motion(self, bench: FrameBench) -> None:
+        """Told only afterwards, the crosshead would already move."""
+        break_load_cell = needed(bench.break_load_cell, "break the load cell")
+        commands = needed(bench.commands, "count commands")
+        break_load_cell()
+        count = commands()
+        with pytest.raises(DeviceFault):
+            bench.frame.go_to_displacement(0.1, 0.1)
+        assert commands() == count
 
     def test_an_open_emergency_stop_is_told_and_takes_no_motion(self, bench: FrameBench) -> None:
         """It is read, never reset."""
