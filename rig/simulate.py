@@ -4,7 +4,7 @@ import os
 import select
 import signal
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Protocol, cast
@@ -165,25 +165,22 @@ def _in_foreground() -> bool:
 def signals_noted() -> Iterator[int]:
     """Let signals make a descriptor readable, which is yielded, instead of ending the program.
 
-    A wait for a descriptor is over at once; a wait for time alone would go on after a signal.
+    A wait for a descriptor is over at once; a wait for time alone would go on after a signal, and one that
+    comes just before the wait would be noticed only after it.
     """
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
-
-    def note(number: int, _: object) -> None:
-        # a full pipe says it already
-        with suppress(BlockingIOError):
-            os.write(writing, b"!")
-
+    waked = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
     before = {number: signal.getsignal(number) for number in SIGNALS}
     # under nohup the end of the terminal ends nothing
     if before[signal.SIGHUP] is signal.SIG_IGN:
         del before[signal.SIGHUP]
     try:
         for number in before:
-            signal.signal(number, note)
+            signal.signal(number, lambda *_: None)
         yield reading
     finally:
+        signal.set_wakeup_fd(waked)
         for number, handler in before.items():
             signal.signal(number, handler)
         os.close(reading)
