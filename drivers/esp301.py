@@ -1,20 +1,17 @@
 """Rotation stage on a Newport ESP301 (or ESP300, ESP302) motion controller."""
 
 from collections.abc import Callable
-from typing import TypeVar
 
 from drivers.address import resolve_address
 from drivers.errors import DeviceTimeout
+from drivers.esp301_axis import EspAxis
 from drivers.esp301_port import EspPort
 from drivers.esp301_protocol import (
     DEGREES,
     LIMITS_ACTED_ON,
     LIMITS_WATCHED,
     MODEL,
-    QUEUE_DEPTH,
-    QueuedError,
     read_bits,
-    read_error,
     read_name,
     read_number,
     read_switch,
@@ -31,25 +28,25 @@ POSITION_ATTEMPTS = 3
 # The controller rounds what it is told to its own counts.
 SETTING_TOLERANCE = 1e-3
 
-T = TypeVar("T")
-
 
 class EspStage(GuardedStage[EspPort]):
     """A `RotationStage` on an ESP301; construct it with `open_stage`."""
 
-    def __init__(self, settings: EspSettings, context: OpenContext, open_port: Callable[[], EspPort]) -> None:
+    def __init__(
+        self, settings: EspSettings, context: OpenContext, open_port: Callable[[float], EspPort]
+    ) -> None:
         super().__init__(open_port, settings, context.clock)
         self._settings = settings
-        self._axis = settings.axis
         self._reference = Reference()
+        self._axis = EspAxis(self._port, settings.axis, self._reference)
 
     def set_up(self) -> None:
         """Identify controller and stage, write limits and speed; nothing moves."""
-        self._empty_queue()
+        self._axis.take_errors()
         # what went wrong before was not ours; without a reference nothing moves anyhow
         self._reference.acknowledge()
         found = MODEL.fullmatch(self._port.version)
-        self._identity = self._ask("ID?", read_name)
+        self._identity = self._axis.ask("ID?", read_name)
         stage, _, serial = self._identity.partition("SN")
         self.info = DeviceInfo(
             vendor="Newport",
@@ -72,9 +69,9 @@ class EspStage(GuardedStage[EspPort]):
         """
         sought = self._reference.seeking
         angle_deg, moving = self._position()
-        on = self._ask("MO?", read_switch)
+        on = self._axis.ask("MO?", read_switch)
         # the last question has an answer like no other: it proves that all answers were in their places
-        errors = self._empty_queue()
+        errors = self._axis.take_errors()
         referenced, failure = self._reference.see(on=on, ended=sought and not moving)
         if failure:
             raise self._fault("read position", "no fault", failure, "remove the cause, then home the stage")
@@ -84,14 +81,14 @@ class EspStage(GuardedStage[EspPort]):
     def home(self) -> None:
         """Acknowledge past faults, switch the motor on and begin to find the reference position."""
         permit = self._unless_stopped("home")
-        self._require_standing(not self._ask("MD?", read_switch), "home")
-        self._empty_queue()
+        self._require_standing(not self._axis.ask("MD?", read_switch), "home")
+        self._axis.take_errors()
         self._reference.acknowledge()
-        self._command("MO", "home", permit)
-        if not self._ask("MO?", read_switch):
+        self._axis.tell("MO", "home", permit)
+        if not self._axis.ask("MO?", read_switch):
             raise self._fault("home", "a motor that is on", MOTOR_OFF, "check emergency stop and interlock")
         self._reference.motor_is_on()
-        self._command(f"OR{self._home_mode}", "home", permit)
+        self._axis.tell(f"OR{self._home_mode}", "home", permit)
         self._confirm_start("home", None, permit)
         with self._stop_lock:
             permit()
@@ -99,21 +96,21 @@ class EspStage(GuardedStage[EspPort]):
 
     def _begin_move(self, angle_deg: float, state: StageState, step: str, permit: Callable[[], None]) -> None:
         self._refuse_forgotten_limits(step)
-        self._command(f"PA{angle_deg:.5f}", step, permit)
+        self._axis.tell(f"PA{angle_deg:.5f}", step, permit)
         self._confirm_start(step, angle_deg, permit)
 
     def set_speed(self, speed_deg_s: float) -> None:
         """Set the speed of motions to come and read it back; `DeviceFault` if the stage does not take it."""
-        self._require_speed(speed_deg_s, self._ask("VU?", read_number))
+        self._require_speed(speed_deg_s, self._axis.ask("VU?", read_number))
         self._set("VA", speed_deg_s, "set speed")
 
     def _try_to_stop(self, port: EspPort) -> str:
-        port.send(f"{self._axis}ST")
-        stands = port.ask_first(f"{self._axis}MD?", read_switch, STOP_ANSWER_S)
+        port.send(f"{self._axis.number}ST")
+        stands = port.ask_first(f"{self._axis.number}MD?", read_switch, STOP_ANSWER_S)
         return "" if stands else "a stage in motion"
 
     def _stranger(self, port: EspPort) -> str:
-        identity = port.ask_first(f"{self._axis}ID?", read_name, STOP_ANSWER_S)
+        identity = port.ask_first(f"{self._axis.number}ID?", read_name, STOP_ANSWER_S)
         return "" if identity == self._identity else f"the stage {identity!r}"
 
     def _break_off_search(self) -> None:
@@ -121,7 +118,7 @@ class EspStage(GuardedStage[EspPort]):
 
     def _configure(self) -> None:
         """Check the unit, write limits and speed and read them back."""
-        unit = self._ask("SN?", read_number)
+        unit = self._axis.ask("SN?", read_number)
         if unit != DEGREES:
             raise self._fault(
                 "read unit", f"degrees ({DEGREES})", f"unit {unit:g}", "set up the axis for a rotation stage"
@@ -129,7 +126,7 @@ class EspStage(GuardedStage[EspPort]):
         low, high = self._limits_deg
         limits = [("SR", high, "set right limit"), ("SL", low, "set left limit")]
         # in the order that never crosses them
-        if high <= self._ask("SL?", read_number):
+        if high <= self._axis.ask("SL?", read_number):
             limits.reverse()
         for name, value, step in limits:
             self._set(name, value, step)
@@ -138,7 +135,7 @@ class EspStage(GuardedStage[EspPort]):
 
     def _signals_to_home_by(self) -> int:
         """Return the home search's mode, the controller's own if none is given; it must look for a signal."""
-        mode = self._settings.home_mode or self._ask("OM?", read_number)
+        mode = self._settings.home_mode or self._axis.ask("OM?", read_number)
         if mode < 1:
             raise self._fault(
                 "read home mode",
@@ -150,25 +147,25 @@ class EspStage(GuardedStage[EspPort]):
 
     def _refuse_idle_limits(self) -> None:
         """Limits that the controller was told, but not to watch, do not hold anything."""
-        bits = self._ask("ZS?", read_bits)
+        bits = self._axis.ask("ZS?", read_bits)
         if not (bits & LIMITS_WATCHED and bits & LIMITS_ACTED_ON):
             raise self._fault(
                 "read limits",
                 "software limits that are watched and stop the stage (ZS with bit 0, and 1 or 2)",
                 f"{bits:X}H",
-                f"switch them on, as {self._axis}ZS5 does",
+                f"switch them on, as {self._axis.number}ZS5 does",
             )
 
     def _set(self, name: str, value: float, step: str) -> None:
-        self._command(f"{name}{value:.5f}", step)
-        got = self._ask(f"{name}?", read_number)
+        self._axis.tell(f"{name}{value:.5f}", step)
+        got = self._axis.ask(f"{name}?", read_number)
         if abs(got - value) > SETTING_TOLERANCE:
             raise self._fault(step, f"{value:g}", f"{got:g} on reading back", "check the stage's own limits")
 
     def _refuse_forgotten_limits(self, step: str) -> None:
         """A controller that was reset and switched on again behind our back has its own limits again."""
         for name, value in zip(("SL", "SR"), self._limits_deg, strict=True):
-            got = self._ask(f"{name}?", read_number)
+            got = self._axis.ask(f"{name}?", read_number)
             if abs(got - value) > SETTING_TOLERANCE:
                 self._reference.forget()
                 raise self._fault(
@@ -178,26 +175,13 @@ class EspStage(GuardedStage[EspPort]):
                     "open the stage again and home it",
                 )
 
-    def _command(self, command: str, step: str, permit: Callable[[], None] | None = None) -> None:
-        """Send a command once, and see whether the controller refused it."""
-        self._port.send(f"{self._axis}{command}", permit)
-        try:
-            errors = self._empty_queue(after_command=True)
-        except DeviceTimeout:
-            return  # whether it was obeyed is seen by what the stage does
-        refused = [str(error) for error in errors if error.axis in (0, self._axis)]
-        if refused:
-            raise self._fault(
-                step, "acceptance", "; ".join(refused), "see appendix A of the controller's manual"
-            )
-
     def _confirm_start(self, step: str, target_deg: float | None, permit: Callable[[], None]) -> None:
         """See that the stage moves, or stands at its target already."""
         for _ in range(START_POLLS):
-            if not self._ask("MD?", read_switch):
+            if not self._axis.ask("MD?", read_switch):
                 return
             if target_deg is not None:
-                off_deg = abs(self._ask("TP", read_number) - target_deg)
+                off_deg = abs(self._axis.ask("TP", read_number) - target_deg)
                 if off_deg <= self._settings.tolerance_deg:
                     return
             self._clock.sleep(POLL_S)
@@ -216,9 +200,9 @@ class EspStage(GuardedStage[EspPort]):
         There is no checksum: a digit that was disturbed on the line looks like any other.
         """
         for _ in range(POSITION_ATTEMPTS):
-            angle_deg = self._ask("TP", read_number)
-            moving = not self._ask("MD?", read_switch)
-            if moving or abs(self._ask("TP", read_number) - angle_deg) <= self._settings.tolerance_deg:
+            angle_deg = self._axis.ask("TP", read_number)
+            moving = not self._axis.ask("MD?", read_switch)
+            if moving or abs(self._axis.ask("TP", read_number) - angle_deg) <= self._settings.tolerance_deg:
                 return angle_deg, moving
         raise DeviceTimeout(
             self._port.name,
@@ -227,29 +211,6 @@ class EspStage(GuardedStage[EspPort]):
             got=f"{angle_deg:g}° and others",
             remedy="check the line for noise",
         )
-
-    def _empty_queue(self, *, after_command: bool = False) -> list[QueuedError]:
-        """Take out all errors, and note those after which motion has failed: nobody can read them again."""
-        errors = []
-        for _ in range(QUEUE_DEPTH + 1):
-            error = self._oldest_error()
-            if error.code == 0:
-                break
-            errors.append(error)
-            if error.fails(self._axis) and not (after_command and error.may_refuse(self._axis)):
-                self._reference.fail(str(error))
-        return errors
-
-    def _oldest_error(self) -> QueuedError:
-        try:
-            return self._port.ask("TB?", read_error, attempts=1)
-        except DeviceTimeout:
-            # the answer that is missing may have been the error that ended a home search
-            self._reference.break_off()
-            return self._port.ask("TB?", read_error)
-
-    def _ask(self, question: str, read: Callable[[str], T]) -> T:
-        return self._port.ask(f"{self._axis}{question}", read)
 
 
 def open_stage(settings: EspSettings, context: OpenContext) -> EspStage:
@@ -262,7 +223,7 @@ def open_stage(settings: EspSettings, context: OpenContext) -> EspStage:
     """
     url = resolve_address(settings.port, context)
     name = f"{context.name} ({url})"
-    stage = EspStage(settings, context, lambda: EspPort(name, url, settings.baud, settings.reply_timeout_s))
+    stage = EspStage(settings, context, lambda timeout_s: EspPort(name, url, settings.baud, timeout_s))
     try:
         stage.set_up()
     except BaseException:

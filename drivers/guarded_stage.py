@@ -27,7 +27,7 @@ class GuardedStage(ABC, Generic[P]):
     Parameters
     ----------
     open_port : callable
-        Opens the port; once more for a stop, when the link was lost.
+        ``open_port(reply_timeout_s)`` opens the port; once more for a stop, when the link was lost.
     settings : StageSettings
     clock : Clock
 
@@ -39,9 +39,10 @@ class GuardedStage(ABC, Generic[P]):
 
     info: DeviceInfo
 
-    def __init__(self, open_port: Callable[[], P], settings: StageSettings, clock: Clock) -> None:
+    def __init__(self, open_port: Callable[[float], P], settings: StageSettings, clock: Clock) -> None:
         self._open_port = open_port
-        self._port = open_port()
+        self._reply_timeout_s = settings.reply_timeout_s
+        self._port = open_port(self._reply_timeout_s)
         self._name = self._port.name
         self._closed = False
         self._limits_deg = (settings.angle_min_deg, settings.angle_max_deg)
@@ -126,7 +127,7 @@ class GuardedStage(ABC, Generic[P]):
         """Stop a stage that goes on without us; for everything else the link stays lost."""
         with self._new_link_lock:
             self._port.close()
-            port = self._open_port()
+            port = self._open_port(min(self._reply_timeout_s, STOP_ANSWER_S))
             try:
                 self._stop_on(port, lambda: self._stranger(port))
             finally:

@@ -28,7 +28,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
     """A `RotationStage` on a Zaber ASCII line; construct it with `open_stage`."""
 
     def __init__(
-        self, settings: ZaberSettings, context: OpenContext, open_port: Callable[[], ZaberPort]
+        self, settings: ZaberSettings, context: OpenContext, open_port: Callable[[float], ZaberPort]
     ) -> None:
         super().__init__(open_port, settings, context.clock)
         self._settings = settings
@@ -232,7 +232,7 @@ def open_stage(settings: ZaberSettings, context: OpenContext) -> ZaberStage:
     """
     url = resolve_address(settings.port, context)
     name = f"{context.name} ({url})"
-    stage = ZaberStage(settings, context, lambda: ZaberPort(name, url, settings.reply_timeout_s))
+    stage = ZaberStage(settings, context, lambda timeout_s: ZaberPort(name, url, timeout_s))
     try:
         stage.set_up()
     except BaseException:

@@ -330,6 +330,13 @@ def test_a_flood_of_bytes_that_are_no_answer_is_told_in_one_short_line(context):
     assert len(str(caught.value)) < 400
 
 
+@pytest.mark.parametrize("angle_deg", [-5.1, 725.1, float("nan")])
+def test_a_motion_by_an_angle_out_of_limits_is_refused_by_the_program_itself(homed, line, angle_deg):
+    with pytest.raises(DeviceFault, match=r"move by .*expected an angle from -5° to 725°"):
+        homed.move_by(angle_deg)
+    assert line.received == ["get pos"]
+
+
 def test_motion_without_a_reference_is_refused(stage, line):
     with pytest.raises(DeviceFault, match="home the stage first"):
         stage.move_to(10.0)
@@ -635,6 +642,35 @@ def test_a_stage_whose_link_was_cut_in_motion_is_stopped_over_a_new_one(device, 
     with pytest.raises(LinkLost, match="press the emergency stop"):
         stage.stop()
     wire.close()
+
+
+def test_a_new_link_for_a_stop_is_not_waited_for_longer_than_a_stop_lasts(line, context, monkeypatch):
+    opened = []
+
+    class Noted(drivers.zaber.ZaberPort):
+        def __init__(self, name: str, url: str, reply_timeout_s: float) -> None:
+            opened.append(reply_timeout_s)
+            super().__init__(name, url, reply_timeout_s)
+
+    monkeypatch.setattr(drivers.zaber, "ZaberPort", Noted)
+    stage = open_stage(settings(line.address, reply_timeout_s=60.0), context)
+    line.faults.switch_on("unplug")
+    line.faults.clear()
+    stage.stop()
+    assert opened == [60.0, 1.0]
+    stage.close()
+
+
+def test_a_stage_on_a_port_that_failed_is_stopped_over_the_same_port(homed, device, clock, monkeypatch):
+    homed.move_to(90.0)
+    clock.sleep(1.0)
+
+    def fail(data: bytes) -> None:
+        raise OSError("write timeout")
+
+    monkeypatch.setattr(homed._port._channel, "send", fail)
+    homed.stop()
+    assert not device.moving
 
 
 def test_a_stage_whose_cable_is_back_is_stopped(homed, line, device, clock):
