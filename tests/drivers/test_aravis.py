@@ -305,3 +305,35 @@ def test_a_call_does_not_wait_for_another_beyond_its_deadline(library, context, 
     with pytest.raises(DeviceFault, match="got a closed one"):
         camera.grab(1.0)
     assert library.held == 0
+
+
+def test_only_silence_that_lasts_is_a_reason_to_open_a_camera_anew(library, context):
+    camera = opened(library, context)
+    first = camera._session
+
+    def is_silent(timeout_s: float) -> None:
+        with pytest.raises(DeviceTimeout, match="got none;"):
+            camera.grab(timeout_s)
+
+    for _ in range(3):
+        library.silent = True
+        is_silent(2 * INTERVAL_S)
+        library.silent = False
+        assert camera.grab(1.0).flags == 0
+    assert camera._session is first
+    library.silent = True
+    is_silent(1.0)
+    assert camera._session is None
+    is_silent(2 * INTERVAL_S)
+    assert camera._session is not None
+    camera.close()
+
+
+def test_a_camera_whose_frames_are_all_too_old_is_not_opened_anew(library, context):
+    camera = opened(library, context, transfer_us=1e7)
+    first = camera._session
+    for _ in range(3):
+        with pytest.raises(DeviceTimeout, match=r"got none but \d+ older; allow more time"):
+            camera.grab(0.5)
+    assert camera._session is first
+    camera.close()

@@ -573,3 +573,42 @@ def test_a_stream_is_not_begun_with_settings_that_another_program_changed(camera
         camera.stream()
     plugged.controls[ControlId.GAIN].value = 4
     assert camera.grab(1.0).flags == 0
+
+
+def test_a_stream_that_broke_twice_in_one_call_is_restarted_by_the_next(camera, plugged, monkeypatch):
+    """The kernel gives no frame of a broken stream until it is stopped and started."""
+    plugged.broken, plugged.breaks_again = True, True
+    takes, stops, waits = FakeNode.dqbuf, FakeNode.streamoff, FakeNode.wait
+
+    def dqbuf(node: FakeNode, buffer) -> None:
+        if plugged.broken:
+            raise OSError(errno.EIO, "broken")
+        takes(node, buffer)
+
+    def streamoff(node: FakeNode, argument) -> None:
+        plugged.broken = False
+        stops(node, argument)
+
+    def wait(node: FakeNode, timeout_s: float) -> bool:
+        plugged.broken, plugged.breaks_again = plugged.breaks_again, False
+        return plugged.broken or waits(node, timeout_s)
+
+    for name, act in (("dqbuf", dqbuf), ("streamoff", streamoff), ("wait", wait)):
+        monkeypatch.setattr(FakeNode, name, act)
+    with pytest.raises(DeviceFault, match=r"input/output error \(EIO\)"):
+        camera.grab(1.0)
+    assert camera.grab(1.0).flags == 0
+
+
+def test_an_exposure_that_something_unknown_holds_is_refused(plugged, context):
+    del plugged.controls[ControlId.EXPOSURE_AUTO]
+    with pytest.raises(DeviceFault, match="set exposure_time_absolute: expected 100 in effect"):
+        opened(plugged, context)
+
+
+def test_a_further_control_that_an_automatic_holds_is_refused(plugged, context):
+    plugged.controls[0x98091A] = FakeControl(
+        "White Balance Temperature", 4000, 2800, 6500, flags=ControlFlag.INACTIVE
+    )
+    with pytest.raises(DeviceFault, match="set white_balance_temperature: expected 5000 in effect"):
+        opened(plugged, context, controls={"white_balance_temperature": 5000})
