@@ -54,8 +54,7 @@ class ModbusFrame:
         self._commands = FrameCommands(settings, context.clock, register_map, work, safety)
         # the machine has them word for word: what differs is only the rounding of its registers
         self.limits = settings.limits
-        if not safety.shares_link(work):
-            self._open_way_for_hold(identity)
+        self._prove_way_for_hold(identity)
 
     def read(self) -> FrameState:
         """Read the state in one request, then feed the machine's watchdog.
@@ -128,11 +127,13 @@ class ModbusFrame:
         self._work.close()
         self._safety.close()
 
-    def _open_way_for_hold(self, identity: dict[str, Number]) -> None:
-        step, alone = "open the connection for hold", "set connections = 1 if the machine takes only one"
+    def _prove_way_for_hold(self, identity: dict[str, Number]) -> None:
+        step, alone = "prove the way for hold", "set connections = 1 if the machine takes only one"
         try:
             found = self._safety.identify(step)
         except (DeviceTimeout, LinkLost) as error:
+            if self._safety.shares_link(self._work):
+                raise
             raise type(error)(
                 error.device, error.step, expected=error.expected, got=error.got, remedy=alone
             ) from error

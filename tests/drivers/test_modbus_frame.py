@@ -701,14 +701,15 @@ def test_without_a_way_for_hold_nothing_moves(frame, port, clock):
     clock.sleep(10.5)
     asked = iter([True])
     port.tamper = lambda request, answer: answer() if not is_state(request) or next(asked, False) else None
-    with pytest.raises(DeviceTimeout, match="keep the connection for hold"):
+    with pytest.raises(DeviceTimeout, match="prove the way for hold"):
         frame.read()
     port.tamper = lambda request, answer: answer()
     with pytest.raises(DeviceFault, match="a link that was lost"):
         frame.go_to_displacement(0.1, 0.1)
 
 
-def test_a_machine_that_takes_one_connection_only_is_told_how(port, context):
+@pytest.mark.parametrize(("connections", "remedy"), [(2, "set connections = 1"), (1, "check that the")])
+def test_a_hold_that_would_not_be_answered_is_told_on_opening(port, context, connections, remedy):
     identified = iter([False])
 
     def one_only(request: bytes, answer: Answer) -> bytes | None:
@@ -717,8 +718,8 @@ def test_a_machine_that_takes_one_connection_only_is_told_how(port, context):
         return answer()
 
     port.tamper = one_only
-    with pytest.raises(DeviceTimeout, match=r"open the connection for hold: .*set connections = 1"):
-        open_frame(settings(port.address, reply_timeout_s=0.1), context)
+    with pytest.raises(DeviceTimeout, match=rf"prove the way for hold: .*; {remedy}"):
+        open_frame(settings(port.address, reply_timeout_s=0.1, connections=connections), context)
 
 
 def test_two_machines_at_one_address_are_told(port, context):
