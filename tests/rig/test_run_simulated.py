@@ -150,6 +150,7 @@ def test_a_run_measures_what_the_simulation_logs_as_true(simulation, start, file
     for camera in ("front", "side"):
         shown = [frame for frame in logged(files, "frame") if frame["camera"] == camera]
         assert [frame["texture"] for frame in shown] == ["LineGrid", "Speckle", "Speckle", "Speckle"]
+        assert [frame["sequence"] for frame in shown] == [0, 1, 2, 3]
         turned = [
             math.degrees(math.atan2(frame["rotation"][1][0], frame["rotation"][0][0])) for frame in shown
         ]

@@ -1,10 +1,12 @@
 """The simulated rig as another program meets it: through the rig file that it writes."""
 
+import contextlib
 import json
 import math
 import socket
 import stat
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from datetime import datetime, timedelta
 
@@ -12,17 +14,25 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigurationError, DeviceTimeout, LinkLost
-from drivers.interfaces import OpenContext, OperatorAction
+from drivers.interfaces import Frame, OpenContext, OperatorAction
 from rig.devices import open_rig
 from rig.rigfile import read_rig
+from simulators.camera import SPEC as CAMERA_SPEC
 from simulators.places import SERVERS, Places
-from simulators.scene_client import CAMERA, SceneClient
+from simulators.scene_client import CAMERA, RENDERING_S, RemoteCamera, SceneClient
+from simulators.scene_wire import SceneServer
 from simulators.simulation import Simulation, StoppableClock
 from simulators.tcp_server import TcpServer
 from simulators.truth_log import TruthLog
 from simulators.virtual_rig import VirtualRig, VirtualRigSettings
 
-SMALL = {"driver": "simulated-camera", "width_px": 48, "height_px": 32}
+SMALL = {
+    "driver": "simulated-camera",
+    "width_px": 48,
+    "height_px": 32,
+    "exposure_us": 5000.0,
+    "gain": 2.0,
+}
 TABLES = {
     "simulation": {"driver": "virtual-rig", "seed": 3},
     "stage": {"driver": "zaber-ascii", "port": "@stage_tcp", "angle_min_deg": -5.0, "angle_max_deg": 90.0},
@@ -77,6 +87,7 @@ def test_its_devices_are_reached_by_the_rig_file_it_writes(simulation, rig):
 def test_its_cameras_show_what_is_there_now(simulation, rig):
     frame = rig.cameras["front"].grab(5.0)
     assert (frame.image.shape, frame.image.dtype, frame.sequence) == ((32, 48), np.uint8, 0)
+    assert (frame.exposure_us, frame.gain) == (5000.0, 2.0)
     assert rig.cameras["side"].grab(5.0).image.dtype == np.uint16
     rig.operator.perform(OperatorAction.ATTACH_GRID)
     assert simulation.rig.scene.grid_attached
@@ -88,7 +99,7 @@ def test_its_cameras_show_what_is_there_now(simulation, rig):
 def test_a_frame_is_exposed_after_it_was_asked_for(rig):
     asked_s = rig.clock.now_s()
     frame = rig.cameras["front"].grab(5.0)
-    assert asked_s <= frame.exposed_s < frame.received_s <= rig.clock.now_s()
+    assert asked_s <= frame.exposed_s <= frame.received_s - 5e-3 <= rig.clock.now_s()
 
 
 def test_the_log_keeps_what_was_true(simulation, rig, log):
@@ -134,6 +145,47 @@ def test_errors_of_its_cameras_come_through(simulation, rig):
     with pytest.raises(DeviceTimeout, match=r"expected a frame within 0\.001 s"):
         rig.cameras["front"].grab(0.001)
     assert rig.cameras["front"].grab(5.0).flags == 0
+
+
+def test_one_camera_exposes_one_frame_at_a_time_whoever_asks(simulation, monkeypatch):
+    camera = CAMERA_SPEC.open(
+        CAMERA_SPEC.settings(width_px=16, height_px=16),
+        OpenContext("x", simulation.rig.clock, simulation.rig),
+    )
+    together = threading.Barrier(2)
+
+    def grab(timeout_s: float) -> Frame:
+        # broken unless two are in here at once
+        with contextlib.suppress(threading.BrokenBarrierError):
+            together.wait(0.1)
+            pytest.fail("two frames at once")
+        raise DeviceTimeout("camera", "grab", expected="a frame", got="none", remedy="none")
+
+    monkeypatch.setattr(camera, "grab", grab)
+    with closing(SceneServer({"x": camera}, None, None)) as server, ThreadPoolExecutor(2) as pool:
+
+        def ask() -> None:
+            with closing(SceneClient("camera", server.address)) as client:
+                client.ask(10.0, do="grab", camera="x", timeout_s=1.0)
+
+        for asked in [pool.submit(ask) for _ in range(2)]:
+            with pytest.raises(DeviceTimeout):
+                asked.result()
+
+
+def test_a_frame_may_take_its_time_to_be_rendered():
+    patience_s = []
+
+    class Client:
+        def ask(self, patience: float, /, **request: object) -> tuple[dict[str, object], bytes]:
+            patience_s.append(patience)
+            if request["do"] == "camera":
+                return {"vendor": "v", "model": "m", "serial": "s"}, b""
+            raise DeviceTimeout("camera", "grab", expected="a frame", got="none", remedy="none")
+
+    with pytest.raises(DeviceTimeout):
+        RemoteCamera(Client(), "x").grab(2.0)
+    assert patience_s == [RENDERING_S, 2.0 + RENDERING_S]
 
 
 def test_a_simulation_that_ended_is_said_so(simulation, rig):

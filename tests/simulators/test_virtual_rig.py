@@ -59,6 +59,39 @@ def test_closing_ends_its_servers(open_rig):
         socket.create_connection((host, int(port)), timeout=5)
 
 
+@pytest.mark.parametrize("device", ["stage", "newport"])
+def test_an_emergency_stop_ends_the_shafts_motion_whatever_controller_is_asked(open_rig, device):
+    rig = open_rig()
+    rig.stage.move_to(640_000)
+    rig.faults.switch_on(f"{device}.e-stop")
+    assert not rig.stage.moving
+
+
+def test_an_emergency_stop_ends_the_crossheads_motion(open_rig):
+    rig = open_rig()
+    rig.load_frame.go_to_displacement(2.0, 1.0)
+    rig.clock.sleep(0.1)
+    rig.faults.switch_on("load_frame.e-stop")
+    rig.clock.sleep(10.0)
+    assert 0.0 < rig.load_frame.displacement_mm() < 0.2
+
+
+def test_the_truth_is_hookes_while_the_load_is_small(open_rig):
+    rig = open_rig()
+    rig.load_frame.go_to_load(1000.0, 500.0)
+    rig.clock.sleep(10.0)
+    truth = rig.truth()
+    assert truth["load_n"] == pytest.approx(1000.0, abs=1.0)
+    # 25 mm² of 73.1 GPa, and Poisson's ratio of 0.33
+    assert truth["axial_strain"] == pytest.approx(1000.0 / (25.0 * 73_100.0), rel=2e-3)
+    assert truth["transverse_strain"] == pytest.approx(-0.33 * 1000.0 / (25.0 * 73_100.0), rel=2e-3)
+
+
+def test_the_seed_decides_what_the_load_cell_says(open_rig):
+    said = [[open_rig(seed=seed).load_frame.read().load_n for _ in range(2)] for seed in (5, 5, 6)]
+    assert said[0] == said[1] != said[2]
+
+
 def test_the_seed_decides_every_pixel(open_rig):
     np.testing.assert_array_equal(picture(open_rig(seed=5)), picture(open_rig(seed=5)))
     assert np.any(picture(open_rig(seed=5)) != picture(open_rig(seed=6)))
