@@ -134,7 +134,7 @@ def _qemu(folder: Path, initrd: Path, output: Path, status: Path) -> list[str]:
         "qemu-system-x86_64",
         # emulated even where there is KVM: inside another virtual machine that may fail half-way
         *("-accel", "tcg", "-cpu", "Nehalem,check=off", "-M", "q35", "-smp", "1", "-m", "1024"),
-        # its clock counts its own instructions: how busy this machine is does not show in it
+        # its clock counts its own instructions: how busy this machine is hardly shows in it
         *("-icount", "shift=3"),
         *("-nodefaults", "-no-reboot", "-display", "none"),
         *("-kernel", str(folder / "vmlinux"), "-initrd", str(initrd)),

@@ -105,15 +105,15 @@ class UvcDevice:
         if self._payloads:  # the last one is still on its way
             self.spoilt["lose"].append(number)
             return
+        data = self._draw(number, begin_s)
+        if time.monotonic() - begin_s - self._exposed_s() > LATEST_S:
+            self.spoilt["lose"].append(number)
+            return
         spoil = next((kind for kind in self.spoilt if self._to_come[kind]), None)
         if spoil:
             self._to_come[spoil] -= 1
             self.spoilt[spoil].append(number)
         if spoil == "lose":
-            return
-        data = self._draw(number, begin_s)
-        if time.monotonic() - begin_s - self._exposed_s() > LATEST_S:
-            self.spoilt["lose"].append(number)
             return
         if spoil == "cut":
             data = data[: len(data) // 2]
