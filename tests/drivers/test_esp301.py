@@ -480,7 +480,9 @@ def test_a_stray_answer_does_not_confirm_a_standstill(homed, line, clock, monkey
     with pytest.raises(DeviceTimeout, match="press the emergency stop"):
         homed.stop()
     line.tamper = lambda command, answer: answer()
+    line.received.clear()
     assert homed.read().moving
+    assert line.received[0] == "VE?"
 
 
 def test_what_came_unasked_is_thrown_away(homed, line):
