@@ -13,11 +13,13 @@ import pytest
 import serial.tools.list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
+import drivers.probe
 import rig.devices_command
 from drivers.clock import VirtualClock
 from drivers.discover import VideoNode, serial_ports, video_nodes
 from drivers.errors import ConfigurationError
 from drivers.probe import probe_modbus_tcp, probe_serial
+from drivers.register_map import RegisterMap
 from rig.cli import main
 from rig.devices_command import search
 from rig.rigfile import read_rig
@@ -93,6 +95,32 @@ def test_a_load_frame_on_a_serial_line_is_found_under_its_unit(serve, clock):
     (found,) = probe_serial(server.address)
     assert found.settings["unit"] == 2
     assert found.settings["map"] == "generic"
+
+
+def test_a_gateway_with_nobody_behind_it_is_nobody(serve, clock):
+    # it answers for every unit but 9 as one that cannot reach it
+    server = serve(FrameServer(FrameDevice(clock, Spring()), unit=9))
+    assert probe_modbus_tcp(server.address) == []
+
+
+def test_a_device_that_answers_to_every_unit_is_one(serve, clock):
+    server = serve(FrameServer(FrameDevice(clock, Spring())))
+    server.answer = lambda unit, request: server.registers.answer(request)
+    (found,) = probe_modbus_tcp(server.address)
+    assert "unit" not in found.settings
+
+
+def test_a_frame_whose_map_has_another_revision_is_not_taken_for_one_that_fits(serve, clock, monkeypatch):
+    server = serve(FrameServer(FrameDevice(clock, Spring())))
+    shipped = drivers.probe.load_map
+
+    def newer(name: str) -> RegisterMap:
+        register_map = shipped(name)
+        return register_map.model_copy(update={"revision": register_map.revision + 1})
+
+    monkeypatch.setattr(drivers.probe, "load_map", newer)
+    (found,) = probe_modbus_tcp(server.address)
+    assert (found.driver, found.settings) == ("", {"address": server.address})
 
 
 def test_nobody_at_an_address_is_nobody():

@@ -68,3 +68,11 @@ def test_camera_may_not_have_the_name_of_another_device(tmp_path, name):
     path.write_text(example.replace("[cameras.off_axis]", f"[cameras.{name}]"))
     with pytest.raises(ConfigurationError, match=f"cameras.{name}: a name that is not another device's"):
         read_rig(path)
+
+
+def test_a_camera_has_a_name_that_a_program_can_use(tmp_path):
+    example = (EXAMPLES / "rig-virtual-tension.toml").read_text()
+    path = tmp_path / "rig.toml"
+    path.write_text(example.replace("[cameras.off_axis]", '[cameras."off axis/2"]'))
+    with pytest.raises(ConfigurationError, match="cameras.off axis/2: a name of letters, digits and _"):
+        read_rig(path)

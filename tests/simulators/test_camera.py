@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from drivers.clock import VirtualClock
-from drivers.errors import ConfigurationError, DeviceError, DeviceTimeout
+from drivers.errors import ConfigurationError, DeviceError, DeviceTimeout, LinkLost
 from drivers.interfaces import OpenContext
 from drivers.registry import find_driver
 from drivers.settings import validate
-from simulators.camera import SPEC, CameraSettings
+from simulators.camera import SPEC, CameraSettings, SimulatedCamera
+from simulators.faults import FaultPanel
 from simulators.render import render
 from simulators.scene import Misalignment, Scene
 from simulators.specimen import Specimen, SpecimenSettings
@@ -140,3 +141,53 @@ def test_a_camera_that_looks_past_the_specimens_plane_is_refused():
     with pytest.raises(ConfigurationError, match="looks past the specimen's plane"):
         validate(CameraSettings, {"focal_px": 450.0, "tilt_deg": 50.0}, "rig.toml")
     validate(CameraSettings, {"focal_px": 450.0, "tilt_deg": 20.0}, "rig.toml")
+
+
+def camera_with_faults():
+    bench, faults = Bench(), FaultPanel("camera")
+    return SimulatedCamera("on_axis", CameraSettings(**SMALL), bench.scene, bench.clock, faults), faults
+
+
+def test_a_lost_frame_leaves_a_gap_in_the_count():
+    camera, faults = camera_with_faults()
+    assert camera.grab(1.0).sequence == 0
+    faults.switch_on("drop:1")
+    assert [camera.grab(1.0).sequence for _ in range(2)] == [2, 3]
+
+
+def test_a_damaged_frame_says_so():
+    camera, faults = camera_with_faults()
+    faults.switch_on("corrupt:1")
+    damaged, good = camera.grab(1.0), camera.grab(1.0)
+    # V4L2_BUF_FLAG_ERROR of Linux' videodev2.h
+    assert (damaged.flags, good.flags) == (0x40, 0)
+    assert np.all(damaged.image[len(damaged.image) // 2 :] == 0)
+    assert np.all(good.image > 0)
+
+
+def test_a_stale_frame_is_the_one_before():
+    camera, faults = camera_with_faults()
+    before = camera.grab(1.0)
+    faults.switch_on("stale:1")
+    assert camera.grab(1.0) is before
+    assert camera.grab(1.0).exposed_s > before.exposed_s
+
+
+def test_a_delayed_frame_comes_later_or_not_in_time():
+    camera, faults = camera_with_faults()
+    prompt = camera.grab(1.0)
+    faults.switch_on("delay:0.5")
+    late = camera.grab(1.0)
+    assert late.received_s - late.exposed_s == pytest.approx(prompt.received_s - prompt.exposed_s + 0.5)
+    with pytest.raises(DeviceTimeout):
+        camera.grab(0.5)
+
+
+@pytest.mark.parametrize(("fault", "error"), [("stall", DeviceTimeout), ("unplug", LinkLost)])
+def test_a_camera_gives_frames_again_once_its_fault_is_gone(fault, error):
+    camera, faults = camera_with_faults()
+    faults.switch_on(fault)
+    with pytest.raises(error):
+        camera.grab(1.0)
+    faults.clear()
+    assert camera.grab(1.0).flags == 0

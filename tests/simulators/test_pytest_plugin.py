@@ -10,6 +10,8 @@ import socket
 
 import pytest
 
+addresses = []
+
 
 def test_a_rig_on_simulated_time(virtual_rig):
     virtual_rig.stage.move_to(6400)
@@ -31,6 +33,18 @@ def test_a_rig_with_settings(virtual_rig):
     assert virtual_rig.clock.now_s() >= before_s + 0.01
 
 
+def test_a_rig_is_gone_with_its_test(virtual_rig):
+    addresses.append(virtual_rig.addresses["load_frame"])
+    host, port = addresses[0].split(":")
+    socket.create_connection((host, int(port)), 10.0).close()
+
+
+def test_as_the_next_one_sees():
+    host, port = addresses[0].split(":")
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection((host, int(port)), 10.0)
+
+
 @pytest.mark.virtual_rig("generic")
 def test_a_rig_with_a_setting_without_its_name(virtual_rig):
     pass
@@ -45,7 +59,7 @@ def test_a_rig_with_a_mistake(virtual_rig):
 def test_a_virtual_rig_for_other_peoples_tests(pytester):
     pytester.makepyfile(THEIR_TESTS)
     result = pytester.runpytest("--strict-markers", "-p", "no:cacheprovider")
-    result.assert_outcomes(passed=2, errors=2)
+    result.assert_outcomes(passed=4, errors=2)
     result.stdout.fnmatch_lines(["*expected settings by name*", "*sed*"])
 
 
