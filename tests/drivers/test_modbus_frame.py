@@ -352,6 +352,19 @@ def test_a_command_whose_answer_is_lost_is_proven_by_its_number_and_sent_once(fr
     assert frame.read().displacement_mm == pytest.approx(0.3, abs=1e-6)
 
 
+def test_a_connection_that_ends_with_a_command_leaves_it_to_be_proven(frame, port, device):
+    def cut(request: bytes, answer: Answer) -> bytes | None:
+        reply = answer()
+        if is_command(request):
+            raise OSError("the cable was pulled")
+        return reply
+
+    port.tamper = cut
+    frame.go_to_displacement(0.3, 0.1)
+    assert len(port.commands) == 1
+    assert device.read().moving
+
+
 def test_a_command_that_never_arrived_is_sent_again_under_the_same_number(frame, port):
     lost = iter([True])
     port.tamper = lambda request, answer: None if is_command(request) and next(lost, False) else answer()

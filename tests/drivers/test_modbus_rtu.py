@@ -273,12 +273,15 @@ class ScriptedWire:
 @pytest.mark.parametrize("trouble", [SilenceError("none"), DamagedError("half"), OvertakenError()])
 def test_after_a_missing_answer_the_line_is_quiet_and_proven_before_anything_else(monkeypatch, trouble):
     """An answer that comes late belongs to nobody then."""
-    wire = ScriptedWire(trouble, bytes.fromhex("04 02 0009"), bytes.fromhex("04 02 0007"))
+    proof, answer = bytes.fromhex("04 02 0009"), bytes.fromhex("04 02 0007")
+    wire = ScriptedWire(trouble, proof, answer, answer)
     monkeypatch.setattr(ModbusAddress, "open", lambda address, timeout_s: wire)
     link = ModbusLink("frame", ModbusAddress("/dev/ttyUSB0"), unit=1, reply_timeout_s=0.5)
     link.prove_by("input", 32, [9])
     assert link.read("input", 8, 1) == [7]
     assert wire.log == ["ask 8", "quiet for 0.5 s", "ask 32", "ask 8"]
+    assert link.read("input", 8, 1) == [7]
+    assert wire.log[4:] == ["ask 8"]
     link.close()
 
 
