@@ -74,5 +74,5 @@ def test_a_camera_has_a_name_that_a_program_can_use(tmp_path):
     example = (EXAMPLES / "rig-virtual-tension.toml").read_text()
     path = tmp_path / "rig.toml"
     path.write_text(example.replace("[cameras.off_axis]", '[cameras."off axis/2"]'))
-    with pytest.raises(ConfigurationError, match="cameras.off axis/2: a name of letters, digits and _"):
+    with pytest.raises(ConfigurationError, match=r"cameras.off axis/2: a name of letters, digits and _"):
         read_rig(path)
