@@ -48,7 +48,7 @@ def line(device: StageDevice, clock: VirtualClock) -> Iterator[Line]:
 
 
 def settings(port: str, **changes: object) -> EspSettings:
-    values = {"port": port, "angle_min_deg": -5.0, "angle_max_deg": 365.0, "reply_timeout_s": 0.3}
+    values = {"port": port, "angle_min_deg": -5.0, "angle_max_deg": 365.0, "reply_timeout_s": 0.5}
     return EspSettings.model_validate(values | changes)
 
 
@@ -535,7 +535,7 @@ def test_a_stop_is_repeated_however_patient_the_rig_file_is(line, context, monke
     with ThreadPoolExecutor(1) as pool:
         # long before the answer to the first question is overdue
         pool.submit(stage.stop).result(30.0)
-    assert line.received.count("1ST") == 2
+    assert line.received.count("1ST") >= 2
     stage.close()
 
 

@@ -70,7 +70,7 @@ def line(device: StageDevice) -> Iterator[Line]:
 
 @pytest.fixture
 def stage(line: Line, context: OpenContext) -> Iterator[ZaberStage]:
-    opened = open_stage(settings(line.address, reply_timeout_s=0.2), context)
+    opened = open_stage(settings(line.address, reply_timeout_s=0.5), context)
     yield opened
     opened.close()
 
@@ -604,7 +604,7 @@ def test_a_stop_is_repeated_however_patient_the_rig_file_is(line, device, clock,
     with ThreadPoolExecutor(1) as pool:
         # long before the answer to the first one is overdue
         pool.submit(stage.stop).result(30.0)
-    assert line.received.count("stop") == 2
+    assert line.received.count("stop") >= 2
     stage.close()
 
 
