@@ -1,4 +1,4 @@
-"""The functions of Debian's libaravis-0.8 (LGPL, loaded when a camera is opened) that the driver calls.
+"""Functions of Debian's libaravis-0.8 (LGPL, loaded when cameras are looked for or opened).
 
 Signatures: Aravis 0.8 reference manual, ArvCamera, ArvStream and ArvBuffer.
 """
@@ -63,8 +63,10 @@ _SAFE: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "arv_stream_timeout_pop_buffer": (c_void_p, (c_void_p, c_uint64)),
     "arv_update_device_list": (None, ()),
     "arv_get_n_devices": (c_uint, ()),
-    "arv_get_device_serial_nbr": (c_char_p, (c_uint,)),
-    "arv_get_device_id": (c_char_p, (c_uint,)),
+    **{
+        f"arv_get_device_{fact}": (c_char_p, (c_uint,))
+        for fact in ("id", "vendor", "model", "serial_nbr", "protocol", "address")
+    },
 }
 
 

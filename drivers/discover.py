@@ -5,19 +5,22 @@ from pathlib import Path
 
 
 @dataclass(frozen=True)
-class VideoNode:
-    """A node that a camera's pictures come from.
+class FoundCamera:
+    """A camera.
 
     Attributes
     ----------
-    path : str
-        Lasting, where the system keeps one: that of the socket, or else that of the camera. Two cameras of a
-        kind may have one name between them, but never one socket.
+    driver : str
+        The one that films with it.
+    place : str
+        What a rig file calls it. Lasting, where the system keeps such a name: that of the socket, or else
+        that of the camera. Two cameras of a kind may have one name between them, but never one socket.
     name : str
-        As the driver says.
+        As the camera or its kernel driver says.
     """
 
-    path: str
+    driver: str
+    place: str
     name: str
 
 
@@ -37,7 +40,7 @@ class SerialPort:
     description: str
 
 
-def video_nodes(root: Path = Path("/")) -> list[VideoNode]:
+def video_nodes(root: Path = Path("/")) -> list[FoundCamera]:
     """Return the cameras' nodes; of a camera with several, the one for pictures.
 
     Parameters
@@ -51,7 +54,8 @@ def video_nodes(root: Path = Path("/")) -> list[VideoNode]:
         # a camera's further nodes give metadata
         if _text(folder / "index") in ("", "0"):
             plain = f"/dev/{folder.name}"
-            nodes.append(VideoNode(lasting.get(folder.name, plain), _text(folder / "name")))
+            place = lasting.get(folder.name, plain)
+            nodes.append(FoundCamera("v4l2", place, _text(folder / "name")))
     return nodes
 
 

@@ -105,7 +105,7 @@ def check(rig_path: Path, json_path: Path | None) -> None:
 @cli.command()
 @click.option("--port", "ports", multiple=True, help="Ask at this serial port too; may be repeated.")
 @click.option("--modbus", "hosts", multiple=True, metavar="HOST[:PORT]", help="Ask at this address too.")
-@click.option("--no-probe", is_flag=True, help="Send nothing to the serial ports.")
+@click.option("--no-probe", is_flag=True, help="Send nothing to anybody.")
 @click.option("-o", "--output", type=_PATH, help="Write a rig file to start from.")
 @_JSON
 def devices(

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from drivers.aravis_find import vision_cameras
 from drivers.channel import CHANNEL_ERRORS
-from drivers.discover import SerialPort, VideoNode, serial_ports, video_nodes
+from drivers.discover import FoundCamera, SerialPort, serial_ports, video_nodes
 from drivers.probe import Found, probe_modbus_tcp, probe_serial
 from drivers.settings import toml_table
 from rig.errors import RigError
@@ -23,6 +24,9 @@ _TO_DECIDE = {
     "load_frame": "load_max_n, displacement_max_mm: what the specimen and the machine may bear",
 }
 
+# What each driver of cameras calls the place of one.
+_PLACE = {"v4l2": "device", "aravis": "camera"}
+
 
 @dataclass
 class Search:
@@ -30,14 +34,17 @@ class Search:
 
     Attributes
     ----------
-    cameras : list of VideoNode
+    cameras : list of FoundCamera
+    no_vision : str
+        Why cameras on networks and USB3 Vision were not looked for; empty if they were.
     ports : list of (SerialPort, list of Found, str)
         The last is why a port could not be asked; empty if it was, or should not be.
     hosts : list of (str, list of Found, str)
         Modbus addresses, likewise.
     """
 
-    cameras: list[VideoNode] = field(default_factory=list)
+    cameras: list[FoundCamera] = field(default_factory=list)
+    no_vision: str = ""
     ports: list[tuple[SerialPort, list[Found], str]] = field(default_factory=list)
     hosts: list[tuple[str, list[Found], str]] = field(default_factory=list)
 
@@ -49,19 +56,25 @@ class Search:
 
     def lines(self) -> list[str]:
         """Return what was found, a line for each."""
-        lines = [f"camera {node.path}: {node.name or 'no name'}" for node in self.cameras]
+        lines = [] if self.cameras else ["no camera"]
+        lines += [f"camera {camera.place}: {camera.name or 'no name'}" for camera in self.cameras]
+        if self.no_vision:
+            lines.append(f"GigE Vision and USB3 Vision cameras: {self.no_vision}")
         for port, found, trouble in self.ports:
             what = "; ".join(each.what for each in found) or trouble or "nobody known answers"
             lines.append(f"serial port {port.path} ({port.description}): {what}")
+        if not self.ports:
+            lines.append("no serial port")
         for host, found, trouble in self.hosts:
             what = "; ".join(each.what for each in found) or trouble or "nobody answers"
             lines.append(f"Modbus at {host}: {what}")
-        return lines or ["no camera and no serial port"]
+        return lines
 
     def table(self) -> dict[str, Any]:
         """Return what was found as JSON."""
         return {
-            "cameras": [vars(node) for node in self.cameras],
+            "cameras": [vars(camera) for camera in self.cameras],
+            "cameras_not_looked_for": self.no_vision,
             "serial_ports": [
                 {**vars(port), "found": [vars(each) for each in found], "trouble": trouble}
                 for port, found, trouble in self.ports
@@ -78,9 +91,9 @@ class Search:
             "# Made by `rig devices`. Fill in what is left open: `rig check` names what is missing.",
             '[rig]\nname = "my rig"',
         ]
-        for number, node in enumerate(self.cameras):
-            settings = {"driver": "v4l2", "device": node.path}
-            parts.append(_table(["cameras", f"camera_{number}"], settings, node.name, "camera"))
+        for number, camera in enumerate(self.cameras):
+            settings = {"driver": camera.driver, _PLACE[camera.driver]: camera.place}
+            parts.append(_table(["cameras", f"camera_{number}"], settings, camera.name, "camera"))
         if not self.cameras:
             parts.append("# No camera was found: add [cameras.NAME] for each.")
         used: set[str] = set()
@@ -117,8 +130,10 @@ def search(ports: list[str], hosts: list[str], *, ask: bool) -> Search:
     addresses = [_with_port(host) for host in hosts]
     listed = {port.path: port for port in serial_ports()}
     listed |= {path: SerialPort(path, "named") for path in ports if path not in listed}
+    vision, no_vision = _vision(ask)
     return Search(
-        cameras=video_nodes(),
+        cameras=[*video_nodes(), *vision],
+        no_vision=no_vision,
         ports=[(port, *_asked(probe_serial, path, ask)) for path, port in listed.items()],
         hosts=[(address, *_asked(probe_modbus_tcp, address, ask)) for address in addresses],
     )
@@ -136,6 +151,15 @@ def write_rig_file(found: Search, path: Path) -> None:
             got=error.strerror or str(error),
             remedy="name another with -o",
         ) from error
+
+
+def _vision(ask: bool) -> tuple[list[FoundCamera], str]:
+    if not ask:
+        return [], "not asked"
+    try:
+        return vision_cameras(), ""
+    except OSError as error:
+        return [], f"not looked for without Aravis ({error}); apt install libaravis-0.8-0"
 
 
 def _asked(probe: Callable[[str], list[Found]], place: str, ask: bool) -> tuple[list[Found], str]:

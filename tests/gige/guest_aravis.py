@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from drivers.aravis import AravisCamera, open_camera
+from drivers.aravis_find import vision_cameras
 from drivers.aravis_settings import AravisSettings
 from drivers.clock import SystemClock
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
@@ -82,6 +83,16 @@ def test_says_who_it_is_and_films_at_full_depth() -> None:
             assert frame.flags == 0
             assert (frame.exposure_us, frame.gain) == (EXPOSURE_US, 1.0)
             assert np.ptp(frame.image) > 50 << (bits - 8)
+
+
+def test_is_found_on_its_network_and_opened_by_the_name_found() -> None:
+    with plugged():
+        opened().close()  # it answers by now
+        (found,) = vision_cameras()
+        assert (found.driver, found.name) == ("aravis", "Aravis Fake GV77 (GigEVision at 127.0.0.1)")
+        camera = opened(camera=found.place)
+        assert camera.info.serial == "GV77"
+        camera.close()
 
 
 def test_a_frame_was_exposed_after_the_call_whatever_the_pause(camera: AravisCamera) -> None:

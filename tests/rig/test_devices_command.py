@@ -16,7 +16,7 @@ from serial.tools.list_ports_common import ListPortInfo
 import drivers.probe
 import rig.devices_command
 from drivers.clock import VirtualClock
-from drivers.discover import VideoNode, serial_ports, video_nodes
+from drivers.discover import FoundCamera, serial_ports, video_nodes
 from drivers.errors import ConfigurationError
 from drivers.probe import probe_modbus_tcp, probe_serial
 from drivers.register_map import RegisterMap
@@ -54,7 +54,9 @@ def clock() -> VirtualClock:
 
 @pytest.fixture
 def call(monkeypatch, capsys):
-    monkeypatch.setattr(rig.devices_command, "video_nodes", lambda: [VideoNode("/dev/video7", "a camera")])
+    camera = FoundCamera("v4l2", "/dev/video7", "a camera")
+    monkeypatch.setattr(rig.devices_command, "video_nodes", lambda: [camera])
+    monkeypatch.setattr(rig.devices_command, "vision_cameras", list)
     monkeypatch.setattr(rig.devices_command, "serial_ports", list)
 
     def run(*arguments: object) -> tuple[int, str, str]:
@@ -174,7 +176,7 @@ def test_no_probe_sends_nothing(serve, clock, call):
     zaber.respond = frame.respond = lambda message: heard.append(message) or b""
     status, out, _ = call("--port", zaber.address, "--modbus", frame.address, "--no-probe")
     assert (status, heard) == (0, [])
-    assert out.count("not asked") == 2
+    assert out.count("not asked") == 3
 
 
 def test_a_stage_behind_tcp_is_found_and_named_once(serve, clock, call):
@@ -275,7 +277,7 @@ def test_of_a_cameras_names_its_sockets_is_taken(tmp_path):
         links = tmp_path / "dev/v4l" / kind
         links.mkdir(parents=True)
         (links / "camera").symlink_to("../../video0")
-    assert [node.path for node in video_nodes(tmp_path)] == [str(tmp_path / "dev/v4l/by-path/camera")]
+    assert [node.place for node in video_nodes(tmp_path)] == [str(tmp_path / "dev/v4l/by-path/camera")]
 
 
 def test_video_nodes_are_named_by_what_lasts(tmp_path):
@@ -289,7 +291,7 @@ def test_video_nodes_are_named_by_what_lasts(tmp_path):
     links.mkdir(parents=True)
     (links / "usb-Camera_1234-video-index0").symlink_to("../../video0")
     assert video_nodes(tmp_path) == [
-        VideoNode(str(links / "usb-Camera_1234-video-index0"), "USB camera"),
-        VideoNode("/dev/video10", "second"),
+        FoundCamera("v4l2", str(links / "usb-Camera_1234-video-index0"), "USB camera"),
+        FoundCamera("v4l2", "/dev/video10", "second"),
     ]
     assert video_nodes(Path("/nowhere")) == []
