@@ -89,6 +89,8 @@ def mistakes_in(error: ValidationError, prefix: str = "") -> list[str]:
             sentences.append(f"{where}: unknown key; remove it or correct its name")
         elif finding["type"] == "missing":
             sentences.append(f"{where}: is missing; add it")
+        elif finding["type"] in ("model_type", "dict_type"):
+            sentences.append(f"{where}: a table is expected, got {_short(repr(finding['input']))}")
         else:
             message = finding["msg"].removeprefix("Value error, ")
             message = message[:1].lower() + message[1:]

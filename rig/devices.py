@@ -53,7 +53,8 @@ def open_rig(rig_file: RigFile) -> Iterator[Rig]:
         stage, load_frame = opened(rig_file.stage), opened(rig_file.load_frame)
         cameras = {name: opened(entry) for name, entry in rig_file.cameras.items()}
         operator = opened(rig_file.operator)
-        yield Rig(clock, operator, cameras, stage, load_frame, virtual=environment is not None)
+        virtual = rig_file.simulated or environment is not None
+        yield Rig(clock, operator, cameras, stage, load_frame, virtual=virtual)
 
 
 def _open(entry: DeviceEntry, clock: Clock, environment: Any, stack: ExitStack) -> Any:

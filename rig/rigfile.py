@@ -42,6 +42,8 @@ class RigFile:
     text : str
         The file as it was read, for the run file.
     name : str
+    simulated : bool
+        Whether the file itself says that a device is not real, although its driver cannot know.
     operator : DeviceEntry
     cameras : dict of str to DeviceEntry
         In the order of the file.
@@ -51,6 +53,7 @@ class RigFile:
     path: Path
     text: str
     name: str
+    simulated: bool
     operator: DeviceEntry
     cameras: dict[str, DeviceEntry]
     simulation: DeviceEntry | None
@@ -60,6 +63,7 @@ class RigFile:
 
 class _RigTable(Settings):
     name: str = Field(min_length=1, max_length=200)
+    simulated: bool = Field(default=False, strict=True)
 
 
 def read_rig(path: Path) -> RigFile:
@@ -72,7 +76,7 @@ def read_rig(path: Path) -> RigFile:
     """
     data, text = read_toml_text(path)
     mistakes = [f"{key}: unknown key; remove it or correct its name" for key in data if key not in _KNOWN]
-    name = _read_name(data.get("rig"), mistakes)
+    rig = _read_rig_table(data.get("rig"), mistakes)
     devices = {
         key: _read_device(key, data[key], kind, mistakes) for key, kind in _SINGLE.items() if key in data
     }
@@ -80,12 +84,13 @@ def read_rig(path: Path) -> RigFile:
     operator = devices.get("operator")
     if "operator" not in data:
         mistakes.append("operator: is missing; add it")
-    if mistakes or operator is None:
+    if mistakes or rig is None or operator is None:
         raise ConfigurationError(str(path), mistakes)
     return RigFile(
         path=path,
         text=text,
-        name=name,
+        name=rig.name,
+        simulated=rig.simulated,
         operator=operator,
         cameras=cameras,
         simulation=devices.get("simulation"),
@@ -97,12 +102,12 @@ def read_rig(path: Path) -> RigFile:
 _KNOWN = {"rig", "cameras", *_SINGLE}
 
 
-def _read_name(table: object, mistakes: list[str]) -> str:
+def _read_rig_table(table: object, mistakes: list[str]) -> _RigTable | None:
     try:
-        return _RigTable.model_validate({} if table is None else table).name
+        return _RigTable.model_validate({} if table is None else table)
     except ValidationError as error:
         mistakes += mistakes_in(error, "rig")
-        return ""
+        return None
 
 
 def _read_cameras(table: object, mistakes: list[str]) -> dict[str, DeviceEntry]:

@@ -107,7 +107,8 @@ class RigTables:
         scene = addresses["scene"]
         parts = [
             f"# Devices of a simulation that was started on {datetime.now(UTC):%Y-%m-%d %H:%M} UTC.",
-            toml_table(["rig"], self.content.get("rig", DEFAULTS["rig"])),
+            # nothing on the wire tells the drivers what is at its other end
+            toml_table(["rig"], {**self.content.get("rig", DEFAULTS["rig"]), "simulated": True}),
         ]
         for name in _ON_WIRES:
             if name in self.content:

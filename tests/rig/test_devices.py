@@ -23,7 +23,11 @@ class Opened:
 
 
 def rig_file(
-    log: list[str], contexts: dict[str, OpenContext], broken: str = "", simulated: bool = True
+    log: list[str],
+    contexts: dict[str, OpenContext],
+    broken: str = "",
+    environment: bool = True,
+    simulated: bool = False,
 ) -> RigFile:
     def entry(name: str) -> DeviceEntry:
         def open_device(settings, context):
@@ -39,9 +43,10 @@ def rig_file(
         path=Path("rig.toml"),
         text="",
         name="fakes",
+        simulated=simulated,
         operator=entry("operator"),
         cameras={"on_axis": entry("on_axis")},
-        simulation=entry("simulation") if simulated else None,
+        simulation=entry("simulation") if environment else None,
         stage=entry("stage"),
         load_frame=None,
     )
@@ -62,9 +67,16 @@ def test_environment_is_opened_first_and_gives_its_clock_to_all():
 
 def test_real_rig_runs_on_the_systems_clock():
     contexts = {}
-    with open_rig(rig_file([], contexts, simulated=False)) as rig:
+    with open_rig(rig_file([], contexts, environment=False)) as rig:
         assert isinstance(rig.clock, SystemClock)
         assert contexts["stage"].environment is None
+        assert not rig.virtual
+
+
+def test_a_rig_file_may_say_that_its_devices_are_simulated():
+    with open_rig(rig_file([], {}, environment=False, simulated=True)) as rig:
+        assert isinstance(rig.clock, SystemClock)
+        assert rig.virtual
 
 
 def test_device_that_does_not_open_closes_those_before_it():

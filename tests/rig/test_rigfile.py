@@ -54,6 +54,18 @@ def test_mistakes_of_all_tables_are_reported_together(tmp_path):
     assert "operator: is missing; add it" in mistakes
 
 
+def test_a_value_in_the_place_of_a_table_is_told_and_truth_is_no_number(tmp_path):
+    path = tmp_path / "rig.toml"
+    for text, message in (
+        ("rig = 3", "rig: a table is expected, got 3"),
+        ('[rig]\nname = "x"\nsimulated = 1', "rig.simulated: input should be a valid boolean, got 1"),
+    ):
+        path.write_text(text)
+        with pytest.raises(ConfigurationError) as caught:
+            read_rig(path)
+        assert message in caught.value.mistakes
+
+
 def test_rig_without_cameras_is_refused(tmp_path):
     path = tmp_path / "rig.toml"
     path.write_text('[rig]\nname = "blind"\n[operator]\ndriver = "simulated-operator"\n')
