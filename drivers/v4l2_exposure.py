@@ -11,6 +11,8 @@ from drivers.v4l2_settings import V4l2Settings
 EXPOSURE_UNIT_US = 100.0
 """Of V4L2_CID_EXPOSURE_ABSOLUTE, by the kernel's documentation."""
 TOLERANCE = 1e-3
+SHUTTER_PRIORITY = 2
+"""Of V4L2_CID_EXPOSURE_AUTO: "manual exposure time, auto iris", by the kernel's documentation."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,11 @@ def _set_exposure_time(
     if abs(value * unit_us - wanted_us) > TOLERANCE * wanted_us:
         remedy = f"choose a multiple of {unit_us:g} µs, as the camera does"
         raise _unusable(device, step, f"{wanted_us:g} µs", remedy)
-    controls.set_active(control, value)
+    automatic = controls.known.get(ControlId.EXPOSURE_AUTO)
+    if automatic is not None and controls.get(automatic) == SHUTTER_PRIORITY:
+        controls.set(control, value)  # in effect, though uvcvideo calls all but its manual mode inactive
+    else:
+        controls.set_active(control, value)
     return value * unit_us
 
 

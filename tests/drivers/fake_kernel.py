@@ -267,7 +267,8 @@ class FakeNode:
         controls = self.camera.controls
         control = controls[request.id]
         automatic = controls.get(ControlId.EXPOSURE_AUTO)
-        if request.id == ControlId.EXPOSURE_ABSOLUTE and automatic is not None and automatic.value != 1:
+        held = automatic is not None and automatic.value not in (1, 2)  # manual, and shutter priority
+        if request.id == ControlId.EXPOSURE_ABSOLUTE and held:
             raise PermissionError(errno.EACCES, "automatic")
         if control.flags & ControlFlag.READ_ONLY:
             raise PermissionError(errno.EACCES, "read-only")

@@ -612,3 +612,15 @@ def test_a_further_control_that_an_automatic_holds_is_refused(plugged, context):
     )
     with pytest.raises(DeviceFault, match="set white_balance_temperature: expected 5000 in effect"):
         opened(plugged, context, controls={"white_balance_temperature": 5000})
+
+
+def test_an_exposure_beside_an_automatic_iris_is_in_effect(plugged, context):
+    """Some cameras have no fully manual mode; uvcvideo calls the exposure inactive in all modes but that."""
+    plugged.controls[ControlId.EXPOSURE_AUTO].keeps = 2
+    with pytest.raises(DeviceFault, match="set auto_exposure: expected 1, got 2 on reading back"):
+        opened(plugged, context)
+    camera = opened(plugged, context, controls={"auto_exposure": 2})
+    assert plugged.controls[ControlId.EXPOSURE_ABSOLUTE].flags & ControlFlag.INACTIVE
+    assert plugged.controls[ControlId.EXPOSURE_ABSOLUTE].value == 100
+    assert camera.grab(1.0).exposure_us == EXPOSURE_US
+    camera.close()
