@@ -59,7 +59,6 @@ _SAFE: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "arv_camera_get_device": (c_void_p, (c_void_p,)),
     "arv_gv_device_is_controller": (c_int, (c_void_p,)),
     "arv_stream_push_buffer": (None, (c_void_p, c_void_p)),
-    "arv_stream_try_pop_buffer": (c_void_p, (c_void_p,)),
     "arv_stream_timeout_pop_buffer": (c_void_p, (c_void_p, c_uint64)),
     "arv_update_device_list": (None, ()),
     "arv_get_n_devices": (c_uint, ()),
