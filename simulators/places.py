@@ -4,6 +4,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from simulators.ports import PREFIX
+
 TERMINALS = ("stage", "newport", "load_frame_rtu")
 PORTS = ("stage_tcp", "load_frame", "load_frame_rtu_tcp", "scene")
 SERVERS = (*TERMINALS, *PORTS)
@@ -63,8 +65,10 @@ class Link:
     def __init__(self, path: Path, terminal: Path) -> None:
         self._path, self._terminal = path, terminal
         # the folder of a simulation that runs is there, its terminal only while it is plugged in
-        if path.is_symlink() and not path.readlink().parent.exists():
-            path.unlink()
+        if path.is_symlink():
+            folder = path.readlink().parent
+            if folder.name.startswith(PREFIX) and not folder.exists():
+                path.unlink()
         path.symlink_to(terminal)
 
     def close(self) -> None:

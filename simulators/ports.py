@@ -14,14 +14,15 @@ from pathlib import Path
 from simulators.line import Line, Wire
 from simulators.tcp_server import TcpServer
 
-_PREFIX = "offaxis-pty-"
+PREFIX = "offaxis-pty-"
+"""Of the folders that terminals' links are in."""
 
 
 @functools.cache
 def _sweep() -> None:
     """Remove, once in a process, the links that killed processes left behind."""
-    for folder in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
-        owner = folder.name.removeprefix(_PREFIX).partition("-")[0]
+    for folder in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
+        owner = folder.name.removeprefix(PREFIX).partition("-")[0]
         if owner.isdecimal() and not Path("/proc", owner).exists():
             shutil.rmtree(folder, ignore_errors=True)
 
@@ -39,7 +40,7 @@ class PtyPort:
     def __init__(self, wire: Wire) -> None:
         self._wire = wire
         _sweep()
-        self._folder = tempfile.TemporaryDirectory(prefix=f"{_PREFIX}{os.getpid()}-")
+        self._folder = tempfile.TemporaryDirectory(prefix=f"{PREFIX}{os.getpid()}-")
         self._link = Path(self._folder.name) / "tty"
         self.address = str(self._link)
         self._thread: threading.Thread | None = None

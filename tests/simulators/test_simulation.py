@@ -355,9 +355,17 @@ def test_a_name_is_not_taken_from_a_simulation_that_runs(tmp_path):
             Simulation({}, "rig simulate", None, [place])
     finally:
         simulation.close()
-    # what a killed one leaves behind points nowhere
-    (tmp_path / "stage").symlink_to(tmp_path / "gone" / "tty")
+    # what a killed one leaves behind points into a folder that was swept away
+    (tmp_path / "stage").symlink_to(tmp_path / "offaxis-pty-1-gone" / "tty")
     Simulation({}, "rig simulate", None, [place]).close()
+
+
+def test_somebodys_link_is_left_alone_wherever_it_points(tmp_path):
+    link = tmp_path / "stage"
+    link.symlink_to(tmp_path / "unmounted" / "tty")
+    with pytest.raises(FileExistsError):
+        Simulation({}, "rig simulate", None, [f"stage={link}"])
+    assert link.is_symlink()
 
 
 @pytest.mark.parametrize(
