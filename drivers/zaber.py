@@ -57,9 +57,15 @@ class ZaberStage(GuardedStage[ZaberPort]):
         seeking = self._seeking
         reply = self._query("get pos", "read position")
         flags = self._flags(reply)
-        self._refuse_faults(flags, "read position")
-        if seeking and not reply.busy:
-            self._seeking, self._doubted = False, INTERRUPTED in flags
+        faults = [flag for flag in flags if is_fault(flag)]
+        with self._stop_lock:
+            if faults:
+                self._seeking, self._doubted = False, True
+            elif seeking and self._seeking and not reply.busy:
+                self._seeking, self._doubted = False, INTERRUPTED in flags
+        if faults:
+            got = ", ".join(f"{FLAGS.get(flag, 'a fault')} ({flag})" for flag in faults)
+            raise self._fault("read position", "no fault", got, "remove the cause, then home the stage")
         return StageState(
             angle_deg=self._integer(reply) / self._settings.microsteps_per_deg,
             moving=reply.busy,
@@ -135,9 +141,9 @@ class ZaberStage(GuardedStage[ZaberPort]):
         if turn > 0 and turn != round(360 * scale):
             raise self._fault(
                 step,
-                f"{360 * scale:g} microsteps in a turn",
+                f"{round(360 * scale)} microsteps in a turn",
                 f"{turn}",
-                f"set microsteps_per_deg = {turn / 360:g}, and check that it is the right stage",
+                f"set microsteps_per_deg = {turn / 360!r}, and check that it is the right stage",
             )
 
     def _set(self, name: str, value: int) -> None:
@@ -185,11 +191,6 @@ class ZaberStage(GuardedStage[ZaberPort]):
         if reply.flag == "--":
             return ()
         return tuple(self._query("warnings", "read warnings").data.split()[1:])
-
-    def _refuse_faults(self, flags: tuple[str, ...], step: str) -> None:
-        if faults := [flag for flag in flags if is_fault(flag)]:
-            got = ", ".join(f"{FLAGS.get(flag, 'a fault')} ({flag})" for flag in faults)
-            raise self._fault(step, "no fault", got, "remove the cause, then home the stage")
 
     def _accepted(self, reply: Reply, step: str, tolerated: str = "") -> Reply:
         if reply.address != self._settings.address:

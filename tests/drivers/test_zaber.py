@@ -162,10 +162,23 @@ def test_the_stages_own_rejection_is_told(homed, device):
         homed.move_to(20.0)
 
 
-def test_a_scale_that_is_not_the_stages_own_is_refused(line, context):
-    # 6400 microsteps in a degree are 2 304 000 in a turn
-    with pytest.raises(DeviceFault, match=r"expected 3.6e\+06 microsteps in a turn, got 2304000.*= 6400"):
-        open_stage(settings(line.address, microsteps_per_deg=10_000.0), context)
+@pytest.mark.parametrize(
+    ("turn", "given"),
+    [
+        (2_304_000, 10_000.0),
+        # 64 microsteps, 200 steps and a gear of 60: no whole number in a degree
+        (768_000, 2133.33),
+    ],
+)
+def test_a_scale_that_is_not_the_stages_own_is_refused_and_the_right_one_told(line, context, turn, given):
+    line.tamper = lambda command, answer: (
+        answered(answer(), f"OK IDLE WR {turn}") if "cycle" in command else answer()
+    )
+    found = rf"expected {round(360 * given)} microsteps in a turn, got {turn}; set microsteps_per_deg = "
+    with pytest.raises(DeviceFault, match=found) as refused:
+        open_stage(settings(line.address, microsteps_per_deg=given), context)
+    told = float(refused.value.remedy.partition(" = ")[2].partition(",")[0])
+    open_stage(settings(line.address, microsteps_per_deg=told), context).close()
 
 
 def test_a_stage_that_does_not_know_its_turn_is_believed(line, context):
@@ -252,6 +265,33 @@ def test_a_stopped_search_leaves_no_reference_though_another_program_cleared_the
     homed.stop()
     device.clear_flags()
     assert homed.read().warnings == ()
+    assert not homed.read().homed
+
+
+@pytest.mark.parametrize("begin", [ZaberStage.home, lambda stage: stage.move_to(90.0)], ids=["home", "move"])
+def test_a_fault_in_motion_leaves_no_reference_though_it_went_by_itself(homed, device, begin):
+    begin(homed)
+    device.fail("FH")
+    with pytest.raises(DeviceFault, match="emergency stop"):
+        homed.read()
+    device.enable_driver()
+    # the stage itself still calls its reference good
+    assert homed.read().warnings == ()
+    assert not homed.read().homed
+
+
+def test_a_reading_under_way_when_a_search_is_stopped_does_not_end_it(homed, device, monkeypatch):
+    homed.home()
+    query = homed._query
+
+    def stop_first(*given: object) -> object:
+        monkeypatch.undo()
+        homed.stop()
+        device.clear_flags()
+        return query(*given)
+
+    monkeypatch.setattr(homed, "_query", stop_first)
+    assert not homed.read().homed
     assert not homed.read().homed
 
 
