@@ -149,16 +149,27 @@ class SerialChannel(Channel):
                 parity=serial.PARITY_NONE if _is_pseudo_terminal(path) else parity,
                 stopbits=stop_bits,
                 timeout=0,
-                write_timeout=timeout_s,
                 exclusive=True,
             )
         except (ValueError, OverflowError) as error:
             raise OSError(str(error)) from error
+        self._timeout_s = timeout_s
         super().__init__(self._serial)
 
     def send(self, data: bytes) -> None:
         """Hand all of `data` to the system."""
-        self._serial.write(data)
+        # pyserial's own calls a message that has left unsent, if this program had to wait for the processor
+        descriptor, deadline_s = self._port.fileno(), self._clock.now_s() + self._timeout_s
+        room = select.poll()
+        room.register(descriptor, select.POLLOUT)
+        while True:
+            with contextlib.suppress(BlockingIOError):
+                data = data[os.write(descriptor, data) :]
+            if not data:
+                return
+            left_s = deadline_s - self._clock.now_s()
+            if left_s <= 0 or not room.poll(left_s * 1000):
+                raise TimeoutError(f"a port that takes no bytes for {self._timeout_s:g} s")
 
     def discard(self) -> None:
         """Forget what was received and not read, and what was sent and has not left yet."""
