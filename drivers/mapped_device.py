@@ -108,6 +108,10 @@ class MappedDevice:
         """Return an error of this device, to be raised."""
         return DeviceFault(self.name, step, expected=expected, got=got, remedy=remedy)
 
+    def unhurried(self) -> "MappedDevice":
+        """Return the same device over the same link, asked when nobody is in a hurry."""
+        return MappedDevice(self._link, self._map)
+
     def shares_link(self, other: "MappedDevice") -> bool:
         """Whether both use one connection."""
         return self._link is other._link

@@ -81,7 +81,8 @@ class FrameCommands:
         now_s = self._clock.now_s()
         if now_s - self._hold_proven_s > HOLD_PROVEN_EVERY_S and not self._safety.shares_link(self._work):
             with self._doubting():
-                self._safety.read_status("prove the way for hold")
+                # a hold must not wait for its own proof
+                self._safety.unhurried().read_status("prove the way for hold")
             self._hold_proven_s = now_s
 
     def give(self, step: str, command: int, values: Mapping[str, float]) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 import drivers.modbus_commands
 import drivers.modbus_frame
+import drivers.modbus_link
 from drivers.clock import VirtualClock
 from drivers.errors import ConfigurationError, DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import OpenContext
@@ -719,6 +720,32 @@ def test_without_a_way_for_hold_nothing_moves(frame, port, clock):
     port.tamper = lambda request, answer: answer()
     with pytest.raises(DeviceFault, match="a link that was lost"):
         frame.go_to_displacement(0.1, 0.1)
+
+
+def test_a_hold_does_not_wait_for_the_proof_that_it_would_get_through(port, device, clock, context, monkeypatch):
+    monkeypatch.setattr(drivers.modbus_link, "URGENT_TIMEOUT_S", 60.0)
+    frame = open_frame(settings(port.address, reply_timeout_s=60.0, watchdog_s=60.0), context)
+    frame.go_to_displacement(1.0, 0.01)
+    clock.sleep(10.5)
+    states = iter([False, True])
+    asked = threading.Event()
+
+    def swallow_proof(request: bytes, answer: Answer) -> bytes | None:
+        if is_state(request) and next(states, False):
+            asked.set()
+            return None
+        return answer()
+
+    port.tamper = swallow_proof
+    with ThreadPoolExecutor(2) as pool:
+        reading = pool.submit(frame.read)
+        assert asked.wait(30.0)
+        assert device.read().moving
+        # long before the proof is overdue
+        pool.submit(frame.hold).result(30.0)
+        assert device.read().holding
+        reading.result(30.0)
+    frame.close()
 
 
 @pytest.mark.parametrize(("connections", "remedy"), [(2, "set connections = 1"), (1, "check that the")])
