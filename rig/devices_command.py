@@ -184,7 +184,9 @@ def _with_port(address: str) -> str:
 
 
 def _table(names: list[str], settings: dict[str, Any], what: str, kind: str) -> str:
-    return "\n".join([f"# {what}", toml_table(names, settings), f"# {_TO_DECIDE[kind]}"])
+    # a comment must not end where a device's name has a line break
+    said = "".join(sign if sign.isprintable() else " " for sign in what)
+    return "\n".join([f"# {said}", toml_table(names, settings), f"# {_TO_DECIDE[kind]}"])
 
 
 def _commented(text: str) -> str:

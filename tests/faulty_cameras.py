@@ -18,6 +18,7 @@ STALE_S = 60.0
 OPENCV_GIVES_UP_S = 10.0
 """How long OpenCV waits for a camera that says nothing."""
 POLL_S = 0.005
+POLLS = 1000
 LEVELS = 256
 
 
@@ -158,9 +159,11 @@ class GatedClock(VirtualClock):
             self._until_s = self.now_s() + duration_s
             self._waiting = False
             self._news.notify_all()
-            while not self._waiting and (there := _streams()):
+            for _ in range(POLLS):
+                if self._waiting or not _streams():
+                    return self._waiting
                 self._news.wait(POLL_S)
-            return bool(there) if not self._waiting else True
+        raise AssertionError(f"a stream used no time for {POLLS * POLL_S:g} s")
 
     def release(self) -> None:
         """Let all time pass."""

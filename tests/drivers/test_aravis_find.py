@@ -1,5 +1,7 @@
 """Finding cameras through Aravis, with a library of the tests' own; `tests/gige` finds a real one's peer."""
 
+import tomllib
+
 import pytest
 
 import rig.devices_command
@@ -67,3 +69,10 @@ def test_what_was_not_looked_for_is_said(alone, monkeypatch):
     assert "libaravis-0.8.so.0" in told
     assert told.endswith("apt install libaravis-0.8-0")
     assert "GigE Vision and USB3 Vision cameras: not asked" in search([], [], ask=False).lines()
+
+
+def test_a_camera_cannot_write_into_the_rig_file_by_its_name(alone, monkeypatch):
+    spiteful = FoundCamera("aravis", "Maker-7", "Maker\n[stage]\x1b[2J")
+    monkeypatch.setattr(rig.devices_command, "vision_cameras", lambda: [spiteful])
+    content = tomllib.loads(search([], [], ask=True).rig_file())
+    assert set(content) == {"rig", "cameras", "operator"}
