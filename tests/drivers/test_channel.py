@@ -55,7 +55,7 @@ def test_what_a_line_does_not_take_is_given_up_in_time():
     channel = SerialChannel(os.ttyname(far), 9600, "N", 1, 0.1)
     with (
         ThreadPoolExecutor(1) as pool,
-        pytest.raises(TimeoutError, match="a port that takes no bytes for 0.1 s"),
+        pytest.raises(TimeoutError, match="a port that takes no bytes for"),
     ):
         # more than any system keeps for a reader that does not come
         pool.submit(channel.send, bytes(2**20)).result(30.0)
