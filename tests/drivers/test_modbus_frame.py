@@ -722,7 +722,7 @@ def test_without_a_way_for_hold_nothing_moves(frame, port, clock):
         frame.go_to_displacement(0.1, 0.1)
 
 
-def test_a_hold_does_not_wait_for_the_proof_that_it_would_get_through(port, device, clock, context, monkeypatch):
+def test_a_hold_does_not_wait_for_its_own_proof(port, device, clock, context, monkeypatch):
     monkeypatch.setattr(drivers.modbus_link, "URGENT_TIMEOUT_S", 60.0)
     frame = open_frame(settings(port.address, reply_timeout_s=60.0, watchdog_s=60.0), context)
     frame.go_to_displacement(1.0, 0.01)
