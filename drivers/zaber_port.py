@@ -117,6 +117,7 @@ class ZaberPort(StagePort):
         self._closing = True
         self._reader.join()
         self._lost = self._lost or "the port was closed"
+        self._tell_all(None)
         self._channel.close()
 
 

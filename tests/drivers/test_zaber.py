@@ -736,8 +736,9 @@ def test_another_stage_where_ours_was_is_not_ours_standing_still(device, clock, 
     wire.close()
 
 
+@pytest.mark.parametrize("by", ["the other end", "us"])
 @pytest.mark.parametrize(("server", "url"), [(StageServer, "{}"), (StageTcpServer, "socket://{}")])
-def test_whoever_waits_for_an_answer_learns_at_once_that_the_link_is_lost(server, url, device, context):
+def test_whoever_waits_for_an_answer_learns_at_once_that_the_link_is_lost(server, url, device, context, by):
     polled = threading.Event()
 
     class Mute(server):
@@ -752,11 +753,12 @@ def test_whoever_waits_for_an_answer_learns_at_once_that_the_link_is_lost(server
     with ThreadPoolExecutor(1) as pool:
         reading = pool.submit(stage.read)
         assert polled.wait(30.0)
-        wire.close()
+        wire.close() if by == "the other end" else stage.close()
         # long before the answer is overdue
         with pytest.raises(LinkLost):
             reading.result(30.0)
     stage.close()
+    wire.close()
 
 
 def test_a_port_that_does_not_exist_is_told(context):
