@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from drivers.clock import Clock
-from drivers.errors import DeviceTimeout
+from drivers.errors import DeviceFault, DeviceTimeout
 from drivers.frame_losses import Loss, LossAccount, LossKind
 from drivers.interfaces import Frame
 
@@ -57,6 +57,11 @@ class FrameStream:
         Of the queue.
     on_close : callable
         Called once the thread has ended.
+
+    Raises
+    ------
+    DeviceFault
+        If the queue has no room.
     """
 
     def __init__(
@@ -70,6 +75,14 @@ class FrameStream:
         capacity: int = CAPACITY,
         on_close: Callable[[], None],
     ) -> None:
+        if capacity < 1:
+            raise DeviceFault(
+                device,
+                "stream",
+                expected="a queue with room for a frame",
+                got=f"one for {capacity}",
+                remedy="choose a capacity of 1 or more",
+            )
         self._device = device
         self._source = source
         self._clock = clock
