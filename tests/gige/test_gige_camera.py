@@ -1,4 +1,4 @@
-"""The GigE Vision driver against another maker's camera: runs `guest_aravis.py` in a network of its own."""
+"""The GigE Vision driver against another maker's camera: runs `guest_*.py` in a network of its own."""
 
 import ctypes
 import shutil
@@ -13,6 +13,7 @@ from drivers.aravis_settings import AravisSettings
 from drivers.clock import SystemClock, VirtualClock
 from drivers.errors import DeviceError, DeviceFault
 from drivers.interfaces import OpenContext
+from tests.drivers.fake_aravis import MISSING_PACKETS
 
 ALONE = ["unshare", "--map-root-user", "--net"]
 PATIENCE_S = 150
@@ -44,7 +45,8 @@ def test_the_driver_on_a_camera_of_another_maker() -> None:
     reason = lacking()
     if reason:
         pytest.skip(reason)
-    tests = f"{sys.executable} -m pytest -p no:cacheprovider -q -s --tb=short tests/gige/guest_aravis.py"
+    guests = "tests/gige/guest_aravis.py tests/gige/guest_contract.py"
+    tests = f"{sys.executable} -m pytest -p no:cacheprovider -q -s -rA --tb=short {guests}"
     script = f"PATH=$PATH:/usr/sbin:/sbin; ip link set lo up && exec {tests}"
     done = subprocess.run(
         [*ALONE, "sh", "-c", script], capture_output=True, text=True, timeout=PATIENCE_S, check=False
@@ -52,6 +54,27 @@ def test_the_driver_on_a_camera_of_another_maker() -> None:
     print(done.stdout)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "fresh frame at 25 Hz" in done.stdout
+    assert "PASSED tests/gige/guest_contract.py" in done.stdout
+
+
+class EnumValue(ctypes.Structure):
+    """``GEnumValue`` of GObject"""
+
+    _fields_ = (("value", ctypes.c_int), ("name", ctypes.c_char_p), ("nick", ctypes.c_char_p))
+
+
+def test_the_status_of_missing_packets_is_the_librarys_own() -> None:
+    try:
+        aravis, gobject, _ = [ctypes.CDLL(name) for name in LIBRARIES]
+    except OSError as error:
+        pytest.skip(f"install libaravis-0.8-0: {error}")
+    aravis.arv_buffer_status_get_type.restype = ctypes.c_size_t
+    gobject.g_type_class_ref.restype = ctypes.c_void_p
+    gobject.g_type_class_ref.argtypes = (ctypes.c_size_t,)
+    by_name = gobject.g_enum_get_value_by_name
+    by_name.restype, by_name.argtypes = ctypes.POINTER(EnumValue), (ctypes.c_void_p, ctypes.c_char_p)
+    statuses = gobject.g_type_class_ref(aravis.arv_buffer_status_get_type())
+    assert by_name(statuses, b"ARV_BUFFER_STATUS_MISSING_PACKETS").contents.value == MISSING_PACKETS
 
 
 def test_a_machine_without_the_library_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
