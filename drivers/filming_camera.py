@@ -83,7 +83,7 @@ class FilmingCamera(ABC, Generic[S]):
             If it reports errors, a setting has changed, or a stream is open.
         """
         asked_s = self._clock.now_s()
-        with self._to_itself("grab", timeout_s):
+        with to_itself(self._lock, self._name, "grab", timeout_s):
             session = self._ready("grab", asked_s + timeout_s)
             before, begun_s = session.seen, self._clock.now_s()
             with self._giving_up_lost():
@@ -117,7 +117,7 @@ class FilmingCamera(ABC, Generic[S]):
         DeviceError
             As `grab` does.
         """
-        with self._to_itself("stream", OPENING_S):
+        with to_itself(self._lock, self._name, "stream", OPENING_S):
             session = self._ready("stream", self._clock.now_s() + OPENING_S)
             begun_s = self._clock.now_s()
             with self._giving_up_lost():
@@ -179,27 +179,29 @@ class FilmingCamera(ABC, Generic[S]):
         self._stream = None
 
     @contextmanager
-    def _to_itself(self, step: str, timeout_s: float) -> Iterator[None]:
-        if not self._lock.acquire(timeout=min(max(0.0, timeout_s), threading.TIMEOUT_MAX)):
-            raise DeviceTimeout(
-                self._name,
-                step,
-                expected="a camera that no other call uses",
-                got=f"one in use for {timeout_s:g} s",
-                remedy="call it from one thread, or take its frames from a stream",
-            )
-        try:
-            yield
-        finally:
-            self._lock.release()
-
-    @contextmanager
     def _giving_up_lost(self) -> Iterator[None]:
         try:
             yield
         except LinkLost:
             self._give_up()
             raise
+
+
+@contextmanager
+def to_itself(lock: threading.Lock, device: str, step: str, timeout_s: float) -> Iterator[None]:
+    """Hold a camera's lock; `DeviceTimeout` if another call still does after `timeout_s`."""
+    if not lock.acquire(timeout=min(max(0.0, timeout_s), threading.TIMEOUT_MAX)):
+        raise DeviceTimeout(
+            device,
+            step,
+            expected="a camera that no other call uses",
+            got=f"one in use for {timeout_s:g} s",
+            remedy="call it from one thread, or take its frames from a stream",
+        )
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def refuse_simulated_time(device: str, context: OpenContext) -> None:

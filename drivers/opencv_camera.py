@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
-from drivers.filming_camera import refuse_simulated_time
+from drivers.filming_camera import refuse_simulated_time, to_itself
 from drivers.interfaces import CameraInfo, Frame, OpenContext
 from drivers.opencv_settings import OpencvCameraSettings
 from drivers.registry import DriverSpec
@@ -69,7 +69,7 @@ class OpencvCamera:
             If OpenCV reads nothing.
         """
         asked_s, utc = self._clock.now_s(), self._clock.utc()
-        with self._lock:
+        with to_itself(self._lock, self._name, "grab", timeout_s):
             self._require_open()
             for _ in range(self._settings.buffered_frames + 1):
                 self._next(asked_s, timeout_s)
@@ -119,7 +119,7 @@ class OpencvCamera:
                 )
 
     def _next(self, asked_s: float, timeout_s: float) -> NDArray[np.uint8]:
-        if self._clock.now_s() - asked_s > timeout_s:
+        if not self._clock.now_s() - asked_s <= timeout_s:  # no number is no patience
             raise DeviceTimeout(
                 self._name,
                 "grab",

@@ -1,6 +1,8 @@
 """The fallback through OpenCV: with a camera that is faked behind OpenCV's own methods, and OpenCV itself."""
 
+import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -87,6 +89,24 @@ def test_a_slow_or_lost_camera_ends_in_its_error(camera, capture):
     camera.close()
     with pytest.raises(DeviceFault, match="expected an open camera, got a closed one"):
         camera.grab(1.0)
+
+
+def test_a_call_does_not_wait_for_another_beyond_its_deadline(camera, capture):
+    asked, going, read = threading.Event(), threading.Event(), capture.read
+
+    def slowly() -> tuple[bool, np.ndarray | None]:
+        asked.set()
+        going.wait(20.0)
+        return read()
+
+    capture.read = slowly
+    with ThreadPoolExecutor(1) as pool:
+        other = pool.submit(camera.grab, 1.0)
+        asked.wait(20.0)
+        with pytest.raises(DeviceTimeout, match="a camera that no other call uses, got one in use"):
+            camera.grab(0.01)
+        going.set()
+        assert other.result().flags == 0
 
 
 def test_opencv_itself_reads_a_film(tmp_path: Path):
