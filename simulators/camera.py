@@ -1,5 +1,6 @@
 """A camera that shows what the specimen of a simulated rig looks like from where it stands."""
 
+import threading
 from typing import Literal
 from zlib import crc32
 
@@ -7,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from drivers.clock import Clock
-from drivers.errors import DeviceError, DeviceTimeout, LinkLost
+from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import CameraInfo, Frame, OpenContext
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
@@ -122,6 +123,7 @@ class SimulatedCamera:
         self._scene = scene
         self._clock = clock
         self._sequence = 0
+        self._turn = threading.Lock()
         self._open = True
 
     def grab(self, timeout_s: float) -> Frame:
@@ -133,14 +135,18 @@ class SimulatedCamera:
             If exposure and readout take longer than `timeout_s`.
         LinkLost
             If the camera is unplugged.
-        DeviceError
+        DeviceFault
             If the camera was closed.
         """
+        with self._turn:
+            return self._grab(timeout_s)
+
+    def _grab(self, timeout_s: float) -> Frame:
         self._require_open()
         exposure_s = self._settings.exposure_us * 1e-6
         readout_s = self._settings.readout_us * 1e-6 + float(self._faults.take("delay") or 0)
         stalled = "stall" in self._faults.active
-        if stalled or exposure_s + readout_s > timeout_s:
+        if stalled or not exposure_s + readout_s <= timeout_s:  # no number is no patience
             self._clock.sleep(timeout_s)
             reason = "the sensor stands still" if stalled else f"it takes {exposure_s + readout_s:g} s"
             raise DeviceTimeout(
@@ -191,7 +197,7 @@ class SimulatedCamera:
 
     def _require_open(self) -> None:
         if not self._open:
-            raise DeviceError(
+            raise DeviceFault(
                 self.info.serial,
                 "grab",
                 expected="an open camera",

@@ -2,6 +2,7 @@
 
 import json
 import socket
+import threading
 from datetime import datetime
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from drivers import errors
-from drivers.errors import DeviceError, LinkLost
+from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import CameraInfo, Frame, OpenContext, OperatorAction
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
@@ -39,12 +40,18 @@ class SceneClient:
     Parameters
     ----------
     name : str
-        The device's name, for messages.
+        The device's name.
     address : str
+
+    Attributes
+    ----------
+    name : str
+        Name and address, for messages.
     """
 
     def __init__(self, name: str, address: str) -> None:
-        self._name, self._address = name, address
+        self.name = f"{name} ({address})"
+        self._address = address
         self._socket: socket.socket | None = None
 
     def ask(self, patience_s: float, /, **request: object) -> tuple[dict[str, Any], bytes]:
@@ -53,7 +60,8 @@ class SceneClient:
         Raises
         ------
         DeviceError
-            As the simulated device raised it, or `LinkLost` if the simulation is gone.
+            As the simulated device raised it, under this device's name, or `LinkLost` if the simulation is
+            gone.
         """
         try:
             if self._socket is None:
@@ -71,7 +79,7 @@ class SceneClient:
         except (OSError, ValueError, AttributeError) as error:
             self.close()
             raise LinkLost(
-                f"{self._name} ({self._address})",
+                self.name,
                 str(request["do"]),
                 expected="an answer of the simulation",
                 got=str(error) or type(error).__name__,
@@ -79,7 +87,8 @@ class SceneClient:
             ) from error
         if "error" in head:
             kind = getattr(errors, head.pop("error"), DeviceError)
-            raise kind(head.pop("device"), head.pop("step"), **head)
+            del head["device"]  # a rig file may call it otherwise
+            raise kind(self.name, head.pop("step"), **head)
         return head, body
 
     def close(self) -> None:
@@ -97,21 +106,40 @@ class RemoteCamera:
 
     def __init__(self, client: SceneClient, camera: str) -> None:
         self._client, self._camera = client, camera
+        self._turn = threading.Lock()
+        self._closed = False
         head, _ = client.ask(RENDERING_S, do="camera", camera=camera)
         self.info = CameraInfo(**head)
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return a frame whose exposure began after this call."""
-        head, pixels = self._client.ask(
-            timeout_s + RENDERING_S, do="grab", camera=self._camera, timeout_s=timeout_s
-        )
+        """Return a frame whose exposure began after this call.
+
+        Raises
+        ------
+        DeviceError
+            As the simulated camera raised it; `LinkLost` if the simulation is gone, `DeviceFault` after
+            `close`.
+        """
+        if not timeout_s > 0.0:
+            raise self._error(DeviceTimeout, f"a frame within {timeout_s:g} s", "none", "allow more time")
+        with self._turn:
+            if self._closed:
+                raise self._error(DeviceFault, "an open camera", "a closed one", "open it again")
+            head, pixels = self._client.ask(
+                timeout_s + RENDERING_S, do="grab", camera=self._camera, timeout_s=timeout_s
+            )
         image = np.frombuffer(pixels, head.pop("dtype")).reshape(head.pop("shape"))
         head.pop("bytes")
         return Frame(image=image, utc=datetime.fromisoformat(head.pop("utc")), **head)
 
     def close(self) -> None:
         """Release the camera; harmless when repeated."""
-        self._client.close()
+        with self._turn:
+            self._closed = True
+            self._client.close()
+
+    def _error(self, kind: type[DeviceError], expected: str, got: str, remedy: str) -> DeviceError:
+        return kind(self._client.name, "grab", expected=expected, got=got, remedy=remedy)
 
 
 class RemoteOperator:
