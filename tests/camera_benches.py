@@ -195,7 +195,7 @@ class AravisBench(NumberedBench):
         """Return the driver, opened."""
         settings = AravisSettings(
             camera="G1",
-            format="Mono12",
+            format="Mono16",  # a stream in virtual time soon shows a number beyond 12 bits
             width_px=fake_aravis.WIDTH,
             height_px=fake_aravis.HEIGHT,
             rate_hz=1 / fake_aravis.INTERVAL_S,
@@ -219,18 +219,22 @@ class OpencvBench(NumberedBench):
 
     def opened(self, context: OpenContext) -> Any:
         """Return the driver, opened."""
-        self._capture = FaultyCapture(self.clock, self.faults)
         settings = OpencvCameraSettings(
             source=0, width_px=32, height_px=20, rate_hz=1 / fake_opencv.INTERVAL_S, channel="green"
         )
         if "unplug" in self.faults.active:
             raise LinkLost(context.name, "open camera", expected="a camera", got="none", remedy="plug it in")
+        self._capture = FaultyCapture(self.clock, self.faults)
         return OpencvCamera(settings, context, self._capture)
 
     def begun_s(self, level: int) -> float:
         """Return when the exposure of the last picture of that grey level began."""
-        behind = (self._capture.shown - level) % LEVELS
-        return (self._capture.shown - behind) * fake_opencv.INTERVAL_S
+        shown = self._capture.shown  # it goes on while another thread grabs
+        return (shown - (shown - level) % LEVELS) * fake_opencv.INTERVAL_S
+
+    def left_behind(self) -> dict[str, int]:
+        """Return what OpenCV still holds for the driver."""
+        return {"captures": int(not self._capture.released)}
 
 
 class V4l2StreamBench(StreamBench, V4l2Bench):

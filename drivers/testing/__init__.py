@@ -14,7 +14,9 @@ A bench is the opened device and what the tests need besides: its clock, its lim
 go wrong. A handle that a bench has not got is None; the tests that need it are skipped and say so.
 """
 
+from drivers.testing.camera_bench import CameraBench
+from drivers.testing.camera_contract import CameraContract
 from drivers.testing.frame_contract import FrameBench, FrameContract
 from drivers.testing.stage_contract import StageBench, StageContract
 
-__all__ = ["FrameBench", "FrameContract", "StageBench", "StageContract"]
+__all__ = ["CameraBench", "CameraContract", "FrameBench", "FrameContract", "StageBench", "StageContract"]

@@ -23,9 +23,9 @@ def needed(handle: H | None, what: str) -> H:
     return handle
 
 
-def wait_until(done: Callable[[], bool], clock: Clock) -> None:
-    """Let the clock go on until `done`, ten minutes at most."""
-    end_s = clock.now_s() + PATIENCE_S
+def wait_until(done: Callable[[], bool], clock: Clock, patience_s: float = PATIENCE_S) -> None:
+    """Let the clock go on until `done`, ten minutes at most or as long as is said."""
+    end_s = clock.now_s() + patience_s
     while not done():
         assert clock.now_s() < end_s, "it never ended"
         clock.sleep(POLL_S)

@@ -1,0 +1,183 @@
+"""The contract of cameras."""
+
+import math
+import sys
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, contextmanager
+from itertools import pairwise
+from pathlib import Path
+from random import Random
+from types import FrameType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers.clock import SystemClock
+from drivers.errors import DeviceError
+from drivers.interfaces import Camera, Frame
+from drivers.testing.camera_bench import GRAB_S, ROUNDS, CameraBench
+from drivers.testing.common import Handle, needed, wait_until
+from drivers.testing.stream_contract import StreamContract
+
+ANSWER_S = 30.0
+LINE_S = 1e-3
+BYTE_BITS = 8
+
+
+class CameraContract(StreamContract):
+    """Inherit from it and give a fixture `bench`: a `CameraBench`, closed at its end."""
+
+    def test_tells_who_it_is(self, bench: CameraBench) -> None:
+        """The run file needs it."""
+        info = bench.camera.info
+        assert info.vendor
+        assert info.model
+        assert info.serial
+
+    def test_images_are_of_the_announced_format(self, bench: CameraBench) -> None:
+        """Size, container and significant bits."""
+        info = bench.camera.info
+        frame = bench.grab()
+        assert frame.flags == 0
+        assert frame.image.shape == (info.height_px, info.width_px)
+        assert frame.image.dtype == (np.uint8 if info.bits <= BYTE_BITS else np.uint16)
+        assert 0 < int(frame.image.max()) < 1 << info.bits
+
+    def test_tells_exposure_and_gain(self, bench: CameraBench) -> None:
+        """In µs, and in the camera's own unit; NaN says that they are not known."""
+        frame = bench.grab()
+        assert frame.exposure_us == pytest.approx(bench.exposure_us, nan_ok=True)
+        assert frame.gain == pytest.approx(bench.gain, nan_ok=True)
+
+    def test_a_frame_was_exposed_after_the_call_whatever_the_pause(self, bench: CameraBench) -> None:
+        """What waited in a queue shows the specimen as it was."""
+        bench.grab()
+        for pause in (0.0, 0.3, 0.9, 7.6, 40.1):
+            bench.clock.sleep(pause * bench.interval_s)
+            bench.grab()
+
+    def test_frames_are_numbered_and_dated(self, bench: CameraBench) -> None:
+        """The date is that of the exposure."""
+        frames = [bench.grab() for _ in range(3)]
+        late_s = (bench.clock.utc() - frames[-1].utc).total_seconds()
+        age_s = bench.clock.now_s() - frames[-1].exposed_s
+        assert late_s == pytest.approx(age_s, abs=bench.tolerance_s)
+        assert all(before.sequence < after.sequence for before, after in pairwise(frames))
+
+    def test_a_frame_stays_as_it_was(self, bench: CameraBench) -> None:
+        """The buffers of later frames are others."""
+        first = bench.grab()
+        kept = first.image.copy()
+        later = [bench.grab() for _ in range(ROUNDS)]
+        np.testing.assert_array_equal(first.image, kept)
+        assert not any(np.shares_memory(first.image, frame.image) for frame in later)
+
+    def test_a_deadline_that_cannot_be_kept_is_told_in_time(self, bench: CameraBench) -> None:
+        """No number is no patience; and the camera is as good as before."""
+        for timeout_s in (0.0, -1.0, math.nan, bench.interval_s / 4):
+            bench.assert_times_out(timeout_s)
+            bench.grab()
+
+    def test_a_camera_that_gives_nothing_is_told_in_time_and_used_again(self, bench: CameraBench) -> None:
+        """No hang, and nobody needs to open it anew."""
+        stall, go_on = needed(bench.stall, "stall"), needed(bench.go_on, "go on")
+        bench.grab()
+        stall()
+        for _ in range(2):
+            bench.assert_times_out(10 * bench.interval_s)
+        go_on()
+        bench.grab()
+
+    def test_calls_from_two_threads_do_not_mix(self, bench: CameraBench) -> None:
+        """Each gets frames of its own."""
+        together = threading.Barrier(2)
+
+        def grabs() -> list[Frame]:
+            together.wait(ANSWER_S)
+            return [bench.grab() for _ in range(ROUNDS)]
+
+        with _taking_turns(bench.camera), ThreadPoolExecutor(2) as pool:
+            both = [each.result() for each in [pool.submit(grabs) for _ in range(2)]]
+        for frames in both:
+            assert all(before.sequence < after.sequence for before, after in pairwise(frames))
+        assert len({frame.sequence for frames in both for frame in frames}) == 2 * ROUNDS
+
+    def test_may_be_closed_while_another_thread_grabs(self, bench: CameraBench) -> None:
+        """Which gets its frame or a clear word."""
+        grabbing, closed = threading.Event(), threading.Event()
+
+        def grabs() -> None:
+            while not closed.is_set():
+                bench.grab()
+                grabbing.set()
+
+        with ThreadPoolExecutor(1) as pool:
+            ended = pool.submit(grabs)
+            assert grabbing.wait(ANSWER_S)
+            bench.camera.close()
+            closed.set()
+            error = ended.exception(ANSWER_S)
+        assert error is None or isinstance(error, DeviceError), error
+        if error is not None:
+            bench.assert_says_all(error)
+
+    def test_closing_twice_is_harmless_and_the_end(self, bench: CameraBench) -> None:
+        """Of this driver, not of the camera."""
+        bench.grab()
+        bench.camera.close()
+        bench.camera.close()
+        calls: list[Handle] = [lambda: bench.camera.grab(GRAB_S)]
+        if hasattr(bench.camera, "stream"):
+            calls.append(bench.stream)
+        for call in calls:
+            with pytest.raises(DeviceError) as refused:
+                call()
+            bench.assert_says_all(refused.value)
+        with closing(bench.reopen()) as again:
+            assert again.grab(GRAB_S).flags == 0
+
+    def test_nothing_is_left_of_a_closed_camera(self, bench: CameraBench) -> None:
+        """Neither threads, nor descriptors, nor the camera's own."""
+        bench.camera.close()
+        threads, descriptors = _threads(), _descriptors()
+        for _ in range(3):
+            with closing(bench.reopen()) as camera:
+                camera.grab(GRAB_S)
+                if hasattr(camera, "stream"):
+                    camera.stream().next(GRAB_S)
+            assert bench.held is None or bench.held() == 0
+        # the other end of a connection, if it is in this program, needs its time
+        wait_until(lambda: _threads() <= threads, SystemClock(), ANSWER_S)
+        wait_until(lambda: _descriptors() <= descriptors, SystemClock(), ANSWER_S)
+
+
+@contextmanager
+def _taking_turns(camera: Camera) -> Iterator[None]:
+    """Let threads that begin now give way to others at every line of the driver."""
+    modules = [sys.modules[each.__module__] for each in type(camera).__mro__]
+    files = {getattr(module, "__file__", None) for module in modules}
+    clock, chance, before = SystemClock(), Random(1), threading.gettrace()
+
+    def give_way(frame: FrameType, *_: object) -> Any:
+        if frame.f_code.co_filename not in files:
+            return None
+        clock.sleep(chance.uniform(0.0, LINE_S))
+        return give_way
+
+    threading.settrace(give_way)
+    try:
+        yield
+    finally:
+        threading.settrace(before)
+
+
+def _threads() -> int:
+    return len(threading.enumerate())
+
+
+def _descriptors() -> int:
+    folder = Path("/proc/self/fd")
+    return len(list(folder.iterdir())) if folder.is_dir() else 0
