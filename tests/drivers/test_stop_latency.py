@@ -1,8 +1,8 @@
 """From the call of stop or hold to its bytes on the wire, while another request waits for its answer.
 
-The bound is 5 ms for the best of seven, for what a busy machine adds is not the driver's; the median is
-printed. The answer that is waited for never comes, so a stop that queued behind it would take as long as an
-answer may: 100 ms here, every time.
+The bound is 5 ms for the median of seven, which stays below 3 ms beside four busy programs on two cores.
+The answer that is waited for never comes, so a stop that queued behind it would take as long as an answer
+may: 100 ms here.
 """
 
 import statistics
@@ -164,4 +164,4 @@ def test_stop_is_on_the_wire_within_5_ms_while_another_request_waits(name, opene
         latencies_s = [bench.latency_s(pool) for _ in range(REPETITIONS)]
     median_s = statistics.median(latencies_s)
     print(f"{name}: {1000 * median_s:.2f} ms, at most {1000 * max(latencies_s):.2f} ms")
-    assert min(latencies_s) <= BOUND_S
+    assert median_s <= BOUND_S
