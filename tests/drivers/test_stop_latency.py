@@ -1,6 +1,6 @@
 """From the call of stop or hold to its bytes on the wire, while another request waits for its answer.
 
-The bound is 5 ms for the median of seven, which stays below 3 ms beside four busy programs on two cores.
+The bound is 5 ms for the median of fifteen, which stays below 3 ms beside four busy programs on two cores.
 The answer that is waited for never comes, so a stop that queued behind it would take as long as an answer
 may: 100 ms here.
 """
@@ -32,7 +32,7 @@ from simulators.stage_device import StageDevice
 from simulators.stage_wire import StageServer, StageTcpServer
 
 BOUND_S = 0.005
-REPETITIONS = 7
+REPETITIONS = 15
 ANSWER_S = 0.1
 LIMITS = {"angle_min_deg": -5.0, "angle_max_deg": 365.0, "reply_timeout_s": ANSWER_S}
 
