@@ -482,7 +482,8 @@ def test_a_stray_answer_does_not_confirm_a_standstill(homed, line, clock, monkey
     line.tamper = lambda command, answer: answer()
     line.received.clear()
     assert homed.read().moving
-    assert line.received[0] == "VE?"
+    # the stop's own last question may be heard only now
+    assert "VE?" in line.received[: line.received.index("1TP")]
 
 
 def test_what_came_unasked_is_thrown_away(homed, line):
