@@ -61,9 +61,9 @@ def test_blocks_that_overlap(table):
 
 
 def test_the_same_address_in_two_tables_is_no_overlap(table):
-    assert table["blocks"]["state"]["registers"]["revision"]["address"] == 0
-    assert table["blocks"]["command"]["registers"]["command"]["address"] == 0
-    parse_map(table, "map.toml")
+    blocks = parse_map(table, "map.toml").blocks
+    assert (blocks.state.table, blocks.state.registers["revision"].address) == ("input", 0)
+    assert (blocks.command.table, blocks.command.registers["command"].address) == ("holding", 0)
 
 
 def test_a_block_too_long_for_one_request(table):
@@ -176,8 +176,12 @@ def test_a_number_that_is_no_measurement_stands_as_it_is(table, block, name, cha
 
 
 def test_names_of_the_driver_mean_nothing_in_other_blocks(table):
+    """A heartbeat must be a plain u16 where the driver writes it, but not among the readings."""
     table["blocks"]["state"]["registers"]["heartbeat"] = {"address": 18, "type": "f32", "unit": "N"}
-    parse_map(table, "map.toml")
+    blocks = parse_map(table, "map.toml").blocks
+    # 1.5 N as IEEE 754 writes it, in the two words behind the 18 of the map
+    assert blocks.state.decode([0] * 18 + [0x3FC0, 0], "ABCD", {"heartbeat"}) == {"heartbeat": 1.5}
+    assert blocks.heartbeat.registers["heartbeat"].type == "u16"
 
 
 @pytest.mark.parametrize("number", ["one", "0", "0x10", "-1", "01"])
