@@ -1,0 +1,37 @@
+"""A simulated load frame, the port it answers on, and the driver that is tested on it."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from drivers.clock import VirtualClock
+from drivers.interfaces import OpenContext
+from drivers.modbus_frame import ModbusFrame, open_frame
+from simulators.frame_device import FrameDevice
+from tests.drivers.modbus_frame.watched_port import Port, Spring, settings
+
+
+@pytest.fixture
+def spring() -> Spring:
+    return Spring()
+
+
+@pytest.fixture
+def device(clock: VirtualClock, spring: Spring) -> FrameDevice:
+    return FrameDevice(clock, spring)
+
+
+@pytest.fixture
+def port(device: FrameDevice) -> Iterator[Port]:
+    server = Port(device)
+    yield server
+    server.close()
+    server.close()
+
+
+@pytest.fixture
+def frame(port: Port, context: OpenContext) -> Iterator[ModbusFrame]:
+    opened = open_frame(settings(port.address), context)
+    yield opened
+    opened.close()
+    opened.close()

@@ -1,0 +1,60 @@
+"""A load frame behind a port whose every message a test may see, change, lose or delay."""
+
+import math
+import struct
+from collections.abc import Callable
+
+from drivers.clock import VirtualClock
+from drivers.modbus_frame import ModbusFrame
+from drivers.modbus_frame_settings import ModbusFrameSettings
+from simulators.frame_device import FrameDevice
+from simulators.frame_wire import FrameServer
+
+STIFFNESS_N_MM = 5000.0
+COMMAND_ADDRESS = 0
+Answer = Callable[[], bytes | None]
+
+
+class Spring:
+    """A linear load string."""
+
+    broken_cell = False
+
+    def stretch_to(self, displacement_mm: float) -> float:
+        return math.nan if self.broken_cell else STIFFNESS_N_MM * displacement_mm
+
+
+class Port(FrameServer):
+    """A load frame whose every message a test may see, change, lose or delay."""
+
+    def __init__(self, device: FrameDevice) -> None:
+        self.commands: list[tuple[int, int]] = []
+        self.tamper: Callable[[bytes, Answer], bytes | None] = lambda request, answer: answer()
+        super().__init__(device)
+
+    def answer(self, unit: int, request: bytes) -> bytes | None:
+        if is_command(request):
+            self.commands.append((int.from_bytes(request[6:8], "big"), int.from_bytes(request[-2:], "big")))
+        return self.tamper(request, lambda: super(Port, self).answer(unit, request))
+
+
+def is_command(request: bytes) -> bool:
+    return request[0] == 16 and struct.unpack(">H", request[1:3])[0] == COMMAND_ADDRESS
+
+
+def is_state(request: bytes) -> bool:
+    return request[:3] == b"\x04\x00\x00"
+
+
+def settings(address: str, **changes: object) -> ModbusFrameSettings:
+    values = {"address": address, "load_max_n": 12000.0, "displacement_max_mm": 5.3, "reply_timeout_s": 0.3}
+    return ModbusFrameSettings.model_validate(values | changes)
+
+
+def wait(frame: ModbusFrame, clock: VirtualClock) -> float:
+    """Wait for standstill in simulated time and return the seconds it took."""
+    start_s = clock.now_s()
+    while frame.read().moving:
+        clock.sleep(0.1)
+        assert clock.now_s() - start_s < 3600
+    return clock.now_s() - start_s
