@@ -1,3 +1,5 @@
+"""Lines of the Zaber ASCII protocol: ours are the vendor's client's, and damaged ones are told apart."""
+
 import pytest
 
 from drivers.zaber_protocol import SPEED_UNIT, DamagedLineError, decode, encode

@@ -1,0 +1,45 @@
+"""A simulated stage on a pty and the driver opened on it: of every driver, unless a folder names one."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from drivers.clock import VirtualClock
+from drivers.interfaces import OpenContext, RotationStage
+from simulators.stage_device import StageDevice
+from tests.drivers.stages.esp301.esp301_line import ESP301
+from tests.drivers.stages.stage_kit import StageKit, arrive
+from tests.drivers.stages.zaber.zaber_line import ZABER
+
+
+@pytest.fixture(params=[ZABER, ESP301], ids=["zaber", "esp301"])
+def kit(request: pytest.FixtureRequest) -> StageKit:
+    return request.param
+
+
+@pytest.fixture
+def device(clock: VirtualClock) -> StageDevice:
+    return StageDevice(clock, power_up_angle_deg=12.0)
+
+
+@pytest.fixture
+def line(kit: StageKit, device: StageDevice, clock: VirtualClock) -> Iterator[Any]:
+    server = kit.line(device, clock)
+    yield server
+    server.close()
+
+
+@pytest.fixture
+def stage(kit: StageKit, line: Any, context: OpenContext) -> Iterator[RotationStage]:
+    opened = kit.open_stage(kit.settings(line.address, reply_timeout_s=0.5), context)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def homed(stage: RotationStage, line: Any, clock: VirtualClock) -> RotationStage:
+    stage.home()
+    arrive(stage, clock)
+    line.received.clear()
+    return stage

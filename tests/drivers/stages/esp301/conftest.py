@@ -1,0 +1,11 @@
+"""The stage of these tests is one on a Newport ESP301."""
+
+import pytest
+
+from tests.drivers.stages.esp301.esp301_line import ESP301
+from tests.drivers.stages.stage_kit import StageKit
+
+
+@pytest.fixture
+def kit() -> StageKit:
+    return ESP301

@@ -1,0 +1,32 @@
+"""A simulated Newport ESP301 whose line a test may watch and tamper with."""
+
+import drivers.esp301
+from drivers.clock import VirtualClock
+from drivers.esp301_settings import EspSettings
+from simulators.newport_wire import NewportServer, NewportTcpServer
+from simulators.stage_device import StageDevice
+from tests.drivers.stages.stage_kit import StageKit, Tamper, untampered
+
+
+class EspLine(NewportServer):
+    """A controller on a pty whose every message a test may see, change or lose."""
+
+    def __init__(self, device: StageDevice, clock: VirtualClock) -> None:
+        self.received: list[str] = []
+        self.tamper: Tamper = untampered
+        super().__init__(device, clock)
+
+    def respond(self, message: bytes) -> bytes:
+        self.received.append(message.decode())
+        return self.tamper(message.decode(), lambda: super(EspLine, self).respond(message))
+
+    def motions(self) -> list[str]:
+        return [command for command in self.received if command[1:3] in ("OR", "PA", "PR", "MV")]
+
+
+def settings(port: str, **changes: object) -> EspSettings:
+    values = {"port": port, "angle_min_deg": -5.0, "angle_max_deg": 365.0, "reply_timeout_s": 0.5}
+    return EspSettings.model_validate(values | changes)
+
+
+ESP301 = StageKit(drivers.esp301, drivers.esp301.open_stage, settings, EspLine, NewportTcpServer)

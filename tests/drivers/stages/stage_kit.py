@@ -1,0 +1,43 @@
+"""A stage driver with the simulated line it is tested on, so that one test can serve for every driver."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+from drivers.clock import VirtualClock
+from drivers.interfaces import OpenContext, RotationStage
+from simulators.stage_device import StageDevice
+
+Answer = Callable[[], bytes]
+Tamper = Callable[[str, Answer], bytes]
+"""Given a command, and what carries it out and returns the answer, return what is sent instead."""
+
+
+@dataclass(frozen=True)
+class StageKit:
+    """The driver's own `module`, how it is opened, and its simulator on a pty and on TCP.
+
+    `settings` takes the port and what shall differ from the usual; `line` has `received`, `motions()` and a
+    `tamper` to be set.
+    """
+
+    module: ModuleType
+    open_stage: Callable[[Any, OpenContext], RotationStage]
+    settings: Callable[..., Any]
+    line: Callable[[StageDevice, VirtualClock], Any]
+    tcp_server: Callable[[StageDevice, VirtualClock], Any]
+
+
+def untampered(command: str, answer: Answer) -> bytes:
+    return answer()
+
+
+def arrive(stage: RotationStage, clock: VirtualClock) -> float:
+    """Wait in simulated time and return the angle."""
+    for _ in range(10_000):
+        state = stage.read()
+        if not state.moving:
+            return state.angle_deg
+        clock.sleep(0.05)
+    raise AssertionError("the stage never arrived")

@@ -1,0 +1,41 @@
+"""Mistakes in a stage's table of the rig file are refused before anything is opened, all of them together."""
+
+import pytest
+
+from drivers.errors import ConfigurationError
+from drivers.registry import find_driver
+from drivers.settings import validate
+from drivers.zaber_settings import ZaberSettings
+
+
+@pytest.mark.parametrize(
+    ("driver", "further", "mistakes"), [("zaber-ascii", {}, 3), ("newport-esp301", {"axis": 4}, 4)]
+)
+def test_mistakes_in_the_rig_file_are_reported_together(driver, further, mistakes):
+    spec = find_driver(driver)
+    table = {"port": 3, "angle_min_deg": 0.0, "angle_max_deg": float("nan"), "colour": "red"} | further
+    with pytest.raises(ConfigurationError) as caught:
+        validate(spec.settings, table, "rig.toml")
+    assert len(caught.value.mistakes) == mistakes
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("microsteps_per_deg", 0.5),
+        ("microsteps_per_deg", 1e30),
+        ("speed_deg_s", 1e308),
+        ("angle_min_deg", -1e300),
+        ("angle_max_deg", 1e300),
+    ],
+)
+def test_numbers_that_no_stage_can_mean_are_a_mistake(key, value):
+    table = {"port": "/dev/ttyUSB0", "angle_min_deg": 0.0, "angle_max_deg": 9.0, key: value}
+    with pytest.raises(ConfigurationError, match=key):
+        validate(ZaberSettings, table, "rig.toml")
+
+
+def test_crossed_limits_are_a_mistake():
+    table = {"port": "/dev/ttyUSB0", "angle_min_deg": 10.0, "angle_max_deg": 0.0}
+    with pytest.raises(ConfigurationError, match="angle_min_deg must be below angle_max_deg"):
+        validate(ZaberSettings, table, "rig.toml")

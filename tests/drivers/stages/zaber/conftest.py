@@ -1,0 +1,11 @@
+"""The stage of these tests is a Zaber."""
+
+import pytest
+
+from tests.drivers.stages.stage_kit import StageKit
+from tests.drivers.stages.zaber.zaber_line import ZABER
+
+
+@pytest.fixture
+def kit() -> StageKit:
+    return ZABER

@@ -1,0 +1,55 @@
+"""A simulated Zaber stage whose line a test may watch and tamper with."""
+
+import drivers.zaber
+from drivers.zaber_protocol import lrc
+from drivers.zaber_settings import ZaberSettings
+from simulators.stage_device import StageDevice
+from simulators.stage_wire import StageServer, StageTcpServer
+from tests.drivers.stages.stage_kit import Answer, StageKit, Tamper, untampered
+
+
+class ZaberLine(StageServer):
+    """A stage on a pty whose every message a test may see, change, lose or delay."""
+
+    def __init__(self, device: StageDevice) -> None:
+        self.received: list[str] = []
+        self.tamper: Tamper = untampered
+        super().__init__(device)
+
+    def answer(self, line: bytes) -> bytes:
+        command = line.decode().partition(":")[0].partition(" ")[2].partition(" ")[2].partition(" ")[2]
+        self.received.append(command)
+        return self.tamper(command, lambda: super(ZaberLine, self).answer(line))
+
+    def motions(self) -> list[str]:
+        return [command for command in self.received if command.startswith(("move", "home"))]
+
+
+def settings(port: str, **changes: object) -> ZaberSettings:
+    values = {"port": port, "angle_min_deg": -5.0, "angle_max_deg": 725.0, "reply_timeout_s": 5.0}
+    return ZaberSettings.model_validate(values | changes)
+
+
+def lose(lost: str) -> Tamper:
+    """The stage acts on commands that begin so, but its answer is lost."""
+
+    def tamper(command: str, answer: Answer) -> bytes:
+        reply = answer()
+        return b"" if command.startswith(lost) else reply
+
+    return tamper
+
+
+def answered(reply: bytes, words: str) -> bytes:
+    """The same answer with other words after the id, and the checksum they need."""
+    body = " ".join([*reply.decode()[1:].split()[:3], words])
+    return f"@{body}:{lrc(body)}\r\n".encode()
+
+
+ZABER = StageKit(
+    drivers.zaber,
+    drivers.zaber.open_stage,
+    settings,
+    lambda device, clock: ZaberLine(device),
+    lambda device, clock: StageTcpServer(device),
+)
