@@ -1,9 +1,9 @@
 """Record what the vendor's client says to a stage, and what the stage answers.
 
-    python -m tests.drivers.record_zaber_motion INTERPRETER
+    python -m tests.drivers.stages.zaber.record_zaber_motion INTERPRETER
 
 INTERPRETER is one that has the package zaber-motion, best in an environment of its own. The transcript is
-kept in `tests/drivers/data`, one message in each line, byte for byte, ``>`` from the client, ``<`` from the
+kept in `data` beside it, one message in each line, byte for byte, ``>`` from the client, ``<`` from the
 stage; the tests need neither the client nor this program.
 """
 
