@@ -2,16 +2,18 @@
 
 from dataclasses import dataclass, field
 
-from drivers import esp301_protocol, zaber_port, zaber_protocol
-from drivers.channel import CHANNEL_ERRORS, TCP_PREFIX, Channel, open_channel
 from drivers.clock import SystemClock
 from drivers.errors import DeviceError
-from drivers.mapped_device import MappedDevice
-from drivers.modbus_address import ModbusAddress
-from drivers.modbus_link import ModbusLink
-from drivers.modbus_pdu import NOBODY, ExceptionAnswerError, ForeignAnswerError, read_request
-from drivers.modbus_wire import SilenceError
-from drivers.register_map import load_map, shipped_maps
+from drivers.lines.channel import CHANNEL_ERRORS, TCP_PREFIX, Channel, open_channel
+from drivers.load_frames.modbus.bus.address import ModbusAddress
+from drivers.load_frames.modbus.bus.link import ModbusLink
+from drivers.load_frames.modbus.bus.pdu import NOBODY, ExceptionAnswerError, ForeignAnswerError, read_request
+from drivers.load_frames.modbus.bus.wire import SilenceError
+from drivers.load_frames.modbus.registers.map import load_map, shipped_maps
+from drivers.load_frames.modbus.registers.mapped_device import MappedDevice
+from drivers.stages.esp301 import protocol as esp301_protocol
+from drivers.stages.zaber import port as zaber_port
+from drivers.stages.zaber import protocol as zaber_protocol
 
 ANSWER_S = 0.3
 LINE_S = 0.1

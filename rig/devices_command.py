@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from drivers.aravis_find import vision_cameras
-from drivers.channel import CHANNEL_ERRORS
-from drivers.discover import FoundCamera, SerialPort, serial_ports, video_nodes
+from drivers.cameras.aravis.find import vision_cameras
+from drivers.lines.channel import CHANNEL_ERRORS
+from drivers.lines.serial_ports import FoundCamera, SerialPort, serial_ports, video_nodes
 from drivers.probe import Found, probe_modbus_tcp, probe_serial
 from drivers.settings import toml_table
 from rig.errors import RigError

@@ -7,14 +7,14 @@ OpenCV's capture. Each picture shows its number, so that what a driver says of i
 from abc import abstractmethod
 from typing import Any
 
-from drivers.aravis import AravisCamera
-from drivers.aravis_settings import AravisSettings
+from drivers.cameras.aravis.camera import AravisCamera
+from drivers.cameras.aravis.settings import AravisSettings
+from drivers.cameras.opencv.camera import OpencvCamera, OpencvCameraSettings
+from drivers.cameras.stream import FrameStream
+from drivers.cameras.v4l2.camera import open_camera as open_v4l2
+from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.errors import LinkLost
-from drivers.frame_stream import FrameStream
 from drivers.interfaces import Frame, OpenContext
-from drivers.opencv_camera import OpencvCamera, OpencvCameraSettings
-from drivers.v4l2 import open_camera as open_v4l2
-from drivers.v4l2_settings import V4l2Settings
 from rig.imaging import take_image
 from simulators.camera import SPEC
 from simulators.faults import CAMERA, FaultPanel

@@ -16,8 +16,8 @@ from simulators.faults import FaultPanel
 PATIENCE_S = 0.7
 """How long a stop or hold is repeated here; 5 s in use."""
 _PATIENCE = {
-    "drivers.guarded_stage": "STOP_PATIENCE_S",
-    "drivers.modbus_commands": "HOLD_PATIENCE_S",
+    "drivers.stages.guarded": "STOP_PATIENCE_S",
+    "drivers.load_frames.modbus.commands": "HOLD_PATIENCE_S",
 }
 
 

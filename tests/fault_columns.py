@@ -29,19 +29,23 @@ COLUMNS = [
     Column(
         "zaber-ascii, pty",
         STAGE,
-        lambda: StageBench("simulators.stage_wire:StageServer", "drivers.zaber", "ZaberSettings"),
+        lambda: StageBench(
+            "simulators.stage_wire:StageServer", "drivers.stages.zaber.stage", "ZaberSettings"
+        ),
     ),
     Column(
         "zaber-ascii, TCP",
         STAGE,
         lambda: StageBench(
-            "simulators.stage_wire:StageTcpServer", "drivers.zaber", "ZaberSettings", "socket://"
+            "simulators.stage_wire:StageTcpServer", "drivers.stages.zaber.stage", "ZaberSettings", "socket://"
         ),
     ),
     Column(
         "newport-esp301, pty",
         NEWPORT,
-        lambda: StageBench("simulators.newport_wire:NewportServer", "drivers.esp301", "EspSettings"),
+        lambda: StageBench(
+            "simulators.newport_wire:NewportServer", "drivers.stages.esp301.stage", "EspSettings"
+        ),
     ),
     Column("modbus-frame, TCP, generic", LOAD_FRAME, lambda: FrameBench("FrameServer", "generic")),
     Column(

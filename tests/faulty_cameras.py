@@ -8,8 +8,8 @@ import threading
 
 import numpy as np
 
+from drivers.cameras.v4l2.abi import Buffer
 from drivers.clock import VirtualClock
-from drivers.v4l2_abi import Buffer
 from simulators.faults import CAMERA, FaultPanel
 from tests.drivers import fake_aravis, fake_kernel, fake_opencv
 

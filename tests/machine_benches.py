@@ -136,8 +136,8 @@ class FrameBench(Bench):
 
     def opened(self, context: OpenContext) -> Any:
         """Return the driver, opened."""
-        from drivers.modbus_frame import open_frame
-        from drivers.modbus_frame_settings import ModbusFrameSettings
+        from drivers.load_frames.modbus.load_frame import open_frame
+        from drivers.load_frames.modbus.settings import ModbusFrameSettings
 
         settings = ModbusFrameSettings(
             address=self._prefix + self._server.address,

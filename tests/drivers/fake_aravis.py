@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from drivers.aravis_library import AravisError
+from drivers.cameras.aravis.library import AravisError
 from drivers.clock import VirtualClock
 
 WIDTH, HEIGHT, INTERVAL_S = 32, 16, 1 / 32

@@ -1,4 +1,4 @@
-"""A camera behind the seam `drivers.v4l2_node`: what the kernel answers, with every fault that it can have.
+"""A camera behind the seam `drivers.cameras.v4l2.node`: the kernel's answers, with every fault it can have.
 
 It films on the virtual clock. Each picture shows its own number, so that a test can see which frames it got.
 """
@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drivers.clock import VirtualClock
-from drivers.v4l2_abi import (
+from drivers.cameras.v4l2.abi import (
     NEXT_CONTROL,
     Buffer,
     BufferFlag,
@@ -21,6 +20,7 @@ from drivers.v4l2_abi import (
     Request,
     fourcc,
 )
+from drivers.clock import VirtualClock
 
 
 @dataclass

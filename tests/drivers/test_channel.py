@@ -5,8 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from drivers.channel import SerialChannel, TcpChannel, open_device
 from drivers.errors import LinkLost
+from drivers.lines.channel import SerialChannel, TcpChannel, open_device
 from simulators.tcp_server import TcpServer
 
 

@@ -1,8 +1,8 @@
 import pytest
 
-from drivers.console_operator import SPEC, ConsoleOperator
 from drivers.errors import DeviceError
 from drivers.interfaces import OperatorAction
+from drivers.operators.console import SPEC, ConsoleOperator
 
 
 def test_a_person_reads_what_to_do_and_presses_enter():

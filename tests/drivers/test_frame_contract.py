@@ -8,8 +8,8 @@ import pytest
 
 from drivers.clock import VirtualClock
 from drivers.interfaces import OpenContext
-from drivers.modbus_frame import open_frame
-from drivers.modbus_frame_settings import ModbusFrameSettings
+from drivers.load_frames.modbus.load_frame import open_frame
+from drivers.load_frames.modbus.settings import ModbusFrameSettings
 from drivers.testing import FrameBench, FrameContract
 from simulators.device_faults import frame_faults
 from simulators.faults import LOAD_FRAME, FaultPanel

@@ -4,7 +4,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from drivers.frame_losses import IN_A_ROW, Loss, LossAccount, LossKind
+from drivers.cameras.losses import IN_A_ROW, Loss, LossAccount, LossKind
 from drivers.interfaces import Frame
 
 INTERVAL_S = 0.02

@@ -5,13 +5,13 @@ import threading
 import numpy as np
 import pytest
 
+from drivers.cameras.losses import LossKind
+from drivers.cameras.stream import FrameStream
+from drivers.cameras.v4l2.camera import V4l2Camera, open_camera
+from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.clock import VirtualClock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
-from drivers.frame_losses import LossKind
-from drivers.frame_stream import FrameStream
 from drivers.interfaces import OpenContext
-from drivers.v4l2 import V4l2Camera, open_camera
-from drivers.v4l2_settings import V4l2Settings
 from tests.drivers.fake_kernel import FakeCamera, FakeSystem
 
 PATIENCE_S = 20.0

@@ -1,6 +1,6 @@
 import pytest
 
-from drivers.freshness import Freshness
+from drivers.load_frames.modbus.sample_counter import Freshness
 
 
 def test_a_counter_that_grows_is_fresh():

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 
 from drivers.clock import VirtualClock
-from drivers.modbus_commands import FrameCommands
-from drivers.modbus_frame_settings import ModbusFrameSettings
-from drivers.register_map import load_map
-from drivers.registers import Block, Number
+from drivers.load_frames.modbus.commands import FrameCommands
+from drivers.load_frames.modbus.registers.map import load_map
+from drivers.load_frames.modbus.registers.registers import Block, Number
+from drivers.load_frames.modbus.settings import ModbusFrameSettings
 
 
 class Listener:

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 import pytest
 
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
-from drivers.modbus_address import ModbusAddress
-from drivers.modbus_link import ModbusLink
+from drivers.load_frames.modbus.bus.address import ModbusAddress
+from drivers.load_frames.modbus.bus.link import ModbusLink
 from simulators.tcp_server import TcpServer
 
 Device = Callable[[bytes], bytes]

@@ -9,14 +9,14 @@ from itertools import pairwise
 
 import pytest
 
-import drivers.modbus_wire
-from drivers.channel import OvertakenError
+import drivers.load_frames.modbus.bus.wire
 from drivers.clock import VirtualClock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
-from drivers.modbus_address import ModbusAddress
-from drivers.modbus_frame_settings import ModbusFrameSettings
-from drivers.modbus_link import ModbusLink, Overtaken
-from drivers.modbus_wire import DamagedError, RtuWire, SilenceError, crc
+from drivers.lines.channel import OvertakenError
+from drivers.load_frames.modbus.bus.address import ModbusAddress
+from drivers.load_frames.modbus.bus.link import ModbusLink, Overtaken
+from drivers.load_frames.modbus.bus.wire import DamagedError, RtuWire, SilenceError, crc
+from drivers.load_frames.modbus.settings import ModbusFrameSettings
 
 # long enough for a busy machine; tests that wait for nothing have less patience
 PATIENT_S, IMPATIENT_S = 10.0, 0.2
@@ -317,7 +317,7 @@ class Babble:
 
 def test_quiet_is_waited_for_but_not_for_ever(monkeypatch):
     channel = Babble(pieces=50)
-    monkeypatch.setattr(drivers.modbus_wire, "SystemClock", lambda: channel.clock)
+    monkeypatch.setattr(drivers.load_frames.modbus.bus.wire, "SystemClock", lambda: channel.clock)
     RtuWire(channel, 19_200).quieten(0.1, None)  # type: ignore[arg-type]
     assert channel.pieces == -1
     channel.pieces = 10**6
@@ -347,7 +347,7 @@ class Recorder:
 def test_frames_are_apart_by_the_silence_of_the_specification(monkeypatch, baud, gap_s):
     """MODBUS over Serial Line V1.02, 2.5.1.1: 3.5 characters of 11 bits, 1.750 ms above 19 200 baud."""
     clock = VirtualClock()
-    monkeypatch.setattr(drivers.modbus_wire, "SystemClock", lambda: clock)
+    monkeypatch.setattr(drivers.load_frames.modbus.bus.wire, "SystemClock", lambda: clock)
     channel = Recorder(clock)
     wire = RtuWire(channel, baud)  # type: ignore[arg-type]
     request = bytes.fromhex("04 0008 0001")

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from drivers.cameras.opencv.camera import UNPROVEN, OpencvCamera, open_camera
+from drivers.cameras.opencv.settings import OpencvCameraSettings
 from drivers.clock import SystemClock, VirtualClock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import OpenContext
-from drivers.opencv_camera import UNPROVEN, OpencvCamera, open_camera
-from drivers.opencv_settings import OpencvCameraSettings
 from drivers.registry import find_driver
 from tests.drivers.fake_opencv import INTERVAL_S, FakeCapture
 

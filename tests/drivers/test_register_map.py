@@ -5,10 +5,10 @@ from typing import Any
 import pytest
 
 from drivers.errors import ConfigurationError
-from drivers.register_map import load_map, parse_map, shipped_maps
+from drivers.load_frames.modbus.registers.map import load_map, parse_map, shipped_maps
 from drivers.settings import read_toml
 
-GENERIC = read_toml(Path(__file__).parents[2] / "drivers" / "maps" / "generic.toml")
+GENERIC = read_toml(Path(__file__).parents[2] / "drivers/load_frames/modbus/maps" / "generic.toml")
 
 
 @pytest.fixture
@@ -32,7 +32,9 @@ def test_every_shipped_map_is_sound(name):
 def test_a_map_is_read_by_its_path(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(
-        (Path(__file__).parents[2] / "drivers/maps/generic.toml").read_text().replace("generic", "own")
+        (Path(__file__).parents[2] / "drivers/load_frames/modbus/maps/generic.toml")
+        .read_text()
+        .replace("generic", "own")
     )
     assert load_map(str(path)).vendor == "own"
 
@@ -153,7 +155,7 @@ def test_a_bit_that_the_status_has_not_got(table):
         "status.faults.watchdog: the register has bits 0 to 15, got 17",
     ]
     # in the register that counts
-    apart = read_toml(Path(__file__).parents[2] / "drivers" / "maps" / "separate-words.toml")
+    apart = read_toml(Path(__file__).parents[2] / "drivers/load_frames/modbus/maps" / "separate-words.toml")
     apart["status"]["moving"] = 16
     assert mistakes(apart) == ["status.moving: the register has bits 0 to 15, got 16"]
 

@@ -3,7 +3,7 @@ import struct
 
 import pytest
 
-from drivers.registers import Block, Register
+from drivers.load_frames.modbus.registers.registers import Block, Register
 
 # -118.625 is C2ED4000 in IEEE 754 single precision: sign, exponent 133, mantissa 1.853515625.
 WORDS = {

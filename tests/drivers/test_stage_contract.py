@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 from drivers.clock import VirtualClock
-from drivers.esp301 import open_stage as open_esp301
-from drivers.esp301_settings import EspSettings
 from drivers.interfaces import OpenContext, RotationStage
+from drivers.stages.esp301.settings import EspSettings
+from drivers.stages.esp301.stage import open_stage as open_esp301
+from drivers.stages.zaber.settings import ZaberSettings
+from drivers.stages.zaber.stage import open_stage as open_zaber
 from drivers.testing import StageBench, StageContract
-from drivers.zaber import open_stage as open_zaber
-from drivers.zaber_settings import ZaberSettings
 from simulators.faults import STAGE, FaultPanel
 from simulators.newport_wire import NewportServer, NewportTcpServer
 from simulators.stage_device import StageDevice

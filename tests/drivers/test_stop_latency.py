@@ -18,13 +18,13 @@ import pytest
 
 from drivers.clock import SystemClock
 from drivers.errors import DeviceError
-from drivers.esp301 import open_stage as open_esp301
-from drivers.esp301_settings import EspSettings
 from drivers.interfaces import OpenContext
-from drivers.modbus_frame import open_frame
-from drivers.modbus_frame_settings import ModbusFrameSettings
-from drivers.zaber import open_stage as open_zaber
-from drivers.zaber_settings import ZaberSettings
+from drivers.load_frames.modbus.load_frame import open_frame
+from drivers.load_frames.modbus.settings import ModbusFrameSettings
+from drivers.stages.esp301.settings import EspSettings
+from drivers.stages.esp301.stage import open_stage as open_esp301
+from drivers.stages.zaber.settings import ZaberSettings
+from drivers.stages.zaber.stage import open_stage as open_zaber
 from simulators.frame_device import FrameDevice
 from simulators.frame_wire import FrameRtuServer, FrameRtuTcpServer, FrameServer
 from simulators.newport_wire import NewportServer, NewportTcpServer

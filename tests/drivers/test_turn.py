@@ -4,7 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from drivers.turn import Turn
+from drivers.lines.request_turn import Turn
 
 
 @pytest.fixture

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.aravis import AravisCamera, open_camera
-from drivers.aravis_find import vision_cameras
-from drivers.aravis_settings import AravisSettings
+from drivers.cameras.aravis.camera import AravisCamera, open_camera
+from drivers.cameras.aravis.find import vision_cameras
+from drivers.cameras.aravis.settings import AravisSettings
+from drivers.cameras.losses import LossKind
 from drivers.clock import SystemClock
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
-from drivers.frame_losses import LossKind
 from drivers.interfaces import OpenContext
 
 CLOCK = SystemClock()

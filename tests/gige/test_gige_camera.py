@@ -7,9 +7,9 @@ import sys
 
 import pytest
 
-from drivers.aravis import open_camera
-from drivers.aravis_library import LIBRARIES, load
-from drivers.aravis_settings import AravisSettings
+from drivers.cameras.aravis.camera import open_camera
+from drivers.cameras.aravis.library import LIBRARIES, load
+from drivers.cameras.aravis.settings import AravisSettings
 from drivers.clock import SystemClock, VirtualClock
 from drivers.errors import DeviceError, DeviceFault
 from drivers.interfaces import OpenContext
@@ -79,7 +79,7 @@ def test_the_status_of_missing_packets_is_the_librarys_own() -> None:
 
 def test_a_machine_without_the_library_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     load.cache_clear()
-    monkeypatch.setattr("drivers.aravis_library.LIBRARIES", ("libaravis-of-nobody.so.0",))
+    monkeypatch.setattr("drivers.cameras.aravis.library.LIBRARIES", ("libaravis-of-nobody.so.0",))
     with pytest.raises(DeviceError, match=r"load Aravis: .*apt install libaravis-0.8-0"):
         open_camera(SETTINGS, OpenContext("camera", SystemClock()))
 

@@ -5,12 +5,12 @@ import os
 from pathlib import Path
 from typing import Any
 
+from drivers.cameras.v4l2.abi import NEXT_CONTROL, ControlQuery, ControlValue, Request
+from drivers.cameras.v4l2.buffers import Filled
+from drivers.cameras.v4l2.camera import V4l2Camera, open_camera
+from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.clock import SystemClock
 from drivers.interfaces import OpenContext
-from drivers.v4l2 import V4l2Camera, open_camera
-from drivers.v4l2_abi import NEXT_CONTROL, ControlQuery, ControlValue, Request
-from drivers.v4l2_buffers import Filled
-from drivers.v4l2_settings import V4l2Settings
 
 CLOCK = SystemClock()
 AT_START = {"timestamp_source": 1}

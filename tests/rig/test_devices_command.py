@@ -16,10 +16,10 @@ from serial.tools.list_ports_common import ListPortInfo
 import drivers.probe
 import rig.devices_command
 from drivers.clock import VirtualClock
-from drivers.discover import FoundCamera, serial_ports, video_nodes
 from drivers.errors import ConfigurationError
+from drivers.lines.serial_ports import FoundCamera, serial_ports, video_nodes
+from drivers.load_frames.modbus.registers.map import RegisterMap
 from drivers.probe import probe_modbus_tcp, probe_serial
-from drivers.register_map import RegisterMap
 from rig.cli import main
 from rig.devices_command import search
 from rig.rigfile import read_rig

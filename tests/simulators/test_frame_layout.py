@@ -4,7 +4,7 @@ import struct
 
 import pytest
 
-from drivers.register_map import load_map
+from drivers.load_frames.modbus.registers.map import load_map
 from simulators.frame_layout import GENERIC, LAYOUTS, Block, Layout, Register
 
 

@@ -1,7 +1,7 @@
 """The Aravis driver opened on a library of the tests' own, with the settings that its tests share."""
 
-from drivers.aravis import AravisCamera
-from drivers.aravis_settings import AravisSettings
+from drivers.cameras.aravis.camera import AravisCamera
+from drivers.cameras.aravis.settings import AravisSettings
 from drivers.interfaces import OpenContext
 from tests.drivers.fake_aravis import HEIGHT, INTERVAL_S, WIDTH, FakeLibrary
 

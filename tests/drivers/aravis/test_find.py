@@ -5,8 +5,8 @@ import tomllib
 import pytest
 
 import rig.devices_command
-from drivers.aravis_find import vision_cameras
-from drivers.discover import FoundCamera
+from drivers.cameras.aravis.find import vision_cameras
+from drivers.lines.serial_ports import FoundCamera
 from rig.devices_command import search
 from rig.rigfile import read_rig
 

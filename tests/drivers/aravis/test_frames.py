@@ -5,9 +5,9 @@ from datetime import timedelta
 import numpy as np
 import pytest
 
-from drivers.aravis_session import OTHER_SIZE
+from drivers.cameras.aravis.session import OTHER_SIZE
+from drivers.cameras.losses import LossKind
 from drivers.errors import DeviceFault
-from drivers.frame_losses import LossKind
 from drivers.registry import find_driver
 from tests.drivers.aravis.opening import PATIENCE_S, opened
 from tests.drivers.fake_aravis import HEIGHT, INTERVAL_S, MISSING_PACKETS, WIDTH

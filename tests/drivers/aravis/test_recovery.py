@@ -5,7 +5,7 @@ import threading
 
 import pytest
 
-from drivers.aravis import AravisCamera
+from drivers.cameras.aravis.camera import AravisCamera
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from tests.drivers.aravis.opening import PATIENCE_S, opened
 from tests.drivers.fake_aravis import INTERVAL_S, FakeLibrary

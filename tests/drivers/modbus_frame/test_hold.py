@@ -6,10 +6,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-import drivers.modbus_commands
-import drivers.modbus_link
+import drivers.load_frames.modbus.bus.link
+import drivers.load_frames.modbus.commands
 from drivers.errors import DeviceFault, DeviceTimeout
-from drivers.modbus_frame import open_frame
+from drivers.load_frames.modbus.load_frame import open_frame
 from tests.drivers.modbus_frame.watched_port import COMMAND_ADDRESS, Answer, is_command, is_state, settings
 
 
@@ -94,7 +94,7 @@ def test_a_motion_command_overtaken_by_hold_is_not_executed(port, device, contex
 
 
 def test_a_hold_does_not_wait_for_its_own_proof(port, device, clock, context, monkeypatch):
-    monkeypatch.setattr(drivers.modbus_link, "URGENT_TIMEOUT_S", 60.0)
+    monkeypatch.setattr(drivers.load_frames.modbus.bus.link, "URGENT_TIMEOUT_S", 60.0)
     frame = open_frame(settings(port.address, reply_timeout_s=60.0, watchdog_s=60.0), context)
     frame.go_to_displacement(1.0, 0.01)
     clock.sleep(10.5)
@@ -177,14 +177,14 @@ def test_hold_goes_on_from_the_number_of_whoever_commanded_the_machine_meanwhile
 
 
 def test_a_hold_that_is_never_confirmed_calls_for_the_emergency_stop(frame, port, monkeypatch):
-    monkeypatch.setattr(drivers.modbus_commands, "HOLD_PATIENCE_S", 0.5)
+    monkeypatch.setattr(drivers.load_frames.modbus.commands, "HOLD_PATIENCE_S", 0.5)
     port.tamper = lambda request, answer: None
     with pytest.raises(DeviceTimeout, match=r"hold: expected a confirmed hold, .*press the emergency stop"):
         frame.hold()
 
 
 def test_no_motion_begins_until_a_hold_was_confirmed(port, device, context, monkeypatch):
-    monkeypatch.setattr(drivers.modbus_commands, "HOLD_PATIENCE_S", 0.1)
+    monkeypatch.setattr(drivers.load_frames.modbus.commands, "HOLD_PATIENCE_S", 0.1)
     frame = open_frame(settings(port.address, reply_timeout_s=0.1), context)
     port.tamper = lambda request, answer: request[:5] if is_command(request) else answer()
     with pytest.raises(DeviceTimeout, match="press the emergency stop"):

@@ -2,9 +2,9 @@
 
 import pytest
 
-import drivers.modbus_commands
+import drivers.load_frames.modbus.commands
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
-from drivers.modbus_frame import open_frame
+from drivers.load_frames.modbus.load_frame import open_frame
 from tests.drivers.modbus_frame.watched_port import Answer, is_state, settings, wait
 
 
@@ -16,7 +16,7 @@ def test_a_cable_pulled_and_replugged_between_two_reads_is_survived(frame, port)
 
 
 def test_a_server_that_is_gone_is_a_lost_link(frame, port, monkeypatch):
-    monkeypatch.setattr(drivers.modbus_commands, "HOLD_PATIENCE_S", 0.1)
+    monkeypatch.setattr(drivers.load_frames.modbus.commands, "HOLD_PATIENCE_S", 0.1)
     port.close()
     with pytest.raises(LinkLost):
         frame.read()

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-import drivers.modbus_frame
+import drivers.load_frames.modbus.load_frame
 from drivers.errors import ConfigurationError, DeviceFault, DeviceTimeout, LinkLost
-from drivers.modbus_frame import open_frame
-from drivers.modbus_frame_settings import ModbusFrameSettings
+from drivers.load_frames.modbus.load_frame import open_frame
+from drivers.load_frames.modbus.settings import ModbusFrameSettings
 from drivers.registry import find_driver
 from drivers.settings import validate
 from simulators.frame_wire import FrameServer
@@ -58,7 +58,9 @@ def test_limits_that_the_machine_has_already_are_not_written_again(frame, port, 
 
 def test_what_else_stands_among_the_settings_is_left_alone(port, context, tmp_path):
     """A map may declare what it does not know, and a zero may mean anything there."""
-    generic = (Path(drivers.modbus_frame.__file__).parent / "maps" / "generic.toml").read_text()
+    generic = (
+        Path(drivers.load_frames.modbus.load_frame.__file__).parent / "maps" / "generic.toml"
+    ).read_text()
     after = 'registers.load_rate_max = { address = 42, type = "f32", unit = "N/s" }\n'
     assert after in generic
     path = tmp_path / "map.toml"

@@ -3,7 +3,7 @@
 import pytest
 
 from drivers.errors import DeviceFault
-from drivers.modbus_frame import open_frame
+from drivers.load_frames.modbus.load_frame import open_frame
 from tests.drivers.modbus_frame.watched_port import Answer, is_command, settings
 
 

@@ -5,8 +5,8 @@ import struct
 from collections.abc import Callable
 
 from drivers.clock import VirtualClock
-from drivers.modbus_frame import ModbusFrame
-from drivers.modbus_frame_settings import ModbusFrameSettings
+from drivers.load_frames.modbus.load_frame import ModbusFrame
+from drivers.load_frames.modbus.settings import ModbusFrameSettings
 from simulators.frame_device import FrameDevice
 from simulators.frame_wire import FrameServer
 

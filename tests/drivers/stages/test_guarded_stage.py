@@ -4,7 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-import drivers.guarded_stage
+import drivers.stages.guarded
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from simulators.stage_settings import StageSettings
 from tests.drivers.stages.esp301.esp301_line import ESP301
@@ -55,7 +55,7 @@ def test_a_home_search_that_was_stopped_before_it_was_known_to_have_begun_is_tol
 
 
 def test_a_stop_that_is_never_confirmed_calls_for_the_emergency_stop(homed, line, monkeypatch):
-    monkeypatch.setattr(drivers.guarded_stage, "STOP_PATIENCE_S", 0.3)
+    monkeypatch.setattr(drivers.stages.guarded, "STOP_PATIENCE_S", 0.3)
     line.tamper = lambda command, answer: b""
     with pytest.raises(DeviceTimeout, match="press the emergency stop"):
         homed.stop()
@@ -134,7 +134,7 @@ def test_a_stage_whose_cable_is_back_is_stopped(homed, line, device, clock):
 def test_another_stage_where_ours_was_is_not_ours_standing_still(
     kit, device, clock, context, monkeypatch, identity, another
 ):
-    monkeypatch.setattr(drivers.guarded_stage, "STOP_PATIENCE_S", 0.3)
+    monkeypatch.setattr(drivers.stages.guarded, "STOP_PATIENCE_S", 0.3)
     wire = kit.tcp_server(device, clock)
     stage = kit.open_stage(kit.settings(f"socket://{wire.address}"), context)
     wire._port.drop_clients()

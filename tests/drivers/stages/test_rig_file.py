@@ -5,7 +5,7 @@ import pytest
 from drivers.errors import ConfigurationError
 from drivers.registry import find_driver
 from drivers.settings import validate
-from drivers.zaber_settings import ZaberSettings
+from drivers.stages.zaber.settings import ZaberSettings
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import pytest
 
+from drivers.cameras.v4l2.camera import V4l2Camera
 from drivers.clock import VirtualClock
 from drivers.interfaces import OpenContext
-from drivers.v4l2 import V4l2Camera
 from tests.drivers.fake_kernel import FakeCamera
 from tests.drivers.v4l2.opening import opened
 

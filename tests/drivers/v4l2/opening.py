@@ -1,8 +1,8 @@
 """The V4L2 driver opened on a camera behind a faked kernel, with the settings that its tests share."""
 
+from drivers.cameras.v4l2.camera import V4l2Camera, open_camera
+from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.interfaces import OpenContext
-from drivers.v4l2 import V4l2Camera, open_camera
-from drivers.v4l2_settings import V4l2Settings
 from tests.drivers.fake_kernel import FakeCamera, FakeSystem
 
 EXPOSURE_US = 10_000.0

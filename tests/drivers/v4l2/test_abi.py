@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers import v4l2_abi as abi
+from drivers.cameras.v4l2 import abi
 
 STRUCTURES = {
     "v4l2_capability": abi.CapabilityInfo,

@@ -5,8 +5,8 @@ import errno
 import numpy as np
 import pytest
 
+from drivers.cameras.v4l2.abi import NEXT_CONTROL, ControlFlag, ControlId, Request
 from drivers.errors import DeviceFault
-from drivers.v4l2_abi import NEXT_CONTROL, ControlFlag, ControlId, Request
 from tests.drivers.fake_kernel import FakeControl, FakeNode
 from tests.drivers.v4l2.opening import EXPOSURE_US, opened
 

@@ -5,10 +5,10 @@ import errno
 import pytest
 from pydantic import ValidationError
 
+from drivers.cameras.v4l2.abi import Request
+from drivers.cameras.v4l2.camera import open_camera
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from drivers.registry import find_driver
-from drivers.v4l2 import open_camera
-from drivers.v4l2_abi import Request
 from tests.drivers.fake_kernel import FakeCamera, FakeSystem
 from tests.drivers.v4l2.opening import opened, settings
 

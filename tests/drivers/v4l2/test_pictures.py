@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from drivers.cameras.v4l2.abi import BufferFlag
+from drivers.cameras.v4l2.session import SHORT
 from drivers.errors import DeviceFault
-from drivers.v4l2_abi import BufferFlag
-from drivers.v4l2_session import SHORT
 from tests.drivers.fake_kernel import FakeNode
 from tests.drivers.v4l2.opening import opened
 

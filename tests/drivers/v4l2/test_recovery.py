@@ -5,9 +5,9 @@ import os
 
 import pytest
 
+from drivers.cameras.v4l2.abi import ControlId, Request
+from drivers.cameras.v4l2.node import KernelNode
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
-from drivers.v4l2_abi import ControlId, Request
-from drivers.v4l2_node import KernelNode
 from tests.drivers.fake_kernel import FakeNode
 from tests.drivers.v4l2.opening import opened
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from drivers.cameras.v4l2.abi import BufferFlag
 from drivers.errors import DeviceFault, DeviceTimeout
-from drivers.v4l2_abi import BufferFlag
 from tests.drivers.v4l2.opening import EXPOSURE_US, opened
 
 

@@ -1,8 +1,8 @@
 """A simulated Newport ESP301 whose line a test may watch and tamper with."""
 
-import drivers.esp301
+import drivers.stages.esp301.stage
 from drivers.clock import VirtualClock
-from drivers.esp301_settings import EspSettings
+from drivers.stages.esp301.settings import EspSettings
 from simulators.newport_wire import NewportServer, NewportTcpServer
 from simulators.stage_device import StageDevice
 from tests.drivers.stages.stage_kit import StageKit, Tamper, untampered
@@ -29,4 +29,6 @@ def settings(port: str, **changes: object) -> EspSettings:
     return EspSettings.model_validate(values | changes)
 
 
-ESP301 = StageKit(drivers.esp301, drivers.esp301.open_stage, settings, EspLine, NewportTcpServer)
+ESP301 = StageKit(
+    drivers.stages.esp301.stage, drivers.stages.esp301.stage.open_stage, settings, EspLine, NewportTcpServer
+)

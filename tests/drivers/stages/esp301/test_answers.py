@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from drivers.errors import DeviceTimeout, LinkLost
-from drivers.esp301 import open_stage
+from drivers.stages.esp301.stage import open_stage
 from tests.drivers.stages.esp301.esp301_line import settings
 from tests.drivers.stages.flood import flood
 from tests.drivers.stages.stage_kit import arrive

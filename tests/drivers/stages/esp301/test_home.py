@@ -3,7 +3,7 @@
 import pytest
 
 from drivers.errors import DeviceFault, DeviceTimeout
-from drivers.esp301 import open_stage
+from drivers.stages.esp301.stage import open_stage
 from tests.drivers.stages.esp301.esp301_line import settings
 from tests.drivers.stages.stage_kit import Answer
 

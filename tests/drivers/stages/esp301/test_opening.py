@@ -3,9 +3,9 @@
 import pytest
 
 from drivers.errors import ConfigurationError, DeviceFault
-from drivers.esp301 import open_stage
-from drivers.esp301_settings import EspSettings
 from drivers.settings import validate
+from drivers.stages.esp301.settings import EspSettings
+from drivers.stages.esp301.stage import open_stage
 from tests.drivers.stages.esp301.esp301_line import settings
 
 

@@ -2,7 +2,14 @@
 
 import pytest
 
-from drivers.esp301_protocol import QueuedError, read_bits, read_error, read_name, read_number, read_switch
+from drivers.stages.esp301.protocol import (
+    QueuedError,
+    read_bits,
+    read_error,
+    read_name,
+    read_number,
+    read_switch,
+)
 
 
 def test_the_manuals_examples_of_answers_are_understood():

@@ -5,9 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-import drivers.guarded_stage
+import drivers.stages.guarded
 from drivers.errors import DeviceFault, DeviceTimeout
-from drivers.esp301 import EspStage, open_stage
+from drivers.stages.esp301.stage import EspStage, open_stage
 from tests.drivers.stages.esp301.esp301_line import EspLine, settings
 from tests.drivers.stages.stage_kit import Answer, untampered
 
@@ -93,7 +93,7 @@ def test_stop_is_repeated_until_standstill_is_confirmed(homed, line, device, clo
 
 
 def test_a_stop_under_a_flood_ends_in_time(homed, line, monkeypatch):
-    monkeypatch.setattr(drivers.guarded_stage, "STOP_PATIENCE_S", 0.3)
+    monkeypatch.setattr(drivers.stages.guarded, "STOP_PATIENCE_S", 0.3)
     line.tamper = lambda command, answer: b"x\n" * 2000
     with ThreadPoolExecutor(1) as pool, pytest.raises(DeviceTimeout, match="press the emergency stop"):
         pool.submit(homed.stop).result(30.0)
@@ -114,7 +114,7 @@ def test_a_stray_answer_does_not_confirm_a_standstill(homed, line, clock, monkey
         return (held.pop() if held else b"") + answer()
 
     line.tamper = stray
-    monkeypatch.setattr(drivers.guarded_stage, "STOP_PATIENCE_S", 0.3)
+    monkeypatch.setattr(drivers.stages.guarded, "STOP_PATIENCE_S", 0.3)
     with pytest.raises(DeviceTimeout, match="press the emergency stop"):
         homed.stop()
     line.tamper = untampered

@@ -3,7 +3,7 @@
 import pytest
 
 from drivers.errors import DeviceFault, DeviceTimeout
-from drivers.zaber import ZaberStage
+from drivers.stages.zaber.stage import ZaberStage
 from tests.drivers.stages.stage_kit import arrive, untampered
 from tests.drivers.stages.zaber.zaber_line import lose
 

@@ -3,7 +3,7 @@
 import pytest
 
 from drivers.errors import DeviceFault
-from drivers.zaber import open_stage
+from drivers.stages.zaber.stage import open_stage
 from simulators.stage_wire import StageServer, StageTcpServer
 from tests.drivers.stages.stage_kit import Answer, arrive, untampered
 from tests.drivers.stages.zaber.zaber_line import lose, settings

@@ -4,8 +4,8 @@ import pytest
 
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import OpenContext
-from drivers.zaber import ZaberStage, open_stage
-from drivers.zaber_protocol import lrc
+from drivers.stages.zaber.protocol import lrc
+from drivers.stages.zaber.stage import ZaberStage, open_stage
 from tests.drivers.stages.flood import flood
 from tests.drivers.stages.stage_kit import Answer
 from tests.drivers.stages.zaber.zaber_line import answered, settings

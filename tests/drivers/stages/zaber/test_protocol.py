@@ -2,7 +2,7 @@
 
 import pytest
 
-from drivers.zaber_protocol import SPEED_UNIT, DamagedLineError, decode, encode
+from drivers.stages.zaber.protocol import SPEED_UNIT, DamagedLineError, decode, encode
 
 
 @pytest.mark.parametrize(

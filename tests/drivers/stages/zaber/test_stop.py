@@ -5,11 +5,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-import drivers.guarded_stage
-import drivers.zaber
+import drivers.stages.guarded
+import drivers.stages.zaber.stage
 from drivers.errors import DeviceFault, DeviceTimeout
-from drivers.zaber import ZaberStage, open_stage
-from drivers.zaber_protocol import lrc
+from drivers.stages.zaber.protocol import lrc
+from drivers.stages.zaber.stage import ZaberStage, open_stage
 from tests.drivers.stages.stage_kit import Answer, arrive
 from tests.drivers.stages.zaber.zaber_line import answered, settings
 
@@ -103,14 +103,14 @@ def test_stop_is_repeated_until_standstill_is_confirmed(homed, line, device, clo
 
 
 def test_a_refused_stop_is_no_standstill(homed, line, monkeypatch):
-    monkeypatch.setattr(drivers.guarded_stage, "STOP_PATIENCE_S", 0.3)
+    monkeypatch.setattr(drivers.stages.guarded, "STOP_PATIENCE_S", 0.3)
     line.tamper = lambda command, answer: answered(answer(), "RJ IDLE -- AGAIN")
     with pytest.raises(DeviceTimeout, match=r"got rejection AGAIN .*press the emergency stop"):
         homed.stop()
 
 
 def test_another_devices_standstill_is_not_this_ones(homed, line, device, clock, monkeypatch):
-    monkeypatch.setattr(drivers.guarded_stage, "STOP_PATIENCE_S", 0.3)
+    monkeypatch.setattr(drivers.stages.guarded, "STOP_PATIENCE_S", 0.3)
     homed.move_to(90.0)
     clock.sleep(1.0)
 
@@ -126,12 +126,12 @@ def test_another_devices_standstill_is_not_this_ones(homed, line, device, clock,
 def test_a_new_link_for_a_stop_is_not_waited_for_longer_than_a_stop_lasts(line, context, monkeypatch):
     opened = []
 
-    class Noted(drivers.zaber.ZaberPort):
+    class Noted(drivers.stages.zaber.stage.ZaberPort):
         def __init__(self, name: str, url: str, reply_timeout_s: float) -> None:
             opened.append(reply_timeout_s)
             super().__init__(name, url, reply_timeout_s)
 
-    monkeypatch.setattr(drivers.zaber, "ZaberPort", Noted)
+    monkeypatch.setattr(drivers.stages.zaber.stage, "ZaberPort", Noted)
     stage = open_stage(settings(line.address, reply_timeout_s=60.0), context)
     line.faults.switch_on("unplug")
     line.faults.clear()

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from drivers.zaber_port import ZaberPort
-from drivers.zaber_protocol import decode
+from drivers.stages.zaber.port import ZaberPort
+from drivers.stages.zaber.protocol import decode
 from simulators.tcp_server import TcpServer
 
 # made by `record_zaber_motion`

@@ -1,8 +1,8 @@
 """A simulated Zaber stage whose line a test may watch and tamper with."""
 
-import drivers.zaber
-from drivers.zaber_protocol import lrc
-from drivers.zaber_settings import ZaberSettings
+import drivers.stages.zaber.stage
+from drivers.stages.zaber.protocol import lrc
+from drivers.stages.zaber.settings import ZaberSettings
 from simulators.stage_device import StageDevice
 from simulators.stage_wire import StageServer, StageTcpServer
 from tests.drivers.stages.stage_kit import Answer, StageKit, Tamper, untampered
@@ -47,8 +47,8 @@ def answered(reply: bytes, words: str) -> bytes:
 
 
 ZABER = StageKit(
-    drivers.zaber,
-    drivers.zaber.open_stage,
+    drivers.stages.zaber.stage,
+    drivers.stages.zaber.stage.open_stage,
     settings,
     lambda device, clock: ZaberLine(device),
     lambda device, clock: StageTcpServer(device),

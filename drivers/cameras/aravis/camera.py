@@ -1,0 +1,149 @@
+"""GigE Vision and USB3 Vision cameras, through Debian's Aravis library (package libaravis-0.8-0)."""
+
+import contextlib
+import threading
+from collections.abc import Callable
+
+from drivers.cameras.aravis.library import Aravis, AravisError, load
+from drivers.cameras.aravis.session import Session
+from drivers.cameras.aravis.settings import AravisSettings
+from drivers.cameras.filming import FilmingCamera, refuse_simulated_time
+from drivers.errors import DeviceError, DeviceTimeout, LinkLost
+from drivers.interfaces import CameraInfo, OpenContext
+from drivers.registry import DriverSpec
+
+GIVING_UP_S = 20.0
+"""How long `close` waits for a connection to be given up; a camera that died takes Aravis up to 13 s."""
+
+
+class _Aside:
+    """Something done in a thread of its own, since Aravis asks a camera that does not answer for seconds."""
+
+    def __init__(self, name: str, act: Callable[[], Session | None]) -> None:
+        self._act = act
+        self._session: Session | None = None
+        self._error: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def is_done(self, timeout_s: float) -> bool:
+        """Return whether it is done within that time."""
+        self._thread.join(max(0.0, timeout_s))
+        return not self._thread.is_alive()
+
+    def result(self) -> Session | None:
+        """Return what was opened, if anything was, or raise what was raised."""
+        if self._error is not None:
+            raise self._error
+        return self._session
+
+    def _run(self) -> None:
+        try:
+            self._session = self._act()
+        except Exception as error:  # for whoever asks for the result
+            self._error = error
+
+
+class AravisCamera(FilmingCamera[Session]):
+    """A `Camera`; construct it with `open_camera`.
+
+    After a call that got no frame the camera is not trusted: it is given up, and the next call opens it anew
+    and sets it up again. Both happen aside, so that calls keep their deadlines.
+    """
+
+    silent_is_lost = True
+
+    def __init__(self, settings: AravisSettings, context: OpenContext, library: Aravis) -> None:
+        super().__init__(f"{context.name} ({settings.camera})", context.clock)
+        self._settings = settings
+        self._library = library
+        self._aside: _Aside | None = None
+        self._serial: str | None = None
+        self._session = session = self._open()
+        self._serial = session.serial
+        self.info = CameraInfo(
+            vendor=session.vendor,
+            model=session.model,
+            serial=session.serial,
+            width_px=settings.width_px,
+            height_px=settings.height_px,
+            bits=settings.bits,
+        )
+
+    def close(self) -> None:
+        """Release the camera; harmless when repeated. One that died is waited for, but not for ever."""
+        super().close()
+        with self._lock:
+            aside, self._aside = self._aside, None
+        if aside is not None and aside.is_done(GIVING_UP_S):
+            with contextlib.suppress(DeviceError):  # a camera that could not be opened again is closed
+                if (session := aside.result()) is not None:
+                    session.close()
+
+    def _open_again(self, step: str, deadline_s: float) -> Session:
+        session: Session | None = None
+        while session is None:
+            if self._aside is None:
+                self._aside = _Aside(f"open {self._name}", self._open)
+            if not self._aside.is_done(deadline_s - self._clock.now_s()):
+                raise DeviceTimeout(
+                    self._name,
+                    step,
+                    expected="a camera that can be opened again in time",
+                    got="a connection that is still being given up or made",
+                    remedy="check cable, power and the firewall, or allow more time",
+                )
+            aside, self._aside = self._aside, None
+            session = aside.result()
+        return session
+
+    def _open(self) -> Session:
+        try:
+            session = Session(self._library, self._settings, self._name, self._clock)
+        except AravisError as error:
+            raise self._lost(str(error)) from error
+        if self._serial is not None and session.serial != self._serial:
+            session.close()
+            raise self._lost(f"the camera with serial number {session.serial}")
+        return session
+
+    def _lost(self, got: str) -> LinkLost:
+        known = "a free camera" if self._serial is None else f"the camera with serial number {self._serial}"
+        return LinkLost(
+            self._name,
+            "open camera",
+            expected=known,
+            got=got,
+            remedy="check cable, power and address, and that no other program controls the camera",
+        )
+
+    def _give_up(self) -> None:
+        session, self._session = self._session, None
+        if session is not None:
+            self._aside = _Aside(f"close {self._name}", session.close)
+
+
+def open_camera(settings: AravisSettings, context: OpenContext) -> AravisCamera:
+    """Open a camera, write its settings, read them back and let it film.
+
+    Raises
+    ------
+    DeviceError
+        If the library is missing, the camera cannot be opened, or takes a setting differently.
+    """
+    name = f"{context.name} ({settings.camera})"
+    refuse_simulated_time(name, context)
+    try:
+        library = load()
+    except OSError as error:
+        raise DeviceError(
+            name,
+            "load Aravis",
+            expected="the library of Debian's package libaravis-0.8-0",
+            got=str(error),
+            remedy="apt install libaravis-0.8-0",
+        ) from error
+    return AravisCamera(settings, context, library)
+
+
+SPEC = DriverSpec(kind="camera", settings=AravisSettings, open=open_camera)

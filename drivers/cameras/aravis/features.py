@@ -1,0 +1,132 @@
+"""The settings of an opened GigE Vision camera: written, read back, refused if the camera took another."""
+
+import ctypes
+from typing import Any
+
+from drivers.cameras.aravis.library import Aravis, AravisError
+from drivers.cameras.aravis.settings import AravisSettings
+from drivers.errors import DeviceFault, LinkLost
+
+AUTOMATICS = ("ExposureAuto", "GainAuto", "BlackLevelAuto", "BalanceWhiteAuto")
+CONTINUOUS = 0
+TOLERANCE = 1e-3
+ANOTHER = "choose what the camera takes"
+
+
+class Features:
+    """What a camera was set to.
+
+    Parameters
+    ----------
+    library : Aravis
+    camera : int
+        The library's object.
+    device : str
+        For messages.
+
+    Attributes
+    ----------
+    numbers : dict of str to float
+        ``frame_rate``, ``exposure_time`` and, if the camera has it, ``gain``, as read back.
+    """
+
+    def __init__(self, library: Aravis, camera: int, device: str) -> None:
+        self._library = library
+        self._camera = camera
+        self._device = device
+        self.numbers: dict[str, float] = {}
+
+    def write(self, settings: AravisSettings) -> None:
+        """Switch the automatics off and write all settings.
+
+        Raises
+        ------
+        DeviceFault
+            If one is not taken.
+        AravisError
+            If the camera does not answer.
+        """
+        for name in AUTOMATICS:
+            if name not in settings.features and self._has(name):
+                self._set_text(name, "Off")
+        for name, value in settings.features.items():
+            if not self._has(name):
+                raise self._fault(f"set {name}", "a feature of the camera", repr(name), "correct `features`")
+            self._set_text(name, value)
+        self.attempt("set format", "camera_set_pixel_format_from_string", settings.format.encode())
+        got = self._library.text("camera_get_pixel_format_as_string", self._camera)
+        self._require("set format", settings.format, got)
+        self._set_region(settings)
+        self.attempt("set trigger", "camera_clear_triggers")
+        self.attempt("set mode", "camera_set_acquisition_mode", CONTINUOUS)
+        self._set_number("frame_rate", settings.rate_hz)
+        self._set_number("exposure_time", settings.exposure_us)
+        if settings.gain is not None:
+            self._set_number("gain", settings.gain)
+        elif self._has("Gain") or self._has("GainRaw"):
+            self.numbers["gain"] = float(self.attempt("read gain", "camera_get_gain"))
+        self.verify()
+
+    def verify(self) -> None:
+        """Read rate, exposure and gain back.
+
+        Raises
+        ------
+        DeviceFault
+            If they have changed: setting another feature may do so, too.
+        LinkLost
+            If the camera does not answer.
+        """
+        for name, wanted in self.numbers.items():
+            step = f"verify {name}"
+            try:
+                got = float(self._library.call(f"camera_get_{name}", self._camera))
+            except AravisError as error:
+                remedy = "check cable, power and address, and that no other program controls the camera"
+                raise LinkLost(
+                    self._device, step, expected=f"{wanted:g}", got=str(error), remedy=remedy
+                ) from error
+            if not _agree(got, wanted):
+                raise self._fault(step, f"{wanted:g}", f"{got:g}", "open the camera again")
+
+    def attempt(self, step: str, name: str, *arguments: Any) -> Any:
+        """Call a function for the camera; `DeviceFault` if that fails."""
+        try:
+            return self._library.call(name, self._camera, *arguments)
+        except AravisError as error:
+            raise self._fault(step, "acceptance", str(error), f"{ANOTHER}, or check its cable") from error
+
+    def _set_region(self, settings: AravisSettings) -> None:
+        wanted = (settings.offset_x_px, settings.offset_y_px, settings.width_px, settings.height_px)
+        self.attempt("set size", "camera_set_region", *wanted)
+        got = [ctypes.c_int() for _ in wanted]
+        self._library.call("camera_get_region", self._camera, *(ctypes.byref(value) for value in got))
+        names = "{2} x {3} px at ({0}, {1})"
+        self._require("set size", names.format(*wanted), names.format(*(value.value for value in got)))
+
+    def _set_number(self, name: str, wanted: float) -> None:
+        step = f"set {name}"
+        self.attempt(step, f"camera_set_{name}", wanted)
+        got = float(self.attempt(step, f"camera_get_{name}"))
+        if not _agree(got, wanted):
+            raise self._fault(step, f"{wanted:g}", f"{got:g} on reading back", ANOTHER)
+        self.numbers[name] = got
+
+    def _set_text(self, name: str, wanted: str) -> None:
+        feature = name.encode()
+        self.attempt(f"set {name}", "camera_set_string", feature, wanted.encode())
+        self._require(f"set {name}", wanted, self._library.text("camera_get_string", self._camera, feature))
+
+    def _has(self, feature: str) -> bool:
+        return bool(self._library.call("camera_is_feature_available", self._camera, feature.encode()))
+
+    def _require(self, step: str, wanted: str, got: str) -> None:
+        if got != wanted:
+            raise self._fault(step, wanted, f"{got} on reading back", ANOTHER)
+
+    def _fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
+        return DeviceFault(self._device, step, expected=expected, got=got, remedy=remedy)
+
+
+def _agree(got: float, wanted: float) -> bool:
+    return abs(got - wanted) <= TOLERANCE * max(abs(wanted), TOLERANCE)

@@ -1,0 +1,31 @@
+"""Which GigE Vision and USB3 Vision cameras there are: Aravis asks on every network and bus."""
+
+from drivers.cameras.aravis.library import Aravis, load
+from drivers.lines.serial_ports import FoundCamera
+
+PROTOCOLS = ("GigEVision", "USB3Vision")
+
+
+def vision_cameras(library: Aravis | None = None) -> list[FoundCamera]:
+    """Return the cameras that answer within the second that Aravis gives them; none is set or changed.
+
+    Parameters
+    ----------
+    library : Aravis, optional
+        Debian's by default.
+
+    Raises
+    ------
+    OSError
+        If the library is not installed.
+    """
+    library = load() if library is None else library
+    library.call("update_device_list")
+    cameras = []
+    for index in range(library.call("get_n_devices")):
+        protocol = library.text("get_device_protocol", index)
+        if protocol in PROTOCOLS:
+            facts = [library.text(f"get_device_{fact}", index) for fact in ("vendor", "model", "serial_nbr")]
+            name = f"{' '.join(facts)} ({protocol} at {library.text('get_device_address', index)})"
+            cameras.append(FoundCamera("aravis", library.text("get_device_id", index), name))
+    return cameras

@@ -1,0 +1,216 @@
+"""What cameras that film all the time have in common: a fresh frame at each call, or all as a stream."""
+
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Generic, Protocol, TypeVar
+
+from drivers.cameras.stream import CAPACITY, FrameStream
+from drivers.clock import Clock, VirtualClock
+from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
+from drivers.interfaces import CameraInfo, Frame, OpenContext
+
+SILENCE_S = 1.0
+SILENCE_FRAMES = 10
+LOST_FRAMES = 3
+"""After so many frames' time without any, whatever its age, a camera may be opened anew."""
+OPENING_S = 20.0
+"""How long a stream waits for a camera to be opened again."""
+
+
+class Session(Protocol):
+    """A camera that films, from opening to closing.
+
+    Attributes
+    ----------
+    seen : int
+        How many frames came since it was opened, fresh or not.
+    """
+
+    seen: int
+
+    @property
+    def interval_s(self) -> float:
+        """From one frame to the next."""
+
+    def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
+        """Return the next frame whose exposure began after `after_s`; None when the time is over."""
+
+    def verify(self) -> None:
+        """Read the settings back; `DeviceFault` if one has changed, `LinkLost` without an answer."""
+
+    def close(self) -> None:
+        """Stop filming and release everything; harmless when repeated."""
+
+
+S = TypeVar("S", bound=Session)
+
+
+class FilmingCamera(ABC, Generic[S]):
+    """A `Camera` that throws away what was exposed before a call, and is opened anew once it was lost.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    clock : Clock
+    """
+
+    info: CameraInfo
+    silent_is_lost = False
+    """Whether a camera that gave no frame at all is to be opened anew."""
+
+    def __init__(self, name: str, clock: Clock) -> None:
+        self._name = name
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._stream: FrameStream | None = None
+        self._closed = False
+        self._session: S | None = None
+        self._silent_s = 0.0
+
+    def grab(self, timeout_s: float) -> Frame:
+        """Return a frame whose exposure began after this call; its flags tell if it is damaged.
+
+        Raises
+        ------
+        DeviceTimeout
+            If there is none after `timeout_s`.
+        LinkLost
+            If the camera was unplugged or does not answer any more.
+        DeviceFault
+            If it reports errors, a setting has changed, or a stream is open.
+        """
+        asked_s = self._clock.now_s()
+        with to_itself(self._lock, self._name, "grab", timeout_s):
+            session = self._ready("grab", asked_s + timeout_s)
+            before, begun_s = session.seen, self._clock.now_s()
+            with self._giving_up_lost():
+                frame = session.next_frame(asked_s + timeout_s - self._clock.now_s(), after_s=asked_s)
+                if frame is not None:
+                    self._silent_s = 0.0
+                    session.verify()
+                    return frame
+            older = session.seen - before
+            self._silent_s = 0.0 if older else self._silent_s + self._clock.now_s() - begun_s
+            if self.silent_is_lost and self._silent_s > LOST_FRAMES * session.interval_s:
+                self._give_up()
+        raise DeviceTimeout(
+            self._name,
+            "grab",
+            expected=f"a frame exposed after the call, within {timeout_s:g} s",
+            got=f"none but {older} older" if older else "none",
+            remedy="allow more time" if older else "check cable and power, or allow more time",
+        )
+
+    def stream(self, capacity: int = CAPACITY) -> FrameStream:
+        """Return a stream of all frames from now on; `grab` is refused until it is closed.
+
+        Parameters
+        ----------
+        capacity : int
+            How many frames may wait for the program.
+
+        Raises
+        ------
+        DeviceError
+            As `grab` does.
+        """
+        with to_itself(self._lock, self._name, "stream", OPENING_S):
+            session = self._ready("stream", self._clock.now_s() + OPENING_S)
+            begun_s = self._clock.now_s()
+            with self._giving_up_lost():
+                session.verify()
+
+            def source(timeout_s: float) -> Frame | None:
+                with self._giving_up_lost():
+                    return session.next_frame(timeout_s, after_s=begun_s)
+
+            self._stream = FrameStream(
+                self._name,
+                source,
+                self._clock,
+                interval_s=session.interval_s,
+                silence_s=max(SILENCE_S, SILENCE_FRAMES * session.interval_s),
+                capacity=capacity,
+                on_close=self._stream_closed,
+            )
+            return self._stream
+
+    def close(self) -> None:
+        """Release the camera; harmless when repeated."""
+        self._closed = True  # before it waits: threads that grab by turns might never let it in
+        with self._lock:
+            stream = self._stream
+        if stream is not None:
+            stream.close()
+        with self._lock:
+            self._give_up()
+
+    @abstractmethod
+    def _open_again(self, step: str, deadline_s: float) -> S:
+        """Open the camera that was given up, at most until the deadline."""
+
+    def _give_up(self) -> None:
+        session, self._session = self._session, None
+        if session is not None:
+            session.close()
+
+    def _ready(self, step: str, deadline_s: float) -> S:
+        if self._closed:
+            raise DeviceFault(
+                self._name, step, expected="an open camera", got="a closed one", remedy="open it again"
+            )
+        if self._stream is not None:
+            raise DeviceFault(
+                self._name,
+                step,
+                expected="no open stream",
+                got="one that takes every frame",
+                remedy="take the frame from the stream, or close it",
+            )
+        if self._session is None:
+            self._session = self._open_again(step, deadline_s)
+            self._silent_s = 0.0
+        return self._session
+
+    def _stream_closed(self) -> None:
+        self._stream = None
+
+    @contextmanager
+    def _giving_up_lost(self) -> Iterator[None]:
+        try:
+            yield
+        except LinkLost:
+            self._give_up()
+            raise
+
+
+@contextmanager
+def to_itself(lock: threading.Lock, device: str, step: str, timeout_s: float) -> Iterator[None]:
+    """Hold a camera's lock; `DeviceTimeout` if another call still does after `timeout_s`."""
+    if not lock.acquire(timeout=min(max(0.0, timeout_s), threading.TIMEOUT_MAX)):
+        raise DeviceTimeout(
+            device,
+            step,
+            expected="a camera that no other call uses",
+            got=f"one in use for {timeout_s:g} s",
+            remedy="call it from one thread, or take its frames from a stream",
+        )
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def refuse_simulated_time(device: str, context: OpenContext) -> None:
+    """Raise `DeviceFault` where time is simulated: a real camera knows nothing of it."""
+    if isinstance(context.clock, VirtualClock):
+        raise DeviceFault(
+            device,
+            "open camera",
+            expected="a rig in real time",
+            got="simulated time, of which a real camera knows nothing",
+            remedy="use driver 'simulated-camera' in a simulated rig",
+        )

@@ -1,0 +1,195 @@
+"""Any camera that OpenCV opens, for setting up and for teaching: it cannot prove that no frame was lost.
+
+OpenCV passes on neither the frame's counter, nor its time stamp, nor its error flag, and shows a damaged
+frame as a good one. What can be done is done: frames that may have waited are thrown away, and what OpenCV
+reads back is compared. Where the camera has another driver, use that one.
+"""
+
+import math
+import threading
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.cameras.filming import refuse_simulated_time, to_itself
+from drivers.cameras.opencv.settings import OpencvCameraSettings
+from drivers.clock import Clock
+from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
+from drivers.interfaces import CameraInfo, Frame, OpenContext
+from drivers.registry import DriverSpec
+
+UNPROVEN = "frame loss unproven"
+"""Stands in the model's name, and so in every run file."""
+GREEN, DIMENSIONS = 1, 2
+TOLERANCE = 1e-3
+
+
+class OpencvCamera:
+    """A `Camera` through OpenCV; construct it with `open_camera`.
+
+    Parameters
+    ----------
+    settings : OpencvCameraSettings
+    context : OpenContext
+    capture : cv2.VideoCapture
+        Opened. A test may give another with the same methods.
+    """
+
+    info: CameraInfo
+
+    def __init__(self, settings: OpencvCameraSettings, context: OpenContext, capture: Any) -> None:
+        self._settings = settings
+        self._clock: Clock = context.clock
+        self._name = f"{context.name} ({settings.source})"
+        self._capture = capture
+        self._lock = threading.Lock()
+        self._sequence = 0
+        self._configure()
+        self.info = CameraInfo(
+            vendor="OpenCV",
+            model=f"{capture.getBackendName()} camera, {UNPROVEN}",
+            serial=str(settings.source),
+            width_px=settings.width_px,
+            height_px=settings.height_px,
+            bits=settings.bits,
+        )
+
+    def grab(self, timeout_s: float) -> Frame:
+        """Return a frame that came after all those which may have waited, and the one under way at the call.
+
+        Its `exposed_s` is the call itself: that the exposure did not begin earlier is all that is known. Its
+        sequence number counts the frames that the program read.
+
+        Raises
+        ------
+        DeviceTimeout
+            If reading takes longer than `timeout_s`; OpenCV itself may wait up to 10 s for one frame.
+        LinkLost
+            If OpenCV reads nothing.
+        """
+        asked_s, utc = self._clock.now_s(), self._clock.utc()
+        with to_itself(self._lock, self._name, "grab", timeout_s):
+            self._require_open()
+            for _ in range(self._settings.buffered_frames + 1):
+                self._next(asked_s, timeout_s)
+            image = self._grey(self._next(asked_s, timeout_s))
+            return Frame(
+                image=image,
+                exposed_s=asked_s,
+                received_s=self._clock.now_s(),
+                utc=utc,
+                sequence=self._sequence,
+                flags=0,
+                exposure_us=math.nan,  # its unit depends on the backend
+                gain=math.nan if self._settings.gain is None else self._settings.gain,
+            )
+
+    def close(self) -> None:
+        """Release the camera; harmless when repeated."""
+        with self._lock:
+            capture, self._capture = self._capture, None
+            if capture is not None:
+                capture.release()
+
+    def _configure(self) -> None:
+        import cv2
+
+        wanted = {
+            "FRAME_WIDTH": float(self._settings.width_px),
+            "FRAME_HEIGHT": float(self._settings.height_px),
+            "FPS": self._settings.rate_hz,
+            **self._settings.properties,
+        }
+        for name in ("exposure", "gain"):
+            value = getattr(self._settings, name)
+            if value is not None:
+                wanted[name.upper()] = value
+        for name, value in wanted.items():
+            number = getattr(cv2, f"CAP_PROP_{name}", None)
+            if number is None:
+                raise self._fault(f"set {name}", "a property of OpenCV", repr(name), "correct `properties`")
+            # its answer says nothing: some backends refuse what they have already
+            self._capture.set(number, value)
+        for name, value in wanted.items():
+            got = float(self._capture.get(getattr(cv2, f"CAP_PROP_{name}")))
+            if not abs(got - value) <= TOLERANCE * max(1.0, abs(value)):
+                raise self._fault(
+                    f"set {name}", f"{value:g}", f"{got:g} on reading back", "choose what the camera has"
+                )
+
+    def _next(self, asked_s: float, timeout_s: float) -> NDArray[np.uint8]:
+        if not self._clock.now_s() - asked_s <= timeout_s:  # no number is no patience
+            raise DeviceTimeout(
+                self._name,
+                "grab",
+                expected=f"a frame exposed after the call, within {timeout_s:g} s",
+                got="none",
+                remedy="allow more time, or lower `buffered_frames` if so many never wait",
+            )
+        good, image = self._capture.read()
+        if not good or image is None:
+            raise LinkLost(
+                self._name,
+                "grab",
+                expected="a frame",
+                got="nothing from OpenCV, which does not say why",
+                remedy="check cable and power, then open the camera again",
+            )
+        self._sequence += 1
+        return np.asarray(image)
+
+    def _grey(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        shape = (self._settings.height_px, self._settings.width_px)
+        if image.shape[:DIMENSIONS] != shape or image.dtype != np.uint8:
+            raise self._fault(
+                "grab",
+                f"{shape[1]} x {shape[0]} px as uint8",
+                f"shape {image.shape} as {image.dtype}",
+                "choose another size",
+            )
+        if image.ndim == DIMENSIONS:
+            return image.copy()
+        if self._settings.channel == "green":
+            return np.ascontiguousarray(image[:, :, GREEN])
+        import cv2
+
+        return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+
+    def _require_open(self) -> None:
+        if self._capture is None:
+            raise self._fault("grab", "an open camera", "a closed one", "open it again")
+
+    def _fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
+        return DeviceFault(self._name, step, expected=expected, got=got, remedy=remedy)
+
+
+def open_camera(settings: OpencvCameraSettings, context: OpenContext) -> OpencvCamera:
+    """Open a camera through OpenCV and compare what it reads back.
+
+    Raises
+    ------
+    DeviceError
+        If OpenCV cannot open it, or a property is not taken.
+    """
+    import cv2
+
+    name = f"{context.name} ({settings.source})"
+    refuse_simulated_time(name, context)
+    capture = cv2.VideoCapture(settings.source)
+    try:
+        if not capture.isOpened():
+            raise LinkLost(
+                name,
+                "open camera",
+                expected="a free camera",
+                got="none that OpenCV can open",
+                remedy="check number and cable, and that no other program uses it",
+            )
+        return OpencvCamera(settings, context, capture)
+    except BaseException:
+        capture.release()
+        raise
+
+
+SPEC = DriverSpec(kind="camera", settings=OpencvCameraSettings, open=open_camera)

@@ -1,0 +1,191 @@
+"""Frames as fast as the camera gives them, with an account of every one that is missing."""
+
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Self
+
+from drivers.cameras.losses import Loss, LossAccount, LossKind
+from drivers.clock import Clock
+from drivers.errors import DeviceFault, DeviceTimeout
+from drivers.interfaces import Frame
+
+CAPACITY = 64
+SLICE_S = 0.1
+"""How long the thread waits at a time before it looks whether it shall end."""
+
+
+@dataclass(frozen=True)
+class StreamReport:
+    """What became of the frames of a stream.
+
+    Attributes
+    ----------
+    taken : int
+        Whole frames that were queued for the program.
+    losses : tuple of Loss
+    """
+
+    taken: int
+    losses: tuple[Loss, ...]
+
+    @property
+    def lost(self) -> int:
+        """How many frames are missing in all."""
+        return sum(loss.count for loss in self.losses)
+
+
+class FrameStream:
+    """A thread that takes frames from a camera into a bounded queue; use it as a context manager.
+
+    Frames with error flags are not delivered. When the queue is full the newest frame is dropped. Nothing is
+    dropped, skipped or found missing that `report` does not tell.
+
+    Parameters
+    ----------
+    device : str
+        For messages.
+    source : callable
+        ``source(timeout_s)`` returns the next frame, or None when the time is over; it raises `DeviceError`.
+    clock : Clock
+    interval_s : float
+        From one frame to the next.
+    silence_s : float
+        After how long without a frame the camera counts as stalled.
+    capacity : int
+        Of the queue.
+    on_close : callable
+        Called once the thread has ended.
+
+    Raises
+    ------
+    DeviceFault
+        If the queue has no room.
+    """
+
+    def __init__(
+        self,
+        device: str,
+        source: Callable[[float], Frame | None],
+        clock: Clock,
+        *,
+        interval_s: float,
+        silence_s: float,
+        capacity: int = CAPACITY,
+        on_close: Callable[[], None],
+    ) -> None:
+        if capacity < 1:
+            raise DeviceFault(
+                device,
+                "stream",
+                expected="a queue with room for a frame",
+                got=f"one for {capacity}",
+                remedy="choose a capacity of 1 or more",
+            )
+        self._device = device
+        self._source = source
+        self._clock = clock
+        self._silence_s = silence_s
+        self._capacity = capacity
+        self._on_close = on_close
+        self._queue: deque[Frame] = deque()
+        self._news = threading.Condition()
+        self._ending = threading.Event()
+        self._error: Exception | None = None
+        self._taken = 0
+        self._losses = LossAccount(interval_s)
+        self._thread = threading.Thread(target=self._fill, name=f"stream {device}", daemon=True)
+        self._thread.start()
+
+    def next(self, timeout_s: float) -> Frame:
+        """Return the oldest frame that waits.
+
+        Raises
+        ------
+        DeviceTimeout
+            If none comes in time.
+        DeviceError
+            What ended the stream, once the frames before it are taken.
+        """
+        with self._news:
+            self._news.wait_for(
+                lambda: self._queue or self._error or self._ending.is_set(),
+                min(timeout_s, threading.TIMEOUT_MAX),
+            )
+            if self._queue:
+                return self._queue.popleft()
+            if self._error is not None:
+                raise self._error
+        got = "none, since the stream was closed" if self._ending.is_set() else "none"
+        raise self._timeout(f"a frame within {timeout_s:g} s", got)
+
+    def report(self) -> StreamReport:
+        """Return the account up to now."""
+        with self._news:
+            return StreamReport(self._taken, self._losses.losses())
+
+    def close(self) -> None:
+        """End the thread; frames that wait can still be taken. Harmless when repeated."""
+        self._ending.set()
+        self._thread.join()
+        with self._news:
+            on_close, self._on_close = self._on_close, _nothing
+            self._news.notify_all()
+        on_close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Yield frames until the stream is closed; raises what ended it otherwise."""
+        while True:
+            try:
+                yield self.next(self._silence_s)
+            except DeviceTimeout:
+                if self._ending.is_set():
+                    return
+                raise
+
+    def _fill(self) -> None:
+        heard_s = self._clock.now_s()
+        while not self._ending.is_set():
+            try:
+                frame = self._source(SLICE_S)
+                now_s = self._clock.now_s()
+                if frame is None:
+                    if now_s - heard_s > self._silence_s:
+                        raise self._timeout(f"a frame within {self._silence_s:g} s", "none")
+                    continue
+            except Exception as error:  # whatever it is: whoever takes the frames must hear of it
+                with self._news:
+                    self._error = error
+                    self._news.notify_all()
+                return
+            heard_s = now_s
+            with self._news:
+                self._account(frame)
+                self._news.notify_all()
+
+    def _account(self, frame: Frame) -> None:
+        if not self._losses.see(frame):
+            return
+        if frame.flags:
+            self._losses.add(LossKind.DAMAGED, frame.sequence, 1, frame)
+        elif len(self._queue) >= self._capacity:
+            self._losses.add(LossKind.OVERFLOW, frame.sequence, 1, frame)
+        else:
+            self._queue.append(frame)
+            self._taken += 1
+
+    def _timeout(self, expected: str, got: str) -> DeviceTimeout:
+        return DeviceTimeout(
+            self._device, "stream", expected=expected, got=got, remedy="check cable and power of the camera"
+        )
+
+
+def _nothing() -> None:
+    """Stand in for what was called already."""

@@ -1,0 +1,1 @@
+"""Cameras of the Linux kernel (Video4Linux2)."""

@@ -1,0 +1,83 @@
+"""Cameras on Linux' own camera interface (V4L2): full depth, settings read back, frames proven fresh.
+
+Only the kernel is needed, no library. What the interface does not promise, and what is done about it, stands
+in docs/cameras.md.
+"""
+
+from drivers.cameras.filming import FilmingCamera, refuse_simulated_time
+from drivers.cameras.v4l2.find import Identity, open_node
+from drivers.cameras.v4l2.node import KernelSystem, System
+from drivers.cameras.v4l2.session import Session
+from drivers.cameras.v4l2.settings import V4l2Settings
+from drivers.errors import LinkLost
+from drivers.interfaces import CameraInfo, OpenContext
+from drivers.registry import DriverSpec
+
+VIRTUAL = ("vivid", "v4l2 loopback")
+
+
+class V4l2Camera(FilmingCamera[Session]):
+    """A `Camera`; construct it with `open_camera`.
+
+    After a camera was unplugged the call under way fails; the next one finds the camera again, wherever it
+    was plugged in if it has a serial number, and sets it up anew.
+    """
+
+    def __init__(self, settings: V4l2Settings, context: OpenContext, system: System) -> None:
+        super().__init__(f"{context.name} ({settings.device})", context.clock)
+        self._settings = settings
+        self._system = system
+        self._identity: Identity | None = None
+        self._session = self._open()
+        self._identity = identity = self._session.identity
+        self.info = CameraInfo(
+            vendor=identity.vendor or identity.driver,
+            model=identity.card,
+            serial=identity.serial or identity.bus,
+            firmware=identity.firmware,
+            simulated=identity.driver in VIRTUAL,
+            width_px=settings.width_px,
+            height_px=settings.height_px,
+            bits=settings.bits,
+        )
+
+    def _open_again(self, step: str, deadline_s: float) -> Session:
+        return self._open()
+
+    def _open(self) -> Session:
+        node, identity = open_node(self._settings.device, self._system, self._name)
+        known = self._identity
+        if known is not None and not identity.same_camera(known):
+            node.close()
+            raise LinkLost(
+                self._name,
+                "find camera again",
+                expected=f"{known.card} {known.serial or known.bus}",
+                got=f"{identity.card} {identity.serial or identity.bus}",
+                remedy="plug the first camera in again, or begin a new run",
+            )
+        return Session(node, identity, self._settings, self._name, self._clock)
+
+
+def open_camera(settings: V4l2Settings, context: OpenContext, system: System | None = None) -> V4l2Camera:
+    """Open a camera, write its settings, read them back and let it film.
+
+    Parameters
+    ----------
+    settings : V4l2Settings
+    context : OpenContext
+    system : System, optional
+        This machine's kernel by default.
+
+    Raises
+    ------
+    DeviceError
+        If the camera cannot be opened, or takes a setting differently.
+    """
+    if system is None:
+        refuse_simulated_time(f"{context.name} ({settings.device})", context)
+        system = KernelSystem()
+    return V4l2Camera(settings, context, system)
+
+
+SPEC = DriverSpec(kind="camera", settings=V4l2Settings, open=open_camera)

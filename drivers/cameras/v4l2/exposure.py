@@ -1,0 +1,94 @@
+"""Exposure time and gain of a camera, and everything else that decides what a grey level means."""
+
+import math
+from dataclasses import dataclass
+
+from drivers.cameras.v4l2.abi import ControlId
+from drivers.cameras.v4l2.controls import AUTOMATICS, Control, Controls
+from drivers.cameras.v4l2.settings import V4l2Settings
+from drivers.errors import DeviceFault
+
+EXPOSURE_UNIT_US = 100.0
+"""Of V4L2_CID_EXPOSURE_ABSOLUTE, by the kernel's documentation."""
+TOLERANCE = 1e-3
+SHUTTER_PRIORITY = 2
+"""Of V4L2_CID_EXPOSURE_AUTO: "manual exposure time, auto iris", by the kernel's documentation."""
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """Exposure time and gain as read back; NaN where the camera does not tell, or an automatic holds it."""
+
+    time_us: float
+    gain: float
+
+
+def set_exposure(controls: Controls, settings: V4l2Settings, device: str) -> Exposure:
+    """Switch the automatics off, then set exposure, gain and the other controls.
+
+    Raises
+    ------
+    DeviceFault
+        If a value is not taken or has no effect; if the camera has an exposure control and the settings do
+        not use it, or it has none and they try to; if `controls` name what has a setting of its own.
+    """
+    controls.switch_automatics_off(settings.controls)
+    exposure, unit_us = _exposure_control(controls, settings)
+    time_us = _set_exposure_time(controls, exposure, unit_us, settings.exposure_us, device)
+    gain = controls.known.get(ControlId.GAIN) or controls.known.get(ControlId.ANALOGUE_GAIN)
+    for name, value in settings.controls.items():
+        control = controls.named(name)
+        if control in (exposure, gain):
+            own = "gain" if control is gain else "exposure_us"
+            raise _unusable(device, f"set {name}", f"{name} under `controls`", f"say it by `{own}`")
+        if control.id not in AUTOMATICS:
+            controls.set_active(control, value)
+    return Exposure(time_us, _set_gain(controls, gain, settings.gain, device))
+
+
+def _exposure_control(controls: Controls, settings: V4l2Settings) -> tuple[Control | None, float | None]:
+    control = controls.known.get(ControlId.EXPOSURE_ABSOLUTE)
+    if control is not None:
+        return control, EXPOSURE_UNIT_US
+    # sensors without this control count exposure in lines, whose duration only their data sheet tells
+    return controls.known.get(ControlId.EXPOSURE), settings.line_us
+
+
+def _set_exposure_time(
+    controls: Controls, control: Control | None, unit_us: float | None, wanted_us: float | None, device: str
+) -> float:
+    step = "set exposure"
+    if control is None:
+        if wanted_us is None:
+            return math.nan
+        raise _unusable(device, step, "no exposure control", "leave out `exposure_us`")
+    if wanted_us is None:
+        raise _unusable(device, step, "no `exposure_us`", "add it: the camera has a control for it")
+    if unit_us is None:
+        raise _unusable(device, step, "exposure in lines", "add `line_us`, the duration of a line")
+    value = round(wanted_us / unit_us)
+    if abs(value * unit_us - wanted_us) > TOLERANCE * wanted_us:
+        remedy = f"choose a multiple of {unit_us:g} µs, as the camera does"
+        raise _unusable(device, step, f"{wanted_us:g} µs", remedy)
+    automatic = controls.known.get(ControlId.EXPOSURE_AUTO)
+    if automatic is not None and controls.get(automatic) == SHUTTER_PRIORITY:
+        controls.set(control, value)  # in effect, though uvcvideo calls all but its manual mode inactive
+    else:
+        controls.set_active(control, value)
+    return value * unit_us
+
+
+def _set_gain(controls: Controls, control: Control | None, wanted: int | None, device: str) -> float:
+    if control is None:
+        if wanted is None:
+            return math.nan
+        raise _unusable(device, "set gain", "no gain control", "leave out `gain`")
+    if wanted is not None:
+        controls.set_active(control, wanted)
+        return wanted
+    # under an automatic that was to stay on, the gain has no one value
+    return math.nan if controls.is_held(control) else controls.hold(control)
+
+
+def _unusable(device: str, step: str, got: str, remedy: str) -> DeviceFault:
+    return DeviceFault(device, step, expected="what the camera can do", got=got, remedy=remedy)

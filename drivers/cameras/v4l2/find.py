@@ -1,0 +1,123 @@
+"""Finding a camera among the video nodes: by path, by bus or by serial number."""
+
+import errno
+from dataclasses import dataclass
+
+from drivers.cameras.v4l2.abi import Capability, CapabilityInfo, Request
+from drivers.cameras.v4l2.node import Node, System, translate
+from drivers.errors import DeviceError, DeviceFault, LinkLost
+
+BUS, SERIAL = "bus:", "serial:"
+_NO_CAMERA = (errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.ENOTTY)
+
+
+@dataclass(frozen=True)
+class Identity:
+    """Which camera a node belongs to; it stays the same when the camera is plugged in again at its place."""
+
+    driver: str
+    card: str
+    bus: str
+    serial: str
+    vendor: str
+    firmware: str
+
+    def same_camera(self, other: "Identity") -> bool:
+        """Return whether both are one camera: the serial number decides, without one the socket."""
+        if self.card != other.card:
+            return False
+        if self.serial or other.serial:
+            return self.serial == other.serial
+        return self.bus == other.bus
+
+
+def open_node(wanted: str, system: System, device: str) -> tuple[Node, Identity]:
+    """Open the node that films for the camera `wanted`.
+
+    Parameters
+    ----------
+    wanted : str
+        A path, or ``bus:`` or ``serial:`` with what the camera says.
+    system : System
+    device : str
+        For messages.
+
+    Raises
+    ------
+    LinkLost
+        If there is no such camera.
+    DeviceFault
+        If it cannot be opened, is no camera, or more than one answers to the description.
+    """
+    if not wanted.startswith((BUS, SERIAL)):
+        return _open_path(wanted, system, device)
+    found: dict[str, Identity] = {}
+    refused: DeviceError | None = None
+    for path in system.paths():
+        try:
+            node, identity = _open_path(path, system, device)
+        except DeviceError as error:
+            cause = error.__cause__
+            if isinstance(cause, OSError) and cause.errno not in _NO_CAMERA:
+                refused = error  # it may be the one
+            continue
+        node.close()
+        if wanted in (BUS + identity.bus, SERIAL + identity.serial):
+            found[path] = identity
+    if len(found) == 1:
+        return _open_path(next(iter(found)), system, device)
+    if not found and refused is not None:
+        raise refused
+    raise (LinkLost if not found else DeviceFault)(
+        device,
+        "find camera",
+        expected=f"one camera {wanted!r}",
+        got=" and ".join(found) or "none",
+        remedy="name one of them by its path" if found else "plug the camera in, or correct `device`",
+    )
+
+
+def _open_path(path: str, system: System, device: str) -> tuple[Node, Identity]:
+    try:
+        node = system.open(path)
+    except OSError as error:
+        raise translate(error, device, "open camera", f"a camera at {path}") from error
+    try:
+        return node, _identify(node, path, system, device)
+    except BaseException:
+        node.close()
+        raise
+
+
+def _identify(node: Node, path: str, system: System, device: str) -> Identity:
+    info = CapabilityInfo()
+    try:
+        node.ioctl(Request.QUERYCAP, info)
+    except OSError as error:
+        raise translate(error, device, "identify camera", "a camera") from error
+    # `capabilities` is of all nodes together; a UVC camera's second node gives metadata, no pictures
+    own = info.device_caps if info.capabilities & Capability.DEVICE_CAPS else info.capabilities
+    needed = Capability.VIDEO_CAPTURE | Capability.STREAMING
+    if own & needed != needed:
+        kind = "multi-planar camera" if own & Capability.VIDEO_CAPTURE_MPLANE else "node"
+        raise DeviceFault(
+            device,
+            "identify camera",
+            expected="a node that streams single-planar pictures",
+            got=f"a {kind} with capabilities {own:#x}",
+            remedy="name another node of the camera",
+        )
+    facts = system.usb_facts(path)
+    version = info.version
+    return Identity(
+        driver=_text(info.driver),
+        card=_text(info.card),
+        bus=_text(info.bus_info),
+        serial=facts.get("serial", ""),
+        vendor=facts.get("manufacturer", ""),
+        firmware=facts.get("bcdDevice", "") or f"driver {version >> 16}.{version >> 8 & 255}.{version & 255}",
+    )
+
+
+def _text(raw: bytes) -> str:
+    return raw.decode("utf-8", "replace")

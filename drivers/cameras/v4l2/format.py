@@ -1,0 +1,131 @@
+"""Picture format and frame rate: asked for, read back, refused if the camera chose something else."""
+
+import ctypes
+import errno
+from dataclasses import dataclass
+from fractions import Fraction
+
+from drivers.cameras.v4l2.abi import CAPTURE, CaptureParameters, Format, PixelFormat, Request, code_of, fourcc
+from drivers.cameras.v4l2.node import Node, translate
+from drivers.cameras.v4l2.pixels import FORMATS, Grey, bytes_needed
+from drivers.errors import DeviceFault
+
+RATE_TOLERANCE = 1e-3
+PROGRESSIVE = 1
+_LARGEST_DENOMINATOR = 1001  # of 30000/1001 Hz
+
+
+@dataclass(frozen=True)
+class Picture:
+    """How the pictures in the buffers look; `interval_s` from one to the next."""
+
+    grey: Grey
+    width: int
+    height: int
+    stride: int
+    interval_s: float
+
+    @property
+    def whole_bytes(self) -> int:
+        """What a whole picture fills of a buffer."""
+        return bytes_needed(self.grey, self.width, self.height, self.stride)
+
+
+def set_picture(
+    node: Node,
+    device: str,
+    *,
+    input: int,
+    code: str,
+    width: int,
+    height: int,
+    rate_hz: float,
+    stride: int = 0,
+) -> Picture:
+    """Choose input, format, size and rate.
+
+    Parameters
+    ----------
+    node, device
+        The opened camera and its name for messages.
+    input : int
+    code : str
+        One of `FORMATS`.
+    width, height : int
+        In pixels.
+    rate_hz : float
+    stride : int
+        Bytes per row to ask for; 0 leaves it to the camera.
+
+    Raises
+    ------
+    DeviceFault
+        If the camera is in use, or answers another format, size, stride or rate.
+    """
+    try:
+        node.ioctl(Request.S_INPUT, ctypes.c_int(input))
+    except OSError as error:
+        # a camera with one input may not know the request
+        if input or error.errno not in (errno.EINVAL, errno.ENOTTY):
+            raise translate(error, device, "choose input", f"input {input}") from error
+    wanted = f"{width} x {height} px {code}"
+    format = Format(type=CAPTURE)
+    pix = format.fmt.pix
+    pix.width, pix.height, pix.pixelformat = width, height, fourcc(code)
+    pix.field, pix.bytesperline = PROGRESSIVE, stride
+    try:
+        node.ioctl(Request.S_FMT, format)
+        _require(device, wanted, pix, stride)
+        rate = _set_rate(node, device, rate_hz)
+        # once more: the rate may have changed it
+        node.ioctl(Request.G_FMT, format)
+        _require(device, wanted, pix, stride)
+    except OSError as error:
+        raise translate(error, device, "set format", wanted) from error
+    grey = FORMATS[code]
+    picture = Picture(grey, width, height, pix.bytesperline or width * grey.pixel_bytes, 1 / rate)
+    if picture.stride < width * grey.pixel_bytes or pix.sizeimage < picture.whole_bytes:
+        raise DeviceFault(
+            device,
+            "set format",
+            expected=f"rows of at least {width * grey.pixel_bytes} bytes, {height} of them",
+            got=f"rows of {picture.stride} bytes in buffers of {pix.sizeimage}",
+            remedy="report it to the maker of the camera's kernel driver",
+        )
+    return picture
+
+
+def _require(device: str, wanted: str, pix: PixelFormat, stride: int) -> None:
+    got = f"{pix.width} x {pix.height} px {code_of(pix.pixelformat)}"
+    if got != wanted or pix.field != PROGRESSIVE:
+        got += "" if pix.field == PROGRESSIVE else f", interlaced (field {pix.field})"
+        raise DeviceFault(
+            device, "set format", expected=wanted, got=got, remedy="see v4l2-ctl --list-formats-ext"
+        )
+    if stride not in (0, pix.bytesperline):
+        raise DeviceFault(
+            device,
+            "set stride",
+            expected=f"rows of {stride} bytes",
+            got=f"rows of {pix.bytesperline}",
+            remedy="leave out `stride_bytes`",
+        )
+
+
+def _set_rate(node: Node, device: str, rate_hz: float) -> float:
+    rate = Fraction(rate_hz).limit_denominator(_LARGEST_DENOMINATOR)
+    parameters = CaptureParameters(type=CAPTURE, numerator=rate.denominator, denominator=rate.numerator)
+    try:
+        node.ioctl(Request.S_PARM, parameters)
+    except OSError as error:
+        raise translate(error, device, "set frame rate", f"{rate_hz:g} Hz") from error
+    got = parameters.denominator / parameters.numerator if parameters.numerator else 0.0
+    if abs(got - rate_hz) > RATE_TOLERANCE * rate_hz:
+        raise DeviceFault(
+            device,
+            "set frame rate",
+            expected=f"{rate_hz:g} Hz",
+            got=f"{got:g} Hz",
+            remedy="choose a rate that the camera has at this size: v4l2-ctl --list-formats-ext",
+        )
+    return got

@@ -1,0 +1,225 @@
+"""One camera from plugging in to unplugging: opened, identified, set up, filming, closed."""
+
+import errno
+from datetime import datetime, timedelta
+
+from drivers.cameras.v4l2.abi import PRIORITY_RECORD, BufferFlag, Request
+from drivers.cameras.v4l2.buffers import Buffers, Filled
+from drivers.cameras.v4l2.controls import Controls
+from drivers.cameras.v4l2.exposure import set_exposure
+from drivers.cameras.v4l2.find import Identity
+from drivers.cameras.v4l2.format import set_picture
+from drivers.cameras.v4l2.node import Node, translate
+from drivers.cameras.v4l2.pixels import Image, grey_levels
+from drivers.cameras.v4l2.settings import V4l2Settings
+from drivers.cameras.v4l2.stamps import FrameNumbers, StampRule, require_monotonic
+from drivers.clock import Clock
+from drivers.errors import DeviceError, DeviceFault
+from drivers.interfaces import Frame
+
+UNSETTLED_FRAMES = 2
+"""How many frames after a change of controls may still be exposed as before."""
+SHORT = 1 << 32
+"""Flag of a frame that ends too soon, above the kernel's 32 bits of flags."""
+
+
+class Session:
+    """A camera that films with settings that were read back.
+
+    Parameters
+    ----------
+    node : Node
+        Closed by `close`, and when the camera cannot be set up.
+    identity : Identity
+    settings : V4l2Settings
+    device : str
+        For messages.
+    clock : Clock
+
+    Raises
+    ------
+    DeviceError
+        If any setting is not taken.
+    """
+
+    def __init__(
+        self, node: Node, identity: Identity, settings: V4l2Settings, device: str, clock: Clock
+    ) -> None:
+        self.identity = identity
+        self._node = node
+        self._device = device
+        self._clock = clock
+        self._buffers: Buffers | None = None
+        self._unsettled = UNSETTLED_FRAMES
+        self._healing = False
+        self.seen = 0
+        try:
+            self._claim()
+            self._picture = set_picture(
+                node,
+                device,
+                input=settings.input,
+                code=settings.format,
+                width=settings.width_px,
+                height=settings.height_px,
+                rate_hz=settings.rate_hz,
+                stride=settings.stride_bytes,
+            )
+            self._controls = Controls(node, device)
+            self.exposure = set_exposure(self._controls, settings, device)
+            self._controls.verify()
+            self._rule = StampRule.of(
+                identity.driver, self.exposure.time_us, settings.transfer_us, self.interval_s
+            )
+            self._numbers = FrameNumbers(self.interval_s)
+            self._buffers = Buffers(node, device, settings.buffers)
+            try:
+                self._buffers.start()
+            except OSError as error:
+                raise translate(error, device, "start", "a filming camera") from error
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def interval_s(self) -> float:
+        """From one frame to the next."""
+        return self._picture.interval_s
+
+    def verify(self) -> None:
+        """Read all settings back; `DeviceFault` if another program has changed one."""
+        self._controls.verify()
+
+    def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
+        """Return the next frame whose exposure began after `after_s`; None when the time is over.
+
+        Frames that end too soon or that the kernel flags as damaged are returned, with their flags.
+
+        Raises
+        ------
+        LinkLost
+            If the camera was unplugged.
+        DeviceFault
+            If it keeps reporting errors, or gives stamps or grey levels that cannot be.
+        """
+        deadline_s = self._clock.now_s() + timeout_s
+        while True:
+            filled = self._take()
+            if filled is None:
+                left_s = deadline_s - self._clock.now_s()
+                if not left_s > 0:
+                    return None
+                self._wait(left_s)
+                continue
+            try:
+                frame = self._frame(filled, after_s)
+            finally:
+                self._give_back(filled)
+            if frame is not None:
+                return frame
+            if not self._clock.now_s() <= deadline_s:
+                return None
+
+    def close(self) -> None:
+        """Stop filming and release everything; harmless when repeated."""
+        if self._buffers is not None:
+            self._buffers.close()
+            self._buffers = None
+        self._node.close()
+
+    def _claim(self) -> None:
+        """Keep other programs from changing the camera, where the kernel's driver can."""
+        import ctypes
+
+        try:
+            self._node.ioctl(Request.S_PRIORITY, ctypes.c_uint32(PRIORITY_RECORD))
+        except OSError as error:
+            if error.errno not in (errno.EINVAL, errno.ENOTTY):
+                raise translate(error, self._device, "claim camera", "a free camera") from error
+
+    def _take(self) -> Filled | None:
+        """Take out a buffer; after an error of the stream, restart it, but not twice without a frame."""
+        assert self._buffers is not None
+        try:
+            return self._buffers.take()
+        except OSError as error:
+            if self._healing or error.errno not in (errno.EIO, errno.EPIPE, errno.EINVAL):
+                self._healing = False  # the next call may try again
+                raise self._translated(error) from error
+        self._healing = True
+        try:
+            self._buffers.stop()
+            self._buffers.start()
+            self._numbers.restarted()
+            return self._buffers.take()
+        except OSError as error:
+            self._healing = False
+            raise self._translated(error) from error
+
+    def _wait(self, timeout_s: float) -> None:
+        try:
+            self._node.wait(timeout_s)
+        except OSError as error:
+            raise self._translated(error) from error
+
+    def _give_back(self, filled: Filled) -> None:
+        assert self._buffers is not None
+        try:
+            self._buffers.give_back(filled)
+        except OSError as error:
+            raise self._translated(error) from error
+
+    def _translated(self, error: OSError) -> DeviceError:
+        return translate(error, self._device, "get frame", "a frame")
+
+    def _frame(self, filled: Filled, after_s: float) -> Frame | None:
+        self._healing = False
+        self.seen += 1
+        require_monotonic(filled.flags, self._device)
+        received_s = self._clock.now_s()
+        sequence = self._numbers.number(filled.sequence, filled.stamp_s)
+        exposed_s = self._rule.exposed_s(filled)
+        if self._unsettled:
+            self._unsettled -= 1
+            return None
+        if exposed_s < after_s:
+            return None
+        if exposed_s > received_s:
+            raise self._fault(
+                "a frame from the past",
+                f"one exposed {exposed_s - received_s:.3f} s from now",
+                "report it to the maker of the camera's kernel driver",
+            )
+        # uncompressed pictures have one size: more bytes than that are padding, less are a broken transfer
+        short = SHORT if filled.bytes_used < self._picture.whole_bytes else 0
+        flags = filled.flags & BufferFlag.ERROR | short
+        return Frame(
+            image=self._image(filled, damaged=flags != 0),
+            exposed_s=exposed_s,
+            received_s=received_s,
+            utc=self._utc_of(exposed_s),
+            sequence=sequence,
+            flags=flags,
+            exposure_us=self.exposure.time_us,
+            gain=self.exposure.gain,
+        )
+
+    def _image(self, filled: Filled, *, damaged: bool) -> Image:
+        assert self._buffers is not None
+        picture = self._picture
+        with self._buffers.memory(filled) as memory:
+            image = grey_levels(memory, picture.grey, picture.width, picture.height, picture.stride)
+        highest = int(image.max())
+        if highest >> picture.grey.bits and not damaged:
+            raise self._fault(
+                f"grey levels of {picture.grey.bits} bits",
+                str(highest),
+                "choose format Y16: the camera uses more bits than the format says",
+            )
+        return image
+
+    def _utc_of(self, time_s: float) -> datetime:
+        return self._clock.utc() - timedelta(seconds=self._clock.now_s() - time_s)
+
+    def _fault(self, expected: str, got: str, remedy: str) -> DeviceFault:
+        return DeviceFault(self._device, "get frame", expected=expected, got=got, remedy=remedy)

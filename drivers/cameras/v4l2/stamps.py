@@ -1,0 +1,99 @@
+"""When was a frame exposed, and which one is it? What the kernel's stamps and counters say, and what not."""
+
+import math
+from dataclasses import dataclass
+
+from drivers.cameras.v4l2.abi import BufferFlag
+from drivers.cameras.v4l2.buffers import Filled
+from drivers.errors import DeviceFault
+
+COUNTER = 2**32
+STAMPED_ON_ARRIVAL = ("uvcvideo",)
+"""Kernel drivers whose stamp claims the start of exposure and is the arrival of the first packet."""
+
+
+def require_monotonic(flags: int, device: str) -> None:
+    """Raise `DeviceFault` unless the stamp is of the monotonic clock."""
+    if flags & BufferFlag.CLOCK != BufferFlag.MONOTONIC:
+        raise DeviceFault(
+            device,
+            "get frame",
+            expected="a stamp of the monotonic clock",
+            got=f"flags {flags:#x}",
+            remedy="use another camera: this one's driver cannot tell how old a frame is",
+        )
+
+
+@dataclass(frozen=True)
+class StampRule:
+    """From a frame's stamp to the earliest moment at which its exposure can have begun.
+
+    A frame is never called younger than it is: what is not known counts as a whole frame time.
+
+    Attributes
+    ----------
+    started_s : float
+        From that moment to a stamp that marks the start of the frame.
+    ended_s : float
+        The same for one that marks its end.
+    """
+
+    started_s: float
+    ended_s: float
+
+    @classmethod
+    def of(cls, driver: str, exposure_us: float, transfer_us: float | None, interval_s: float) -> "StampRule":
+        """Return the rule for a camera.
+
+        Parameters
+        ----------
+        driver : str
+            The kernel's driver.
+        exposure_us : float
+            NaN if not known: it is no longer than the interval then.
+        transfer_us : float, optional
+            Longest time from the end of exposure to the stamp; without it the interval.
+        interval_s : float
+        """
+        exposure_s = interval_s if math.isnan(exposure_us) else exposure_us * 1e-6
+        readout_s = interval_s if transfer_us is None else transfer_us * 1e-6
+        ended_s = exposure_s + readout_s
+        # The first packet can leave the camera only when the first row has been exposed.
+        return cls(ended_s if driver in STAMPED_ON_ARRIVAL else 0.0, ended_s)
+
+    def exposed_s(self, filled: Filled) -> float:
+        """Return when the exposure of a buffer's frame began, at the earliest."""
+        at_start = filled.flags & BufferFlag.STAMP_PLACE == BufferFlag.STAMP_AT_START
+        return filled.stamp_s - (self.started_s if at_start else self.ended_s)
+
+
+class FrameNumbers:
+    """Numbers that go on where the kernel's counter of 32 bits begins anew.
+
+    Parameters
+    ----------
+    interval_s : float
+        From one frame to the next: after a restart of the stream time tells how many are missing.
+    """
+
+    def __init__(self, interval_s: float) -> None:
+        self._interval_s = interval_s
+        self._last: tuple[int, float] | None = None
+        self._number = 0
+        self._restarted = False
+
+    def restarted(self) -> None:
+        """Note that the kernel counts from 0 again."""
+        self._restarted = True
+
+    def number(self, counter: int, stamp_s: float) -> int:
+        """Return the frame's number; a counter that stands still or goes back is passed on as such."""
+        if self._last is None:
+            self._number = counter
+        elif self._restarted:
+            self._number += max(1, round((stamp_s - self._last[1]) / self._interval_s))
+        else:
+            self._number += (counter - self._last[0] + COUNTER // 2) % COUNTER - COUNTER // 2
+        self._restarted = False
+        self._last = counter, stamp_s
+        return self._number

@@ -1,0 +1,1 @@
+"""Tensile load frames, one folder per protocol."""

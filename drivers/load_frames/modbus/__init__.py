@@ -1,0 +1,1 @@
+"""Load frames on Modbus, described by a register map."""

@@ -1,0 +1,181 @@
+"""Tensile load frame on Modbus TCP or RTU, described by a register map."""
+
+import math
+
+from drivers.errors import DeviceTimeout, LinkLost
+from drivers.interfaces import DeviceInfo, FrameLimits, FrameState, OpenContext
+from drivers.lines.addresses import resolve_address
+from drivers.load_frames.modbus.bus.link import ModbusLink
+from drivers.load_frames.modbus.commands import FrameCommands
+from drivers.load_frames.modbus.registers.map import RegisterMap, load_map
+from drivers.load_frames.modbus.registers.mapped_device import MappedDevice
+from drivers.load_frames.modbus.registers.registers import Number
+from drivers.load_frames.modbus.settings import ModbusFrameSettings
+from drivers.registry import DriverSpec
+
+
+class ModbusFrame:
+    """A `LoadFrame` on Modbus; construct it with `open_frame`.
+
+    Parameters
+    ----------
+    settings : ModbusFrameSettings
+    context : OpenContext
+    register_map : RegisterMap
+    work, safety : MappedDevice
+        Two ways to the same machine, the second for `hold`, which nothing else may delay: a connection of
+        its own, or the right to go first where there is only one.
+    """
+
+    info: DeviceInfo
+    limits: FrameLimits
+
+    def __init__(
+        self,
+        settings: ModbusFrameSettings,
+        context: OpenContext,
+        register_map: RegisterMap,
+        work: MappedDevice,
+        safety: MappedDevice,
+    ) -> None:
+        self._clock = context.clock
+        self._map = register_map
+        self._work = work
+        self._safety = safety
+        identity = work.identify("identify")
+        firmware = int(identity["firmware"])
+        self.info = DeviceInfo(
+            vendor=register_map.vendor,
+            model=register_map.model,
+            serial=str(identity["serial"]),
+            firmware=f"{firmware >> 8}.{firmware & 0xFF}",
+            simulated=settings.address.startswith("@"),
+        )
+        self._commands = FrameCommands(settings, context.clock, register_map, work, safety)
+        # the machine has them word for word: what differs is only the rounding of its registers
+        self.limits = settings.limits
+        self._prove_way_for_hold(identity)
+
+    def read(self) -> FrameState:
+        """Read the state in one request, then feed the machine's watchdog.
+
+        Raises
+        ------
+        DeviceFault
+            If the readings are stale, impossible or of another register map, or the machine was restarted.
+        DeviceTimeout, LinkLost
+            If no answer came. After that motion is refused until `hold` was confirmed.
+        """
+        values = self._commands.state("read")
+        read_s = self._clock.now_s()
+        self._commands.stay_in_charge()
+        bits = int(values["status"])
+        status = self._map.status
+        faults = [name for name, bit in status.faults.items() if bits >> bit & 1]
+        code = int(values["fault"])
+        if code:
+            faults.insert(0, self._map.fault_codes.get(str(code), f"fault {code}"))
+        return FrameState(
+            load_n=float(values["load"]),
+            displacement_mm=float(values["displacement"]),
+            moving=bool(bits >> status.moving & 1),
+            at_target=bool(bits >> status.at_target & 1),
+            holding=bool(bits >> status.hold & 1),
+            sample=int(values["sample"]),
+            faults=tuple(dict.fromkeys(faults)),
+            time_s=read_s,
+        )
+
+    def go_to_load(self, load_n: float, rate_n_s: float) -> None:
+        """Begin to approach a load along a ramp; `DeviceFault` beyond the limits."""
+        limits = self.limits
+        step = f"go to {load_n:g} N at {rate_n_s:g} N/s"
+        self._refuse_outside(step, load_n, limits.load_min_n, limits.load_max_n, "N")
+        self._refuse_rate(step, rate_n_s, limits.load_rate_max_n_s, "N/s")
+        self._commands.give(step, self._map.commands.go_to_load, {"load": load_n, "load_rate": rate_n_s})
+
+    def go_to_displacement(self, displacement_mm: float, speed_mm_s: float) -> None:
+        """Begin to approach a crosshead position at constant speed; `DeviceFault` beyond the limits."""
+        limits = self.limits
+        step = f"go to {displacement_mm:g} mm at {speed_mm_s:g} mm/s"
+        self._refuse_outside(
+            step, displacement_mm, limits.displacement_min_mm, limits.displacement_max_mm, "mm"
+        )
+        self._refuse_rate(step, speed_mm_s, limits.speed_max_mm_s, "mm/s")
+        values = {"displacement": displacement_mm, "speed": speed_mm_s}
+        self._commands.give(step, self._map.commands.go_to_displacement, values)
+
+    def tare(self) -> None:
+        """Make the present load and displacement the zero; `DeviceFault` while moving."""
+        self._commands.give("tare", self._map.commands.tare, {})
+
+    def hold(self) -> None:
+        """Stop and hold position now, on a connection of its own; repeated until the machine confirms.
+
+        A motion command that another thread has not yet sent is kept back, and one that is overtaken is not
+        executed by the machine.
+
+        Raises
+        ------
+        DeviceTimeout
+            If the machine does not confirm within 5 s.
+        """
+        self._commands.hold()
+
+    def close(self) -> None:
+        """Release both connections; harmless when repeated. It does not stop anything."""
+        self._work.close()
+        self._safety.close()
+
+    def _prove_way_for_hold(self, identity: dict[str, Number]) -> None:
+        step, alone = "prove the way for hold", "set connections = 1 if the machine takes only one"
+        try:
+            found = self._safety.identify(step)
+        except (DeviceTimeout, LinkLost) as error:
+            if self._safety.shares_link(self._work):
+                raise
+            raise type(error)(
+                error.device, error.step, expected=error.expected, got=error.got, remedy=alone
+            ) from error
+        if found != identity:
+            remedy = "check that one machine only has this address"
+            raise self._safety.fault(step, f"the machine {identity}", f"{found}", remedy)
+
+    def _refuse_outside(self, step: str, value: float, low: float, high: float, unit: str) -> None:
+        if not (math.isfinite(value) and low <= value <= high):
+            expected = f"a target from {low:g} to {high:g} {unit}"
+            raise self._work.fault(step, expected, f"{value:g} {unit}", "correct the protocol")
+
+    def _refuse_rate(self, step: str, rate: float, greatest: float, unit: str) -> None:
+        if not 0 < rate <= greatest:
+            expected = f"a rate above 0 up to {greatest:g} {unit}"
+            raise self._work.fault(step, expected, f"{rate:g} {unit}", "correct the protocol")
+
+
+def open_frame(settings: ModbusFrameSettings, context: OpenContext) -> ModbusFrame:
+    """Connect, identify the machine, write its limits and read them back; nothing moves.
+
+    Raises
+    ------
+    DeviceError
+        If the machine does not answer, or a limit is not taken.
+    ConfigurationError
+        If the register map has mistakes.
+    """
+    register_map = load_map(settings.map)
+    place = settings.place(resolve_address(settings.address, context))
+    shared = place.rtu or settings.connections == 1
+    links = [
+        ModbusLink(f"{context.name} ({place.text})", place, settings.unit, settings.reply_timeout_s)
+        for _ in range(1 if shared else 2)
+    ]
+    work, safety = MappedDevice(links[0], register_map), MappedDevice(links[-1], register_map, urgent=True)
+    try:
+        return ModbusFrame(settings, context, register_map, work, safety)
+    except BaseException:
+        work.close()
+        safety.close()
+        raise
+
+
+SPEC = DriverSpec(kind="load_frame", settings=ModbusFrameSettings, open=open_frame)

@@ -1,0 +1,145 @@
+"""Register maps: what stands where in a load frame's Modbus registers, as TOML data, and how to read it.
+
+A map has blocks. Each block is read or written whole, in one request, so that its values belong together; its
+registers follow each other without a gap. `drivers/load_frames/modbus/maps/generic.toml` is the example.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Self
+
+from pydantic import Field, ValidationError, field_validator, model_validator
+
+from drivers.errors import ConfigurationError
+from drivers.load_frames.modbus.registers.map_mistakes import READ_MAX, mistakes_across
+from drivers.load_frames.modbus.registers.registers import Block, WordOrder
+from drivers.settings import Settings, mistakes_in, read_toml
+
+
+class Blocks(Settings):
+    """The blocks every map has, and two that some machines keep apart.
+
+    Attributes
+    ----------
+    state, identity, command, limits, watchdog, heartbeat : Block
+    status : Block, optional
+        Where status word, fault and executed command do not stand beside load and displacement.
+    setpoints : Block, optional
+        Where targets and rates do not stand beside the command word; they are written and read back first.
+    """
+
+    state: Block
+    identity: Block
+    command: Block
+    limits: Block
+    watchdog: Block
+    heartbeat: Block
+    status: Block | None = None
+    setpoints: Block | None = None
+
+
+class Status(Settings):
+    """Bits of the register `status`, from 0, the least significant."""
+
+    moving: int = Field(ge=0, le=31)
+    at_target: int = Field(ge=0, le=31)
+    hold: int = Field(ge=0, le=31)
+    load_valid: int = Field(ge=0, le=31)
+    faults: dict[str, int]
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Self:
+        bits = [self.moving, self.at_target, self.hold, self.load_valid, *self.faults.values()]
+        if len(set(bits)) < len(bits) or not all(0 <= bit <= 31 for bit in bits):
+            raise ValueError("every bit must have a number of its own from 0 to 31")
+        return self
+
+
+class Commands(Settings):
+    """Values of the register `command`."""
+
+    hold: int = Field(ge=0, le=0xFFFF)
+    go_to_displacement: int = Field(ge=0, le=0xFFFF)
+    go_to_load: int = Field(ge=0, le=0xFFFF)
+    tare: int = Field(ge=0, le=0xFFFF)
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Self:
+        values = [self.hold, self.go_to_displacement, self.go_to_load, self.tare]
+        if len(set(values)) < len(values):
+            raise ValueError("every command must have a value of its own")
+        return self
+
+
+class RegisterMap(Settings):
+    """A load frame's registers.
+
+    Attributes
+    ----------
+    vendor, model : str
+    revision : int
+        What the register `revision` must hold.
+    word_order : str
+        How the bytes A (most significant) to D of a 32-bit value stand in its two registers.
+    request_max : int
+        Most registers the device takes in one request.
+    blocks, status, commands
+    fault_codes, results : dict
+        Meaning of the values of `fault` and `result`; 0 is always "none" and "accepted".
+    """
+
+    vendor: str
+    model: str
+    revision: int
+    word_order: WordOrder
+    request_max: int = Field(default=READ_MAX, ge=2, le=READ_MAX)
+    blocks: Blocks
+    status: Status
+    commands: Commands
+    fault_codes: dict[str, str]
+    results: dict[str, str]
+
+    @field_validator("fault_codes", "results")
+    @classmethod
+    def _numbered(cls, meanings: dict[str, str]) -> dict[str, str]:
+        for number in meanings:
+            if not (number.isascii() and number.isdecimal()) or number.startswith("0"):
+                raise ValueError(f"a decimal number above 0 is expected before each meaning, got {number}")
+        return meanings
+
+
+def shipped_maps() -> list[str]:
+    """Names of the maps that come with the package."""
+    return sorted(path.stem for path in (Path(__file__).parents[1] / "maps").glob("*.toml"))
+
+
+def load_map(name: str) -> RegisterMap:
+    """Read a map by the name of a shipped one, or by path.
+
+    Raises
+    ------
+    ConfigurationError
+        If it cannot be read or has mistakes; all are reported together.
+    """
+    path = Path(__file__).parents[1] / "maps" / f"{name}.toml" if name in shipped_maps() else Path(name)
+    if not path.is_file():
+        known = ", ".join(shipped_maps())
+        raise ConfigurationError(
+            f"register map {name!r}",
+            [f"neither a file nor a shipped map ({known}); correct map of the load frame"],
+        )
+    return parse_map(read_toml(path), str(path))
+
+
+def parse_map(data: Mapping[str, Any], source: str) -> RegisterMap:
+    """Check a map's content; `source` names it in messages. Raises `ConfigurationError` like `load_map`."""
+    mistakes: list[str] = []
+    register_map = None
+    try:
+        register_map = RegisterMap.model_validate(data)
+    except ValidationError as error:
+        mistakes = mistakes_in(error)
+    mistakes += mistakes_across(data)
+    if register_map is None or mistakes:
+        raise ConfigurationError(source, mistakes)
+    return register_map

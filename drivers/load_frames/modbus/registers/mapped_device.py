@@ -1,0 +1,156 @@
+"""A Modbus device seen through its register map: values by name instead of words by address."""
+
+import contextlib
+from collections.abc import Collection, Iterator, Mapping
+
+from drivers.errors import DeviceError, DeviceFault
+from drivers.load_frames.modbus.bus.link import ModbusLink
+from drivers.load_frames.modbus.registers.map import RegisterMap
+from drivers.load_frames.modbus.registers.registers import Block, Number
+
+
+class MappedDevice:
+    """Reads and writes whole blocks.
+
+    Parameters
+    ----------
+    link : ModbusLink
+    register_map : RegisterMap
+    urgent : bool
+        Go first on a link that others use too.
+    """
+
+    def __init__(self, link: ModbusLink, register_map: RegisterMap, *, urgent: bool = False) -> None:
+        self.name = link.name
+        self._link = link
+        self._map = register_map
+        self._urgent = urgent
+
+    def read(self, block: Block, step: str, names: Collection[str] | None = None) -> dict[str, Number]:
+        """Return a block's values, or those named, each in its unit.
+
+        Raises
+        ------
+        DeviceFault
+            If one of them is NaN, a sentinel or out of range.
+        """
+        return self._decoded(block, self._words(block, step), step, names)
+
+    def identify(self, step: str) -> dict[str, Number]:
+        """Return the identity, by which the link knows the machine again from now on."""
+        block = self._map.blocks.identity
+        words = self._words(block, step)
+        self._link.prove_by(block.table, block.address, words)
+        return self._decoded(block, words, step)
+
+    def _decoded(
+        self, block: Block, words: list[int], step: str, names: Collection[str] | None = None
+    ) -> dict[str, Number]:
+        try:
+            return block.decode(words, self._map.word_order, names)
+        except ValueError as error:
+            raise self.fault(
+                step, "valid values", str(error), "check sensor, cable and register map"
+            ) from error
+
+    def read_status(self, step: str) -> dict[str, Number]:
+        """Return status word and executed command, and nothing that a broken load cell can spoil."""
+        blocks = self._map.blocks
+        return self.read(blocks.status or blocks.state, step, names=("status", "executed"))
+
+    def read_state(self, step: str) -> dict[str, Number]:
+        """Return the values of the block `state`, and those of `status` where they stand apart.
+
+        The status is read first then: what it says of the machine is never newer than load and displacement.
+
+        Raises
+        ------
+        DeviceFault
+            Also if it is of another revision of the map, or marks the load as invalid.
+        """
+        blocks = self._map.blocks
+        values = {} if blocks.status is None else self.read(blocks.status, step)
+        values |= self.read(blocks.state, step)
+        if values["revision"] != self._map.revision:
+            expected, got = f"register map revision {self._map.revision}", f"{values['revision']:g}"
+            raise self.fault(step, expected, got, "use the map that belongs to the machine")
+        if not int(values["status"]) >> self._map.status.load_valid & 1:
+            raise self.fault(
+                step, "a valid load", "a load marked invalid", "check the load cell and its cable"
+            )
+        return values
+
+    def write(self, block: Block, values: Mapping[str, Number], step: str) -> None:
+        """Write a block in one request; registers that are not named become 0."""
+        self._write_words(block, self._encode(block, values, step), step)
+
+    def set(self, block: Block, values: Mapping[str, Number], step: str) -> None:
+        """Make a block hold `values`, and leave its other registers alone.
+
+        It is written only if it does not hold them, for memory wears with writing, and then read back;
+        `DeviceFault` unless every word is the same.
+        """
+        found = self._words(block, step)
+        wanted = self._encode(block, values, step, found)
+        if found == wanted:
+            return
+        self._write_words(block, wanted, step)
+        if not self.holds(block, values, step):
+            got = f"{_shown(self.read(block, step, values))} on reading back"
+            raise self.fault(step, _shown(values), got, "check the machine's own settings")
+
+    def holds(self, block: Block, values: Mapping[str, Number], step: str) -> bool:
+        """Whether a block has `values`, word for word."""
+        found = self._words(block, step)
+        return found == self._encode(block, values, step, found)
+
+    def fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
+        """Return an error of this device, to be raised."""
+        return DeviceFault(self.name, step, expected=expected, got=got, remedy=remedy)
+
+    def unhurried(self) -> "MappedDevice":
+        """Return the same device over the same link, asked when nobody is in a hurry."""
+        return MappedDevice(self._link, self._map)
+
+    def shares_link(self, other: "MappedDevice") -> bool:
+        """Whether both use one connection."""
+        return self._link is other._link
+
+    def close(self) -> None:
+        """Release the connection; harmless when repeated."""
+        self._link.close()
+
+    def _words(self, block: Block, step: str) -> list[int]:
+        with _during(step):
+            return self._link.read(block.table, block.address, block.count, urgent=self._urgent)
+
+    def _write_words(self, block: Block, words: list[int], step: str) -> None:
+        with _during(step):
+            self._link.write(block.address, words, urgent=self._urgent, single=block.single)
+
+    def _encode(
+        self, block: Block, values: Mapping[str, Number], step: str, onto: list[int] | None = None
+    ) -> list[int]:
+        try:
+            return block.encode(values, self._map.word_order, onto)
+        except ValueError as error:
+            raise self.fault(step, "values that fit", str(error), "correct the register map") from error
+
+
+@contextlib.contextmanager
+def _during(step: str) -> Iterator[None]:
+    """Say in errors of the link what it was used for."""
+    try:
+        yield
+    except DeviceError as error:
+        raise type(error)(
+            error.device,
+            f"{step}: {error.step}",
+            expected=error.expected,
+            got=error.got,
+            remedy=error.remedy,
+        ) from error
+
+
+def _shown(values: Mapping[str, Number]) -> str:
+    return ", ".join(f"{name} {value:g}" for name, value in values.items())

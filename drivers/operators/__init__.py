@@ -1,0 +1,1 @@
+"""Operators: who is asked to act at the machine."""

@@ -1,0 +1,1 @@
+"""Rotation stages: what all of them share, and one folder per protocol."""

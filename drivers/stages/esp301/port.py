@@ -1,0 +1,177 @@
+"""A serial port with a Newport ESP301 behind it.
+
+Its answers carry no number, but come in the order of the questions. So after a missing or strange answer the
+controller is asked for its version, and everything before that answer is thrown away. A command that has no
+answer, such as a stop, waits for nobody's answer.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TypeVar
+
+from drivers.clock import SystemClock
+from drivers.errors import DeviceTimeout
+from drivers.lines.channel import CHANNEL_ERRORS, OvertakenError
+from drivers.lines.request_turn import Turn
+from drivers.stages.esp301.protocol import END, MODEL
+from drivers.stages.port import StagePort
+
+ATTEMPTS = 2
+LINE_MAX = 512
+SHOWN_MAX = 80
+
+T = TypeVar("T")
+
+
+class EspPort(StagePort):
+    """An exclusively opened port; its methods may be called from any thread."""
+
+    def __init__(self, name: str, url: str, baud: int, reply_timeout_s: float) -> None:
+        super().__init__(name, url, baud, reply_timeout_s)
+        self._clock = SystemClock()
+        self._turn = Turn()
+        self._buffer = b""
+        # what a program before left on the line is not ours
+        self._suspect = True
+        self.version = ""
+
+    def send(self, command: str, permit: Callable[[], None] | None = None) -> None:
+        """Send a command that has no answer.
+
+        Parameters
+        ----------
+        command : str
+        permit : callable, optional
+            Called just before the bytes go out, while nobody else can write; it raises to keep them back.
+
+        Raises
+        ------
+        LinkLost
+            If the port is gone.
+        """
+        with self._write_lock:
+            self._write(command.encode("ascii") + END, command, permit)
+
+    def ask(self, question: str, read: Callable[[str], T], attempts: int = ATTEMPTS) -> T:
+        """Ask and return the answer; asked once more if none came, or one that `read` does not understand.
+
+        Parameters
+        ----------
+        question : str
+        read : callable
+            Turns a line into a value; `ValueError` if it cannot be the answer.
+        attempts : int
+            1 for what must not be asked again unnoticed. A question that a stop broke off always is.
+
+        Raises
+        ------
+        DeviceTimeout, LinkLost
+        """
+        failures = 0
+        while True:
+            try:
+                with self._turn.ordinary():
+                    return self._answer(question, read, self._turn.wake, self._reply_timeout_s)
+            except OvertakenError:
+                continue
+            except DeviceTimeout:
+                failures += 1
+                if failures == attempts:
+                    raise
+
+    def ask_first(self, question: str, read: Callable[[str], T], at_most_s: float) -> T:
+        """Ask ahead of everybody who waits, and prove that the answer belongs to this question.
+
+        Parameters
+        ----------
+        question : str
+        read : callable
+        at_most_s : float
+            Wait no longer than that for an answer, if answers may take longer.
+
+        Raises
+        ------
+        DeviceTimeout, LinkLost
+        """
+        timeout_s = min(self._reply_timeout_s, at_most_s)
+        with self._turn.urgent():
+            answer, line = self._answer(question, lambda line: (read(line), line), None, timeout_s)
+            with self._losing("VE?"):
+                self._prove(line, timeout_s)
+            return answer
+
+    def close(self) -> None:
+        """Release the port; harmless when repeated."""
+        with self._turn.urgent():
+            self._lost = self._lost or "the port was closed"
+            self._channel.close()
+        self._turn.close()
+
+    def _answer(self, question: str, read: Callable[[str], T], wake: int | None, timeout_s: float) -> T:
+        suspect, self._suspect = self._suspect, True
+        with self._losing(question):
+            if suspect:
+                self._resynchronise(wake, timeout_s)
+            self._buffer = b""
+            self._channel.drain()
+            self.send(question)
+            line = self._line(question, wake, timeout_s, self._clock.now_s() + timeout_s)
+        try:
+            answer = read(line)
+        except ValueError as error:
+            raise self._timeout(question, timeout_s, str(error)[:SHOWN_MAX]) from None
+        # the same once more says nothing else; of two that differ nobody knows which is the answer
+        for other in self._buffer.split(b"\n")[:-1]:
+            if _text(other) != line:
+                raise self._timeout(question, timeout_s, f"{line!r} and {_text(other)[:SHOWN_MAX]!r}")
+        self._suspect = False
+        return answer
+
+    @contextmanager
+    def _losing(self, question: str) -> Iterator[None]:
+        """Tell of a lost link, now and from now on."""
+        if self._lost is not None:
+            raise self._link_lost(question)
+        try:
+            yield
+        except CHANNEL_ERRORS as error:
+            self._lost = self._lost or str(error)
+            raise self._link_lost(question) from error
+
+    def _resynchronise(self, wake: int | None, timeout_s: float) -> None:
+        """Ask for the version and throw away whatever comes before it."""
+        self.send("VE?")
+        deadline_s = self._clock.now_s() + timeout_s
+        while True:
+            line = self._line("VE?", wake, timeout_s, deadline_s)
+            if MODEL.fullmatch(line) and self.version in ("", line):
+                self.version = line
+                return
+
+    def _prove(self, answer: str, timeout_s: float) -> None:
+        """Ask for the version, which must come next: after a late answer in its place the true one would."""
+        self._suspect = True
+        self.send("VE?")
+        deadline_s = self._clock.now_s() + timeout_s
+        while (line := self._line("VE?", None, timeout_s, deadline_s)) == answer:
+            pass
+        if line != self.version:
+            raise self._timeout("VE?", timeout_s, f"{line[:SHOWN_MAX]!r} instead of {self.version!r}")
+        self._suspect = False
+
+    def _line(self, question: str, wake: int | None, timeout_s: float, deadline_s: float) -> str:
+        """Wait for a whole line; it may be there already, but not for ever."""
+        while b"\n" not in self._buffer:
+            data = self._channel.receive(deadline_s, wake)
+            if not data or len(self._buffer) > LINE_MAX:
+                got = f"the part {self._buffer[:SHOWN_MAX]!r}" if self._buffer else "silence"
+                raise self._timeout(question, timeout_s, got)
+            self._buffer += data
+        line, _, self._buffer = self._buffer.partition(b"\n")
+        if self._clock.now_s() > deadline_s:
+            raise self._timeout(question, timeout_s, f"other lines, the last {_text(line)[:SHOWN_MAX]!r}")
+        return _text(line)
+
+
+def _text(line: bytes) -> str:
+    return line.decode("ascii", "backslashreplace").strip()

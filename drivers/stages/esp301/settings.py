@@ -1,0 +1,26 @@
+"""What a rig file says about a stage on a Newport ESP301."""
+
+from pydantic import Field
+
+from drivers.stages.settings import StageSettings
+
+
+class EspSettings(StageSettings):
+    """Line, axis and home search, besides what all stages have.
+
+    Attributes
+    ----------
+    baud : int
+        921600 on an ESP301; an ESP300 has 19200.
+    axis : int
+    home_mode : int, optional
+        The value of ``OR``: which signals the home search looks for; the controller's own without one. 0 is
+        none: it looks for no signal and goes to where the counter happens to be 0.
+    tolerance_deg : float
+        A stage that stands so near its target has arrived.
+    """
+
+    baud: int = Field(default=921_600, ge=300, le=4_000_000)
+    axis: int = Field(default=1, ge=1, le=3)
+    home_mode: int | None = Field(default=None, ge=1, le=6)
+    tolerance_deg: float = Field(default=0.01, gt=0, le=1)

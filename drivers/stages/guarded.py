@@ -1,0 +1,195 @@
+"""What every rotation stage of ours sees to before the stage moves, and how it is stopped."""
+
+import math
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+from drivers.clock import Clock
+from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
+from drivers.interfaces import DeviceInfo, StageState
+from drivers.lines.stop_deadline import Patience, calling_for_the_emergency_stop
+from drivers.stages.port import StagePort
+from drivers.stages.settings import StageSettings
+
+STOP_PATIENCE_S = 5.0
+STOP_ANSWER_S = 1.0
+"""A stop is repeated after so long, however patient the rig file is with other answers."""
+STOP_POLL_S = 0.02
+
+P = TypeVar("P", bound=StagePort)
+
+
+class GuardedStage(ABC, Generic[P]):
+    """Limits, permission and stop of a `RotationStage`; a driver adds how its device is asked and told.
+
+    Parameters
+    ----------
+    open_port : callable
+        ``open_port(reply_timeout_s)`` opens the port; once more for a stop, when the link was lost.
+    settings : StageSettings
+    clock : Clock
+
+    Raises
+    ------
+    LinkLost
+        If the port cannot be opened.
+    """
+
+    info: DeviceInfo
+
+    def __init__(self, open_port: Callable[[float], P], settings: StageSettings, clock: Clock) -> None:
+        self._open_port = open_port
+        self._reply_timeout_s = settings.reply_timeout_s
+        self._port = open_port(self._reply_timeout_s)
+        self._name = self._port.name
+        self._closed = False
+        self._limits_deg = (settings.angle_min_deg, settings.angle_max_deg)
+        self._clock = clock
+        self._stops = 0
+        self._stop_lock = threading.Lock()
+        self._new_link_lock = threading.Lock()
+
+    @abstractmethod
+    def read(self) -> StageState:
+        """Ask for position and status; `DeviceFault` if the device reports that motion failed."""
+
+    @abstractmethod
+    def _begin_move(self, angle_deg: float, state: StageState, step: str, permit: Callable[[], None]) -> None:
+        """Send the motion once, if `permit` lets it; `state` was read just before."""
+
+    @abstractmethod
+    def _try_to_stop(self, port: P) -> str:
+        """Command a stop once, and return what was seen instead of standstill; empty if it stands.
+
+        `DeviceTimeout` if nothing is known.
+        """
+
+    @abstractmethod
+    def _stranger(self, port: P) -> str:
+        """Return who answers there, if it is not this device; `DeviceTimeout` if nobody does."""
+
+    def move_to(self, angle_deg: float) -> None:
+        """Begin to move to an absolute angle.
+
+        Raises
+        ------
+        DeviceFault
+            If the angle is out of limits, or the stage moves, has no reference, has a fault or refuses.
+        DeviceTimeout
+            If the stage did not take the command. It is never sent twice: the stage is asked what it does.
+        """
+        step = f"move to {angle_deg:g}°"
+        permit = self._unless_stopped(step)
+        self._require_within(angle_deg, step)
+        state = self._ready(step)
+        self._begin_move(angle_deg, state, step, permit)
+
+    def move_by(self, angle_deg: float) -> None:
+        """Begin to move by an angle from where the stage stands; raises what `move_to` raises.
+
+        It is sent as an absolute angle: a relative command that is lost, or arrives twice, would leave the
+        stage somewhere else.
+        """
+        step = f"move by {angle_deg:g}°"
+        permit = self._unless_stopped(step)
+        state = self._ready(step)
+        target_deg = state.angle_deg + angle_deg
+        self._require_within(target_deg, step)
+        self._begin_move(target_deg, state, step, permit)
+
+    def stop(self) -> None:
+        """Stop now; repeated until the device says that the stage stands still.
+
+        Other threads' requests do not delay it, and a motion command that was not yet sent is kept back. If
+        the link is lost, the port is opened once more for the stop alone.
+
+        Raises
+        ------
+        DeviceTimeout
+            If that is not confirmed within 5 s.
+        LinkLost
+            If the port is gone.
+        """
+        with self._stop_lock:
+            self._stops += 1
+            self._break_off_search()
+        with calling_for_the_emergency_stop(self._name):
+            try:
+                self._stop_on(self._port, lambda: "")
+            except LinkLost:
+                if self._closed:
+                    raise
+                self._stop_on_new_link()
+
+    def _stop_on_new_link(self) -> None:
+        """Stop a stage that goes on without us; for everything else the link stays lost."""
+        with self._new_link_lock:
+            self._port.close()
+            port = self._open_port(min(self._reply_timeout_s, STOP_ANSWER_S))
+            try:
+                self._stop_on(port, lambda: self._stranger(port))
+            finally:
+                port.close()
+
+    def _stop_on(self, port: P, stranger: Callable[[], str]) -> None:
+        patience = Patience(self._clock, STOP_PATIENCE_S)
+        got = "silence"
+        while not patience.exhausted:
+            try:
+                if not (got := self._try_to_stop(port) or stranger()):
+                    return
+            except DeviceTimeout as silence:
+                got = silence.got
+            self._clock.sleep(STOP_POLL_S)
+        raise DeviceTimeout(
+            self._name, "stop", expected="standstill", got=got, remedy="press the emergency stop"
+        )
+
+    def close(self) -> None:
+        """Release the port; harmless when repeated. It does not stop anything."""
+        self._closed = True
+        self._port.close()
+
+    @abstractmethod
+    def _break_off_search(self) -> None:
+        """A home search under way will find nothing; called with the stop's lock, before the stop is sent."""
+
+    def _unless_stopped(self, step: str) -> Callable[[], None]:
+        """Return what raises if a stop was called for since now."""
+        stops = self._stops
+
+        def permit() -> None:
+            if self._stops != stops:
+                raise self._fault(
+                    step, "no stop meanwhile", "a stop", "command the motion again if it is wanted"
+                )
+
+        return permit
+
+    def _require_within(self, angle_deg: float, step: str) -> None:
+        low, high = self._limits_deg
+        if not (math.isfinite(angle_deg) and low <= angle_deg <= high):
+            raise self._fault(
+                step, f"an angle from {low:g}° to {high:g}°", f"{angle_deg:g}°", "correct the protocol"
+            )
+
+    def _ready(self, step: str) -> StageState:
+        state = self.read()
+        self._require_standing(state.moving, step)
+        if not state.homed:
+            raise self._fault(step, "a referenced stage", "no reference position", "home the stage first")
+        return state
+
+    def _require_standing(self, moving: bool, step: str) -> None:
+        if moving:
+            raise self._fault(step, "a standing stage", "a stage in motion", "wait for its end, or stop it")
+
+    def _require_speed(self, speed_deg_s: float, greatest_deg_s: float) -> None:
+        if not 0 < speed_deg_s <= greatest_deg_s:
+            expected = f"a speed above 0 up to {greatest_deg_s:g}°/s"
+            raise self._fault("set speed", expected, f"{speed_deg_s:g}°/s", "correct the rig file")
+
+    def _fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
+        return DeviceFault(self._name, step, expected=expected, got=got, remedy=remedy)

@@ -1,0 +1,126 @@
+"""A serial port with a Zaber ASCII device behind it: requests out, each answer to whoever asked for it.
+
+One thread reads the port and hands every answer over by its id. So a stop never waits for another request's
+answer: only the writing of a message, a few bytes, is done one at a time.
+"""
+
+import math
+import queue
+import re
+import threading
+from collections.abc import Callable
+
+from drivers.clock import SystemClock
+from drivers.lines.channel import CHANNEL_ERRORS
+from drivers.stages.port import StagePort
+from drivers.stages.zaber.protocol import IDS, DamagedLineError, Reply, decode, encode
+
+BAUD = 115_200
+READ_WAIT_S = 0.05
+LINE_MAX = 512
+SHOWN_MAX = 80
+
+Answer = Reply | DamagedLineError | None
+
+
+class ZaberPort(StagePort):
+    """An exclusively opened port; `ask` may be called from any thread."""
+
+    def __init__(self, name: str, url: str, reply_timeout_s: float) -> None:
+        super().__init__(name, url, BAUD, reply_timeout_s)
+        self._waiting: dict[int, queue.SimpleQueue[Answer]] = {}
+        self._next_id = 0
+        self._closing = False
+        self._reader = threading.Thread(target=self._read, name=f"read {url}", daemon=True)
+        self._reader.start()
+
+    def ask(
+        self,
+        address: int,
+        axis: int,
+        command: str,
+        *,
+        permit: Callable[[], None] | None = None,
+        at_most_s: float = math.inf,
+    ) -> Reply:
+        """Send one command and return its answer.
+
+        Parameters
+        ----------
+        address, axis : int
+        command : str
+            Empty to ask for the status.
+        permit : callable, optional
+            Called just before the bytes go out, while nobody else can write; it raises to keep them back.
+        at_most_s : float
+            Wait no longer than that for the answer, if answers may take longer.
+
+        Raises
+        ------
+        DeviceTimeout
+            If no whole answer came in time. The device may have acted on the command all the same.
+        LinkLost
+            If the port is gone.
+        """
+        answers: queue.SimpleQueue[Answer] = queue.SimpleQueue()
+        said, timeout_s = command or "status request", min(self._reply_timeout_s, at_most_s)
+        with self._write_lock:
+            id = self._next_id = next(i for i in _after(self._next_id) if i not in self._waiting)
+            self._waiting[id] = answers
+            try:
+                self._write(encode(address, axis, id, command), said, permit)
+            except BaseException:
+                del self._waiting[id]
+                raise
+        try:
+            answer = answers.get(timeout=timeout_s)
+        except queue.Empty:
+            raise self._timeout(said, timeout_s, "silence") from None
+        finally:
+            del self._waiting[id]
+        if answer is None:
+            raise self._link_lost(said)
+        if isinstance(answer, DamagedLineError):
+            raise self._timeout(said, timeout_s, f"the damaged line {str(answer)[:SHOWN_MAX]!r}")
+        return answer
+
+    def _read(self) -> None:
+        buffer, clock = b"", SystemClock()
+        while not self._closing:
+            try:
+                buffer += self._channel.receive(clock.now_s() + READ_WAIT_S)
+            except CHANNEL_ERRORS as error:
+                self._lost = self._lost or str(error)
+                self._tell_all(None)
+                return
+            *lines, rest = re.split(rb"[\r\n]+", buffer)
+            buffer = rest[-LINE_MAX:]
+            for line in filter(None, lines):
+                self._hand_over(line)
+
+    def _hand_over(self, line: bytes) -> None:
+        try:
+            reply = decode(line)
+        except DamagedLineError as damage:
+            # its id cannot be trusted either: it may have been the answer to anybody who waits
+            self._tell_all(damage)
+            return
+        if reply is not None and (answers := self._waiting.get(reply.id)) is not None:
+            answers.put(reply)
+
+    def _tell_all(self, answer: Answer) -> None:
+        for answers in list(self._waiting.values()):
+            answers.put(answer)
+
+    def close(self) -> None:
+        """Release the port; harmless when repeated."""
+        self._closing = True
+        self._reader.join()
+        self._lost = self._lost or "the port was closed"
+        self._tell_all(None)
+        self._channel.close()
+
+
+def _after(id: int) -> list[int]:
+    """All ids, from the one after `id` on: a late answer meets its id again only after a hundred requests."""
+    return [*IDS[id + 1 :], *IDS[: id + 1]]
