@@ -27,12 +27,12 @@ from dic.field import Field
 from dic.grid import find_grid
 from dic.settings import SHAPES, CorrelationSettings
 from dic.strain import StrainSettings, mean_strain, strain_field
-from simulators.optics import PinholeCamera
-from simulators.pose import Pose
-from simulators.render import render
-from simulators.scene import Surface
-from simulators.sensor import Sensor
-from simulators.texture import LineGrid, Speckle
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
+from simulators.scene.render import render
+from simulators.scene.scene import Surface
+from simulators.scene.sensor import Sensor
+from simulators.scene.texture import LineGrid, Speckle
 
 Float = NDArray[np.float64]
 Grey = NDArray[np.float32]

@@ -16,7 +16,7 @@ from drivers.errors import ConfigurationError, DeviceError
 from rig.errors import RigError
 
 if TYPE_CHECKING:
-    from rig.engine import Outcome
+    from rig.engine.engine import Outcome
     from rig.recorder import StepRecord
 
 NOT_GOOD = 1
@@ -47,7 +47,7 @@ def plan(protocol: Path, rig_path: Path | None, json_path: Path | None) -> None:
     """Print every step of PROTOCOL, duration, bytes and worst load. Nothing moves."""
     from rig.facts import UNKNOWN_RIG, facts_of_file
     from rig.plan import make_plan, plan_dict, plan_lines
-    from rig.protocol import read_protocol
+    from rig.protocol.protocol import read_protocol
     from rig.run import read_both
 
     require_places([protocol, rig_path], [json_path])
@@ -66,7 +66,7 @@ def plan(protocol: Path, rig_path: Path | None, json_path: Path | None) -> None:
 @_JSON
 def run(protocol: Path, rig_path: Path, output: Path | None, json_path: Path | None) -> None:
     """Run PROTOCOL and write one run file. Ctrl-C holds the load frame, stops the stage and ends the run."""
-    from rig.progress import run_progress
+    from rig.commands.progress import run_progress
     from rig.run import run_protocol
 
     run_path = output or Path(f"{protocol.stem}.h5")
@@ -90,7 +90,7 @@ def run(protocol: Path, rig_path: Path, output: Path | None, json_path: Path | N
 @_JSON
 def check(rig_path: Path, json_path: Path | None) -> None:
     """Open the devices of RIG, read identity, state and limits, take one image each. Nothing moves."""
-    from rig.check import check_rig
+    from rig.commands.check import check_rig
     from rig.devices import open_rig
     from rig.rigfile import read_rig
 
@@ -116,7 +116,7 @@ def devices(
     json_path: Path | None,
 ) -> None:
     """List cameras, serial ports and who answers at them. Nothing moves and no setting is changed."""
-    from rig.devices_command import search, write_rig_file
+    from rig.commands.devices import search, write_rig_file
 
     require_places([], [output, json_path])
     found = search(list(ports), list(hosts), ask=not no_probe)
@@ -132,7 +132,7 @@ def verify(run_file: Path, json_path: Path | None) -> None:
     """Read every image of a run file against its checksum and say what is missing; cut-off runs too."""
     from dataclasses import asdict
 
-    from rig.verify import verify_run
+    from rig.commands.verify import verify_run
 
     require_places([run_file], [json_path])
     found = verify_run(run_file)
@@ -182,7 +182,7 @@ def simulate(
     RIG is a rig file all of whose devices are simulated; without one there are a stage, a load frame and
     two cameras. Type help while it runs.
     """
-    from rig.simulate import find_simulator, run, signals_noted, start
+    from rig.commands.simulate import find_simulator, run, signals_noted, start
 
     if list_faults:
         _finish(find_simulator().list_faults(), {}, None, good=True)
@@ -201,7 +201,7 @@ def simulate(
 @click.option("-o", "--output", type=_PATH, default=Path("demo"), show_default=True, help="Folder.")
 def demo(output: Path) -> None:
     """Run both of the paper's experiments on a virtual rig, measure them and write the report."""
-    from rig.demo import run_demo
+    from rig.commands.demo import run_demo
 
     made = run_demo(output, say)
     say(f"open {made.report.resolve()}")

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from drivers.interfaces import CameraInfo
 from rig.devices import Rig
-from rig.protocol import Protocol, TensionProtocol
+from rig.protocol.protocol import Protocol, TensionProtocol
 from rig.rigfile import RigFile
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame, FrameState, StageState
 from rig.errors import RunFileError
-from rig.protocol import Grid, ProtocolStep, Reading, Sample
+from rig.protocol.protocol import Grid, ProtocolStep, Reading, Sample
 
 FORMAT_VERSION = 1
 RunStatus = Literal["running", "completed", "aborted", "failed"]

@@ -10,13 +10,13 @@ import h5py
 
 from drivers.errors import ConfigurationError
 from rig.devices import Rig, open_rig
-from rig.engine import Engine, Outcome, Status
+from rig.engine.engine import Engine, Outcome, Status
+from rig.engine.signals import aborting_on_signals
 from rig.facts import confirm, facts_of_file
 from rig.plan import make_plan, require_feasible
-from rig.protocol import Protocol, read_protocol
+from rig.protocol.protocol import Protocol, read_protocol
 from rig.recorder import Recorder, RunHeader, StepRecord, run_file_exists
 from rig.rigfile import RigFile, read_rig
-from rig.signals import aborting_on_signals
 
 
 def run_protocol(

@@ -15,10 +15,10 @@ from drivers.cameras.v4l2.camera import open_camera as open_v4l2
 from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.errors import LinkLost
 from drivers.interfaces import Frame, OpenContext
-from rig.imaging import take_image
-from simulators.camera import SPEC
-from simulators.faults import CAMERA, FaultPanel
-from simulators.virtual_rig import VirtualRig, VirtualRigSettings
+from rig.engine.imaging import take_image
+from simulators.rig.camera import SPEC
+from simulators.rig.virtual_rig import VirtualRig, VirtualRigSettings
+from simulators.wire.faults import CAMERA, FaultPanel
 from tests.drivers import fake_aravis, fake_kernel, fake_opencv
 from tests.fault_bench import Bench, ReportedFault, UnprovenError, WrongAnswerError
 from tests.faulty_cameras import LEVELS, FaultyCapture, FaultyKernelCamera, FaultyLibrary, GatedClock

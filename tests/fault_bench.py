@@ -11,7 +11,7 @@ from typing import Any
 
 from drivers.clock import VirtualClock
 from drivers.interfaces import OpenContext
-from simulators.faults import FaultPanel
+from simulators.wire.faults import FaultPanel
 
 PATIENCE_S = 0.7
 """How long a stop or hold is repeated here; 5 s in use."""

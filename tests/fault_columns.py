@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from simulators.faults import CAMERA, LOAD_FRAME, NEWPORT, STAGE
+from simulators.wire.faults import CAMERA, LOAD_FRAME, NEWPORT, STAGE
 from tests.camera_benches import (
     AravisBench,
     AravisStreamBench,
@@ -30,21 +30,24 @@ COLUMNS = [
         "zaber-ascii, pty",
         STAGE,
         lambda: StageBench(
-            "simulators.stage_wire:StageServer", "drivers.stages.zaber.stage", "ZaberSettings"
+            "simulators.stage.zaber:StageServer", "drivers.stages.zaber.stage", "ZaberSettings"
         ),
     ),
     Column(
         "zaber-ascii, TCP",
         STAGE,
         lambda: StageBench(
-            "simulators.stage_wire:StageTcpServer", "drivers.stages.zaber.stage", "ZaberSettings", "socket://"
+            "simulators.stage.zaber:StageTcpServer",
+            "drivers.stages.zaber.stage",
+            "ZaberSettings",
+            "socket://",
         ),
     ),
     Column(
         "newport-esp301, pty",
         NEWPORT,
         lambda: StageBench(
-            "simulators.newport_wire:NewportServer", "drivers.stages.esp301.stage", "EspSettings"
+            "simulators.stage.newport:NewportServer", "drivers.stages.esp301.stage", "EspSettings"
         ),
     ),
     Column("modbus-frame, TCP, generic", LOAD_FRAME, lambda: FrameBench("FrameServer", "generic")),

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
-from simulators.faults import CAMERA, FAULTS, Fault
+from simulators.wire.faults import CAMERA, FAULTS, Fault
 from tests.fault_bench import Bench, ReportedFault, UnprovenError, WrongAnswerError, short_patience
 from tests.fault_columns import COLUMNS, Column
 

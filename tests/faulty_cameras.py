@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers.cameras.v4l2.abi import Buffer
 from drivers.clock import VirtualClock
-from simulators.faults import CAMERA, FaultPanel
+from simulators.wire.faults import CAMERA, FaultPanel
 from tests.drivers import fake_aravis, fake_kernel, fake_opencv
 
 STALE_S = 60.0

@@ -16,7 +16,7 @@ class StageBench(Bench):
     """A rotation stage on one of its lines."""
 
     def __init__(self, server: str, driver: str, settings: str, prefix: str = "") -> None:
-        from simulators.stage_device import StageDevice
+        from simulators.stage.device import StageDevice
 
         super().__init__()
         self.device = StageDevice(self.clock, power_up_angle_deg=12.0)
@@ -113,10 +113,10 @@ class FrameBench(Bench):
     """A load frame on one of its lines, with one of its maps."""
 
     def __init__(self, server: str, map_name: str, prefix: str = "") -> None:
-        from simulators import frame_wire
-        from simulators.frame_device import FrameDevice
-        from simulators.frame_layout import LAYOUTS
-        from simulators.specimen import Specimen, SpecimenSettings
+        from simulators.load_frame import modbus as frame_wire
+        from simulators.load_frame.device import FrameDevice
+        from simulators.load_frame.layout import LAYOUTS
+        from simulators.scene.specimen import Specimen, SpecimenSettings
 
         super().__init__()
         self._specimen = Specimen(SpecimenSettings(grip_slip_mm=0.0))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from simulators.faults import DEVICES, FAULTS, names
+from simulators.wire.faults import DEVICES, FAULTS, names
 from tests.fault_columns import COLUMNS
 from tests.fault_matrix import documented, rows, try_all
 

@@ -9,7 +9,7 @@ from dic.calibration import Calibration, Model
 from dic.errors import CalibrationError
 from dic.grid_points import GridPoints
 from dic.pinhole import Pinhole
-from simulators.optics import PinholeCamera
+from simulators.scene.optics import PinholeCamera
 
 CAMERA = Pinhole.swung(pan_deg=30, principal_px=(450, 450))
 

@@ -9,12 +9,12 @@ from click.testing import CliRunner
 
 from dic.cli import dic
 from dic.errors import MeasurementError
-from simulators.optics import PinholeCamera
-from simulators.pose import Pose
-from simulators.render import render
-from simulators.scene import Misalignment, Surface
-from simulators.sensor import Sensor
-from simulators.texture import LineGrid, Speckle
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
+from simulators.scene.render import render
+from simulators.scene.scene import Misalignment, Surface
+from simulators.scene.sensor import Sensor
+from simulators.scene.texture import LineGrid, Speckle
 
 MICRO = 1e6
 SENSOR = Sensor(8, 32_500.0, 20.0, 12_000.0)

@@ -9,11 +9,11 @@ import pytest
 
 from dic.errors import CalibrationError
 from dic.grid import GridPoints, find_grid
-from simulators.optics import PinholeCamera
-from simulators.pose import Pose
-from simulators.render import render
-from simulators.scene import Surface
-from simulators.texture import LineGrid
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
+from simulators.scene.render import render
+from simulators.scene.scene import Surface
+from simulators.scene.texture import LineGrid
 
 Draw = Callable[..., Any]
 

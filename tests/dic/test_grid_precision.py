@@ -5,11 +5,11 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from dic.grid import find_grid
-from simulators.optics import PinholeCamera
-from simulators.pose import Pose
-from simulators.render import render
-from simulators.scene import Surface
-from simulators.texture import LineGrid
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
+from simulators.scene.render import render
+from simulators.scene.scene import Surface
+from simulators.scene.texture import LineGrid
 
 # 2-D rms in px allowed at a standard deviation of so many grey levels.
 LIMIT_PX = {1: 0.01, 2: 0.01, 4: 0.018, 6: 0.025}

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from dic.grid import find_grid
-from simulators.optics import PinholeCamera
-from simulators.render import render
-from simulators.scene import Surface
-from simulators.texture import LineGrid
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.render import render
+from simulators.scene.scene import Surface
+from simulators.scene.texture import LineGrid
 
 
 @pytest.mark.parametrize(

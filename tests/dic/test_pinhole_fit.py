@@ -9,7 +9,7 @@ from dic.grid_points import GridPoints
 from dic.pinhole import Pinhole
 from dic.pinhole_model import CameraModel
 from dic.pinhole_prior import Known
-from simulators.optics import PinholeCamera
+from simulators.scene.optics import PinholeCamera
 
 SHAPE = (900, 1000)
 NOISE_PX = 0.01

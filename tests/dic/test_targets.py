@@ -11,11 +11,11 @@ import pytest
 from dic.errors import CalibrationError
 from dic.grid_points import GridPoints
 from dic.targets import CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget, Target, find_target
-from simulators.optics import PinholeCamera
-from simulators.pose import Pose
-from simulators.render import render
-from simulators.scene import Surface
-from simulators.texture import LineGrid
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
+from simulators.scene.render import render
+from simulators.scene.scene import Surface
+from simulators.scene.texture import LineGrid
 
 SIZE_PX = 560
 FOCAL_PX = 1560.0

@@ -10,12 +10,12 @@ import pytest
 from drivers.clock import VirtualClock
 from drivers.interfaces import Camera, Frame, OpenContext
 from drivers.testing import CameraBench, CameraContract
-from simulators.camera import CameraSettings, SimulatedCamera
-from simulators.faults import CAMERA, FaultPanel
-from simulators.scene import Misalignment, Scene
-from simulators.scene_client import CAMERA as REMOTE
-from simulators.scene_wire import SceneServer
-from simulators.specimen import Specimen, SpecimenSettings
+from simulators.rig.camera import CameraSettings, SimulatedCamera
+from simulators.rig.scene_client import CAMERA as REMOTE
+from simulators.rig.scene_wire import SceneServer
+from simulators.scene.scene import Misalignment, Scene
+from simulators.scene.specimen import Specimen, SpecimenSettings
+from simulators.wire.faults import CAMERA, FaultPanel
 from tests.camera_benches import AravisBench, NumberedBench, OpencvBench, V4l2Bench
 from tests.drivers import fake_aravis, fake_opencv
 

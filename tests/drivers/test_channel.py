@@ -7,7 +7,7 @@ import pytest
 
 from drivers.errors import LinkLost
 from drivers.lines.channel import SerialChannel, TcpChannel, open_device
-from simulators.tcp_server import TcpServer
+from simulators.wire.tcp_server import TcpServer
 
 
 @pytest.fixture

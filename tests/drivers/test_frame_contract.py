@@ -11,12 +11,12 @@ from drivers.interfaces import OpenContext
 from drivers.load_frames.modbus.load_frame import open_frame
 from drivers.load_frames.modbus.settings import ModbusFrameSettings
 from drivers.testing import FrameBench, FrameContract
-from simulators.device_faults import frame_faults
-from simulators.faults import LOAD_FRAME, FaultPanel
-from simulators.frame_device import FrameDevice
-from simulators.frame_layout import LAYOUTS
-from simulators.frame_registers import FrameRegisters
-from simulators.frame_wire import FrameRtuServer, FrameRtuTcpServer, FrameServer
+from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.layout import LAYOUTS
+from simulators.load_frame.modbus import FrameRtuServer, FrameRtuTcpServer, FrameServer
+from simulators.load_frame.registers import FrameRegisters
+from simulators.rig.device_faults import frame_faults
+from simulators.wire.faults import LOAD_FRAME, FaultPanel
 from tests.drivers import foreign_servers
 
 LIMITS = {"load_max_n": 5000.0, "load_min_n": -100.0, "displacement_max_mm": 5.0, "displacement_min_mm": -1.0}

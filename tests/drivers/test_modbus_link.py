@@ -10,7 +10,7 @@ import pytest
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.load_frames.modbus.bus.address import ModbusAddress
 from drivers.load_frames.modbus.bus.link import ModbusLink
-from simulators.tcp_server import TcpServer
+from simulators.wire.tcp_server import TcpServer
 
 Device = Callable[[bytes], bytes]
 # long enough for a busy machine; tests that wait for nothing have less patience

@@ -15,10 +15,10 @@ from drivers.stages.esp301.stage import open_stage as open_esp301
 from drivers.stages.zaber.settings import ZaberSettings
 from drivers.stages.zaber.stage import open_stage as open_zaber
 from drivers.testing import StageBench, StageContract
-from simulators.faults import STAGE, FaultPanel
-from simulators.newport_wire import NewportServer, NewportTcpServer
-from simulators.stage_device import StageDevice
-from simulators.stage_wire import StageServer, StageTcpServer
+from simulators.stage.device import StageDevice
+from simulators.stage.newport import NewportServer, NewportTcpServer
+from simulators.stage.zaber import StageServer, StageTcpServer
+from simulators.wire.faults import STAGE, FaultPanel
 
 LIMITS = {"angle_min_deg": -5.0, "angle_max_deg": 365.0}
 

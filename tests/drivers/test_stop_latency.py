@@ -25,11 +25,11 @@ from drivers.stages.esp301.settings import EspSettings
 from drivers.stages.esp301.stage import open_stage as open_esp301
 from drivers.stages.zaber.settings import ZaberSettings
 from drivers.stages.zaber.stage import open_stage as open_zaber
-from simulators.frame_device import FrameDevice
-from simulators.frame_wire import FrameRtuServer, FrameRtuTcpServer, FrameServer
-from simulators.newport_wire import NewportServer, NewportTcpServer
-from simulators.stage_device import StageDevice
-from simulators.stage_wire import StageServer, StageTcpServer
+from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.modbus import FrameRtuServer, FrameRtuTcpServer, FrameServer
+from simulators.stage.device import StageDevice
+from simulators.stage.newport import NewportServer, NewportTcpServer
+from simulators.stage.zaber import StageServer, StageTcpServer
 
 BOUND_S = 0.005
 REPETITIONS = 15

@@ -11,12 +11,12 @@ import h5py
 import numpy as np
 import pytest
 
+from rig.commands.verify import verify_run
 from rig.devices import Rig, open_rig
 from rig.recorder import StepRecord
 from rig.rigfile import RigFile
 from rig.run import run_protocol
-from rig.verify import verify_run
-from simulators.simulation import Simulation
+from simulators.rig.simulation import Simulation
 from tests.kernel_vm.guest import left_open, turn
 
 TABLES = {

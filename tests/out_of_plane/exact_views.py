@@ -13,9 +13,9 @@ from dic.field import Field, Status
 from dic.grid_points import GridPoints
 from dic.measurement import measure
 from dic.settings import CorrelationSettings
-from simulators.optics import PinholeCamera
-from simulators.pose import Pose
-from simulators.scene import Surface
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
+from simulators.scene.scene import Surface
 
 
 class Blank:

@@ -14,12 +14,12 @@ from dic.correlate import Correlator
 from dic.grid import find_grid
 from dic.measurement import measure
 from dic.settings import CorrelationSettings
-from simulators.optics import PinholeCamera
-from simulators.pose import Pose
-from simulators.render import render
-from simulators.scene import Surface
-from simulators.sensor import Sensor
-from simulators.texture import LineGrid, Speckle
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
+from simulators.scene.render import render
+from simulators.scene.scene import Surface
+from simulators.scene.sensor import Sensor
+from simulators.scene.texture import LineGrid, Speckle
 from tests.out_of_plane.exact_views import OffCentre
 
 SENSOR = Sensor(bits=8, full_well_e=32_500.0, read_noise_e=20.0, saturation_exposure_us=12_000.0)

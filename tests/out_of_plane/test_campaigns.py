@@ -6,8 +6,8 @@ import pytest
 from dic.out_of_plane.rigidity import correct_rotation
 from dic.out_of_plane.tension import correct_tilt
 from dic.out_of_plane.two_cameras import correct_with_two_cameras
-from simulators.pose import Pose
-from simulators.scene import Misalignment
+from simulators.scene.pose import Pose
+from simulators.scene.scene import Misalignment
 from tests.out_of_plane.exact_views import deviations, green_lagrange, strains
 from tests.out_of_plane.rendered import RenderedView
 

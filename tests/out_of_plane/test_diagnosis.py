@@ -14,8 +14,8 @@ from dic.out_of_plane.tension import correct_tilt
 from dic.out_of_plane.two_cameras import correct_with_two_cameras
 from dic.process import CameraResult
 from dic.run_corrections import CorrectionSettings, _pair
-from simulators.optics import PinholeCamera
-from simulators.scene import Misalignment
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.scene import Misalignment
 from tests.out_of_plane.exact_views import State, View
 
 ASIDE = View(PinholeCamera(800, 800, pan_deg=30), half_mm=3.4, seed=2)

@@ -10,9 +10,9 @@ import pytest
 from dic.out_of_plane.rigidity import correct_rotation
 from dic.out_of_plane.tension import correct_tilt
 from dic.out_of_plane.two_cameras import correct_with_two_cameras
-from simulators.optics import PinholeCamera
-from simulators.pose import Pose
-from simulators.scene import Misalignment
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
+from simulators.scene.scene import Misalignment
 from tests.out_of_plane.exact_views import OffCentre, State, View, deviations, strains
 
 NU = 0.33

@@ -5,8 +5,8 @@ import pytest
 
 from dic.displacement import Displacement
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
-from simulators.pose import Pose
-from simulators.scene import Surface
+from simulators.scene.pose import Pose
+from simulators.scene.scene import Surface
 from tests.out_of_plane.exact_views import Blank
 
 CENTRE = np.array([-9.0, 18.0, 34.0])

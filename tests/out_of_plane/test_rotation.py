@@ -9,9 +9,9 @@ from dic.errors import CalibrationError
 from dic.out_of_plane.alignment import Alignment, load_alignment, save_alignment
 from dic.out_of_plane.motion import correct
 from dic.out_of_plane.rigidity import correct_rotation
-from simulators.optics import PinholeCamera
-from simulators.pose import Pose
-from simulators.scene import Misalignment
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
+from simulators.scene.scene import Misalignment
 from tests.out_of_plane.exact_views import State, View, deviations, green_lagrange, strains
 
 TURNS_DEG = np.arange(1, 9) * 45.0

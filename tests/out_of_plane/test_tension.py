@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dic.out_of_plane.tension import correct_tilt
-from simulators.optics import PinholeCamera
-from simulators.pose import Pose
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
 from tests.out_of_plane.exact_views import State, View, deviations, strains
 
 NU = 0.33

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dic.out_of_plane.two_cameras import correct_with_two_cameras
-from simulators.optics import PinholeCamera
-from simulators.pose import Pose
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
 from tests.out_of_plane.exact_views import State, View, deviations, green_lagrange, strains
 
 ASIDE = View(PinholeCamera(800, 800, tilt_deg=30), seed=4)

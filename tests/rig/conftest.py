@@ -19,8 +19,8 @@ from drivers.interfaces import (
     StageState,
 )
 from rig.devices import Rig
-from rig.engine import Engine
-from rig.protocol import Protocol, RotationProtocol, TensionProtocol
+from rig.engine.engine import Engine
+from rig.protocol.protocol import Protocol, RotationProtocol, TensionProtocol
 from rig.recorder import Recorder, RunHeader
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -9,10 +9,16 @@ from typing import Any
 import h5py
 import pytest
 
-from rig.protocol import RotationProtocol
-from rig.signals import aborting_on_signals
+from rig.engine.signals import aborting_on_signals
+from rig.protocol.protocol import RotationProtocol
 
-SOURCES = ("rig/engine.py", "rig/signals.py", "rig/safety.py", "rig/settle.py", "rig/imaging.py")
+SOURCES = (
+    "rig/engine/engine.py",
+    "rig/engine/signals.py",
+    "rig/engine/safety.py",
+    "rig/engine/settle.py",
+    "rig/engine/imaging.py",
+)
 STRIDE = 61
 
 

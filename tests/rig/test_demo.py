@@ -2,9 +2,9 @@ from pathlib import Path
 
 import pytest
 
-from rig import demo
-from rig.demo import run_demo
-from rig.engine import Outcome
+from rig.commands import demo
+from rig.commands.demo import run_demo
+from rig.engine.engine import Outcome
 from rig.errors import Aborted, RigError
 
 

@@ -14,21 +14,21 @@ import serial.tools.list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
 import drivers.probe
-import rig.devices_command
+import rig.commands.devices
 from drivers.clock import VirtualClock
 from drivers.errors import ConfigurationError
 from drivers.lines.serial_ports import FoundCamera, serial_ports, video_nodes
 from drivers.load_frames.modbus.registers.map import RegisterMap
 from drivers.probe import probe_modbus_tcp, probe_serial
 from rig.cli import main
-from rig.devices_command import search
+from rig.commands.devices import search
 from rig.rigfile import read_rig
-from simulators.frame_device import FrameDevice
-from simulators.frame_layout import LAYOUTS
-from simulators.frame_wire import FrameRtuServer, FrameRtuTcpServer, FrameServer
-from simulators.newport_wire import NewportServer
-from simulators.stage_device import StageDevice
-from simulators.stage_wire import StageServer, StageTcpServer
+from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.layout import LAYOUTS
+from simulators.load_frame.modbus import FrameRtuServer, FrameRtuTcpServer, FrameServer
+from simulators.stage.device import StageDevice
+from simulators.stage.newport import NewportServer
+from simulators.stage.zaber import StageServer, StageTcpServer
 
 
 class Spring:
@@ -55,9 +55,9 @@ def clock() -> VirtualClock:
 @pytest.fixture
 def call(monkeypatch, capsys):
     camera = FoundCamera("v4l2", "/dev/video7", "a camera")
-    monkeypatch.setattr(rig.devices_command, "video_nodes", lambda: [camera])
-    monkeypatch.setattr(rig.devices_command, "vision_cameras", list)
-    monkeypatch.setattr(rig.devices_command, "serial_ports", list)
+    monkeypatch.setattr(rig.commands.devices, "video_nodes", lambda: [camera])
+    monkeypatch.setattr(rig.commands.devices, "vision_cameras", list)
+    monkeypatch.setattr(rig.commands.devices, "serial_ports", list)
 
     def run(*arguments: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["rig", "devices", *map(str, arguments)])
@@ -217,7 +217,7 @@ def test_a_modbus_device_of_no_known_map_does_not_stand_for_the_load_frame(serve
     "address", ["", "::1", "a:b", "host:", "host:0", "host:65536", "/dev/ttyS0", "rtu://", "a b"]
 )
 def test_an_address_that_is_none_is_refused_before_anybody_is_asked(call, monkeypatch, address):
-    monkeypatch.setattr(rig.devices_command, "serial_ports", lambda: pytest.fail("was asked"))
+    monkeypatch.setattr(rig.commands.devices, "serial_ports", lambda: pytest.fail("was asked"))
     status, out, err = call("--modbus", address)
     assert (status, out) == (2, "")
     assert f"expected --modbus HOST[:PORT] or rtu://HOST[:PORT], got {address!r}" in err
@@ -237,7 +237,7 @@ def test_an_address_without_a_port_gets_that_of_the_standard(written, asked):
 
 
 def test_a_rig_file_without_cameras_says_that_they_are_missing(call, monkeypatch, tmp_path):
-    monkeypatch.setattr(rig.devices_command, "video_nodes", list)
+    monkeypatch.setattr(rig.commands.devices, "video_nodes", list)
     call("-o", tmp_path / "rig.toml")
     assert "# No camera was found: add [cameras.NAME]" in (tmp_path / "rig.toml").read_text()
 

@@ -7,7 +7,7 @@ import pytest
 
 from drivers.errors import DeviceError, DeviceTimeout
 from drivers.interfaces import OperatorAction
-from rig.engine import State
+from rig.engine.engine import State
 from rig.recorder import Recorder
 
 

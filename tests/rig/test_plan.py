@@ -7,7 +7,7 @@ import pytest
 from rig.errors import ProtocolError
 from rig.facts import RigFacts
 from rig.plan import SECONDS_PER_IMAGE, make_plan, plan_lines, require_feasible
-from rig.protocol import RotationProtocol, TensionProtocol
+from rig.protocol.protocol import RotationProtocol, TensionProtocol
 
 
 @pytest.fixture

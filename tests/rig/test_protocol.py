@@ -6,8 +6,8 @@ from pydantic import ValidationError
 
 from drivers.errors import ConfigurationError
 from rig.errors import ProtocolError
-from rig.plasticity import PlasticCriterion
-from rig.protocol import Reading, TensionProtocol, increments, read_protocol
+from rig.protocol.plasticity import PlasticCriterion
+from rig.protocol.protocol import Reading, TensionProtocol, increments, read_protocol
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

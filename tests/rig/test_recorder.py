@@ -12,7 +12,7 @@ import pytest
 
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame
 from rig.errors import RunFileError
-from rig.protocol import Grid, ProtocolStep, Reading, Sample
+from rig.protocol.protocol import Grid, ProtocolStep, Reading, Sample
 from rig.recorder import Recorder, RunHeader, StepRecord
 
 START = datetime(2026, 3, 4, 5, 6, 7, 89000, tzinfo=UTC)

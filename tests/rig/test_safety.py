@@ -2,9 +2,9 @@ import threading
 
 import pytest
 
-from rig import safety
 from rig.devices import Rig
-from rig.safety import SafeState
+from rig.engine.engine import safety
+from rig.engine.safety import SafeState
 
 
 @pytest.fixture

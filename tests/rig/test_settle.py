@@ -1,9 +1,9 @@
 import pytest
 
 from drivers.clock import VirtualClock
+from rig.engine.settle import settle
 from rig.errors import SettleTimeout
-from rig.protocol import Reading
-from rig.settle import settle
+from rig.protocol.protocol import Reading
 
 
 def wait(load_at, *, dwell_s=1.0, timeout_s=10.0):

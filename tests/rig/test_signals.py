@@ -3,8 +3,8 @@ import signal
 import h5py
 import pytest
 
-from rig.engine import State
-from rig.signals import SIGNALS, aborting_on_signals
+from rig.engine.engine import State
+from rig.engine.signals import SIGNALS, aborting_on_signals
 
 
 @pytest.mark.parametrize("number", SIGNALS)

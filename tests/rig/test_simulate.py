@@ -14,7 +14,7 @@ import pytest
 from rig.cli import main
 from rig.devices import open_rig
 from rig.rigfile import read_rig
-from simulators.scene_client import SceneClient
+from simulators.rig.scene_client import SceneClient
 
 COMMAND = [sys.executable, "-c", "from rig.cli import main; main()", "simulate"]
 DEADLINE_S = 60

@@ -4,8 +4,8 @@ import h5py
 import numpy as np
 import pytest
 
+from rig.commands.verify import verify_run
 from rig.errors import RunFileError
-from rig.verify import verify_run
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
 

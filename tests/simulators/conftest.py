@@ -6,7 +6,7 @@ import pytest
 
 from rig.devices import open_rig
 from rig.rigfile import read_rig
-from simulators.simulation import Simulation
+from simulators.rig.simulation import Simulation
 from tests.simulators.small_rig import TABLES
 
 

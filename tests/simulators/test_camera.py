@@ -9,11 +9,11 @@ from drivers.errors import ConfigurationError, DeviceError, DeviceTimeout, LinkL
 from drivers.interfaces import OpenContext
 from drivers.registry import find_driver
 from drivers.settings import validate
-from simulators.camera import SPEC, CameraSettings, SimulatedCamera
-from simulators.faults import FaultPanel
-from simulators.render import render
-from simulators.scene import Misalignment, Scene
-from simulators.specimen import Specimen, SpecimenSettings
+from simulators.rig.camera import SPEC, CameraSettings, SimulatedCamera
+from simulators.scene.render import render
+from simulators.scene.scene import Misalignment, Scene
+from simulators.scene.specimen import Specimen, SpecimenSettings
+from simulators.wire.faults import FaultPanel
 
 SMALL = {"width_px": 80, "height_px": 60}
 

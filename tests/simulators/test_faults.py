@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import VirtualClock
-from simulators.device_faults import stage_faults
-from simulators.faults import FAULTS, FaultPanel, names, parse
-from simulators.line import Line
-from simulators.rig_faults import RigFaults
-from simulators.stage_device import StageDevice
-from simulators.stage_wire import StageServer, StageTcpServer, StageWire
+from simulators.rig.device_faults import stage_faults
+from simulators.stage.device import StageDevice
+from simulators.stage.zaber import StageServer, StageTcpServer, StageWire
+from simulators.wire.faults import FAULTS, FaultPanel, names, parse
+from simulators.wire.line import Line
+from simulators.wire.rig_faults import RigFaults
 
 FIRST, SECOND = b"@01 0 00 OK IDLE WR 0:BE\r\n", b"@01 0 01 OK IDLE WR 0:BD\r\n"
 """Answers to `get pos` with the ids 00 and 01; checksums from the vendor's way of counting."""
@@ -126,8 +126,8 @@ def test_what_a_killed_simulation_left_behind_is_swept_away(tmp_path, monkeypatc
     script = (
         "import os, signal\n"
         "from drivers.clock import VirtualClock\n"
-        "from simulators.stage_device import StageDevice\n"
-        "from simulators.stage_wire import StageServer\n"
+        "from simulators.stage.device import StageDevice\n"
+        "from simulators.stage.zaber import StageServer\n"
         "print(StageServer(StageDevice(VirtualClock())).address, flush=True)\n"
     )
     run = [sys.executable, "-c"]

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from drivers.clock import VirtualClock
-from simulators.frame_device import CONTROL_PERIOD_S, FrameDevice
-from simulators.frame_state import Fault, Limits, Refusal, RefusedError
+from simulators.load_frame.device import CONTROL_PERIOD_S, FrameDevice
+from simulators.load_frame.state import Fault, Limits, Refusal, RefusedError
 
 STIFFNESS_N_MM = 5000.0
 

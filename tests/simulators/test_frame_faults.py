@@ -5,11 +5,11 @@ import math
 import pytest
 
 from drivers.clock import VirtualClock
-from simulators.device_faults import frame_faults
-from simulators.faults import FaultPanel
-from simulators.frame_device import FrameDevice
-from simulators.frame_state import Fault, Limits, RefusedError
-from simulators.specimen import Specimen, SpecimenSettings
+from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.state import Fault, Limits, RefusedError
+from simulators.rig.device_faults import frame_faults
+from simulators.scene.specimen import Specimen, SpecimenSettings
+from simulators.wire.faults import FaultPanel
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import struct
 import pytest
 
 from drivers.load_frames.modbus.registers.map import load_map
-from simulators.frame_layout import GENERIC, LAYOUTS, Block, Layout, Register
+from simulators.load_frame.layout import GENERIC, LAYOUTS, Block, Layout, Register
 
 
 @pytest.mark.parametrize("name", LAYOUTS)

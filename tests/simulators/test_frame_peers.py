@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import pytest
 
 from drivers.clock import VirtualClock
-from simulators.frame_device import FrameDevice
-from simulators.frame_layout import GENERIC
-from simulators.frame_wire import FrameRtuServer, FrameRtuTcpServer, FrameServer
+from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.layout import GENERIC
+from simulators.load_frame.modbus import FrameRtuServer, FrameRtuTcpServer, FrameServer
 from tests.peers import program, run
 
 STATE_DISPLACEMENT, COMMAND, LIMIT_LOAD_MAX, WATCHDOG, HEARTBEAT = 10, 0, 34, 64, 66

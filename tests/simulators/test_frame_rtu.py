@@ -6,11 +6,11 @@ import socket
 
 import pytest
 
-import simulators.modbus_framing
+import simulators.load_frame.modbus_framing
 from drivers.clock import VirtualClock
-from simulators.frame_device import FrameDevice
-from simulators.frame_wire import FrameRtuServer, FrameRtuTcpServer
-from simulators.modbus_framing import crc, cut_rtu
+from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.modbus import FrameRtuServer, FrameRtuTcpServer
+from simulators.load_frame.modbus_framing import crc, cut_rtu
 
 
 class Spring:
@@ -111,7 +111,7 @@ def test_no_stretch_longer_than_a_message_is_checked(monkeypatch):
         checked.append(len(data) + 2)
         return crc(data)
 
-    monkeypatch.setattr(simulators.modbus_framing, "crc", count)
+    monkeypatch.setattr(simulators.load_frame.modbus_framing, "crc", count)
     noise = bytes([0x2B, 0x10]) * 2048
     assert cut_rtu(noise) == ([], noise[-256:])
     # MODBUS over Serial Line V1.02, 2.3: 256 bytes are the most

@@ -7,9 +7,9 @@ import threading
 import pytest
 
 from drivers.clock import VirtualClock
-from simulators.frame_device import FrameDevice
-from simulators.frame_layout import LAYOUTS
-from simulators.frame_wire import FrameServer
+from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.layout import LAYOUTS
+from simulators.load_frame.modbus import FrameServer
 
 
 class Spring:

@@ -1,7 +1,7 @@
 import pytest
 from numba.core.caching import CacheImpl
 
-from simulators.jit import compiled
+from simulators.scene.jit import compiled
 
 
 def test_functions_are_compiled_where_nothing_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,8 +4,8 @@ import select
 import pytest
 
 from drivers.clock import VirtualClock
-from simulators.newport_wire import NewportServer
-from simulators.stage_device import StageDevice
+from simulators.stage.device import StageDevice
+from simulators.stage.newport import NewportServer
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from simulators.optics import PinholeCamera
+from simulators.scene.optics import PinholeCamera
 
 WORLD_MM = np.random.default_rng(3).uniform([-5, -5, -0.5], [5, 5, 0.5], (200, 3))
 

@@ -6,8 +6,8 @@ import threading
 
 import pytest
 
-from simulators.places import SERVERS, Places
-from simulators.simulation import Simulation
+from simulators.rig.places import SERVERS, Places
+from simulators.rig.simulation import Simulation
 
 
 def test_servers_are_where_somebody_wants_them(tmp_path):

@@ -3,11 +3,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from simulators.optics import PinholeCamera
-from simulators.pose import Pose
-from simulators.render import render
-from simulators.scene import Surface
-from simulators.texture import LineGrid, Speckle
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
+from simulators.scene.render import render
+from simulators.scene.scene import Surface
+from simulators.scene.texture import LineGrid, Speckle
 
 WHITE_GREY = 255 * 10 / 12
 

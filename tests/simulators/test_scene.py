@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from simulators.optics import PinholeCamera
-from simulators.pose import Pose
-from simulators.scene import Misalignment, Scene, Surface
-from simulators.specimen import Specimen, SpecimenSettings
-from simulators.texture import LineGrid, Speckle
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
+from simulators.scene.scene import Misalignment, Scene, Surface
+from simulators.scene.specimen import Specimen, SpecimenSettings
+from simulators.scene.texture import LineGrid, Speckle
 
 POINTS_MM = np.stack(np.meshgrid(*[np.linspace(-3, 3, 13)] * 2), axis=-1).reshape(-1, 2)
 MICROSTRAIN = 1e6

@@ -11,10 +11,10 @@ import pytest
 
 from drivers.errors import DeviceTimeout, LinkLost
 from drivers.interfaces import Frame, OpenContext
-from simulators.camera import SPEC as CAMERA_SPEC
-from simulators.scene_client import CAMERA, RENDERING_S, RemoteCamera, SceneClient
-from simulators.scene_wire import SceneServer
-from simulators.tcp_server import TcpServer
+from simulators.rig.camera import SPEC as CAMERA_SPEC
+from simulators.rig.scene_client import CAMERA, RENDERING_S, RemoteCamera, SceneClient
+from simulators.rig.scene_wire import SceneServer
+from simulators.wire.tcp_server import TcpServer
 
 
 def test_errors_of_its_cameras_come_through(simulation, rig):

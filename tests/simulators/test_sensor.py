@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from simulators.sensor import Sensor
+from simulators.scene.sensor import Sensor
 
 
 def sensor(bits=8, **changes):

@@ -10,10 +10,10 @@ import pytest
 
 from drivers.errors import ConfigurationError
 from drivers.interfaces import OperatorAction
-from simulators.scene_client import SceneClient
-from simulators.simulation import Simulation, StoppableClock
-from simulators.truth_log import TruthLog
-from simulators.virtual_rig import VirtualRig, VirtualRigSettings
+from simulators.rig.scene_client import SceneClient
+from simulators.rig.simulation import Simulation, StoppableClock
+from simulators.rig.truth_log import TruthLog
+from simulators.rig.virtual_rig import VirtualRig, VirtualRigSettings
 from tests.simulators.small_rig import SMALL, TABLES
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from simulators.specimen import Specimen, SpecimenSettings
+from simulators.scene.specimen import Specimen, SpecimenSettings
 
 
 def displacement_for(load_n, **settings):

@@ -1,7 +1,7 @@
 import pytest
 
 from drivers.clock import VirtualClock
-from simulators.stage_device import RefusedError, StageDevice
+from simulators.stage.device import RefusedError, StageDevice
 
 SPEED, ACCELERATION = 20.0, 200.0
 

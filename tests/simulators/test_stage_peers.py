@@ -6,9 +6,9 @@ import os
 import pytest
 
 from drivers.clock import SystemClock
-from simulators.newport_wire import NewportServer, NewportTcpServer
-from simulators.stage_device import StageDevice
-from simulators.stage_wire import StageServer, StageTcpServer
+from simulators.stage.device import StageDevice
+from simulators.stage.newport import NewportServer, NewportTcpServer
+from simulators.stage.zaber import StageServer, StageTcpServer
 from tests.peers import interpreter, run
 
 ZABER_MOTION = """

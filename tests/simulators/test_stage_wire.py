@@ -6,8 +6,8 @@ import threading
 import pytest
 
 from drivers.clock import VirtualClock
-from simulators.stage_device import StageDevice
-from simulators.stage_wire import StageServer, StageTcpServer
+from simulators.stage.device import StageDevice
+from simulators.stage.zaber import StageServer, StageTcpServer
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 import errno
 import socket
 
-from simulators.tcp_server import TcpServer
+from simulators.wire.tcp_server import TcpServer
 
 
 class Exhausted:

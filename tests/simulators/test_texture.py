@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from simulators.texture import BRIGHT, DARK, LineGrid, Speckle
+from simulators.scene.texture import BRIGHT, DARK, LineGrid, Speckle
 
 PX_PER_MM = 70.0
 

@@ -12,11 +12,11 @@ from drivers.interfaces import OpenContext, OperatorAction
 from drivers.registry import find_driver
 from drivers.settings import validate
 from rig.rigfile import read_rig
-from simulators.camera import SPEC as CAMERA
-from simulators.operator import SPEC as OPERATOR
-from simulators.operator import OperatorSettings
-from simulators.texture import LineGrid
-from simulators.virtual_rig import SPEC, VirtualRigSettings
+from simulators.rig.camera import SPEC as CAMERA
+from simulators.rig.operator import SPEC as OPERATOR
+from simulators.rig.operator import OperatorSettings
+from simulators.rig.virtual_rig import SPEC, VirtualRigSettings
+from simulators.scene.texture import LineGrid
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

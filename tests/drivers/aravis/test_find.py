@@ -4,10 +4,10 @@ import tomllib
 
 import pytest
 
-import rig.devices_command
+import rig.commands.devices
 from drivers.cameras.aravis.find import vision_cameras
 from drivers.lines.serial_ports import FoundCamera
-from rig.devices_command import search
+from rig.commands.devices import search
 from rig.rigfile import read_rig
 
 CAMERAS = [
@@ -44,12 +44,12 @@ def test_cameras_on_networks_and_buses_are_found_and_aravis_own_left_out():
 
 @pytest.fixture
 def alone(monkeypatch):
-    monkeypatch.setattr(rig.devices_command, "video_nodes", list)
-    monkeypatch.setattr(rig.devices_command, "serial_ports", list)
+    monkeypatch.setattr(rig.commands.devices, "video_nodes", list)
+    monkeypatch.setattr(rig.commands.devices, "serial_ports", list)
 
 
 def test_the_rig_file_to_start_from_names_the_driver_that_films(alone, monkeypatch, tmp_path):
-    monkeypatch.setattr(rig.devices_command, "vision_cameras", lambda: vision_cameras(Library()))
+    monkeypatch.setattr(rig.commands.devices, "vision_cameras", lambda: vision_cameras(Library()))
     found = search([], [], ask=True)
     assert found.lines()[0] == "camera Maker-7: Maker Mono 7 (GigEVision at 192.0.2.7)"
     path = tmp_path / "rig.toml"
@@ -64,7 +64,7 @@ def test_what_was_not_looked_for_is_said(alone, monkeypatch):
     def missing() -> list[FoundCamera]:
         raise OSError("libaravis-0.8.so.0: cannot open shared object file")
 
-    monkeypatch.setattr(rig.devices_command, "vision_cameras", missing)
+    monkeypatch.setattr(rig.commands.devices, "vision_cameras", missing)
     (told,) = (line for line in search([], [], ask=True).lines() if "Vision" in line)
     assert "libaravis-0.8.so.0" in told
     assert told.endswith("apt install libaravis-0.8-0")
@@ -73,6 +73,6 @@ def test_what_was_not_looked_for_is_said(alone, monkeypatch):
 
 def test_a_camera_cannot_write_into_the_rig_file_by_its_name(alone, monkeypatch):
     spiteful = FoundCamera("aravis", "Maker-7", "Maker\n[stage]\x1b[2J")
-    monkeypatch.setattr(rig.devices_command, "vision_cameras", lambda: [spiteful])
+    monkeypatch.setattr(rig.commands.devices, "vision_cameras", lambda: [spiteful])
     content = tomllib.loads(search([], [], ask=True).rig_file())
     assert set(content) == {"rig", "cameras", "operator"}

@@ -7,7 +7,7 @@ import pytest
 from drivers.clock import VirtualClock
 from drivers.interfaces import OpenContext
 from drivers.load_frames.modbus.load_frame import ModbusFrame, open_frame
-from simulators.frame_device import FrameDevice
+from simulators.load_frame.device import FrameDevice
 from tests.drivers.modbus_frame.watched_port import Port, Spring, settings
 
 

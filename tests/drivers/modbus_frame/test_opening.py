@@ -11,7 +11,7 @@ from drivers.load_frames.modbus.load_frame import open_frame
 from drivers.load_frames.modbus.settings import ModbusFrameSettings
 from drivers.registry import find_driver
 from drivers.settings import validate
-from simulators.frame_wire import FrameServer
+from simulators.load_frame.modbus import FrameServer
 from tests.drivers.modbus_frame.watched_port import Answer, is_state, settings
 
 

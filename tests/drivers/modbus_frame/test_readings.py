@@ -4,8 +4,8 @@ import pytest
 
 from drivers.errors import DeviceFault
 from drivers.load_frames.modbus.load_frame import open_frame
-from simulators.frame_layout import LAYOUTS
-from simulators.frame_wire import FrameServer
+from simulators.load_frame.layout import LAYOUTS
+from simulators.load_frame.modbus import FrameServer
 from tests.drivers.modbus_frame.watched_port import Answer, is_state, settings
 
 

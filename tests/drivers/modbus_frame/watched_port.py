@@ -7,8 +7,8 @@ from collections.abc import Callable
 from drivers.clock import VirtualClock
 from drivers.load_frames.modbus.load_frame import ModbusFrame
 from drivers.load_frames.modbus.settings import ModbusFrameSettings
-from simulators.frame_device import FrameDevice
-from simulators.frame_wire import FrameServer
+from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.modbus import FrameServer
 
 STIFFNESS_N_MM = 5000.0
 COMMAND_ADDRESS = 0

@@ -7,7 +7,7 @@ import pytest
 
 from drivers.clock import VirtualClock
 from drivers.interfaces import OpenContext, RotationStage
-from simulators.stage_device import StageDevice
+from simulators.stage.device import StageDevice
 from tests.drivers.stages.esp301.esp301_line import ESP301
 from tests.drivers.stages.stage_kit import StageKit, arrive
 from tests.drivers.stages.zaber.zaber_line import ZABER

@@ -4,7 +4,7 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from simulators.tcp_server import TcpServer
+from simulators.wire.tcp_server import TcpServer
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from typing import Any
 
 from drivers.clock import VirtualClock
 from drivers.interfaces import OpenContext, RotationStage
-from simulators.stage_device import StageDevice
+from simulators.stage.device import StageDevice
 
 Answer = Callable[[], bytes]
 Tamper = Callable[[str, Answer], bytes]

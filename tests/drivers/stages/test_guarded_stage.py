@@ -6,7 +6,7 @@ import pytest
 
 import drivers.stages.guarded
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
-from simulators.stage_settings import StageSettings
+from simulators.stage.zaber_settings import StageSettings
 from tests.drivers.stages.esp301.esp301_line import ESP301
 from tests.drivers.stages.stage_kit import arrive
 from tests.drivers.stages.zaber.zaber_line import ZABER

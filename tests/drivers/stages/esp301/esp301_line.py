@@ -3,8 +3,8 @@
 import drivers.stages.esp301.stage
 from drivers.clock import VirtualClock
 from drivers.stages.esp301.settings import EspSettings
-from simulators.newport_wire import NewportServer, NewportTcpServer
-from simulators.stage_device import StageDevice
+from simulators.stage.device import StageDevice
+from simulators.stage.newport import NewportServer, NewportTcpServer
 from tests.drivers.stages.stage_kit import StageKit, Tamper, untampered
 
 

@@ -12,8 +12,8 @@ import sys
 from pathlib import Path
 
 from drivers.clock import SystemClock
-from simulators.stage_device import StageDevice
-from simulators.stage_wire import StageTcpServer
+from simulators.stage.device import StageDevice
+from simulators.stage.zaber import StageTcpServer
 
 TRANSCRIPT = Path(__file__).parent / "data" / "zaber-motion.txt"
 

@@ -7,7 +7,7 @@ import pytest
 
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.stages.zaber.stage import open_stage
-from simulators.stage_wire import StageServer, StageTcpServer
+from simulators.stage.zaber import StageServer, StageTcpServer
 from tests.drivers.stages.stage_kit import Answer
 from tests.drivers.stages.zaber.zaber_line import settings
 

@@ -4,7 +4,7 @@ import pytest
 
 from drivers.errors import DeviceFault
 from drivers.stages.zaber.stage import open_stage
-from simulators.stage_wire import StageServer, StageTcpServer
+from simulators.stage.zaber import StageServer, StageTcpServer
 from tests.drivers.stages.stage_kit import Answer, arrive, untampered
 from tests.drivers.stages.zaber.zaber_line import lose, settings
 

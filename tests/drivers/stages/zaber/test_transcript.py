@@ -9,7 +9,7 @@ import pytest
 
 from drivers.stages.zaber.port import ZaberPort
 from drivers.stages.zaber.protocol import decode
-from simulators.tcp_server import TcpServer
+from simulators.wire.tcp_server import TcpServer
 
 # made by `record_zaber_motion`
 LINES = (Path(__file__).parent / "data" / "zaber-motion.txt").read_text().splitlines()

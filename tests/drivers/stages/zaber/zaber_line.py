@@ -3,8 +3,8 @@
 import drivers.stages.zaber.stage
 from drivers.stages.zaber.protocol import lrc
 from drivers.stages.zaber.settings import ZaberSettings
-from simulators.stage_device import StageDevice
-from simulators.stage_wire import StageServer, StageTcpServer
+from simulators.stage.device import StageDevice
+from simulators.stage.zaber import StageServer, StageTcpServer
 from tests.drivers.stages.stage_kit import Answer, StageKit, Tamper, untampered
 
 

@@ -1,0 +1,1 @@
+"""What the subcommands of rig do, one module each."""

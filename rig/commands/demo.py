@@ -1,0 +1,137 @@
+"""The paper's two experiments on a virtual rig, from protocol to report: what `rig demo` does."""
+
+import shutil
+import sysconfig
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rig.errors import Aborted, RigError
+from rig.run import run_protocol
+
+if TYPE_CHECKING:
+    from dic.process import RunResult
+
+EXPERIMENTS = {
+    "tension": ("tension.toml", "rig-virtual-tension.toml"),
+    "rotation-10": ("rotation.toml", "rig-virtual-rotation-10.toml"),
+    "rotation-20": ("rotation.toml", "rig-virtual-rotation-20.toml"),
+    "rotation-30": ("rotation.toml", "rig-virtual-rotation-30.toml"),
+}
+"""Name of each run, its protocol and its rig file among the examples."""
+
+_MARK = ".offaxis-demo"
+
+
+@dataclass(frozen=True)
+class Demo:
+    """What the demo leaves behind: per experiment a run file and a result file, and one report."""
+
+    folder: Path
+    runs: dict[str, Path]
+    results: dict[str, Path]
+    report: Path
+
+
+def examples_folder() -> Path:
+    """Return the folder of the example protocols and rig files: the checkout's, or the installed one."""
+    checkout = Path(__file__).parents[2] / "examples"
+    installed = Path(sysconfig.get_path("data")) / "share" / "offaxis" / "examples"
+    for folder in (checkout, installed):
+        if (folder / "tension.toml").is_file():
+            return folder
+    raise RigError(
+        "the examples",
+        expected=f"protocols in {installed}",
+        got="none",
+        remedy="install offaxis again",
+    )
+
+
+def run_demo(folder: Path, say: Callable[[str], None]) -> Demo:
+    """Run the paper's experiments on virtual rigs, measure them and write the report.
+
+    While one experiment runs, the one before is measured on the other processor.
+
+    Parameters
+    ----------
+    folder : Path
+        New, empty, or that of an earlier demo, whose files are replaced.
+    say : callable
+        Told each step in one line; also from another thread.
+
+    Raises
+    ------
+    RigError, DeviceError, ConfigurationError, MeasurementError
+        If the folder holds anything else, or an experiment cannot be run or measured.
+    """
+    from dic.report import write_report
+
+    _make_folder(folder)
+    source = examples_folder()
+    demo = Demo(
+        folder,
+        {name: folder / f"{name}.h5" for name in EXPERIMENTS},
+        {name: folder / f"{name}.results.h5" for name in EXPERIMENTS},
+        folder / "report.html",
+    )
+    for path in (*demo.runs.values(), *demo.results.values(), demo.report):
+        path.unlink(missing_ok=True)
+    pending: list[Future[RunResult]] = []
+    with ThreadPoolExecutor(1) as pool:
+        try:
+            for name, files in EXPERIMENTS.items():
+                _run(name, source, files, demo, say)
+                pending.append(pool.submit(_measure, name, demo, say))
+            results = [task.result() for task in pending]
+        except BaseException:
+            # Else leaving the pool would measure all that is left before the error is told.
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    say("writing the report")
+    write_report(results, demo.report)
+    return demo
+
+
+def _run(name: str, source: Path, files: tuple[str, str], demo: Demo, say: Callable[[str], None]) -> None:
+    protocol, rig = (Path(shutil.copy(source / file, demo.folder)) for file in files)
+    say(f"{name}: running {protocol} on {rig}")
+    outcome = run_protocol(protocol, rig, demo.runs[name])
+    if outcome.status != "completed":
+        raise Aborted(name, expected="a completed run", got=outcome.status, remedy=f"see: {outcome.reason}")
+    say(f"{name}: {outcome.steps_done} steps in {demo.runs[name]}")
+
+
+def _make_folder(folder: Path) -> None:
+    """Make the folder, or find it fit to be written over: real runs may have the same names."""
+    mark = folder / _MARK
+    try:
+        if folder.is_dir() and any(folder.iterdir()) and not mark.exists():
+            raise RigError(
+                str(folder),
+                expected="a new or empty folder, or that of an earlier demo",
+                got="one with other files, which the demo could replace",
+                remedy="name another with -o",
+            )
+        folder.mkdir(parents=True, exist_ok=True)
+        mark.touch()
+    except OSError as error:
+        raise RigError(
+            str(folder),
+            expected="a folder that can be written to",
+            got=error.strerror or str(error),
+            remedy="name another with -o",
+        ) from error
+
+
+def _measure(name: str, demo: Demo, say: Callable[[str], None]) -> "RunResult":
+    from dic.process import process_run
+    from dic.run_results import save_run_result
+
+    result = process_run(demo.runs[name])
+    save_run_result(result, demo.results[name])
+    images = sum(len(camera.measurements) for camera in result.cameras)
+    say(f"{name}: measured {images} images into {demo.results[name]}")
+    return result

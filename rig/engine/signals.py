@@ -1,0 +1,43 @@
+"""Signals end a run safely instead of killing it."""
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from rig.engine.engine import Engine
+from rig.errors import Aborted
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP)
+"""What ends or suspends a program from its terminal: suspended, it would no longer watch what moves."""
+
+
+@contextmanager
+def aborting_on_signals(engine: Engine) -> Iterator[None]:
+    """Turn `SIGNALS` into `Engine.abort`; only in the main thread, as Python demands.
+
+    A signal that is ignored, such as SIGHUP under ``nohup``, stays so.
+    """
+    interrupted = False
+
+    def handle(number: int, _: FrameType | None) -> None:
+        nonlocal interrupted
+        name = signal.Signals(number).name
+        engine.abort(name)
+        if engine.waiting_for_operator and not interrupted:
+            # A read from the terminal is resumed after a signal: only an exception ends it. And only the
+            # first: another would break into the safe state that it has led to.
+            interrupted = True
+            raise Aborted(
+                "waiting for the operator", expected="an answer", got=name, remedy="start the run again"
+            )
+
+    previous = {number: signal.getsignal(number) for number in SIGNALS}
+    try:
+        for number, handler in previous.items():
+            if handler is not signal.SIG_IGN:
+                signal.signal(number, handle)
+        yield
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)

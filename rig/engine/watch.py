@@ -1,0 +1,53 @@
+"""The limits a protocol declares, watched at every reading of the load frame."""
+
+from rig.errors import LimitViolation, SpecimenBroken
+from rig.protocol.protocol import Limits, Reading
+
+
+class Watch:
+    """Remembers the highest load and judges each reading against the declared limits.
+
+    Parameters
+    ----------
+    limits : Limits
+    carried_n : float
+        A break is judged once the specimen carried this load: below it the grips still seat.
+    """
+
+    def __init__(self, limits: Limits, carried_n: float) -> None:
+        self._limits = limits
+        self._carried_n = carried_n
+        self._highest_n = 0.0
+
+    def check(self, reading: Reading, step: str) -> None:
+        """Judge one reading.
+
+        Raises
+        ------
+        LimitViolation
+            If load or displacement is beyond its limit, in either direction.
+        SpecimenBroken
+            If the load fell by more than the declared fraction of the highest one.
+        """
+        values = (
+            (reading.load_n, self._limits.load_max_n, "load", "N"),
+            (reading.displacement_mm, self._limits.displacement_max_mm, "displacement", "mm"),
+        )
+        for value, limit, name, unit in values:
+            # So that NaN, which is never above anything, does not pass.
+            if not abs(value) <= limit:
+                raise LimitViolation(
+                    step,
+                    expected=f"a {name} within {limit:g} {unit}",
+                    got=f"{value:.6g} {unit}",
+                    remedy="look at the specimen before anything moves again",
+                )
+        self._highest_n = max(self._highest_n, reading.load_n)
+        lowest_n = (1.0 - self._limits.break_load_drop) * self._highest_n
+        if self._highest_n >= self._carried_n and reading.load_n < lowest_n:
+            raise SpecimenBroken(
+                step,
+                expected=f"a load above {lowest_n:.0f} N after {self._highest_n:.0f} N",
+                got=f"{reading.load_n:.0f} N",
+                remedy="the specimen broke or slipped out of the grips: the images up to here are on file",
+            )

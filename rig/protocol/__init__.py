@@ -1,0 +1,1 @@
+"""What a test does: the protocol file, its steps, and the criterion of plasticity."""

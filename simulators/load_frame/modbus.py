@@ -1,0 +1,188 @@
+"""The load frame on a network or a serial line: Modbus TCP, Modbus RTU, and RTU over TCP.
+
+Written from the specification alone; `simulators.load_frame.layout` says what stands where.
+"""
+
+import struct
+
+from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.layout import GENERIC, Layout
+from simulators.load_frame.modbus_framing import HEADER, crc, cut_rtu, cut_tcp
+from simulators.load_frame.registers import FrameRegisters
+from simulators.rig.device_faults import frame_faults
+from simulators.wire.faults import LOAD_FRAME, FaultPanel
+from simulators.wire.ports import PtyPort, TcpPort
+
+TARGET_SILENT = 11
+BROADCAST = 0
+SERIAL = 220001
+
+
+class _FrameWire:
+    """What every line of a load frame has; the parameters are those of `FrameServer`."""
+
+    _port: PtyPort | TcpPort
+
+    def __init__(
+        self,
+        device: FrameDevice,
+        unit: int,
+        serial: int,
+        layout: Layout,
+        faults: FaultPanel | None,
+        registers: FrameRegisters | None,
+    ) -> None:
+        self.device = device
+        self.unit = unit
+        self.faults = faults or frame_faults(FaultPanel(LOAD_FRAME), device)
+        self.registers = registers or FrameRegisters(device, layout, serial, self.faults)
+
+    @property
+    def address(self) -> str:
+        """Where it is found."""
+        return self._port.address
+
+    def answer(self, unit: int, request: bytes) -> bytes | None:
+        """Act on one protocol data unit (function code and data) and return the answer's, or None."""
+        return self.registers.answer(request)
+
+    def close(self) -> None:
+        """Stop serving; harmless when repeated."""
+        self._port.close()
+
+
+class FrameServer(_FrameWire):
+    """A load frame's Modbus TCP port.
+
+    Parameters
+    ----------
+    device : FrameDevice
+    host : str
+    port : int
+        0 takes any free port.
+    unit : int
+        The unit identifier it answers to.
+    serial : int
+        The serial number it reports.
+    layout : Layout
+    faults : FaultPanel, optional
+        One is made if none is given.
+    registers : FrameRegisters, optional
+        Those of another line, which it shares; `serial` and `layout` mean nothing then.
+
+    Attributes
+    ----------
+    address : str
+        ``host:port``.
+    """
+
+    _port: TcpPort
+
+    def __init__(
+        self,
+        device: FrameDevice,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        *,
+        unit: int = 1,
+        serial: int = SERIAL,
+        layout: Layout = GENERIC,
+        faults: FaultPanel | None = None,
+        registers: FrameRegisters | None = None,
+    ) -> None:
+        super().__init__(device, unit, serial, layout, faults, registers)
+        self._port = TcpPort(self, host, port)
+
+    def drop_clients(self) -> None:
+        """Cut every connection; new ones are accepted."""
+        self._port.drop_clients()
+
+    def answer(self, unit: int, request: bytes) -> bytes | None:
+        """Act on one protocol data unit; a foreign unit is answered as by a gateway that cannot reach it."""
+        if unit != self.unit:
+            return struct.pack(">BB", request[0] | 0x80, TARGET_SILENT)
+        return super().answer(unit, request)
+
+    def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
+        """Return the complete messages in a buffer, and the rest."""
+        return cut_tcp(buffer)
+
+    def respond(self, message: bytes) -> bytes:
+        """Act on one message and return the answer under the same transaction number."""
+        transaction, _, _, unit = struct.unpack(">HHHB", message[:HEADER])
+        reply = self.answer(unit, message[HEADER:])
+        if reply is None:
+            return b""
+        return struct.pack(">HHHB", transaction, 0, len(reply) + 1, unit) + reply
+
+    def damaged(self, reply: bytes) -> bytes:
+        """Return the answer with another function: TCP lets no bit fall, but a gateway may mix up answers."""
+        return reply[:HEADER] + bytes([reply[HEADER] ^ 0x40]) + reply[HEADER + 1 :]
+
+    def readdressed(self, reply: bytes) -> bytes:
+        """Return the answer as another unit would have signed it."""
+        return reply[: HEADER - 1] + bytes([reply[HEADER - 1] ^ 0x02]) + reply[HEADER:]
+
+
+class FrameRtuServer(_FrameWire):
+    """The same frame as Modbus RTU on a pseudo-terminal; `address` is the path to open.
+
+    A message for another unit, or a damaged one, is met with silence; one for everybody (unit 0) is obeyed in
+    silence.
+    """
+
+    def __init__(
+        self,
+        device: FrameDevice,
+        *,
+        unit: int = 1,
+        serial: int = SERIAL,
+        layout: Layout = GENERIC,
+        faults: FaultPanel | None = None,
+        registers: FrameRegisters | None = None,
+    ) -> None:
+        super().__init__(device, unit, serial, layout, faults, registers)
+        self._port = PtyPort(self)
+
+    def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
+        """Return the complete messages in a buffer, and the rest."""
+        return cut_rtu(buffer)
+
+    def respond(self, message: bytes) -> bytes:
+        """Act on one message and return the answer, empty when it is for another unit or for all."""
+        unit = message[0]
+        if unit not in (self.unit, BROADCAST):
+            return b""
+        reply = self.answer(unit, message[1:-2])
+        return b"" if reply is None or unit == BROADCAST else _sealed(bytes([unit]) + reply)
+
+    def damaged(self, reply: bytes) -> bytes:
+        """Return the answer with one bit turned: its checksum tells."""
+        return reply[:2] + bytes([reply[2] ^ 0x10]) + reply[3:]
+
+    def readdressed(self, reply: bytes) -> bytes:
+        """Return the answer as another unit of the line would give it."""
+        return _sealed(bytes([reply[0] ^ 0x02]) + reply[1:-2])
+
+
+class FrameRtuTcpServer(FrameRtuServer):
+    """RTU messages on a TCP port, as a serial device server carries them; `address` is ``host:port``."""
+
+    def __init__(
+        self,
+        device: FrameDevice,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        *,
+        unit: int = 1,
+        serial: int = SERIAL,
+        layout: Layout = GENERIC,
+        faults: FaultPanel | None = None,
+        registers: FrameRegisters | None = None,
+    ) -> None:
+        _FrameWire.__init__(self, device, unit, serial, layout, faults, registers)
+        self._port = TcpPort(self, host, port)
+
+
+def _sealed(message: bytes) -> bytes:
+    return message + crc(message)

@@ -1,0 +1,217 @@
+"""The load frame behind its registers: what a Modbus request does and answers, whatever line it came on.
+
+Source: MODBUS Application Protocol Specification V1.1b3. A holding block is written whole, in one request. A
+command is executed when its sequence number is newer than the last one executed: the same request twice, or
+one overtaken by another, does nothing.
+"""
+
+import math
+import struct
+import threading
+from collections.abc import Mapping
+from typing import Any
+
+from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.layout import Block, Layout, Number
+from simulators.load_frame.state import Fault, Limits, Readings, Refusal, RefusedError
+from simulators.wire.faults import FaultPanel
+
+REVISION = 1
+FIRMWARE = 0x0104
+READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY = 3, 4, 6, 16
+ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE = 1, 2, 3
+READ_MAX, WRITE_MAX = 125, 123
+
+
+class ExceptionReply(Exception):
+    """The request is answered with a Modbus exception code."""
+
+    def __init__(self, code: int) -> None:
+        self.code = code
+        super().__init__(f"exception {code}")
+
+
+class FrameRegisters:
+    """One load frame's registers, shared by every line it is on.
+
+    Parameters
+    ----------
+    device : FrameDevice
+    layout : Layout
+    serial : int
+        The serial number it reports.
+    faults : FaultPanel
+    """
+
+    def __init__(self, device: FrameDevice, layout: Layout, serial: int, faults: FaultPanel) -> None:
+        self._device = device
+        self._layout = layout
+        self._serial = serial
+        self._faults = faults
+        self._turn = threading.Lock()
+        self._forget()
+
+    def _forget(self) -> None:
+        self._power_ups = self._device.power_ups
+        self._executed = 0
+        self._result = 0
+        self._command: dict[str, Number] = {}
+
+    def answer(self, request: bytes) -> bytes:
+        """Act on one protocol data unit, function code and data, and return the answer's."""
+        function = request[0]
+        try:
+            if (code := self._faults.take("exception")) is not None:
+                raise ExceptionReply(int(code))
+            with self._turn:
+                if self._power_ups != self._device.power_ups:
+                    self._forget()
+                return self._execute(function, request[1:])
+        except ExceptionReply as exception:
+            return struct.pack(">BB", function | 0x80, exception.code)
+
+    def _execute(self, function: int, data: bytes) -> bytes:
+        if function in (READ_HOLDING, READ_INPUT):
+            address, count = _unpack(">HH", data)
+            if not 1 <= count <= min(READ_MAX, self._layout.request_max):
+                raise ExceptionReply(ILLEGAL_VALUE)
+            values = self._cut(self._table(function), address, count)
+            return struct.pack(">BB", function, len(values)) + values
+        if function == WRITE_ONE:
+            (address,) = _unpack(">H", data[:2])
+            self._write(address, data[2:])
+            return struct.pack(">B", function) + data
+        if function == WRITE_MANY:
+            address, count, size = _unpack(">HHB", data[:5])
+            most = min(WRITE_MAX, self._layout.request_max)
+            if not 1 <= count <= most or size != 2 * count or len(data) != 5 + size:
+                raise ExceptionReply(ILLEGAL_VALUE)
+            self._write(address, data[5:])
+            return struct.pack(">BHH", function, address, count)
+        raise ExceptionReply(ILLEGAL_FUNCTION)
+
+    def _table(self, function: int) -> list[Block]:
+        layout = self._layout
+        if function == READ_INPUT:
+            return [] if layout.one_table else layout.readable
+        return layout.writable + (layout.readable if layout.one_table else [])
+
+    def _cut(self, blocks: list[Block], address: int, count: int) -> bytes:
+        """Return `count` registers from inside one block; a request that leaves it is refused."""
+        for block in blocks:
+            first = address - block.address
+            if first >= 0 and first + count <= block.count:
+                values = self._layout.encode(block, self._values(block))
+                return values[2 * first : 2 * (first + count)]
+        raise ExceptionReply(ILLEGAL_ADDRESS)
+
+    def _values(self, block: Block) -> dict[str, Number]:
+        layout, device = self._layout, self._device
+        if block is layout.state or block is layout.status:
+            return self._state(device.read())
+        if block is layout.identity:
+            return {"serial": self._serial, "firmware": FIRMWARE}
+        if block is layout.command or block is layout.setpoints:
+            return self._command
+        if block is layout.watchdog:
+            return {"timeout": device.watchdog_s}
+        if block is layout.heartbeat:
+            return {"heartbeat": device.heartbeat}
+        limits = device.limits
+        return {
+            "load_min": limits.load_min_n,
+            "load_max": limits.load_max_n,
+            "displacement_min": limits.displacement_min_mm,
+            "displacement_max": limits.displacement_max_mm,
+            "speed_max": limits.speed_max_mm_s,
+            "load_rate_max": limits.load_rate_max_n_s,
+        }
+
+    def _state(self, readings: Readings) -> dict[str, Number]:
+        return {
+            "revision": REVISION,
+            "sample": readings.sample,
+            "status": _status(self._layout.bits, readings),
+            "fault": int(readings.fault),
+            "executed": self._executed,
+            "result": self._result,
+            "load": readings.load_n,
+            "displacement": readings.displacement_mm,
+            "speed": readings.speed_mm_s,
+            "target": readings.target,
+            "device_time_ms": round(readings.time_s * 1000),
+        }
+
+    def _write(self, address: int, data: bytes) -> None:
+        layout = self._layout
+        block = next((each for each in layout.writable if each.address == address), None)
+        if block is None or 2 * block.count != len(data):
+            raise ExceptionReply(ILLEGAL_ADDRESS)
+        values = layout.decode(block, data)
+        try:
+            if block is layout.command:
+                self._obey({**self._command, **values})
+            elif block is layout.setpoints:
+                self._command = {**self._command, **values}
+            elif block is layout.limits:
+                self._device.set_limits(_limits(values))
+            elif block is layout.watchdog:
+                self._device.set_watchdog(values["timeout"])
+            else:
+                self._device.beat(int(values["heartbeat"]))
+        except RefusedError as refusal:
+            raise ExceptionReply(ILLEGAL_VALUE) from refusal
+
+    def _obey(self, values: dict[str, Number]) -> None:
+        sequence = int(values["sequence"])
+        if not 0 < (sequence - self._executed) % 2**16 < 2**15:
+            return
+        self._command = values
+        self._executed, self._result = sequence, 0
+        device = self._device
+        try:
+            match self._layout.commands.get(int(values["command"])):
+                case "hold":
+                    device.hold()
+                case "displacement":
+                    device.go_to_displacement(values["displacement"], values["speed"])
+                case "load":
+                    device.go_to_load(values["load"], values["load_rate"])
+                case "tare":
+                    device.tare()
+                case _:
+                    raise RefusedError(Refusal.UNKNOWN)
+        except RefusedError as refusal:
+            self._result = refusal.reason
+
+
+def _status(bits: Mapping[str, int], readings: Readings) -> int:
+    true = {
+        "ready": not readings.estop,
+        "moving": readings.moving,
+        "at_target": readings.at_target,
+        "holding": readings.holding,
+        "limit": readings.fault in (Fault.LOAD_LIMIT, Fault.DISPLACEMENT_LIMIT),
+        "watchdog": readings.fault is Fault.WATCHDOG,
+        "estop": readings.estop,
+        "load_valid": math.isfinite(readings.load_n),
+    }
+    return sum(1 << place for name, place in bits.items() if true[name])
+
+
+def _limits(values: dict[str, Number]) -> Limits:
+    return Limits(
+        values["load_min"],
+        values["load_max"],
+        values["displacement_min"],
+        values["displacement_max"],
+        values["speed_max"],
+        values["load_rate_max"],
+    )
+
+
+def _unpack(format: str, data: bytes) -> tuple[Any, ...]:
+    try:
+        return struct.unpack(format, data)
+    except struct.error as error:
+        raise ExceptionReply(ILLEGAL_VALUE) from error

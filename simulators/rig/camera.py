@@ -1,0 +1,229 @@
+"""A camera that shows what the specimen of a simulated rig looks like from where it stands."""
+
+import threading
+from typing import Literal
+from zlib import crc32
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from drivers.clock import Clock
+from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
+from drivers.interfaces import CameraInfo, Frame, OpenContext
+from drivers.registry import DriverSpec
+from drivers.settings import Settings
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.render import render
+from simulators.scene.scene import Scene, Surface, scene_of
+from simulators.scene.sensor import Sensor
+from simulators.wire.faults import CAMERA, FaultPanel
+from simulators.wire.rig_faults import RigFaults
+
+# The bit that V4L2 sets in a damaged buffer's flags.
+FLAG_ERROR = 0x40
+# Sine of the least angle to the grid's plane under which a pixel looks; the surface may lean by some degrees.
+GRAZING = 0.2
+
+
+class CameraSettings(Settings):
+    """Where the camera stands, its lens and its sensor."""
+
+    width_px: int = Field(default=900, ge=16, le=8192)
+    height_px: int = Field(default=900, ge=16, le=8192)
+    bits: Literal[8, 12] = Field(default=8, description="significant bits of a pixel")
+    focal_px: float = Field(default=2800.0, gt=0, description="distance from pinhole to sensor in px")
+    distance_mm: float = Field(
+        default=40.0, gt=0, description="distance from pinhole to the middle of the grid"
+    )
+    pan_deg: float = Field(default=0.0, ge=-60, le=60, description="positive swings the camera to +X")
+    tilt_deg: float = Field(default=0.0, ge=-60, le=60, description="positive raises the camera to +Y")
+    k1_per_px2: float = Field(
+        default=0.0, description="radial distortion: x (1 + k1 r²), px from the image's middle"
+    )
+    exposure_us: float = Field(default=10_000.0, gt=0)
+    gain: float = Field(default=1.0, gt=0)
+    readout_us: float = Field(
+        default=20_000.0, ge=0, description="from the end of exposure to the frame's arrival"
+    )
+    # 32 500 electrons give a noise of one grey level (8 bit) in mid-grey.
+    full_well_e: float = Field(
+        default=32_500.0, gt=0, description="electrons that give the highest grey level"
+    )
+    read_noise_e: float = Field(default=20.0, ge=0, description="dark noise in electrons")
+    saturation_exposure_us: float = Field(
+        default=12_000.0, gt=0, description="exposure that saturates on white"
+    )
+
+    def optics(self) -> PinholeCamera:
+        """Return the lens and its place."""
+        return PinholeCamera(
+            self.width_px,
+            self.height_px,
+            self.focal_px,
+            self.distance_mm,
+            self.pan_deg,
+            self.tilt_deg,
+            self.k1_per_px2,
+        )
+
+    def sensor(self) -> Sensor:
+        """Return the sensor."""
+        return Sensor(self.bits, self.full_well_e, self.read_noise_e, self.saturation_exposure_us)
+
+    @model_validator(mode="after")
+    def _can_see_its_corners(self) -> "CameraSettings":
+        optics = self.optics()
+        right, bottom = self.width_px - 1.0, self.height_px - 1.0
+        corners = np.array([[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]])
+        _, directions = optics.ray(corners)
+        if np.any(directions[:, 2] > -GRAZING * np.linalg.norm(directions, axis=1)):
+            raise ValueError(
+                "it looks past the specimen's plane; a longer focal_px, or less pan and tilt, is expected"
+            )
+        return self
+
+
+class SimulatedCamera:
+    """Renders the scene as it is in the middle of each exposure.
+
+    Noise depends on nothing but the scene's seed, the camera's name and the frame's number, so a run repeats
+    bit by bit.
+
+    Attributes
+    ----------
+    info : CameraInfo
+    optics : PinholeCamera
+    shown : Surface or None
+        What the last frame shows.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        settings: CameraSettings,
+        scene: Scene,
+        clock: Clock,
+        faults: FaultPanel | None = None,
+    ) -> None:
+        self.info = CameraInfo(
+            vendor="offaxis",
+            model="simulated camera",
+            serial=name,
+            simulated=True,
+            width_px=settings.width_px,
+            height_px=settings.height_px,
+            bits=settings.bits,
+        )
+        self.optics = settings.optics()
+        self.shown: Surface | None = None
+        self._faults = faults or FaultPanel(CAMERA)
+        self._before: Frame | None = None
+        self._settings = settings
+        self._sensor = settings.sensor()
+        self._scene = scene
+        self._clock = clock
+        self._sequence = 0
+        self._turn = threading.Lock()
+        self._open = True
+
+    def grab(self, timeout_s: float) -> Frame:
+        """Expose and return one frame.
+
+        Raises
+        ------
+        DeviceTimeout
+            If exposure and readout take longer than `timeout_s`.
+        LinkLost
+            If the camera is unplugged.
+        DeviceFault
+            If the camera was closed.
+        """
+        with self._turn:
+            return self._grab(timeout_s)
+
+    def _grab(self, timeout_s: float) -> Frame:
+        self._require_open()
+        exposure_s = self._settings.exposure_us * 1e-6
+        readout_s = self._settings.readout_us * 1e-6 + float(self._faults.take("delay") or 0)
+        stalled = "stall" in self._faults.active
+        if stalled or not exposure_s + readout_s <= timeout_s:  # no number is no patience
+            self._clock.sleep(timeout_s)
+            reason = "the sensor stands still" if stalled else f"it takes {exposure_s + readout_s:g} s"
+            raise DeviceTimeout(
+                self.info.serial,
+                "grab",
+                expected=f"a frame within {timeout_s:g} s",
+                got=f"none: {reason}",
+                remedy="shorten the exposure or allow more time, and check the camera's trigger and power",
+            )
+        if self._faults.take("stale") is not None and self._before is not None:
+            return self._before
+        if self._faults.take("drop") is not None:
+            self._sequence += 1
+        frame = self._expose(exposure_s, readout_s)
+        self._sequence += 1
+        self._before = frame
+        return frame
+
+    def _expose(self, exposure_s: float, readout_s: float) -> Frame:
+        exposed_s, utc = self._clock.now_s(), self._clock.utc()
+        self._clock.sleep(exposure_s / 2)
+        self.shown = self._scene.surface()
+        reflectance = render(self.optics, self.shown)
+        self._clock.sleep(exposure_s / 2 + readout_s)
+        image = self._sensor.expose(
+            reflectance, self._settings.exposure_us, self._settings.gain, self._noise_of(self._sequence)
+        )
+        damaged = self._faults.take("corrupt") is not None
+        if damaged:
+            image[len(image) // 2 :] = 0
+        return Frame(
+            image=image,
+            exposed_s=exposed_s,
+            received_s=self._clock.now_s(),
+            utc=utc,
+            sequence=self._sequence,
+            flags=FLAG_ERROR if damaged else 0,
+            exposure_us=self._settings.exposure_us,
+            gain=self._settings.gain,
+        )
+
+    def close(self) -> None:
+        """Release the camera; harmless when repeated."""
+        self._open = False
+
+    def _noise_of(self, sequence: int) -> np.random.Generator:
+        return np.random.default_rng([self._scene.seed, crc32(self.info.serial.encode()), sequence])
+
+    def _require_open(self) -> None:
+        if not self._open:
+            raise DeviceFault(
+                self.info.serial,
+                "grab",
+                expected="an open camera",
+                got="a closed one",
+                remedy="open it again",
+            )
+        self.require_plugged("grab")
+
+    def require_plugged(self, step: str) -> None:
+        """`LinkLost` while the cable is out."""
+        if "unplug" in self._faults.active:
+            raise LinkLost(
+                self.info.serial,
+                step,
+                expected="a camera on its cable",
+                got="none",
+                remedy="plug the camera in and open it again",
+            )
+
+
+def _open(settings: CameraSettings, context: OpenContext) -> SimulatedCamera:
+    faults = getattr(context.environment, "faults", None)
+    panel = faults[CAMERA] if isinstance(faults, RigFaults) else None
+    camera = SimulatedCamera(context.name, settings, scene_of(context), context.clock, panel)
+    camera.require_plugged("open")
+    return camera
+
+
+SPEC = DriverSpec("camera", CameraSettings, _open)

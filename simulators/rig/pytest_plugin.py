@@ -1,0 +1,47 @@
+"""For pytest: a virtual rig by the fixture `virtual_rig`, for tests of programs that talk to a rig.
+
+It is there as soon as offaxis is installed::
+
+    def test_my_program_homes_the_stage(virtual_rig):
+        my_program(virtual_rig.addresses["stage"])
+        assert virtual_rig.stage.angle_deg() == 0.0
+
+    @pytest.mark.virtual_rig(load_frame_map="scaled-integers", real_time=True)
+    def test_my_program_gives_up_when_answers_are_lost(virtual_rig):
+        virtual_rig.faults.switch_on("load_frame.drop")
+        with pytest.raises(TimeoutError):
+            my_program(virtual_rig.addresses["load_frame"])
+"""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from simulators.rig.virtual_rig import VirtualRig
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Announce the mark."""
+    config.addinivalue_line(
+        "markers",
+        "virtual_rig(**settings): settings of the fixture, as in the table [simulation] of a rig file",
+    )
+
+
+@pytest.fixture
+def virtual_rig(request: pytest.FixtureRequest) -> "Iterator[VirtualRig]":
+    """A `simulators.rig.virtual_rig.VirtualRig`: addresses, clock, scene, faults, stage, load_frame.
+
+    Its time is simulated and goes on only when somebody sleeps on `clock`, unless the test is marked with
+    ``real_time=True``.
+    """
+    from simulators.rig.virtual_rig import VirtualRig, VirtualRigSettings
+
+    mark = request.node.get_closest_marker("virtual_rig")
+    if mark is not None and mark.args:
+        raise pytest.UsageError(f"virtual_rig: expected settings by name, such as seed=1, got {mark.args}")
+    rig = VirtualRig(VirtualRigSettings.model_validate({} if mark is None else mark.kwargs))
+    yield rig
+    rig.close()

@@ -1,0 +1,140 @@
+"""What a rig file says about a simulation: checked, and written anew for programs that use it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from drivers.errors import ConfigurationError
+from drivers.settings import Settings, mistakes_in, toml_table
+from simulators.rig.camera import CameraSettings
+from simulators.rig.operator import OperatorSettings
+from simulators.rig.places import SERVERS
+from simulators.rig.virtual_rig import VirtualRigSettings
+
+DEFAULTS: dict[str, Any] = {
+    "rig": {"name": "simulated rig"},
+    "simulation": {"driver": "virtual-rig"},
+    "stage": {
+        "driver": "zaber-ascii",
+        "port": "@stage",
+        "angle_min_deg": -5.0,
+        "angle_max_deg": 365.0,
+    },
+    "load_frame": {
+        "driver": "modbus-frame",
+        "address": "@load_frame",
+        "load_max_n": 14_000.0,
+        "displacement_max_mm": 6.0,
+    },
+    "cameras": {
+        "on_axis": {"driver": "simulated-camera"},
+        "off_axis": {"driver": "simulated-camera", "tilt_deg": 30.0},
+    },
+    "operator": {"driver": "simulated-operator", "duration_s": 1.0},
+}
+_ON_WIRES = ("stage", "load_frame")
+
+S = TypeVar("S", bound=Settings)
+
+
+@dataclass(frozen=True)
+class RigTables:
+    """A rig file all of whose devices are simulated.
+
+    Attributes
+    ----------
+    content : mapping
+        As it was read.
+    simulation : VirtualRigSettings
+    cameras : dict of str to CameraSettings
+    operator : OperatorSettings
+    """
+
+    content: Mapping[str, Any]
+    simulation: VirtualRigSettings
+    cameras: dict[str, CameraSettings]
+    operator: OperatorSettings
+
+    @classmethod
+    def read(cls, content: Mapping[str, Any], source: str) -> "RigTables":
+        """Check a rig file's content; empty stands for `DEFAULTS`.
+
+        A device that is not simulated is refused: whoever uses the simulation would move it.
+
+        Raises
+        ------
+        ConfigurationError
+            With all mistakes.
+        """
+        content = content or DEFAULTS
+        mistakes: list[str] = []
+
+        def settings(where: str, table: object, driver: str, model: type[S]) -> S:
+            if not isinstance(table, Mapping) or table.get("driver") != driver:
+                mistakes.append(f'{where}: a table with driver = "{driver}" is expected; correct it')
+                return model()
+            try:
+                return model.model_validate({key: value for key, value in table.items() if key != "driver"})
+            except ValidationError as error:
+                mistakes.extend(mistakes_in(error, where))
+                return model()
+
+        simulation, operator = (content.get(name, DEFAULTS[name]) for name in ("simulation", "operator"))
+        cameras = content.get("cameras", {})
+        if not isinstance(cameras, Mapping):
+            mistakes.append("cameras: tables [cameras.NAME] are expected; correct them")
+            cameras = {}
+        read = cls(
+            content,
+            settings("simulation", simulation, "virtual-rig", VirtualRigSettings),
+            {
+                name: settings(f"cameras.{name}", table, "simulated-camera", CameraSettings)
+                for name, table in cameras.items()
+            },
+            settings("operator", operator, "simulated-operator", OperatorSettings),
+        )
+        for name in _ON_WIRES:
+            mistakes += _unreachable(name, content.get(name, DEFAULTS[name]))
+        if mistakes:
+            raise ConfigurationError(source, mistakes)
+        return read
+
+    def rig_file(self, addresses: Mapping[str, str]) -> str:
+        """Return a rig file that uses the simulation at these addresses from another program."""
+        scene = addresses["scene"]
+        parts = [
+            f"# Devices of a simulation that was started on {datetime.now(UTC):%Y-%m-%d %H:%M} UTC.",
+            # nothing on the wire tells the drivers what is at its other end
+            toml_table(["rig"], {**self.content.get("rig", DEFAULTS["rig"]), "simulated": True}),
+        ]
+        for name in _ON_WIRES:
+            if name in self.content:
+                table = {
+                    key: addresses[value[1:]] if _is_name(value) else value
+                    for key, value in self.content[name].items()
+                }
+                parts.append(toml_table([name], table))
+        for name in self.cameras:
+            camera = {"driver": "remote-camera", "address": scene, "camera": name}
+            parts.append(toml_table(["cameras", name], camera))
+        parts.append(toml_table(["operator"], {"driver": "remote-operator", "address": scene}))
+        return "\n\n".join(parts) + "\n"
+
+
+def _unreachable(name: str, table: object) -> list[str]:
+    """Return what is wrong with where a device is said to be."""
+    named = [value for value in table.values() if _is_name(value)] if isinstance(table, Mapping) else []
+    if not named:
+        return [f'{name}: the address of a simulated device is expected, such as "@{name}"; correct it']
+    return [
+        f"{name}: {each!r} is none of the simulation's servers: {', '.join(f'@{known}' for known in SERVERS)}"
+        for each in named
+        if each[1:] not in SERVERS
+    ]
+
+
+def _is_name(value: object) -> bool:
+    return isinstance(value, str) and value.startswith("@")

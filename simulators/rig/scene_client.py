@@ -1,0 +1,169 @@
+"""Cameras and operator of a virtual rig that runs in another program on this machine, as drivers."""
+
+import json
+import socket
+import threading
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from drivers import errors
+from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
+from drivers.interfaces import CameraInfo, Frame, OpenContext, OperatorAction
+from drivers.registry import DriverSpec
+from drivers.settings import Settings
+
+RENDERING_S = 30.0
+"""How much longer than its own deadline a frame may take to come: rendering is slow on a busy machine."""
+
+OPERATOR_S = 3630.0
+"""How long a person may take: more than the longest time that a rig file can say."""
+
+
+class RemoteOperatorSettings(Settings):
+    """Where the simulation is, as ``rig simulate`` prints it."""
+
+    address: str = Field(pattern=r"^.+:\d+$", description="host:port")
+
+
+class RemoteCameraSettings(RemoteOperatorSettings):
+    """Where the simulation is, and which of its cameras."""
+
+    camera: str
+
+
+class SceneClient:
+    """A connection to a `simulators.rig.scene_wire.SceneServer`, made when it is needed.
+
+    Parameters
+    ----------
+    name : str
+        The device's name.
+    address : str
+
+    Attributes
+    ----------
+    name : str
+        Name and address, for messages.
+    """
+
+    def __init__(self, name: str, address: str) -> None:
+        self.name = f"{name} ({address})"
+        self._address = address
+        self._socket: socket.socket | None = None
+
+    def ask(self, patience_s: float, /, **request: object) -> tuple[dict[str, Any], bytes]:
+        """Send a request and return the answer's head and the bytes that follow it.
+
+        Raises
+        ------
+        DeviceError
+            As the simulated device raised it, under this device's name, or `LinkLost` if the simulation is
+            gone.
+        """
+        try:
+            if self._socket is None:
+                host, _, port = self._address.rpartition(":")
+                self._socket = socket.create_connection((host, int(port)), patience_s)
+            self._socket.settimeout(patience_s)
+            self._socket.sendall(json.dumps(request).encode() + b"\n")
+            with self._socket.makefile("rb") as answer:
+                if not (line := answer.readline()).endswith(b"\n"):
+                    raise ConnectionResetError("the other end closed the connection")
+                head = json.loads(line)
+                body = answer.read(head.get("bytes", 0))
+                if len(body) < head.get("bytes", 0):
+                    raise ConnectionResetError(f"{len(body)} of {head['bytes']} bytes")
+        except (OSError, ValueError, AttributeError) as error:
+            self.close()
+            raise LinkLost(
+                self.name,
+                str(request["do"]),
+                expected="an answer of the simulation",
+                got=str(error) or type(error).__name__,
+                remedy="start rig simulate and take the addresses that it prints",
+            ) from error
+        if "error" in head:
+            kind = getattr(errors, head.pop("error"), DeviceError)
+            del head["device"]  # a rig file may call it otherwise
+            raise kind(self.name, head.pop("step"), **head)
+        return head, body
+
+    def close(self) -> None:
+        """Hang up; harmless when repeated."""
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
+
+
+class RemoteCamera:
+    """A `Camera` that another program renders.
+
+    The frame's times are those of this machine's monotonic clock, which both programs share.
+    """
+
+    def __init__(self, client: SceneClient, camera: str) -> None:
+        self._client, self._camera = client, camera
+        self._turn = threading.Lock()
+        self._closed = False
+        head, _ = client.ask(RENDERING_S, do="camera", camera=camera)
+        self.info = CameraInfo(**head)
+
+    def grab(self, timeout_s: float) -> Frame:
+        """Return a frame whose exposure began after this call.
+
+        Raises
+        ------
+        DeviceError
+            As the simulated camera raised it; `LinkLost` if the simulation is gone, `DeviceFault` after
+            `close`.
+        """
+        if not timeout_s > 0.0:
+            raise self._error(DeviceTimeout, f"a frame within {timeout_s:g} s", "none", "allow more time")
+        with self._turn:
+            if self._closed:
+                raise self._error(DeviceFault, "an open camera", "a closed one", "open it again")
+            head, pixels = self._client.ask(
+                timeout_s + RENDERING_S, do="grab", camera=self._camera, timeout_s=timeout_s
+            )
+        image = np.frombuffer(pixels, head.pop("dtype")).reshape(head.pop("shape"))
+        head.pop("bytes")
+        return Frame(image=image, utc=datetime.fromisoformat(head.pop("utc")), **head)
+
+    def close(self) -> None:
+        """Release the camera; harmless when repeated."""
+        with self._turn:
+            self._closed = True
+            self._client.close()
+
+    def _error(self, kind: type[DeviceError], expected: str, got: str, remedy: str) -> DeviceError:
+        return kind(self._client.name, "grab", expected=expected, got=got, remedy=remedy)
+
+
+class RemoteOperator:
+    """The person at a rig that another program simulates."""
+
+    def __init__(self, client: SceneClient) -> None:
+        self._client = client
+
+    def perform(self, action: OperatorAction) -> None:
+        """Let the grid be attached or removed; return when it is done."""
+        self._client.ask(OPERATOR_S, do="operator", action=action.name)
+
+    def close(self) -> None:
+        """Hang up; harmless when repeated."""
+        self._client.close()
+
+
+def _open_camera(settings: RemoteCameraSettings, context: OpenContext) -> RemoteCamera:
+    return RemoteCamera(SceneClient(context.name, settings.address), settings.camera)
+
+
+def _open_operator(settings: RemoteOperatorSettings, context: OpenContext) -> RemoteOperator:
+    return RemoteOperator(SceneClient(context.name, settings.address))
+
+
+CAMERA = DriverSpec("camera", RemoteCameraSettings, _open_camera)
+OPERATOR = DriverSpec("operator", RemoteOperatorSettings, _open_operator)

@@ -1,0 +1,126 @@
+"""Cameras and operator of a virtual rig for other programs: lines of JSON on a TCP port.
+
+A request is one line, an object with ``do``; the answer is one line, followed by the pixels of a frame:
+
+====================================================  ================================================
+``{"do": "camera", "camera": NAME}``                  the camera's `drivers.interfaces.CameraInfo`
+``{"do": "grab", "camera": NAME, "timeout_s": S}``    all of `drivers.interfaces.Frame` but the image, its
+                                                      ``shape`` and ``dtype``, and ``bytes``: how many
+                                                      bytes of pixels follow, row by row
+``{"do": "operator", "action": "ATTACH_GRID"}``       an empty object when it is done; or ``REMOVE_GRID``
+====================================================  ================================================
+
+What fails is answered by ``{"error": KIND, "device": …, "step": …, "expected": …, "got": …, "remedy": …}``.
+"""
+
+import json
+import socket
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+from drivers.errors import DeviceError
+from drivers.interfaces import Frame, OperatorAction
+from simulators.rig.camera import SimulatedCamera
+from simulators.rig.operator import SimulatedOperator
+from simulators.wire.tcp_server import TcpServer
+
+LINE_MAX = 4096
+TIMEOUT_MAX_S = 3600.0
+
+
+class SceneServer:
+    """The port.
+
+    Parameters
+    ----------
+    cameras : mapping of str to SimulatedCamera
+    operator : SimulatedOperator
+    on_frame : callable
+        Told each frame that is sent, and the camera it is from.
+    host : str
+    port : int
+        0 takes any free port.
+
+    Attributes
+    ----------
+    address : str
+        ``host:port``.
+    """
+
+    def __init__(
+        self,
+        cameras: Mapping[str, SimulatedCamera],
+        operator: SimulatedOperator,
+        on_frame: Callable[[str, SimulatedCamera, Frame], None],
+        host: str = "127.0.0.1",
+        port: int = 0,
+    ) -> None:
+        self._cameras = cameras
+        self._operator = operator
+        self._on_frame = on_frame
+        self._turns = {name: threading.Lock() for name in cameras}
+        self._server = TcpServer(self._converse, host, port)
+        self.address = self._server.address
+
+    def close(self) -> None:
+        """Stop serving; harmless when repeated."""
+        self._server.close()
+
+    def _converse(self, connection: socket.socket) -> None:
+        with connection.makefile("rb") as lines:
+            while line := lines.readline(LINE_MAX):
+                head, body = self._answer(line)
+                connection.sendall(json.dumps(head).encode() + b"\n" + body)
+
+    def _answer(self, line: bytes) -> tuple[dict[str, Any], bytes]:
+        try:
+            request = json.loads(line)
+            match request["do"]:
+                case "camera":
+                    return asdict(self._cameras[request["camera"]].info), b""
+                case "grab":
+                    return self._grab(request["camera"], float(request["timeout_s"]))
+                case "operator":
+                    self._operator.perform(OperatorAction[request["action"]])
+                    return {}, b""
+        except DeviceError as error:
+            said = {part: getattr(error, part) for part in ("device", "step", "expected", "got", "remedy")}
+            return {"error": type(error).__name__, **said}, b""
+        except (ValueError, TypeError, KeyError, RecursionError) as error:
+            return _misunderstood(f"{type(error).__name__} {error}"), b""
+        return _misunderstood(repr(request["do"])), b""
+
+    def _grab(self, name: str, timeout_s: float) -> tuple[dict[str, Any], bytes]:
+        camera = self._cameras[name]
+        if not 0.0 <= timeout_s <= TIMEOUT_MAX_S:
+            raise ValueError(f"timeout_s {timeout_s:g}, which is not within 0 to {TIMEOUT_MAX_S:g}")
+        with self._turns[name]:
+            frame = camera.grab(timeout_s)
+            self._on_frame(name, camera, frame)
+        pixels = frame.image.tobytes()
+        head = {
+            "shape": frame.image.shape,
+            "dtype": str(frame.image.dtype),
+            "exposed_s": frame.exposed_s,
+            "received_s": frame.received_s,
+            "utc": frame.utc.isoformat(),
+            "sequence": frame.sequence,
+            "flags": frame.flags,
+            "exposure_us": frame.exposure_us,
+            "gain": frame.gain,
+            "bytes": len(pixels),
+        }
+        return head, pixels
+
+
+def _misunderstood(got: str) -> dict[str, Any]:
+    return {
+        "error": "DeviceError",
+        "device": "the simulated scene",
+        "step": "understand a request",
+        "expected": "camera, grab or operator with what belongs to it",
+        "got": got,
+        "remedy": "see docs/simulators.md",
+    }

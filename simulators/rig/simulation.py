@@ -1,0 +1,148 @@
+"""The virtual rig as servers for other programs, in real time: what `rig simulate` runs."""
+
+import threading
+from collections.abc import Iterable, Mapping
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import Any
+
+from drivers.clock import SystemClock
+from drivers.interfaces import OpenContext
+from simulators.rig.camera import SPEC as CAMERA_SPEC
+from simulators.rig.operator import SimulatedOperator
+from simulators.rig.places import Places
+from simulators.rig.rig_tables import RigTables
+from simulators.rig.scene_wire import SceneServer
+from simulators.rig.truth_log import TruthLog
+from simulators.rig.virtual_rig import VirtualRig
+from simulators.wire.faults import FAULTS
+
+HELP = (
+    "fault DEVICE.FAULT   switch a fault on, such as stage.drop:2",
+    "clear [DEVICE[.FAULT]]   switch it off, or all of them",
+    "faults   which are on",
+    "truth   what is true now",
+    "quit   or Ctrl-C",
+)
+
+
+class StoppableClock(SystemClock):
+    """The machine's own time, whose sleepers wake when the simulation ends."""
+
+    def __init__(self) -> None:
+        self._stopped = threading.Event()
+
+    def sleep(self, duration_s: float) -> None:
+        """Block for `duration_s` seconds, or until the end."""
+        self._stopped.wait(max(0.0, duration_s))
+
+    def stop(self) -> None:
+        """Wake everybody who sleeps."""
+        self._stopped.set()
+
+
+class Simulation:
+    """Every server of a virtual rig, its cameras and its operator, and a log of what is true.
+
+    Parameters
+    ----------
+    tables : mapping
+        A rig file's content; empty stands for a rig with a stage, a load frame and two cameras.
+    source : str
+        The rig file, for messages.
+    log : Path or None
+        Where the truth is written.
+    places : iterable of str
+        Where servers are to be, as `simulators.rig.places.Places` reads it.
+
+    Raises
+    ------
+    ConfigurationError
+        If the tables have mistakes.
+    ValueError
+        If a place is none.
+    OSError
+        If the log cannot be written, or a place is taken.
+    """
+
+    def __init__(
+        self, tables: Mapping[str, Any], source: str, log: Path | None, places: Iterable[str] = ()
+    ) -> None:
+        self._tables = RigTables.read(tables, source)
+        wanted = Places.read(places)
+        self._clock = StoppableClock()
+        with ExitStack() as started:
+            self.rig = started.enter_context(
+                closing(VirtualRig(self._tables.simulation, self._clock, wanted))
+            )
+            self.log = started.enter_context(closing(TruthLog(log, self.rig)))
+            self._scene = SceneServer(
+                {
+                    name: CAMERA_SPEC.open(each, OpenContext(f"cameras.{name}", self._clock, self.rig))
+                    for name, each in self._tables.cameras.items()
+                },
+                SimulatedOperator(self.rig.scene, self._clock, self._tables.operator.duration_s),
+                self.log.frame,
+                port=wanted.ports.get("scene", 0),
+            )
+            started.pop_all()
+
+    @property
+    def addresses(self) -> dict[str, str]:
+        """Where each server is; ``scene`` is that of the cameras and the operator."""
+        return {**self.rig.addresses, "scene": self._scene.address}
+
+    def rig_file(self) -> str:
+        """Return a rig file that uses this simulation from another program."""
+        return self._tables.rig_file(self.addresses)
+
+    def command(self, line: str) -> list[str]:
+        """Carry out a line of the operator's and return what to print."""
+        verb, _, rest = line.strip().partition(" ")
+        faults = self.rig.faults
+        try:
+            match verb:
+                case "fault":
+                    self.switch_on(rest)
+                case "clear":
+                    self._clear(rest)
+                case "truth":
+                    return [f"{name}: {value:.6g}" for name, value in self.rig.truth().items()]
+                case "faults":
+                    pass
+                case _:
+                    return list(HELP)
+        except (ValueError, OSError) as error:
+            return [str(error)]
+        return [f"on: {', '.join(faults.active) or 'nothing'}"]
+
+    def switch_on(self, fault: str) -> None:
+        """Switch a fault on; ValueError says what is wrong with its name."""
+        self.rig.faults.switch_on(fault)
+        self.log.write("fault", fault=fault.strip(), on=True)
+
+    def _clear(self, faults: str) -> None:
+        before = self.rig.faults.active
+        try:
+            self.rig.faults.clear(faults)
+        finally:
+            still = self.rig.faults.active
+            for fault in before:
+                if fault not in still:
+                    self.log.write("fault", fault=fault, on=False)
+
+    @staticmethod
+    def list_faults() -> list[str]:
+        """Return a line for each fault: how it is written, which devices can have it, what it does."""
+        width = max(len(fault.usage) for fault in FAULTS.values())
+        return [
+            f"{fault.usage:{width}}  {fault.summary} ({', '.join(fault.devices)})"
+            for fault in FAULTS.values()
+        ]
+
+    def close(self) -> None:
+        """Stop every server; harmless when repeated."""
+        self._clock.stop()
+        self._scene.close()
+        self.rig.close()
+        self.log.close()

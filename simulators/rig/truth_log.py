@@ -1,0 +1,83 @@
+"""What was really so, written down as it happens: one JSON object per line."""
+
+import json
+import threading
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+from drivers.clock import Clock
+from drivers.interfaces import Frame
+from simulators.rig.camera import SimulatedCamera
+from simulators.rig.virtual_rig import VirtualRig
+
+
+class TruthLog:
+    """A file that grows by a line for each sample, command, frame and fault.
+
+    Every line has ``what`` (``sample``, ``command``, ``frame``, ``fault``), ``time_s`` of the machine's
+    monotonic clock and ``utc``. A sample has the truth as `VirtualRig.truth` gives it, a frame the angle, the
+    strain and the pose of what the camera was shown in the middle of its exposure.
+
+    Parameters
+    ----------
+    path : Path or None
+        None writes nothing.
+    rig : VirtualRig
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+
+    def __init__(self, path: Path | None, rig: VirtualRig) -> None:
+        self._file = None if path is None else path.open("w", encoding="utf-8", buffering=1)
+        self._rig = rig
+        self._clock: Clock = rig.clock
+        self._lock = threading.Lock()
+        self._told = {"stage": 0, "load_frame": 0}
+
+    def sample(self) -> None:
+        """Write what is true now, and what the devices were commanded since the last time."""
+        for name, device in (("stage", self._rig.stage), ("load_frame", self._rig.load_frame)):
+            done = device.executed
+            for time_s, command in done[self._told[name] :]:
+                self.write("command", time_s=time_s, device=name, command=command)
+            self._told[name] = len(done)
+        self.write("sample", **self._rig.truth())
+
+    def frame(self, name: str, camera: SimulatedCamera, frame: Frame) -> None:
+        """Write what a camera was shown."""
+        shown = camera.shown
+        self.write(
+            "frame",
+            time_s=frame.exposed_s,
+            camera=name,
+            sequence=frame.sequence,
+            flags=frame.flags,
+            texture="" if shown is None else type(shown.texture).__name__,
+            rotation=[] if shown is None else shown.pose.rotation.tolist(),
+            translation_mm=[] if shown is None else shown.pose.translation_mm.tolist(),
+            deformation_gradient=[] if shown is None else shown.deformation_gradient.tolist(),
+        )
+
+    def write(self, what: str, **values: Any) -> None:
+        """Write one line; nothing any more once it is closed."""
+        now_s, now = self._clock.now_s(), self._clock.utc()
+        # what is told later bears the date of when it happened
+        happened = now - timedelta(seconds=now_s - values.get("time_s", now_s))
+        line = {"what": what, "utc": happened.isoformat(), "time_s": now_s, **values}
+        with self._lock:
+            if self._file is not None:
+                self._file.write(json.dumps(line) + "\n")
+
+    def close(self) -> None:
+        """Write what was commanded since the last sample, and no more; harmless when repeated."""
+        try:
+            self.sample()
+        finally:
+            with self._lock:
+                file, self._file = self._file, None
+            if file is not None:
+                file.close()

@@ -1,0 +1,152 @@
+"""The whole rig without hardware: stage and frame as servers on the wire, and the specimen they move."""
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from drivers.clock import Clock, SystemClock, VirtualClock
+from drivers.interfaces import OpenContext
+from drivers.registry import DriverSpec
+from drivers.settings import Settings
+from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.layout import LAYOUTS
+from simulators.load_frame.modbus import FrameRtuServer, FrameRtuTcpServer, FrameServer
+from simulators.rig.device_faults import frame_faults, stage_faults
+from simulators.rig.places import Link, Places
+from simulators.scene.scene import Misalignment, Scene
+from simulators.scene.specimen import Specimen, SpecimenSettings
+from simulators.stage.device import StageDevice
+from simulators.stage.newport import NewportServer
+from simulators.stage.zaber import StageServer, StageTcpServer
+from simulators.wire.faults import CAMERA, LOAD_FRAME, NEWPORT, STAGE, FaultPanel
+from simulators.wire.rig_faults import RigFaults
+
+
+class VirtualRigSettings(Settings):
+    """The table [simulation] of a rig file."""
+
+    seed: int = Field(
+        default=1, ge=0, description="of speckle and noise; the same seed repeats a run bit by bit"
+    )
+    real_time: bool = Field(
+        default=False, description="run on the machine's own time, instead of as fast as it can"
+    )
+    load_frame_map: Literal["generic", "scaled-integers", "separate-words"] = "generic"
+    misalignment: Misalignment = Misalignment()
+    specimen: SpecimenSettings = SpecimenSettings()
+
+
+class VirtualRig:
+    """One specimen, fixed to a rotation stage and gripped by a load frame; a rig uses what it names.
+
+    Parameters
+    ----------
+    settings : VirtualRigSettings
+    clock : Clock, optional
+        Another one than the settings ask for.
+    places : Places, optional
+        Where its servers are to be; without one they take what is free.
+
+    Raises
+    ------
+    OSError
+        If a place is taken.
+
+    Attributes
+    ----------
+    clock : Clock
+        The time of everything in it, the rig's engine included.
+    addresses : mapping of str to str
+        ``stage``, ``stage_tcp``: Zaber ASCII on a pty and on TCP; ``newport``: a Newport ESP301 on a pty that
+        turns the same shaft; ``load_frame``, ``load_frame_rtu``, ``load_frame_rtu_tcp``: one load frame on
+        Modbus TCP, on Modbus RTU on a pty, and on RTU over TCP. As the drivers' settings want them.
+    faults : RigFaults
+        What can be let go wrong, while it runs.
+    scene : Scene
+        What its cameras see.
+    stage : StageDevice
+    load_frame : FrameDevice
+    """
+
+    def __init__(
+        self, settings: VirtualRigSettings, clock: Clock | None = None, places: Places | None = None
+    ) -> None:
+        self.clock: Clock = clock or (SystemClock() if settings.real_time else VirtualClock())
+        specimen = Specimen(settings.specimen)
+        self.stage = StageDevice(self.clock)
+        self.load_frame = FrameDevice(self.clock, specimen, rng=np.random.default_rng(settings.seed))
+        self.scene = Scene(
+            seed=settings.seed,
+            misalignment=settings.misalignment,
+            specimen=specimen,
+            angle_deg=self.stage.angle_deg,
+            load_n=self.load_frame.load_n,
+        )
+        self.faults = RigFaults(
+            stage_faults(FaultPanel(STAGE), self.stage),
+            stage_faults(FaultPanel(NEWPORT), self.stage),
+            frame_faults(FaultPanel(LOAD_FRAME), self.load_frame),
+            FaultPanel(CAMERA),
+        )
+        with ExitStack() as started:
+            self.addresses: Mapping[str, str] = self._start(settings, places or Places(), started)
+            self._started = started.pop_all()
+
+    def _start(self, settings: VirtualRigSettings, places: Places, started: ExitStack) -> dict[str, str]:
+        """Start every server, leave with `started` what ends it, and return where each is."""
+        addresses: dict[str, str] = {}
+
+        def serve(name: str, server: Any, prefix: str = "") -> None:
+            started.callback(server.close)
+            addresses[name] = prefix + server.address
+            if name in places.links:
+                started.callback(Link(places.links[name], Path(server.address)).close)
+                addresses[name] = str(places.links[name])
+
+        def port(name: str) -> int:
+            return places.ports.get(name, 0)
+
+        stage, of_stage = self.stage, self.faults[STAGE]
+        serve("stage", StageServer(stage, faults=of_stage))
+        serve("stage_tcp", StageTcpServer(stage, port=port("stage_tcp"), faults=of_stage), "socket://")
+        serve("newport", NewportServer(stage, self.clock, faults=self.faults[NEWPORT]))
+
+        frame, of_frame = self.load_frame, self.faults[LOAD_FRAME]
+        layout = LAYOUTS[settings.load_frame_map]
+        tcp = FrameServer(frame, port=port("load_frame"), layout=layout, faults=of_frame)
+        serve("load_frame", tcp)
+        serve("load_frame_rtu", FrameRtuServer(frame, faults=of_frame, registers=tcp.registers))
+        rtu_port = port("load_frame_rtu_tcp")
+        rtu_tcp = FrameRtuTcpServer(frame, port=rtu_port, faults=of_frame, registers=tcp.registers)
+        serve("load_frame_rtu_tcp", rtu_tcp, "rtu://")
+        return addresses
+
+    def truth(self) -> dict[str, float | bool]:
+        """Return what is true now: the shaft's angle, the crosshead, the load and the specimen's strains."""
+        load_n = self.load_frame.load_n()
+        state = self.scene.specimen.state
+        return {
+            "time_s": self.clock.now_s(),
+            "angle_deg": self.stage.angle_deg(),
+            "displacement_mm": self.load_frame.displacement_mm(),
+            "load_n": load_n,
+            "axial_strain": state.axial_strain,
+            "transverse_strain": state.transverse_strain,
+            "broken": state.broken,
+            "grid_attached": self.scene.grid_attached,
+        }
+
+    def close(self) -> None:
+        """Stop every server; harmless when repeated."""
+        self._started.close()
+
+
+def _open(settings: VirtualRigSettings, context: OpenContext) -> VirtualRig:
+    return VirtualRig(settings)
+
+
+SPEC = DriverSpec("environment", VirtualRigSettings, _open)

@@ -1,0 +1,1 @@
+"""What the cameras see: specimen, texture, optics and sensor, rendered without a line of dic."""

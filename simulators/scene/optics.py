@@ -1,0 +1,120 @@
+"""A pinhole camera with radial distortion, looking at the middle of the grid from any direction."""
+
+from dataclasses import dataclass
+from math import cos, radians, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulators.scene.jit import compiled
+
+Array = NDArray[np.float64]
+
+# r (1 + k r²) with k < 0 rises only up to r² = 1 / (3|k|), where the distorted radius is r_d = (2/3) r:
+# there k r_d² = -4/27.
+_FOLD = -4.0 / 27.0
+
+
+@dataclass(frozen=True)
+class PinholeCamera:
+    """Camera that looks at the world's origin, its principal point in the middle of the image.
+
+    World coordinates: X right, Y up, Z towards the on-axis camera, mm. Image coordinates: x right, y down,
+    pixel centres at integers. Pan swings the camera to +X about the world's Y; tilt then raises it to +Y, so
+    its centre is ``distance · (sin pan · cos tilt, sin tilt, cos pan · cos tilt)``; it never rolls.
+    Distortion as Helm and Deaner have it: ``x_distorted = x (1 + k1 r²)``, in px from the principal point.
+
+    Parameters
+    ----------
+    width_px, height_px : int
+    focal_px : float
+        Distance from the pinhole to the sensor in px.
+    distance_mm : float
+        Distance from the pinhole to the world's origin.
+    pan_deg, tilt_deg : float
+    k1_per_px2 : float
+        Positive for pincushion, negative for barrel distortion.
+
+    Raises
+    ------
+    ValueError
+        If barrel distortion folds the image over before its corners.
+    """
+
+    width_px: int
+    height_px: int
+    focal_px: float = 2800.0
+    distance_mm: float = 40.0
+    pan_deg: float = 0.0
+    tilt_deg: float = 0.0
+    k1_per_px2: float = 0.0
+
+    def __post_init__(self) -> None:
+        corner_px2 = float(np.sum(self.principal_point_px**2))
+        if self.k1_per_px2 * corner_px2 <= _FOLD:
+            raise ValueError(
+                f"k1_per_px2 = {self.k1_per_px2:g} folds the image over before its corners; "
+                f"it must exceed {_FOLD / corner_px2:.3g} for {self.width_px} x {self.height_px} px"
+            )
+
+    @property
+    def principal_point_px(self) -> Array:
+        """Middle of the image, shape (2,)."""
+        return np.array([(self.width_px - 1) / 2, (self.height_px - 1) / 2])
+
+    @property
+    def axes(self) -> Array:
+        """Directions right, up and back (from scene to camera) in the world, the rows of a (3, 3) array."""
+        pan, tilt = radians(self.pan_deg), radians(self.tilt_deg)
+        right = np.array([cos(pan), 0.0, -sin(pan)])
+        back = np.array([sin(pan) * cos(tilt), sin(tilt), cos(pan) * cos(tilt)])
+        return np.array([right, np.cross(back, right), back])
+
+    @property
+    def centre_mm(self) -> Array:
+        """The pinhole in the world, shape (3,)."""
+        return np.asarray(self.distance_mm * self.axes[2])
+
+    def project(self, world_mm: Array) -> Array:
+        """Return where world points (n, 3) in mm appear in the image, (n, 2) px."""
+        x, y, depth = ((world_mm - self.centre_mm) @ self.axes.T * [1.0, -1.0, -1.0]).T
+        undistorted = self.focal_px * np.stack([x / depth, y / depth], axis=1)
+        r2 = np.sum(undistorted**2, axis=1, keepdims=True)
+        return np.asarray(undistorted * (1.0 + self.k1_per_px2 * r2) + self.principal_point_px)
+
+    def ray(self, px: Array) -> tuple[Array, Array]:
+        """Return the pinhole (3,) in mm and the directions (n, 3), of any length, of points (n, 2) in px."""
+        directions = _directions(
+            np.ascontiguousarray(px - self.principal_point_px), self.k1_per_px2, self.focal_px, self.axes
+        )
+        return self.centre_mm, directions
+
+
+@compiled
+def _undistorted_scale(distorted_px2: float, k1_per_px2: float) -> float:
+    """Return s = r / r_distorted to rounding, from the square of r_distorted.
+
+    With k = k1 r_distorted² the model reads s + k s³ = 1; from s = 1 Newton's steps approach the root from
+    one side, whatever the sign of k.
+    """
+    k = k1_per_px2 * distorted_px2
+    s = 1.0
+    for _ in range(50):
+        step = (s + k * s * s * s - 1.0) / (1.0 + 3.0 * k * s * s)
+        s -= step
+        if abs(step) < 1e-15:
+            break
+    return s
+
+
+@compiled
+def _directions(distorted_px: Array, k1_per_px2: float, focal_px: float, axes: Array) -> Array:
+    """Directions (n, 3) of the rays through points (n, 2) relative to the principal point."""
+    right, up, back = axes
+    directions = np.empty((len(distorted_px), 3))
+    for i in range(len(distorted_px)):
+        x, y = distorted_px[i, 0], distorted_px[i, 1]
+        scale = _undistorted_scale(x * x + y * y, k1_per_px2) / focal_px
+        for axis in range(3):
+            directions[i, axis] = scale * (x * right[axis] - y * up[axis]) - back[axis]
+    return directions

@@ -1,0 +1,45 @@
+"""The picture of a surface: the light that falls on each pixel, integrated over the pixel's area."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.scene import Surface
+
+_ROWS_AT_ONCE = 32
+
+
+def render(
+    camera: PinholeCamera, surface: Surface, quadrature_order: int | None = None
+) -> NDArray[np.float64]:
+    """Return the mean reflectance (0 to 1) each pixel sees, shape (height, width).
+
+    Every quadrature point is followed exactly along its ray to the surface and back to the material, so the
+    image is that of the deformed specimen at any sub-pixel displacement, without interpolation. The texture
+    knows how many Gauss points per pixel and direction it needs, unless `quadrature_order` says otherwise.
+    """
+    order = quadrature_order or surface.texture.quadrature_order
+
+    def band(first_row: int) -> NDArray[np.float64]:
+        last_row = min(first_row + _ROWS_AT_ONCE, camera.height_px)
+        return _render_rows(camera, surface, np.arange(first_row, last_row), order)
+
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        return np.concatenate(list(threads.map(band, range(0, camera.height_px, _ROWS_AT_ONCE))))
+
+
+def _render_rows(
+    camera: PinholeCamera, surface: Surface, rows: NDArray[np.int_], quadrature_order: int
+) -> NDArray[np.float64]:
+    nodes, weights = np.polynomial.legendre.leggauss(quadrature_order)
+    offsets = nodes / 2
+    x = (np.arange(camera.width_px)[:, None] + offsets).ravel()
+    y = (rows[:, None] + offsets).ravel()
+    px = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    samples = surface.texture.reflectance(surface.material(*camera.ray(px)))
+    by_pixel = samples.reshape(len(rows), quadrature_order, camera.width_px, quadrature_order)
+    mean: NDArray[np.float64] = np.einsum("rjci,j,i->rc", by_pixel, weights / 2, weights / 2)
+    return mean

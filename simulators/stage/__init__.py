@@ -1,0 +1,1 @@
+"""Simulated rotation stages: the mechanics, and the protocols spoken on the wire."""

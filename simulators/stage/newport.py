@@ -1,0 +1,316 @@
+"""The rotation stage behind a Newport ESP301 motion controller, on a pseudo-terminal or a TCP port.
+
+A line is ``xxAAnn`` and CR: axis, two letters, value or ``?``; several are joined by ``;``. Only questions
+are answered, by a value and CR LF. There are no ids, no checksums and no acknowledgement: what went wrong
+waits in a queue until somebody asks ``TB?`` or ``TE?``.
+Source: ESP301 Integrated 3-Axis Motion Controller/Driver, User's Manual, section Command Set.
+"""
+
+import re
+import threading
+from collections.abc import Callable
+
+from drivers.clock import Clock
+from simulators.rig.device_faults import stage_faults
+from simulators.stage import newport_errors as errors
+from simulators.stage.device import RefusedError, StageDevice
+from simulators.stage.newport_errors import ErrorQueue, NewportError
+from simulators.wire.faults import NEWPORT, FaultPanel
+from simulators.wire.ports import PtyPort, TcpPort
+
+COMMAND = re.compile(r"(?P<axis>\d*)(?P<name>[A-Z]{2})(?P<value>\?|[-+]?\d*\.?\d*)")
+LINE_MAX = 256
+AXES = 3
+DEGREE = 7
+NUMBER_MAX = 2e9
+HOME_MODES = range(7)
+# Find no signal, but go to where the counter is 0.
+TO_THE_COUNTERS_ZERO = 0
+# Software limits are watched (bit 0), and the motion is stopped at them (bit 2).
+SOFT_LIMITS = "5H"
+VERSION = "ESP301 Version 3.0.1 6/1/99"
+SPEED_MAX_DEG_S, ACCELERATION_MAX_DEG_S2 = 40.0, 400.0
+ANSWERED_WITHOUT_MARK = frozenset({"TP", "TV", "TS", "TX", "TE", "TB", "VE", "ID", "DP"})
+SETTINGS = frozenset({"VA", "AC", "AG", "SL", "SR", "SN"})
+
+
+class NewportWire:
+    """What the controller makes of lines; the stage is axis 1 and the others have none.
+
+    Parameters
+    ----------
+    device : StageDevice
+    clock : Clock
+    serial : int
+    faults : FaultPanel, optional
+        One is made if none is given.
+
+    Attributes
+    ----------
+    home_mode : int
+        Which signals a home search looks for if ``OR`` does not say.
+    soft_limits : str
+        What is done at the software limits, as ``ZS?`` tells.
+    """
+
+    def __init__(
+        self, device: StageDevice, clock: Clock, *, serial: int = 110001, faults: FaultPanel | None = None
+    ) -> None:
+        self.device = device
+        self.faults = faults or stage_faults(FaultPanel(NEWPORT), device)
+        self._clock = clock
+        self._serial = serial
+        self._turn = threading.Lock()
+        self.home_mode = 1
+        self.soft_limits = SOFT_LIMITS
+        self._switch_on()
+
+    def _switch_on(self) -> None:
+        start_s = self._clock.now_s()
+        self._power_ups = self.device.power_ups
+        self._errors = ErrorQueue(lambda: self._clock.now_s() - start_s)
+        self._motor_on = False
+        self._target_deg = 0.0
+
+    def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
+        """Return the complete lines in a buffer, and the rest."""
+        *lines, rest = re.split(rb"[\r\n]", buffer)
+        return [line for line in lines if line], rest[-LINE_MAX:]
+
+    def damaged(self, reply: bytes) -> bytes:
+        """Return the answer with a broken first character: nothing else could tell."""
+        return bytes([reply[0] | 0x80]) + reply[1:]
+
+    def readdressed(self, reply: bytes) -> bytes:
+        """Return the answer: none of this protocol bears an address."""
+        return reply
+
+    def respond(self, message: bytes) -> bytes:
+        """Act on one line, one client after the other."""
+        with self._turn:
+            return self.answer(message)
+
+    def answer(self, line: bytes) -> bytes:
+        """Act on the commands of one line and return the answers to its questions."""
+        answers = (self._answer_one(text) for text in line.decode("ascii", "replace").split(";"))
+        return b"".join(f"{answer}\r\n".encode("ascii") for answer in answers if answer)
+
+    def _answer_one(self, text: str) -> str:
+        if self._power_ups != self.device.power_ups:
+            self._switch_on()
+        if self._errors.watch(self.device):
+            self._motor_on = False
+        command = COMMAND.fullmatch(text.replace(" ", "").upper())
+        try:
+            if command is None:
+                raise NewportError(errors.UNKNOWN_COMMAND)
+            axis, name, value = int(command["axis"] or 0), command["name"], command["value"]
+            if value == "?" or (name in ANSWERED_WITHOUT_MARK and not value):
+                return self._ask(axis, name)
+            if (code := self.faults.take("error")) is not None:
+                raise NewportError(int(code))
+            self._tell(axis, name, value)
+        except NewportError as error:
+            self._errors.add(error.code)
+        return ""
+
+    def _ask(self, axis: int, name: str) -> str:
+        if name == "TB":
+            return "{}, {}, {}".format(*self._errors.take())
+        if name == "TE":
+            return str(self._errors.take()[0])
+        controller: dict[str, Callable[[], str]] = {
+            "VE": lambda: VERSION,
+            "TS": lambda: chr(0x40 | self.device.moving | self._motor_on << 4),
+            "TX": lambda: chr(0x40 | self.device.moving),
+        }
+        if name in controller:
+            return controller[name]()
+        self._require_axis(axis)
+        device = self.device
+        readings: dict[str, Callable[[], str]] = {
+            "TP": lambda: f"{device.position / device.microsteps_per_deg:.4f}",
+            "TV": lambda: f"{device.speed_deg_s:.4f}",
+            "MD": lambda: str(int(not device.moving)),
+            "MO": lambda: str(int(self._motor_on)),
+            "MF": lambda: str(int(self._motor_on)),
+            "PA": lambda: f"{self._target_deg:.4f}",
+            "DP": lambda: f"{self._target_deg:.4f}",
+            "VA": lambda: f"{device.speed_microsteps_s / device.microsteps_per_deg:.4f}",
+            "AC": lambda: f"{device.acceleration_microsteps_s2 / device.microsteps_per_deg:.4f}",
+            "VU": lambda: f"{SPEED_MAX_DEG_S:.4f}",
+            "AU": lambda: f"{ACCELERATION_MAX_DEG_S2:.4f}",
+            "SL": lambda: f"{device.limit_min / device.microsteps_per_deg:.4f}",
+            "SR": lambda: f"{device.limit_max / device.microsteps_per_deg:.4f}",
+            "SN": lambda: str(DEGREE),
+            "ID": lambda: f"URS100BCC, SN {self._serial}",
+            "OM": lambda: str(self.home_mode),
+            "ZE": lambda: "3H",
+            "ZS": lambda: self.soft_limits,
+        }
+        if name not in readings:
+            raise NewportError(errors.UNKNOWN_COMMAND)
+        return readings[name]()
+
+    def _tell(self, axis: int, name: str, value: str) -> None:
+        device = self.device
+        if name in ("ST", "AB", "RS"):
+            # these may come without an axis and mean all of them
+            if name == "RS":
+                device.power_cycle()
+            elif name == "ST" or not device.moving:
+                device.stop()
+            else:
+                device.fail("NI")
+            self._motor_on = self._motor_on and name == "ST"
+            return
+        self._require_axis(axis)
+        match name:
+            case "MO":
+                self._switch_motor_on()
+            case "MF":
+                if device.moving:
+                    device.fail("NI")
+                self._motor_on = False
+            case "OR":
+                self._find_home(int(_number(value)) if value else self.home_mode)
+            case "OM":
+                self.home_mode = _home_mode(int(_number(value)))
+            case "PA":
+                self._go_to(_number(value))
+            case "PR":
+                self._go_to(device.position / device.microsteps_per_deg + _number(value))
+            case "MV" if value in ("+", "-"):
+                self._require_motor()
+                speed = device.speed_microsteps_s
+                self._begin(lambda: device.turn(speed if value == "+" else -speed))
+            case "DH":
+                device.set_position(round(_number(value or "0") * device.microsteps_per_deg))
+            case "WS":
+                pass  # only a stored program waits for the end of a motion, and this controller stores none
+            case _ if name in SETTINGS:
+                self._set(name, _number(value))
+            case _:
+                raise NewportError(errors.UNKNOWN_COMMAND)
+
+    def _find_home(self, mode: int) -> None:
+        if _home_mode(mode) == TO_THE_COUNTERS_ZERO:
+            self._go_to(0.0)
+            return
+        self._require_motor()
+        self._begin(self.device.home)
+        self._target_deg = 0.0
+
+    def _set(self, name: str, number: float) -> None:
+        device, scale = self.device, self.device.microsteps_per_deg
+        match name:
+            case "VA" if number > SPEED_MAX_DEG_S:
+                raise NewportError(errors.AXIS + errors.TOO_FAST)
+            case "AC" | "AG" if number > ACCELERATION_MAX_DEG_S2:
+                raise NewportError(errors.AXIS + errors.TOO_SUDDEN)
+            case "VA" if number > 0:
+                device.speed_microsteps_s = number * scale
+            case "AC" if number > 0:
+                device.acceleration_microsteps_s2 = number * scale
+            case "AG" if number > 0:
+                pass
+            case "SL" if number * scale < device.limit_max:
+                device.limit_min = round(number * scale)
+            case "SR" if number * scale > device.limit_min:
+                device.limit_max = round(number * scale)
+            case "SN" if number == DEGREE:
+                pass
+            case _:
+                raise NewportError(errors.AXIS + errors.AXIS_OUT_OF_RANGE)
+
+    def _go_to(self, angle_deg: float) -> None:
+        self._require_motor()
+        device = self.device
+        target = round(angle_deg * device.microsteps_per_deg)
+        if target > device.limit_max:
+            raise NewportError(errors.AXIS + errors.SOFT_LIMIT_MAX)
+        if target < device.limit_min:
+            raise NewportError(errors.AXIS + errors.SOFT_LIMIT_MIN)
+        self._begin(lambda: device.move_to(target))
+        self._target_deg = angle_deg
+
+    def _begin(self, motion: Callable[[], None]) -> None:
+        """Begin a motion; what a motion left behind before is over."""
+        self.device.clear_flags()
+        self._errors.watch(self.device)
+        motion()
+
+    def _switch_motor_on(self) -> None:
+        try:
+            self.device.enable_driver()
+        except RefusedError as refusal:
+            raise NewportError(errors.EMERGENCY_STOP) from refusal
+        self._motor_on = True
+
+    def _require_motor(self) -> None:
+        if not self._motor_on or not self.device.enabled:
+            raise NewportError(errors.AXIS + errors.MOTOR_OFF)
+
+    def _require_axis(self, axis: int) -> None:
+        if axis == 0:
+            raise NewportError(errors.NO_AXIS)
+        if axis > AXES:
+            raise NewportError(errors.NO_SUCH_AXIS)
+        if axis > 1:
+            raise NewportError(errors.AXIS * axis + errors.NOT_CONNECTED)
+
+
+class NewportServer(NewportWire):
+    """The controller on a pseudo-terminal; `address` is the path to open."""
+
+    _port: PtyPort | TcpPort
+
+    def __init__(
+        self, device: StageDevice, clock: Clock, *, serial: int = 110001, faults: FaultPanel | None = None
+    ) -> None:
+        super().__init__(device, clock, serial=serial, faults=faults)
+        self._port = PtyPort(self)
+
+    @property
+    def address(self) -> str:
+        """Where it is found."""
+        return self._port.address
+
+    def close(self) -> None:
+        """Hang up and end the threads; harmless when repeated."""
+        self._port.close()
+
+
+class NewportTcpServer(NewportServer):
+    """The same controller on a TCP port; `address` is ``host:port``."""
+
+    def __init__(
+        self,
+        device: StageDevice,
+        clock: Clock,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        serial: int = 110001,
+        faults: FaultPanel | None = None,
+    ) -> None:
+        NewportWire.__init__(self, device, clock, serial=serial, faults=faults)
+        self._port = TcpPort(self, host, port)
+
+
+def _number(value: str) -> float:
+    if not value:
+        raise NewportError(errors.NO_PARAMETER)
+    try:
+        number = float(value)
+    except ValueError as error:
+        raise NewportError(errors.OUT_OF_RANGE) from error
+    if abs(number) > NUMBER_MAX:
+        raise NewportError(errors.OUT_OF_RANGE)
+    return number
+
+
+def _home_mode(mode: int) -> int:
+    if mode not in HOME_MODES:
+        raise NewportError(errors.AXIS + errors.AXIS_OUT_OF_RANGE)
+    return mode

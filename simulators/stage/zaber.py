@@ -1,0 +1,226 @@
+"""The rotation stage on a line: Zaber ASCII, protocol version 3, on a pseudo-terminal or a TCP port.
+
+A message is ``/[address] [axis] [id|--] command[:LRC]`` and CR or LF; the answer
+``@AA x [id] OK|RJ BUSY|IDLE FLAG|-- data[:LRC]`` and CR LF. Whoever sends an id or a checksum gets one back.
+Source: Zaber ASCII Protocol Manual (https://www.zaber.com/protocol-manual).
+"""
+
+import re
+import threading
+
+from simulators.rig.device_faults import stage_faults
+from simulators.stage.device import RefusedError, StageDevice
+from simulators.stage.zaber_settings import ACCELERATION_UNIT, SPEED_UNIT, StageSettings
+from simulators.wire.faults import STAGE, FaultPanel
+from simulators.wire.ports import PtyPort, TcpPort
+
+MESSAGE = re.compile(r"/(?:(?P<address>\d+)(?: +(?P<axis>\d+)(?: +(?P<id>\d+|--))?)?)? *(?P<command>[^:]*)$")
+LINE_MAX = 128
+AXES = 1
+NUMBER_MAX = 2**63 - 1
+
+
+def checksum(text: str) -> str:
+    """LRC of what stands between the first character and the colon: two hexadecimal digits."""
+    return f"{-sum(text.encode('ascii', 'replace')) & 0xFF:02X}"
+
+
+class StageWire:
+    """What the stage makes of messages.
+
+    Parameters
+    ----------
+    device : StageDevice
+    device_address : int
+        The stage's own address; 0 and no address mean everybody.
+    serial : int
+        The serial number it reports.
+    faults : FaultPanel, optional
+        One is made if none is given.
+    """
+
+    def __init__(
+        self,
+        device: StageDevice,
+        *,
+        device_address: int = 1,
+        serial: int = 110001,
+        faults: FaultPanel | None = None,
+    ) -> None:
+        self.device = device
+        self.settings = StageSettings(device, device_address, serial)
+        self.faults = faults or stage_faults(FaultPanel(STAGE), device)
+        self._turn = threading.Lock()
+
+    def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
+        """Return the complete lines in a buffer, and the rest."""
+        *lines, rest = re.split(rb"[\r\n]", buffer)
+        return lines, rest[-LINE_MAX:]
+
+    def respond(self, message: bytes) -> bytes:
+        """Act on one line, one client after the other."""
+        with self._turn:
+            return self.answer(message)
+
+    def damaged(self, reply: bytes) -> bytes:
+        """Return the answer with one bit of one character turned: its checksum, if it has one, tells."""
+        return _changed(reply, len(reply) // 2, reply[len(reply) // 2] ^ 0x04)
+
+    def readdressed(self, reply: bytes) -> bytes:
+        """Return the answer as the next device of the chain would give it."""
+        body, colon, _ = reply.decode("ascii").strip().partition(":")
+        body = f"{self.settings.address + 1:02d}{body[3:]}"
+        return f"@{body}{':' + checksum(body) if colon else ''}\r\n".encode("ascii")
+
+    def answer(self, line: bytes) -> bytes:
+        """Act on one line and return the bytes to send back: none when it is damaged or for somebody else."""
+        text = line.decode("ascii", "replace").strip()
+        text, colon, lrc = text.partition(":")
+        if colon and lrc.upper() != checksum(text[1:]):
+            return b""
+        message = MESSAGE.match(text)
+        if message is None or int(message["address"] or 0) not in (0, self.settings.address):
+            return b""
+        ok, data = self._execute(int(message["axis"] or 0), message["command"].split())
+        if message["id"] == "--":
+            return b""
+        flags = self.device.flags
+        number = f" {int(message['id']):02d}" if message["id"] else ""
+        body = (
+            f"{self.settings.address:02d} {message['axis'] or 0}{number} {'OK' if ok else 'RJ'} "
+            f"{'BUSY' if self.device.moving else 'IDLE'} {flags[0] if flags else '--'} {data}"
+        )
+        with_checksum = colon or self.settings.always_checksum
+        return f"@{body}{':' + checksum(body) if with_checksum else ''}\r\n".encode("ascii")
+
+    def _execute(self, axis: int, words: list[str]) -> tuple[bool, str]:
+        if axis > AXES:
+            return False, "BADAXIS"
+        if (reason := self.faults.take("reject")) is not None:
+            return False, reason
+        try:
+            return True, self._command(axis, words)
+        except RefusedError as refusal:
+            return False, str(refusal)
+
+    def _command(self, axis: int, words: list[str]) -> str:
+        device = self.device
+        match words:
+            case []:
+                pass
+            case ["home"]:
+                device.home()
+            case ["stop"]:
+                device.stop()
+            case ["estop"] if device.moving:
+                device.fail("NI")
+            case ["estop"]:
+                pass
+            case ["move", *rest]:
+                self._move(rest)
+            case ["warnings"]:
+                return " ".join([f"{len(device.flags):02d}", *device.flags])
+            case ["warnings", "clear"]:
+                device.clear_flags()
+                return "00"
+            case ["driver", "enable"]:
+                device.enable_driver()
+            case ["driver", "disable"]:
+                device.disable_driver()
+            case ["get", name]:
+                return self.settings.get(axis, name)
+            case ["set", name, value]:
+                self.settings.set(axis, name, _integer(value))
+            case ["tools", "parking", "park"]:
+                device.park()
+            case ["tools", "parking", "unpark"]:
+                device.parked = False
+            case ["renumber", value] if axis == 0:
+                self.settings.set(0, "comm.address", _integer(value))
+            case ["tools", "echo", *rest]:
+                return " ".join(rest)
+            case ["system", "reset"] if axis == 0:
+                device.power_cycle()
+            case _:
+                raise RefusedError("BADCOMMAND")
+        return "0"
+
+    def _move(self, words: list[str]) -> None:
+        """Begin one of the kinds of motion: target or speed, then optionally speed and acceleration."""
+        device, (kind, *values) = self.device, [*words, ""]
+        numbers = [_integer(value) for value in values if value]
+        ends = {"min": device.limit_min, "max": device.limit_max}
+        if kind in ends:
+            numbers.insert(0, ends[kind])
+        if not 1 <= len(numbers) <= 3:
+            raise RefusedError("BADDATA" if kind in ("abs", "rel", "vel", *ends) else "BADCOMMAND")
+        target, *rest = numbers
+        if any(number <= 0 for number in rest):
+            raise RefusedError("BADDATA")
+        if kind == "vel":
+            device.turn(target / SPEED_UNIT, *(number / ACCELERATION_UNIT for number in rest[:1]))
+            return
+        own = [number / unit for number, unit in zip(rest, (SPEED_UNIT, ACCELERATION_UNIT), strict=False)]
+        if kind == "rel":
+            device.move_by(target, *own)
+        elif kind == "abs" or kind in ends:
+            device.move_to(target, *own)
+        else:
+            raise RefusedError("BADCOMMAND")
+
+
+class StageServer(StageWire):
+    """The stage's line on a pseudo-terminal; `address` is the path to open."""
+
+    _port: PtyPort | TcpPort
+
+    def __init__(
+        self,
+        device: StageDevice,
+        *,
+        device_address: int = 1,
+        serial: int = 110001,
+        faults: FaultPanel | None = None,
+    ) -> None:
+        super().__init__(device, device_address=device_address, serial=serial, faults=faults)
+        self._port = PtyPort(self)
+
+    @property
+    def address(self) -> str:
+        """Where it is found."""
+        return self._port.address
+
+    def close(self) -> None:
+        """Hang up and end the threads; harmless when repeated."""
+        self._port.close()
+
+
+class StageTcpServer(StageServer):
+    """The same line on a TCP port; `address` is ``host:port``."""
+
+    def __init__(
+        self,
+        device: StageDevice,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        device_address: int = 1,
+        serial: int = 110001,
+        faults: FaultPanel | None = None,
+    ) -> None:
+        StageWire.__init__(self, device, device_address=device_address, serial=serial, faults=faults)
+        self._port = TcpPort(self, host, port)
+
+
+def _changed(reply: bytes, place: int, byte: int) -> bytes:
+    return reply[:place] + bytes([byte]) + reply[place + 1 :]
+
+
+def _integer(text: str) -> int:
+    try:
+        number = int(text)
+    except ValueError as error:
+        raise RefusedError("BADDATA") from error
+    if abs(number) > NUMBER_MAX:
+        raise RefusedError("BADDATA")
+    return number

@@ -1,0 +1,112 @@
+"""The settings of a Zaber stage: what ``get`` answers and what ``set`` takes.
+
+Source: Zaber ASCII Protocol Manual (https://www.zaber.com/protocol-manual), chapter Settings.
+"""
+
+from collections.abc import Callable
+
+from simulators.stage.device import RefusedError, StageDevice
+
+# The data value of a speed is microsteps/s times 1.6384, of an acceleration microsteps/s² times 1.6384e-4.
+SPEED_UNIT = 1.6384
+ACCELERATION_UNIT = 1.6384e-4
+FIRMWARE, BUILD, DEVICE_ID = "7.38", 16451, 50081
+CYCLE_DEG = 360
+
+Reading = Callable[[], object]
+
+
+class StageSettings:
+    """The settings of one device and its axis.
+
+    Parameters
+    ----------
+    device : StageDevice
+    address : int
+        The device's own address.
+    serial : int
+        The serial number it reports.
+
+    Attributes
+    ----------
+    always_checksum : bool
+        Setting `comm.checksum`: answers bear a checksum even when the message had none.
+    """
+
+    def __init__(self, device: StageDevice, address: int, serial: int) -> None:
+        self._device = device
+        self.address = address
+        self.always_checksum = False
+        self._approach: int | None = None
+        self._of_device: dict[str, Reading] = {
+            "comm.address": lambda: self.address,
+            "comm.checksum": lambda: int(self.always_checksum),
+            "comm.packet.size.max": lambda: 80,
+            "comm.word.size.max": lambda: 50,
+            "comm.command.packets.max": lambda: 1,
+            "comm.alert": lambda: 0,
+            "comm.protocol": lambda: 2,
+            "device.hw.modified": lambda: 0,
+            "deviceid": lambda: DEVICE_ID,
+            "system.access": lambda: 1,
+            "system.axiscount": lambda: 1,
+            "system.serial": lambda: serial,
+            "system.temperature": lambda: 31.5,
+            "system.uptime": lambda: 1000,
+            "system.voltage": lambda: 48.0,
+            "version": lambda: FIRMWARE,
+            "version.build": lambda: BUILD,
+        }
+        self._of_axis: dict[str, Reading] = {
+            "pos": lambda: device.position,
+            "vel": lambda: round(device.speed_deg_s * device.microsteps_per_deg * SPEED_UNIT),
+            "maxspeed": lambda: round(device.speed_microsteps_s * SPEED_UNIT),
+            "accel": lambda: round(device.acceleration_microsteps_s2 * ACCELERATION_UNIT),
+            "limit.min": lambda: device.limit_min,
+            "limit.max": lambda: device.limit_max,
+            "limit.cycle.dist": lambda: CYCLE_DEG * device.microsteps_per_deg,
+            "limit.approach.maxspeed": self._approach_speed,
+            "resolution": lambda: 64,
+            "driver.enabled": lambda: int(device.enabled),
+            "driver.temperature": lambda: 35.0,
+        }
+
+    def get(self, axis: int, name: str) -> str:
+        """Return a setting; `RefusedError` if there is none of that name at the axis (0: the device)."""
+        if name in self._of_device:
+            if axis:
+                raise RefusedError("DEVICEONLY")
+            return str(self._of_device[name]())
+        if name in self._of_axis:
+            return str(self._of_axis[name]())
+        raise RefusedError("BADCOMMAND")
+
+    def set(self, axis: int, name: str, value: int) -> None:
+        """Take a setting; `RefusedError` if it is none that can be set, or its value is out of range."""
+        if axis and name in self._of_device:
+            raise RefusedError("DEVICEONLY")
+        device = self._device
+        match name:
+            case "maxspeed" if value > 0:
+                device.speed_microsteps_s = value / SPEED_UNIT
+            case "limit.approach.maxspeed" if value > 0:
+                self._approach = value
+            case "accel" if value > 0:
+                device.acceleration_microsteps_s2 = value / ACCELERATION_UNIT
+            case "limit.min" if value < device.limit_max:
+                device.limit_min = value
+            case "limit.max" if value > device.limit_min:
+                device.limit_max = value
+            case "pos":
+                device.set_position(value)
+            case "comm.checksum" if value in (0, 1):
+                self.always_checksum = bool(value)
+            case "comm.address" if 1 <= value <= 99:
+                self.address = value
+            case _ if name in self._of_axis or name in self._of_device:
+                raise RefusedError("BADDATA")
+            case _:
+                raise RefusedError("BADCOMMAND")
+
+    def _approach_speed(self) -> int:
+        return self._approach or round(self._device.speed_microsteps_s * SPEED_UNIT)

@@ -1,0 +1,1 @@
+"""What a simulated device is met on: ports, lines, TCP servers, and the faults that they can have."""
