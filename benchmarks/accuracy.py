@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from benchmarks.speckle import Float, Speckle, noisy, shift
 from benchmarks.theory import cramer_rao_px, resolution_px, slopes
-from dic.correlate import Correlator
-from dic.field import Field
-from dic.images import read_image
-from dic.settings import CorrelationSettings
+from dic.correlation.correlator import Correlator
+from dic.correlation.field import Field
+from dic.correlation.settings import CorrelationSettings
+from dic.image.read import read_image
 
 STAR = Path(__file__).parents[1].parent / "shared" / "data" / "star2"
 SHIFTS_PX = np.linspace(0.0, 1.0, 11)

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.machine import Stopwatch
-from dic import kernel
-from dic.correlate import Correlator
-from dic.field import Field, Status
-from dic.settings import CorrelationSettings
-from dic.spline import halfway_noise_gain, slope_noise_gain, spline_image
+from dic.correlation import kernel
+from dic.correlation.correlator import Correlator
+from dic.correlation.field import Field, Status
+from dic.correlation.settings import CorrelationSettings
+from dic.image.spline import halfway_noise_gain, slope_noise_gain, spline_image
 
 Grey = NDArray[np.float32]
 Float = NDArray[np.float64]

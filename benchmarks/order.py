@@ -20,13 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from dic.calibration import Calibration, Model
-from dic.correlate import Correlator
-from dic.displacement import Displacement, calibrated_displacement, raw_displacement
-from dic.field import Field
-from dic.grid import find_grid
-from dic.settings import SHAPES, CorrelationSettings
-from dic.strain import StrainSettings, mean_strain, strain_field
+from dic.calibration.calibration import Calibration, Model
+from dic.correlation.correlator import Correlator
+from dic.correlation.field import Field
+from dic.correlation.settings import SHAPES, CorrelationSettings
+from dic.strain.displacement import Displacement, calibrated_displacement, raw_displacement
+from dic.strain.strain import StrainSettings, mean_strain, strain_field
+from dic.targets.line_grid.find import find_grid
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
 from simulators.scene.render import render

@@ -39,7 +39,7 @@ def dic() -> None:
 
 def main() -> None:
     """Run the command; an error that was foreseen becomes one sentence and status 2."""
-    from dic.commands.console import run
     from dic.errors import MeasurementError
+    from dic.shell.console import run
 
     run(dic, (MeasurementError,), "error")

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dic.commands.console import run as run_command
-from dic.commands.console import say
-from dic.commands.places import require_places
 from dic.errors import MeasurementError
+from dic.shell.console import run as run_command
+from dic.shell.console import say
+from dic.shell.output_paths import require_places
 from drivers.errors import ConfigurationError, DeviceError
 from rig.errors import RigError
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dic.process import process_run
-from dic.settings import CorrelationSettings
+from dic.correlation.settings import CorrelationSettings
+from dic.pipeline.run import process_run
 from rig.run import run_protocol
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

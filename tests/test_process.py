@@ -14,13 +14,13 @@ import pytest
 
 from dic.cli import main
 from dic.commands.run_table import as_dict, table
+from dic.correlation.settings import CorrelationSettings
 from dic.errors import RunFileError
-from dic.maps import panels
 from dic.out_of_plane.correction import Correction
-from dic.process import process_run
-from dic.run_file import RunFile
-from dic.run_results import load_run_result, save_run_result
-from dic.settings import CorrelationSettings
+from dic.pipeline.run import process_run
+from dic.pipeline.run_result_file import load_run_result, save_run_result
+from dic.results.maps import panels
+from dic.runfile.reader import RunFile
 from rig.run import run_protocol
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from dic.assess import Row
-    from dic.assess_models import ModelRow
+    from dic.assessment.models import ModelRow
+    from dic.assessment.paper import Row
 
 _PATH = click.Path(path_type=Path)
 _SHOWN = {
@@ -37,10 +37,10 @@ def assess(output: Path, json_file: Path | None) -> None:
     A pinhole camera sees a perfect grid; what the bicubic map leaves is the error of the method alone. Where
     the paper's claim of less than 0.02 px does not hold, that is printed. The pinhole model is put beside it.
     """
-    from dic.assess import assess as compute
-    from dic.assess_models import compare_models
-    from dic.assess_plots import plot_assessment
-    from dic.commands.places import require_places
+    from dic.assessment.models import compare_models
+    from dic.assessment.paper import assess as compute
+    from dic.assessment.plots import plot_assessment
+    from dic.shell.output_paths import require_places
 
     output.mkdir(parents=True, exist_ok=True)
     require_places([], [output / "assessment.csv", output / "assessment.json", json_file])
@@ -91,7 +91,7 @@ def _print_table(rows: Sequence["Row"]) -> None:
 
 
 def _print_models(rows: Sequence["ModelRow"]) -> None:
-    from dic.assess_models import NOISE_PX
+    from dic.assessment.models import NOISE_PX
 
     exact, noisy = "exact grid points", f"noisy by {NOISE_PX} px"
     click.echo(f"rms error of both models, px    {exact:<22}{noisy}")
@@ -103,7 +103,7 @@ def _print_models(rows: Sequence["ModelRow"]) -> None:
 
 def _findings(rows: Sequence["Row"]) -> list[str]:
     """Return where the paper's claim holds and where it does not, one sentence per sweep."""
-    from dic.assess import BASE, CLAIM_PX, SWEEPS, claim_limit
+    from dic.assessment.paper import BASE, CLAIM_PX, SWEEPS, claim_limit
 
     sentences = []
     for sweep in SWEEPS:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from dic.calibration import Calibration
+    from dic.calibration.calibration import Calibration
 
 _FILE = click.Path(path_type=Path)
 
@@ -67,12 +67,12 @@ def calibrate(
     Beside the paper's bicubic map a pinhole camera is fitted. More images by the same camera, with the grid
     tilted otherwise, tell its focal length when it looks nearly straight; the first defines the plane.
     """
-    from dic.calibration import Calibration
+    from dic.calibration.calibration import Calibration
+    from dic.calibration.pinhole.prior import Known
     from dic.commands.calibration_text import summarise, text
-    from dic.commands.places import require_places
     from dic.commands.target_options import read_target
-    from dic.pinhole_prior import Known
-    from dic.targets import find_target
+    from dic.shell.output_paths import require_places
+    from dic.targets.find import find_target
 
     target = read_target(lines, squares, dots, pitch_mm, marker_mm, dictionary)
     require_places(images, [output, points_file, plot_file, json_file])
@@ -92,7 +92,7 @@ def calibrate(
     if points_file is not None:
         write_points(points_file, calibration)
     if plot_file is not None:
-        from dic.calibration_plot import plot_calibration
+        from dic.calibration.plot import plot_calibration
 
         plot_calibration(plot_file, calibration, greys[0])
     summary = summarise(calibration)
@@ -107,7 +107,7 @@ def calibrate(
 def _read_images(images: tuple[Path, ...]) -> list["NDArray[np.float32]"]:
     """Return the images; one camera gives images of one size."""
     from dic.errors import CalibrationError
-    from dic.images import read_image
+    from dic.image.read import read_image
 
     greys = [read_image(path) for path in images]
     for path, grey in zip(images, greys, strict=True):

@@ -10,12 +10,12 @@ import click
 from dic.commands.strain_options import strain_options
 
 if TYPE_CHECKING:
-    from dic.calibration import Calibration
-    from dic.commands.corrected import CorrectedSeries
-    from dic.commands.series_files import SeriesOutputs
-    from dic.series import Series
-    from dic.settings import CorrelationSettings
-    from dic.strain import StrainSettings
+    from dic.calibration.calibration import Calibration
+    from dic.correlation.series import Series
+    from dic.correlation.settings import CorrelationSettings
+    from dic.pipeline.series_corrections import CorrectedSeries
+    from dic.pipeline.series_files import SeriesOutputs
+    from dic.strain.strain import StrainSettings
 
 _FILE = click.Path(path_type=Path)
 
@@ -106,17 +106,17 @@ def correlate(
     Ctrl-C ends the series after the image at hand, and what was measured is kept. Status: 0, 1 if an image
     was measured badly, 2 if one could not be measured.
     """
-    from dic.calibration import Calibration
-    from dic.commands.console import fail, say
-    from dic.commands.corrected import CorrectedSeries
-    from dic.commands.mask import read_region
-    from dic.commands.places import require_places
-    from dic.commands.series_files import SeriesFiles, SeriesOutputs
-    from dic.images import read_image
+    from dic.calibration.calibration import Calibration
+    from dic.commands.region import read_region
+    from dic.correlation.series import Series
+    from dic.correlation.settings import CorrelationSettings
+    from dic.image.read import read_image
     from dic.out_of_plane.alignment import load_alignment
-    from dic.series import Series
-    from dic.settings import CorrelationSettings
-    from dic.strain import StrainSettings, gauge_text
+    from dic.pipeline.series_corrections import CorrectedSeries
+    from dic.pipeline.series_files import SeriesFiles, SeriesOutputs
+    from dic.shell.console import fail, say
+    from dic.shell.output_paths import require_places
+    from dic.strain.strain import StrainSettings, gauge_text
 
     if shape == "auto":
         # Seen off-axis, a subset that turns does not stay affine.
@@ -189,8 +189,8 @@ class _Measured:
 
     def all(self, deformed: tuple[Path, ...], hint: Any) -> None:
         """Measure the images until the last, or a signal."""
-        from dic.commands.console import fail, progress, stopping_between
         from dic.errors import MeasurementError
+        from dic.shell.console import fail, progress, stopping_between
 
         with progress("correlating", len(deformed)) as advance, stopping_between() as stopped:
             for number, path in enumerate(deformed):
@@ -209,9 +209,9 @@ class _Measured:
                     advance()
 
     def _image(self, number: int, path: Path, hint: Any) -> None:
-        from dic.commands.console import say
-        from dic.images import read_image
-        from dic.measurement import measure
+        from dic.image.read import read_image
+        from dic.shell.console import say
+        from dic.strain.measurement import measure
 
         field = self._series.correlate(read_image(path), hint=hint)
         measurement = measure(str(path), field, *self._how)
@@ -253,8 +253,8 @@ def _save_alignment(path: Path, corrected: "CorrectedSeries") -> None:
 
 
 def _read_hint(text: str, shape: tuple[int, ...]) -> Any:
+    from dic.correlation.initial_guess import rigid_motion
     from dic.errors import CorrelationError
-    from dic.seeds import rigid_motion
 
     try:
         numbers = [float(part) for part in text.split(",")]
@@ -296,7 +296,7 @@ def _line(summary: dict[str, Any]) -> str:
         if kind in summary:
             parts.append(f"{kind} " + _strain_text(summary[kind]))
     if summary.get("corrected", {"method": "none"})["method"] != "none":
-        from dic.commands.corrected import corrected_text
+        from dic.pipeline.series_corrections import corrected_text
 
         parts.append(corrected_text(summary["corrected"]))
     parts.append(f"rotation {summary['raw']['rotation_deg'] or 0.0:.3f}°, start from {summary['start']}")

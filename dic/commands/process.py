@@ -10,7 +10,7 @@ from dic.commands.strain_options import strain_options
 
 if TYPE_CHECKING:
     from dic.out_of_plane.alignment import Alignment
-    from dic.process import RunResult
+    from dic.pipeline.run import RunResult
 
 _FILE = click.Path(path_type=Path)
 
@@ -64,15 +64,15 @@ def process(
 
     Status: 0, 1 if a step was measured badly, 2 if one could not be measured.
     """
-    from dic.commands.console import counted_progress, fail, say
-    from dic.commands.places import require_places
     from dic.commands.run_table import as_dict, table
-    from dic.process import process_run
+    from dic.correlation.settings import CorrelationSettings
+    from dic.pipeline.run import process_run
+    from dic.pipeline.run_corrections import CorrectionSettings
+    from dic.pipeline.run_result_file import save_run_result
     from dic.report import write_report
-    from dic.run_corrections import CorrectionSettings
-    from dic.run_results import save_run_result
-    from dic.settings import CorrelationSettings
-    from dic.strain import StrainSettings
+    from dic.shell.console import counted_progress, fail, say
+    from dic.shell.output_paths import require_places
+    from dic.strain.strain import StrainSettings
 
     settings = CorrelationSettings(subset_px=subset, step_px=step, shape=shape)
     strain = StrainSettings(measure=strain_measure, window_points=strain_window, source=strain_from)
@@ -148,8 +148,8 @@ def _make_folder(folder: Path) -> None:
 
 
 def _save_alignments(folder: Path, result: "RunResult") -> None:
-    from dic.commands.console import say
     from dic.out_of_plane.alignment import save_alignment
+    from dic.shell.console import say
 
     for camera, corrections in result.corrections.cameras.items():
         if corrections.alignment is not None:

@@ -36,13 +36,13 @@ def quality(
 
     Status: 0, 1 if something is not good, 2 if the image cannot be judged.
     """
-    from dic.commands.console import fail, say
-    from dic.commands.mask import read_mask
-    from dic.commands.places import require_places
-    from dic.images import read_image, require_same_size
-    from dic.quality import assess_quality
-    from dic.quality_findings import findings
-    from dic.settings import CorrelationSettings
+    from dic.commands.region import read_mask
+    from dic.correlation.settings import CorrelationSettings
+    from dic.image.read import read_image, require_same_size
+    from dic.quality.findings import findings
+    from dic.quality.quality import assess_quality
+    from dic.shell.console import fail, say
+    from dic.shell.output_paths import require_places
 
     settings = CorrelationSettings(subset_px=subset, shape=shape)
     require_places([image, roi, second], [plot_file, json_file])
@@ -55,7 +55,7 @@ def quality(
     judged = assess_quality(grey, region, settings, second=other, wanted_px=wanted_px)
     sentences, figures = findings(judged), judged.as_dict()
     if plot_file is not None:
-        from dic.quality_plot import plot_quality
+        from dic.quality.plot import plot_quality
 
         plot_quality(plot_file, judged, grey)
     if json_file is not None:

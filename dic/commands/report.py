@@ -12,9 +12,9 @@ _FILE = click.Path(path_type=Path)
 @click.option("-o", "--output", type=_FILE, default=Path("report.html"), show_default=True)
 def report(results: tuple[Path, ...], output: Path) -> None:
     """Write one self-contained HTML report of the RESULTS of one or more runs, from `dic process`."""
-    from dic.commands.places import require_places
+    from dic.pipeline.run_result_file import load_run_result
     from dic.report import write_report
-    from dic.run_results import load_run_result
+    from dic.shell.output_paths import require_places
 
     require_places(results, [output])
     write_report([load_run_result(path) for path in results], output)

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from dic.measurement import Measurement
-    from dic.process import CameraResult, RunResult
-    from dic.run_file import RunStep
-    from dic.strain import MeanStrain
+    from dic.pipeline.run import CameraResult, RunResult
+    from dic.runfile.reader import RunStep
+    from dic.strain.measurement import Measurement
+    from dic.strain.strain import MeanStrain
 
 _STRAINS = ("exx", "eyy", "exy")
 
@@ -29,7 +29,7 @@ def table(result: "RunResult") -> str:
 
 
 def _camera_lines(result: "RunResult", camera: "CameraResult") -> list[str]:
-    from dic.strain import gauge_text
+    from dic.strain.strain import gauge_text
 
     calibration = camera.calibration
     lines = [

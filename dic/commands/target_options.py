@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
-    from dic.targets import Target
+    from dic.targets.find import Target
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -89,7 +89,7 @@ def read_target(
         If they name several, or none that could be.
     """
     from dic.errors import CalibrationError
-    from dic.targets import CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget
+    from dic.targets.find import CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget
 
     def refuse(step: str, expected: str, got: str, remedy: str) -> CalibrationError:
         return CalibrationError("settings", step, expected=expected, got=got, remedy=remedy)

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.calibration import Calibration, Model
-from dic.displacement import Displacement, calibrated_displacement
-from dic.measurement import Measurement
+from dic.calibration.calibration import Calibration, Model
 from dic.out_of_plane.plane import Plane
-from dic.out_of_plane.weights import Points
-from dic.strain import MeanStrain
+from dic.out_of_plane.uncertainty import Points
+from dic.strain.displacement import Displacement, calibrated_displacement
+from dic.strain.measurement import Measurement
+from dic.strain.strain import MeanStrain
 
 Float = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.calibration import Calibration
+from dic.calibration.calibration import Calibration
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction
 

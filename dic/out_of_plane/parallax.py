@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from dic.calibration import Calibration
-from dic.field import Field
+from dic.calibration.calibration import Calibration
+from dic.correlation.field import Field
 from dic.out_of_plane.plane import Plane
-from dic.out_of_plane.weights import Points
+from dic.out_of_plane.uncertainty import Points
 
 Float = NDArray[np.float64]
 

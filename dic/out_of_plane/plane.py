@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.displacement import Displacement, Noise
+from dic.strain.displacement import Displacement, Noise
 
 Float = NDArray[np.float64]
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.calibration import Calibration
-from dic.measurement import Measurement
+from dic.calibration.calibration import Calibration
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction, by_centre, points_of
 from dic.out_of_plane.plane import moved_out_of_plane
@@ -19,8 +18,9 @@ from dic.out_of_plane.rotation import (
     solve_alignment,
     systematic_strain,
 )
-from dic.out_of_plane.weights import block_diagonal
-from dic.strain import strain_of_gradient
+from dic.out_of_plane.uncertainty import block_diagonal
+from dic.strain.measurement import Measurement
+from dic.strain.strain import strain_of_gradient
 
 Float = NDArray[np.float64]
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.calibration import Calibration
+from dic.calibration.calibration import Calibration
+from dic.correlation.settings import CorrelationSettings
 from dic.out_of_plane.alignment import Alignment
-from dic.out_of_plane.weights import Points, block_diagonal
-from dic.settings import CorrelationSettings
-from dic.strain_fit import gradient_weights, slopes_of
+from dic.out_of_plane.uncertainty import Points, block_diagonal
+from dic.strain.fit import gradient_weights, slopes_of
 
 Float = NDArray[np.float64]
 

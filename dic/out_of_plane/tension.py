@@ -8,14 +8,14 @@ against one body. Then the image is left alone.
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.calibration import Calibration
-from dic.measurement import Measurement
+from dic.calibration.calibration import Calibration
 from dic.out_of_plane.correction import Correction, by_centre, points_of
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
 from dic.out_of_plane.tilt import TiltFit, fit_tilt, tilt_seen_from
-from dic.out_of_plane.weights import Points
-from dic.strain import strain_of_gradient
-from dic.strain_fit import gradient_weights, slopes_of
+from dic.out_of_plane.uncertainty import Points
+from dic.strain.fit import gradient_weights, slopes_of
+from dic.strain.measurement import Measurement
+from dic.strain.strain import strain_of_gradient
 
 Float = NDArray[np.float64]
 

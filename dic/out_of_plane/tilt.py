@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.out_of_plane.plane import Plane
-from dic.out_of_plane.weights import Points
+from dic.out_of_plane.uncertainty import Points
 
 Float = NDArray[np.float64]
 

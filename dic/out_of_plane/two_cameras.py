@@ -5,14 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.calibration import Calibration
-from dic.measurement import Measurement
-from dic.out_of_plane.agreed import Agreed, Both
+from dic.calibration.calibration import Calibration
 from dic.out_of_plane.correction import Correction, points_of
+from dic.out_of_plane.joint_solution import Agreed, Both
 from dic.out_of_plane.parallax import Heights, Pairs
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
-from dic.out_of_plane.weights import Points
-from dic.strain import MeanStrain, strain_of_gradient
+from dic.out_of_plane.uncertainty import Points
+from dic.strain.measurement import Measurement
+from dic.strain.strain import MeanStrain, strain_of_gradient
 
 Float = NDArray[np.float64]
 

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from dic.calibration import Calibration
-from dic.process import CameraResult
+from dic.calibration.calibration import Calibration
+from dic.calibration.residuals import Residuals
+from dic.pipeline.run import CameraResult
 from dic.report.style import png_uri
-from dic.residuals import Residuals
 
 _PANEL_WIDTH_IN = 4.4
 

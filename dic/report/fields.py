@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 
-from dic.maps import draw_maps
 from dic.out_of_plane.correction import Correction
+from dic.pipeline.run_corrections import RunCorrections
 from dic.report import rotation, tension
 from dic.report.series import Run
 from dic.report.style import png_uri
-from dic.run_corrections import RunCorrections
-from dic.run_file import RunStep
+from dic.results.maps import draw_maps
+from dic.runfile.reader import RunStep
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dic.errors import RunFileError
-from dic.process import RunResult
+from dic.pipeline.run import RunResult
 from dic.report import rotation, tension
 from dic.report.calibration import residual_figure
 from dic.report.fields import FieldPicture, field_pictures

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dic.calibration import Model
+from dic.calibration.calibration import Model
+from dic.calibration.residuals import Residuals
 from dic.report.comparison import Comparison, Entry, means, turned_cameras, worst, worst_text
 from dic.report.numbers import fixed
 from dic.report.paper_corrected import corrected_rotation, corrected_tension
 from dic.report.series import CameraSeries, Float, Run, difference
-from dic.residuals import Residuals
 
 _MODELS: tuple[tuple[Model, str, str], ...] = (
     (

@@ -7,7 +7,7 @@ import numpy as np
 
 from dic.report.series import COMPONENTS, CameraSeries, Float, Run
 from dic.report.style import Kind, draw_banded, legend_below, line_style, new_figure, svg_uri
-from dic.run_file import RunStep
+from dic.runfile.reader import RunStep
 
 _NEAR_DEG = 15.0
 _PARTS_DEG = (5.0, 15.0, 45.0, 90.0)

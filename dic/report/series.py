@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.out_of_plane.correction import Correction
-from dic.process import CameraResult, RunResult
-from dic.report.together import PairSeries, pair_series
-from dic.run_file import RunStep
-from dic.strain import MeanStrain
+from dic.pipeline.run import CameraResult, RunResult
+from dic.report.pair import PairSeries, pair_series
+from dic.runfile.reader import RunStep
+from dic.strain.strain import MeanStrain
 
 Float = NDArray[np.float64]
 Kind = Literal["tension", "rotation", ""]

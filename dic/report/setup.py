@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dic.calibration import Calibration
+from dic.calibration.calibration import Calibration
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.diagnosis import Sensitivity
 from dic.report.numbers import fixed, micro, with_std

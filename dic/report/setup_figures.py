@@ -17,7 +17,7 @@ from dic.report.style import (
     png_uri,
     svg_uri,
 )
-from dic.run_file import RunStep
+from dic.runfile.reader import RunStep
 
 _SMOOTH = 181
 _MM_TO_UM = 1e3

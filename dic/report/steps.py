@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from string import ascii_lowercase
 
 from dic.report.numbers import fixed, micro
+from dic.report.pair import PairSeries
 from dic.report.series import CameraSeries, Float, Run
-from dic.report.together import PairSeries
-from dic.run_file import RunStep
+from dic.runfile.reader import RunStep
 
 _UNITS = {"load": "N", "displacement": "mm", "rotation": "°"}
 

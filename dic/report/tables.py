@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from dic.process import CameraResult
+from dic.pipeline.run import CameraResult
 from dic.report.numbers import date, fixed
 from dic.report.series import Run
-from dic.strain import gauge_text
+from dic.strain.strain import gauge_text
 
 _MEASURES = {
     "green-lagrange": "Green–Lagrange",

@@ -14,7 +14,7 @@ from dic.report.style import (
     new_figure,
     svg_uri,
 )
-from dic.run_file import RunStep
+from dic.runfile.reader import RunStep
 
 
 def strain_figure(run: Run) -> str:

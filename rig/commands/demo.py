@@ -12,7 +12,7 @@ from rig.errors import Aborted, RigError
 from rig.run import run_protocol
 
 if TYPE_CHECKING:
-    from dic.process import RunResult
+    from dic.pipeline.run import RunResult
 
 EXPERIMENTS = {
     "tension": ("tension.toml", "rig-virtual-tension.toml"),
@@ -127,8 +127,8 @@ def _make_folder(folder: Path) -> None:
 
 
 def _measure(name: str, demo: Demo, say: Callable[[str], None]) -> "RunResult":
-    from dic.process import process_run
-    from dic.run_results import save_run_result
+    from dic.pipeline.run import process_run
+    from dic.pipeline.run_result_file import save_run_result
 
     result = process_run(demo.runs[name])
     save_run_result(result, demo.results[name])

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from dic.run_file import open_run
+from dic.runfile.reader import open_run
 from rig.errors import RunFileError
 from rig.protocol.protocol import ProtocolStep, parse_protocol
 from rig.recorder import FORMAT_VERSION

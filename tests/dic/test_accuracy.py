@@ -6,8 +6,8 @@ import pytest
 from benchmarks.accuracy import interpolation_bias, noise, read_star, star_resolution
 from benchmarks.speckle import Speckle, gentle_strain, truth
 from benchmarks.theory import cramer_rao_px, resolution_px, slopes
-from dic.correlate import Correlator
-from dic.settings import CorrelationSettings
+from dic.correlation.correlator import Correlator
+from dic.correlation.settings import CorrelationSettings
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dic.correlate import Correlator
-from dic.settings import CorrelationSettings
+from dic.correlation.correlator import Correlator
+from dic.correlation.settings import CorrelationSettings
 
 SIDE_PX = 320
 TURNS_DEG = np.arange(0.0, 360.0, 7.5)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from dic.assess import (
+from dic.assessment.paper import (
     BASE,
     FINE,
     OVERSIZED,
@@ -10,7 +10,7 @@ from dic.assess import (
     claim_limit,
     statistics,
 )
-from dic.pinhole import Pinhole
+from dic.calibration.pinhole.camera import Pinhole
 
 PAN_30 = Pinhole.swung(pan_deg=30)
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from dic import kernel
-from dic.bands import at_once, bands_of, beside, even_bands
-from dic.correlate import Correlator
-from dic.settings import CorrelationSettings
+from dic.correlation import kernel
+from dic.correlation.correlator import Correlator
+from dic.correlation.settings import CorrelationSettings
+from dic.image.threads import at_once, bands_of, beside, even_bands
 
 
 @pytest.mark.parametrize("rows", [1, 63, 64, 65, 200])

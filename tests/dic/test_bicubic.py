@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from dic.bicubic import BicubicMap
+from dic.calibration.bicubic import BicubicMap
 from dic.errors import CalibrationError
 
 

@@ -4,11 +4,11 @@ import h5py
 import numpy as np
 import pytest
 
-from dic.bicubic import BicubicMap
-from dic.calibration import Calibration, Model
+from dic.calibration.bicubic import BicubicMap
+from dic.calibration.calibration import Calibration, Model
+from dic.calibration.pinhole.camera import Pinhole
 from dic.errors import CalibrationError
-from dic.grid_points import GridPoints
-from dic.pinhole import Pinhole
+from dic.targets.points import GridPoints
 from simulators.scene.optics import PinholeCamera
 
 CAMERA = Pinhole.swung(pan_deg=30, principal_px=(450, 450))

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from dic.calibration import Calibration
+from dic.calibration.calibration import Calibration
 from dic.cli import main
 
 

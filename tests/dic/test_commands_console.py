@@ -8,7 +8,7 @@ import sys
 import click
 import pytest
 
-from dic.commands.console import run, say, stopping_between
+from dic.shell.console import run, say, stopping_between
 
 
 class Foreseen(Exception):

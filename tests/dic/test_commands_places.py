@@ -2,8 +2,8 @@
 
 import pytest
 
-from dic.commands.places import require_places
 from dic.errors import OutputError
+from dic.shell.output_paths import require_places
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from dic.commands.correlate import correlate
 from dic.errors import CorrelationError
-from dic.strain import STRAIN_KEYS
+from dic.strain.strain import STRAIN_KEYS
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,10 @@ import pytest
 from scipy.ndimage import map_coordinates
 from scipy.optimize import least_squares
 
-from dic.correlate import Correlator
+from dic.correlation.correlator import Correlator
+from dic.correlation.field import Status
+from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError
-from dic.field import Status
-from dic.settings import CorrelationSettings
 
 SMALL = CorrelationSettings(subset_px=21, step_px=12)
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from dic.errors import CalibrationError
-from dic.grid import GridPoints, find_grid
+from dic.targets.line_grid.find import GridPoints, find_grid
 
 Draw = Callable[..., Any]
 PAPER: dict[str, Any] = {"size_px": (900, 900), "focal_px": 2800.0}

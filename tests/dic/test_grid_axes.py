@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dic.errors import CalibrationError
-from dic.grid import GridPoints, find_grid
+from dic.targets.line_grid.find import GridPoints, find_grid
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
 from simulators.scene.render import render

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dic.errors import CalibrationError
-from dic.grid import GridPoints, find_grid
+from dic.targets.line_grid.find import GridPoints, find_grid
 
 Draw = Callable[..., Any]
 # where the outermost lines of `lines` lines at 0.5 mm lie

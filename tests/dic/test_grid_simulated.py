@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from dic.grid import find_grid
+from dic.targets.line_grid.find import find_grid
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.render import render
 from simulators.scene.scene import Surface

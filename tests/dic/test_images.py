@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from dic.errors import CorrelationError, ImageError, MeasurementError
-from dic.images import read_image, require_same_size
+from dic.image.read import read_image, require_same_size
 
 
 def _grey(depth: type = np.uint8, shape: tuple[int, int] = (90, 120)) -> np.ndarray:

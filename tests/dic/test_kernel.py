@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from dic import kernel
-from dic.correlate import Correlator
-from dic.field import Status
-from dic.icgn_reference import icgn
-from dic.region import PointGrid
-from dic.settings import CorrelationSettings
-from dic.solver import Solver, SubsetMemory
-from dic.spline import spline_image
+from dic.correlation import kernel
+from dic.correlation.correlator import Correlator
+from dic.correlation.field import Status
+from dic.correlation.reference_icgn import icgn
+from dic.correlation.settings import CorrelationSettings
+from dic.correlation.solver import Solver, SubsetMemory
+from dic.image.region import PointGrid
+from dic.image.spline import spline_image
 
 NEAR = np.array([0.3, 0, 0, -0.2, 0, 0])
 """From the truth to where iterations start."""

@@ -9,8 +9,8 @@ PROGRAM = """
 import resource
 import cv2
 import numpy as np
-from dic.correlate import Correlator
-from dic.settings import CorrelationSettings
+from dic.correlation.correlator import Correlator
+from dic.correlation.settings import CorrelationSettings
 
 def picture(height, width):
     noise = np.random.default_rng(0).standard_normal((height, width), np.float32)

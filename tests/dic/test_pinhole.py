@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from dic.pinhole import Pinhole
+from dic.calibration.pinhole.camera import Pinhole
 
 # OpenCV's camera looks along +Z with y down: half a turn about X from ours
 HALF_TURN = np.diag([1.0, -1.0, -1.0])

@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 import pytest
 
+from dic.calibration.pinhole.camera import Pinhole
+from dic.calibration.pinhole.model import CameraModel
+from dic.calibration.pinhole.prior import Known
 from dic.errors import CalibrationError
-from dic.grid_points import GridPoints
-from dic.pinhole import Pinhole
-from dic.pinhole_model import CameraModel
-from dic.pinhole_prior import Known
+from dic.targets.points import GridPoints
 from simulators.scene.optics import PinholeCamera
 
 SHAPE = (900, 1000)

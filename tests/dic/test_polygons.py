@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dic.errors import CorrelationError
-from dic.polygons import polygon_mask, read_polygons
+from dic.image.polygons import polygon_mask, read_polygons
 
 TRIANGLE = [[2.5, 1.0], [9.5, 1.0], [2.5, 8.0]]
 SQUARE = [[0, 0], [4, 0], [4, 4], [0, 4]]

@@ -10,15 +10,15 @@ from scipy.ndimage import gaussian_filter, uniform_filter
 from scipy.special import erf
 
 from dic.cli import dic
-from dic.correlate import Correlator
+from dic.correlation.correlator import Correlator
+from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError, MeasurementError
-from dic.image_noise import noise_of_one, noise_of_two
-from dic.noise_floor import predicted_std, squared_gradients
-from dic.quality import assess_quality
-from dic.quality_findings import findings
-from dic.settings import CorrelationSettings
-from dic.speckle import autocovariance, edge_blur, even_light, speckle_size
-from dic.spline import spline_image
+from dic.image.spline import spline_image
+from dic.quality.findings import findings
+from dic.quality.noise import noise_of_one, noise_of_two
+from dic.quality.noise_floor import predicted_std, squared_gradients
+from dic.quality.quality import assess_quality
+from dic.quality.speckle import autocovariance, edge_blur, even_light, speckle_size
 
 SMALL = CorrelationSettings(subset_px=21, step_px=12)
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from dic.correlate import Correlator
-from dic.quarter_turn import quarters_of, turn_deviations, turn_warps
-from dic.settings import CorrelationSettings
+from dic.correlation.correlator import Correlator
+from dic.correlation.quarter_turn import quarters_of, turn_deviations, turn_warps
+from dic.correlation.settings import CorrelationSettings
 
 SHAPE = (200, 260)
 MARGIN_PX = 30

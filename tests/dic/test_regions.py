@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dic.correlate import Correlator
-from dic.settings import CorrelationSettings
+from dic.correlation.correlator import Correlator
+from dic.correlation.settings import CorrelationSettings
 
 SMALL = CorrelationSettings(subset_px=21, step_px=5)
 CRACK_Y = 80

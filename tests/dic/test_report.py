@@ -10,22 +10,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dic.calibration import Calibration
+from dic.calibration.calibration import Calibration
+from dic.calibration.pinhole.camera import Pinhole
+from dic.correlation.field import Field, Status
+from dic.correlation.settings import CorrelationSettings
 from dic.errors import RunFileError
-from dic.field import Field, Status
-from dic.grid_points import GridPoints
-from dic.measurement import Measurement, measure
+from dic.out_of_plane.correct import Corrections
 from dic.out_of_plane.correction import Correction
-from dic.out_of_plane.motion import Corrections
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.two_cameras import TwoCameraStep
-from dic.pinhole import Pinhole
-from dic.process import CameraResult, RunResult
+from dic.pipeline.run import CameraResult, RunResult
+from dic.pipeline.run_corrections import RunCorrections
 from dic.report import write_report
 from dic.report.setup_figures import in_grid_axes
-from dic.run_corrections import RunCorrections
-from dic.run_file import RunInfo, RunStep
-from dic.settings import CorrelationSettings
+from dic.runfile.reader import RunInfo, RunStep
+from dic.strain.measurement import Measurement, measure
+from dic.targets.points import GridPoints
 
 SIDE_PX = 120
 INFO = RunInfo(

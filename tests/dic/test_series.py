@@ -6,11 +6,11 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from dic.carry import carried_region, chain
-from dic.correlate import Correlator
+from dic.correlation.chaining import carried_region, chain
+from dic.correlation.correlator import Correlator
+from dic.correlation.series import Series
+from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError
-from dic.series import Series
-from dic.settings import CorrelationSettings
 
 SETTINGS = CorrelationSettings(subset_px=21, step_px=7)
 SHAPE = (90, 260)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates, spline_filter
 
-from dic.spline import MARGIN, spline_image
+from dic.image.spline import MARGIN, spline_image
 
 
 @pytest.fixture(scope="module")

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.signal import fftconvolve
 
-from dic.correlate import Correlator
-from dic.displacement import Displacement, Noise, error_overlap, raw_displacement
+from dic.correlation.correlator import Correlator
+from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError
-from dic.settings import CorrelationSettings
-from dic.strain import StrainSettings, mean_strain, strain_field
-from dic.strain_measures import strain_of
+from dic.strain.displacement import Displacement, Noise, error_overlap, raw_displacement
+from dic.strain.measures import strain_of
+from dic.strain.strain import StrainSettings, mean_strain, strain_field
 
 X, Y = np.meshgrid(np.linspace(-4, 5, 12), np.linspace(-3, 6, 10))
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from dic.errors import CalibrationError
-from dic.grid_points import GridPoints
-from dic.targets import CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget, Target, find_target
+from dic.targets.find import CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget, Target, find_target
+from dic.targets.points import GridPoints
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
 from simulators.scene.render import render

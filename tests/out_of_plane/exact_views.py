@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dic.calibration import Calibration
-from dic.field import Field, Status
-from dic.grid_points import GridPoints
-from dic.measurement import measure
-from dic.settings import CorrelationSettings
+from dic.calibration.calibration import Calibration
+from dic.correlation.field import Field, Status
+from dic.correlation.settings import CorrelationSettings
+from dic.strain.measurement import measure
+from dic.targets.points import GridPoints
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
 from simulators.scene.scene import Surface

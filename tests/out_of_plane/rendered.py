@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dic.calibration import Calibration
-from dic.correlate import Correlator
-from dic.grid import find_grid
-from dic.measurement import measure
-from dic.settings import CorrelationSettings
+from dic.calibration.calibration import Calibration
+from dic.correlation.correlator import Correlator
+from dic.correlation.settings import CorrelationSettings
+from dic.strain.measurement import measure
+from dic.targets.line_grid.find import find_grid
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
 from simulators.scene.render import render

@@ -12,8 +12,8 @@ from dic.out_of_plane.diagnosis import Sensitivity, tension_findings
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.tension import correct_tilt
 from dic.out_of_plane.two_cameras import correct_with_two_cameras
-from dic.process import CameraResult
-from dic.run_corrections import CorrectionSettings, _pair
+from dic.pipeline.run import CameraResult
+from dic.pipeline.run_corrections import CorrectionSettings, _pair
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.scene import Misalignment
 from tests.out_of_plane.exact_views import State, View

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dic.displacement import Displacement
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
+from dic.strain.displacement import Displacement
 from simulators.scene.pose import Pose
 from simulators.scene.scene import Surface
 from tests.out_of_plane.exact_views import Blank

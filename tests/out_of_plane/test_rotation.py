@@ -7,7 +7,7 @@ import pytest
 
 from dic.errors import CalibrationError
 from dic.out_of_plane.alignment import Alignment, load_alignment, save_alignment
-from dic.out_of_plane.motion import correct
+from dic.out_of_plane.correct import correct
 from dic.out_of_plane.rigidity import correct_rotation
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from dic.run_file import RunFile
+from dic.runfile.reader import RunFile
 
 RIG = """
 [rig]

@@ -1,0 +1,1 @@
+"""The paper's numerical assessment of the calibration, repeated."""

@@ -1,0 +1,1 @@
+"""A camera's calibration: from pixels to millimetres on the grid's plane."""

@@ -1,0 +1,168 @@
+"""Calibrations as HDF5 files."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+import h5py
+import numpy as np
+
+from dic.calibration.bicubic import BicubicMap
+from dic.calibration.calibration import Calibration, Model
+from dic.calibration.pinhole.camera import Pinhole
+from dic.errors import CalibrationError
+from dic.targets.points import GridPoints
+
+_FORMAT = "offaxis-calibration"
+_VERSION = 2
+_READABLE = (1, 2)
+_PINHOLE_UNITS = {
+    "focal_px": "px",
+    "principal_px": "px",
+    "distortion": "px^-2, px^-4, px^-1, px^-1",
+    "rotation": "1",
+    "centre_mm": "mm",
+    "covariance": "products of px, px, px, px^-2, px^-4, px^-1, px^-1, rad, rad, rad, mm, mm, mm",
+    "noise_px": "px",
+    "left_out_px": "px",
+}
+
+
+def save_calibration(calibration: Calibration, path: Path) -> None:
+    """Write `calibration` beside `path` first and then move it there, so that a crash leaves no half file.
+
+    Raises
+    ------
+    CalibrationError
+        If the file cannot be written.
+    """
+    part = path.with_name(path.name + ".part")
+    try:
+        with h5py.File(part, "w") as file:
+            file.attrs.update(file_format=_FORMAT, file_format_version=_VERSION)
+            write_calibration(file, calibration)
+        part.replace(path)
+    except OSError as error:
+        raise CalibrationError(
+            str(path),
+            "write calibration",
+            expected="a file that can be written",
+            got=os.strerror(error.errno) if error.errno else "an error of the file system",
+            remedy="choose another folder or make room",
+        ) from error
+
+
+def load_calibration(path: Path) -> Calibration:
+    """Read a calibration file.
+
+    Raises
+    ------
+    CalibrationError
+        If the file is missing, cut off, or no calibration.
+    """
+    if not path.is_file():
+        raise _refusal(path, "no such file")
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs.get("file_format") != _FORMAT:
+                raise _refusal(path, "an HDF5 file of another kind")
+            if file.attrs["file_format_version"] not in _READABLE:
+                raise _refusal(path, f"version {file.attrs['file_format_version']}, newer than this program")
+            return read_calibration(file)
+    except KeyError as error:
+        raise _refusal(path, "a calibration that lacks some of its data") from error
+    except OSError as error:
+        raise _refusal(path, "a file that was cut off or is no HDF5") from error
+
+
+def write_calibration(group: h5py.Group, calibration: Calibration) -> None:
+    """Write a calibration into an open HDF5 group; layout in `docs/calibration.md`."""
+    grid, bicubic = calibration.grid, calibration.bicubic
+    datasets = {
+        "grid/index": (grid.index, "1"),
+        "grid/xy_mm": (grid.xy_mm, "mm"),
+        "grid/uv_px": (grid.uv_px, "px"),
+        "grid/lines": (np.array(grid.lines), "1"),
+        "grid/pitch_mm": (grid.pitch_mm, "mm"),
+        "bicubic/coefficients": (bicubic.coefficients, "mm"),
+        "bicubic/centre_px": (bicubic.centre_px, "px"),
+        "bicubic/scale_px": (bicubic.scale_px, "px"),
+        "bicubic/coefficient_errors": (bicubic.coefficient_errors, "mm"),
+        "bicubic/left_out_px": (calibration.bicubic_left_out_px, "px"),
+        "residual_mm": (calibration.residual_mm, "mm"),
+        "residual_px": (calibration.residual_px, "px"),
+        "image_shape": (np.array(calibration.image_shape), "px"),
+        "images": (calibration.images, "1"),
+    }
+    if calibration.pinhole is not None:
+        for name, units in _PINHOLE_UNITS.items():
+            datasets[f"pinhole/{name}"] = (getattr(calibration.pinhole, name), units)
+    for model, residuals in calibration.residuals.items():
+        datasets[f"{model}/residual_mm"] = (residuals.mm, "mm")
+        datasets[f"{model}/residual_px"] = (residuals.px, "px")
+    group.attrs.update(
+        source=calibration.source,
+        warnings="\n".join(grid.warnings),
+        orientation=grid.orientation,
+        model=calibration.model,
+        recommendation=calibration.recommendation,
+        pinhole_problem=calibration.pinhole_problem,
+    )
+    for name, (value, units) in datasets.items():
+        group.create_dataset(name, data=value).attrs["units"] = units
+
+
+def read_calibration(group: h5py.Group) -> Calibration:
+    """Read a calibration from an open HDF5 group; `KeyError` if it lacks something."""
+    shape = group["image_shape"][:]
+    image_shape = (int(shape[0]), int(shape[1]))
+    bicubic = group["bicubic"]
+    calibration = Calibration(
+        bicubic=BicubicMap(
+            coefficients=bicubic["coefficients"][:],
+            centre_px=bicubic["centre_px"][:],
+            scale_px=float(bicubic["scale_px"][()]),
+        ),
+        grid=_read_grid(group),
+        image_shape=image_shape,
+        source=str(group.attrs["source"]),
+        pinhole_problem="it comes from a file of version 1, which has none",
+    )
+    if "model" not in group.attrs:
+        return calibration
+    return replace(
+        calibration,
+        bicubic=replace(calibration.bicubic, coefficient_errors=bicubic["coefficient_errors"][:]),
+        pinhole=_read_pinhole(group["pinhole"]) if "pinhole" in group else None,
+        pinhole_problem=str(group.attrs["pinhole_problem"]),
+        bicubic_left_out_px=float(bicubic["left_out_px"][()]),
+        images=int(group["images"][()]),
+    ).using(cast(Model, str(group.attrs["model"])))
+
+
+def _read_grid(group: h5py.Group) -> GridPoints:
+    texts, lines = str(group.attrs["warnings"]), group["grid/lines"][:]
+    return GridPoints(
+        index=group["grid/index"][:],
+        xy_mm=group["grid/xy_mm"][:],
+        uv_px=group["grid/uv_px"][:],
+        lines=(int(lines[0]), int(lines[1])),
+        pitch_mm=float(group["grid/pitch_mm"][()]),
+        warnings=tuple(texts.split("\n")) if texts else (),
+        orientation=str(group.attrs.get("orientation", "assumed")),
+    )
+
+
+def _read_pinhole(group: h5py.Group) -> Pinhole:
+    return Pinhole(**{name: group[name][()] for name in _PINHOLE_UNITS})
+
+
+def _refusal(path: Path, got: str) -> CalibrationError:
+    return CalibrationError(
+        str(path),
+        "read calibration",
+        expected=f"a calibration file of version {_READABLE[0]} to {_READABLE[-1]}",
+        got=got,
+        remedy="make it anew with `dic calibrate`",
+    )

@@ -1,0 +1,292 @@
+"""A pinhole camera with lens distortion and a pose before the grid: the map that geometry gives."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.calibration.pinhole.lens import distort, distortion_basis, distortion_jacobian, folded, undistort
+from dic.calibration.pinhole.prior import Known
+from dic.targets.points import GridPoints
+
+Points = NDArray[np.float64]
+
+PARAMETERS = ("focal_px", "x_px", "y_px", "k1", "k2", "p1", "p2", "rx", "ry", "rz", "Cx_mm", "Cy_mm", "Cz_mm")
+"""Rows and columns of `Pinhole.covariance`; rx, ry, rz are a small turn of the camera's axes."""
+
+
+@dataclass(frozen=True)
+class Pinhole:
+    """A camera as geometry describes it: every pixel is a ray through one point, bent by the lens.
+
+    Grid axes and camera axes are both X right, Y up, Z towards the camera; image axes x right, y down.
+
+    Attributes
+    ----------
+    focal_px : float
+        Pinhole distance; pixels are square.
+    principal_px : ndarray, shape (2,)
+        Where the optical axis meets the sensor.
+    distortion : ndarray, shape (4,)
+        k1 (px⁻²), k2 (px⁻⁴), p1, p2 (px⁻¹): `dic.calibration.pinhole.lens`.
+    rotation : ndarray, shape (3, 3)
+        From grid axes to camera axes.
+    centre_mm : ndarray, shape (3,)
+        The pinhole C in grid coordinates; Cz > 0.
+    covariance : ndarray, shape (13, 13)
+        Of the parameters named in `PARAMETERS`, in their units, radians for the turn. It is as large as what
+        the images and the given values leave open; 0 for a camera that was not fitted.
+    noise_px : float
+        Standard deviation of a coordinate of the points it was fitted to, as the residuals tell.
+    left_out_px : float
+        Root mean square distance by which points left out of the fit were missed; NaN if none were.
+    """
+
+    focal_px: float
+    principal_px: NDArray[np.float64]
+    distortion: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    centre_mm: NDArray[np.float64]
+    covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((13, 13)))
+    noise_px: float = 0.0
+    left_out_px: float = float("nan")
+
+    @classmethod
+    def swung(
+        cls,
+        focal_px: float = 2800.0,
+        distance_mm: float = 40.0,
+        pan_deg: float = 0.0,
+        tilt_deg: float = 0.0,
+        k1_per_px2: float = 0.0,
+        principal_px: tuple[float, float] = (0.0, 0.0),
+    ) -> "Pinhole":
+        """Return the camera of the paper's numerical assessment, looking at the grid's centre.
+
+        At rest it looks straight, from `distance_mm` along Z. Pan turns the scene in front of it about the
+        vertical axis, then tilt about the horizontal one, ``R = Rx(tilt)·Ry(pan)``, which is the same as
+        swinging the camera round the grid's centre. Distortion is ``x_d = x_u·(1 + k1·r_u²)`` in px.
+        """
+        pan, tilt = np.radians([pan_deg, tilt_deg])
+        about_y = np.array([[np.cos(pan), 0, np.sin(pan)], [0, 1, 0], [-np.sin(pan), 0, np.cos(pan)]])
+        about_x = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
+        rotation = about_x @ about_y
+        lens = np.array([k1_per_px2, 0.0, 0.0, 0.0])
+        return cls(focal_px, np.array(principal_px, float), lens, rotation, rotation[2] * distance_mm)
+
+    @classmethod
+    def fit(
+        cls,
+        grid_points: GridPoints,
+        image_shape: tuple[int, ...],
+        *,
+        focal_px: float | None = None,
+        focal_std_px: float = 0.0,
+        distance_mm: float | None = None,
+        distance_std_mm: float = 0.0,
+        principal_px: Sequence[float] | None = None,
+        principal_std_px: float | None = None,
+        k2: bool | None = None,
+    ) -> "Pinhole":
+        """Fit to the grid points of one image, by least squares in the image.
+
+        One image tells the focal length by its perspective alone: well at 30° off-axis, poorly at 10°, not
+        when the camera looks straight. What is left open shows in `covariance`.
+
+        Parameters
+        ----------
+        grid_points : GridPoints
+        image_shape : tuple of int
+            Height and width, px.
+        focal_px, distance_mm : float, optional
+            The focal length and the distance of the pinhole from the grid's centre, if known.
+        focal_std_px, distance_std_mm : float, optional
+            Their standard deviations; 0 stands for exactly.
+        principal_px : sequence of float, optional
+            The principal point. Default: the image's centre, with a standard deviation of 1 % of its width.
+        principal_std_px : float, optional
+            Its standard deviation in x and in y; by default 0 if `principal_px` is given.
+        k2 : bool, optional
+            Whether to fit k2. Default: if it predicts points better that are left out of the fit; only then
+            some are.
+
+        Raises
+        ------
+        CalibrationError
+            If given values are out of range, or the points do not determine a camera.
+        """
+        known = Known(focal_px, focal_std_px, distance_mm, distance_std_mm, principal_px, principal_std_px)
+        return cls.fit_many([grid_points], image_shape, known, k2)[0]
+
+    @classmethod
+    def fit_many(
+        cls,
+        grids: Sequence[GridPoints],
+        image_shape: tuple[int, ...],
+        known: Known | None = None,
+        k2: bool | None = None,
+    ) -> tuple["Pinhole", ...]:
+        """Fit to several images of the grid by one camera, whose lens is the same in all of them.
+
+        Images with the grid at different tilts determine the focal length even of a camera that looks
+        straight. Parameters and errors are those of `fit`; a known distance is that of the first image.
+
+        Returns
+        -------
+        tuple of Pinhole
+            One for each image, in the axes of the grid as it was in that image.
+        """
+        from dic.calibration.pinhole.fit import fit_cameras
+
+        return fit_cameras(grids, image_shape, known or Known(), k2)
+
+    @property
+    def centre_covariance_mm2(self) -> NDArray[np.float64]:
+        """Covariance of `centre_mm`, shape (3, 3)."""
+        return self.covariance[10:, 10:]
+
+    @property
+    def centre_std_mm(self) -> NDArray[np.float64]:
+        """Standard deviation of `centre_mm`, shape (3,)."""
+        return np.sqrt(np.diag(self.centre_covariance_mm2))
+
+    @property
+    def focal_std_px(self) -> float:
+        """Standard deviation of `focal_px`."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+    @property
+    def distance_mm(self) -> float:
+        """Distance of the pinhole from the grid's centre."""
+        return float(np.linalg.norm(self.centre_mm))
+
+    @property
+    def off_axis_deg(self) -> float:
+        """Angle between the line of sight through the grid's centre and the grid's normal."""
+        return float(np.degrees(np.arctan2(np.hypot(*self.centre_mm[:2]), self.centre_mm[2])))
+
+    @property
+    def off_axis_std_deg(self) -> float:
+        """Standard deviation of `off_axis_deg`, to first order; nearly straight on, an upper bound of it."""
+        x, y, z = self.centre_mm
+        across = float(np.hypot(x, y))
+        if across < 1e-12:
+            return float(np.degrees(np.sqrt(np.trace(self.centre_covariance_mm2[:2, :2])) / z))
+        slope = np.array([x * z / across, y * z / across, -across]) / (across**2 + z**2)
+        return float(np.degrees(np.sqrt(slope @ self.centre_covariance_mm2 @ slope)))
+
+    def project(self, points_mm: Points) -> Points:
+        """Return where points appear in the image.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (n, 2) or (n, 3)
+            Grid coordinates; without Z they lie in the grid's plane.
+
+        Returns
+        -------
+        ndarray, shape (n, 2)
+            px; NaN behind the camera and where the lens shows nothing.
+        """
+        points = np.asarray(points_mm, np.float64)
+        seen = points @ self.rotation[:, : points.shape[1]].T - self.rotation @ self.centre_mm
+        depth = np.where(seen[:, 2:] < 0, -seen[:, 2:], np.nan)
+        ideal = self.focal_px * seen[:, :2] * np.array([1.0, -1.0]) / depth
+        projected = distort(ideal, self.distortion) + self.principal_px
+        projected[folded(ideal, self.distortion)] = np.nan
+        return projected
+
+    def map(self, px: Points) -> Points:
+        """Return where the rays of image points (n, 2) in px meet the grid's plane, (n, 2) in mm.
+
+        NaN for NaN, for rays that never meet it, and where the lens shows nothing.
+        """
+        direction = self._directions(self._ideal(px))
+        depth = np.where(direction[:, 2:] < 0, direction[:, 2:], np.nan)
+        hit: Points = self.centre_mm[:2] - self.centre_mm[2] * direction[:, :2] / depth
+        return hit
+
+    def jacobian(self, px: Points) -> NDArray[np.float64]:
+        """Return ``∂(X, Y)/∂(x, y)`` of `map` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
+        ideal = self._ideal(px)
+        direction = self._directions(ideal)
+        across, depth = direction[:, :2, None], direction[:, 2, None, None]
+        # slopes of the direction by x and by y of the ideal point: (2, 2) across and (1, 2) in depth
+        slopes = (self.rotation[:2] * np.array([[1.0], [-1.0]]) / self.focal_px).T
+        by_ideal = -self.centre_mm[2] * (slopes[:2] * depth - across * slopes[2:]) / depth**2
+        with np.errstate(invalid="ignore"):
+            by_seen = np.linalg.inv(_identity_for_nan(distortion_jacobian(ideal, self.distortion)))
+        jacobian: NDArray[np.float64] = by_ideal @ by_seen
+        jacobian[~np.isfinite(ideal).all(axis=1)] = np.nan
+        return jacobian
+
+    def rays(self, px: Points) -> Points:
+        """Return the unit vectors (n, 3), in grid axes, from the pinhole through image points (n, 2) in px.
+
+        They point from the camera into the scene: towards the grid, their Z is negative.
+        """
+        direction = self._directions(self._ideal(px))
+        return np.asarray(direction / np.linalg.norm(direction, axis=1, keepdims=True))
+
+    def error_factors(self, px: Points) -> NDArray[np.float64]:
+        """Return F, shape (n, 2, q), mm: errors of mapped points (n, 2) have the covariance F Fᵀ.
+
+        They come from `covariance`. What that leaves open together, such as focal length and distance, hardly
+        moves points of the plane.
+        """
+        # where the image of a plane's point moves by s, the ray of its old place meets the plane J·s before
+        moved = self._slopes_by_parameters(self.map(px)) @ self._parameter_factors()
+        return np.asarray(-self.jacobian(px) @ moved)
+
+    def centre_factors(self) -> NDArray[np.float64]:
+        """Return F, shape (3, q), mm: errors of `centre_mm` have the covariance F Fᵀ.
+
+        The same column belongs to the same error as in `error_factors`: who uses both map and centre must not
+        take their errors as independent.
+        """
+        return self._parameter_factors()[10:]
+
+    def _parameter_factors(self) -> NDArray[np.float64]:
+        """Return F, shape (13, q), with `covariance` = F Fᵀ."""
+        std = np.sqrt(np.diag(self.covariance))
+        fitted = np.flatnonzero(std)
+        correlation = self.covariance[np.ix_(fitted, fitted)] / np.outer(std[fitted], std[fitted])
+        variances, directions = np.linalg.eigh(correlation)
+        factors = np.zeros((len(std), len(fitted)))
+        factors[fitted] = std[fitted, None] * directions * np.sqrt(np.maximum(variances, 0.0))
+        return factors
+
+    def _slopes_by_parameters(self, points_mm: Points) -> NDArray[np.float64]:
+        """Return how the images of points (n, 2) of the plane move with each of `PARAMETERS`, (n, 2, 13)."""
+        seen = points_mm @ self.rotation[:, :2].T - self.rotation @ self.centre_mm
+        ideal = self.focal_px * seen[:, :2] * np.array([-1.0, 1.0]) / seen[:, 2:]
+        by_seen = np.zeros((len(seen), 2, 3))
+        by_seen[:, 0, 0], by_seen[:, 1, 1] = -self.focal_px / seen[:, 2], self.focal_px / seen[:, 2]
+        by_seen[:, :, 2] = -ideal / seen[:, 2:]
+        # a turn w of the camera's axes moves a point seen at s by w × s
+        by_turn = np.stack([by_seen @ _crossed(axis, seen)[:, :, None] for axis in np.eye(3)], axis=-1)[
+            :, :, 0
+        ]
+        bend = distortion_jacobian(ideal, self.distortion)
+        by_focal = bend @ (ideal / self.focal_px)[:, :, None]
+        by_principal = np.broadcast_to(np.eye(2), (len(seen), 2, 2))
+        by_pose = bend @ np.concatenate([by_turn, -by_seen @ self.rotation], axis=2)
+        return np.concatenate([by_focal, by_principal, distortion_basis(ideal), by_pose], axis=2)
+
+    def _ideal(self, px: Points) -> Points:
+        return undistort(np.asarray(px, np.float64).reshape(-1, 2) - self.principal_px, self.distortion)
+
+    def _directions(self, ideal_px: Points) -> Points:
+        """Return directions (n, 3) in grid axes, of length 1 along the optical axis."""
+        in_camera = np.column_stack([ideal_px * [1.0, -1.0] / self.focal_px, -np.ones(len(ideal_px))])
+        directions: Points = in_camera @ self.rotation
+        return directions
+
+
+def _crossed(axis: Points, vectors: Points) -> Points:
+    return np.asarray(np.cross(axis, vectors), np.float64)
+
+
+def _identity_for_nan(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.where(np.isfinite(matrices), matrices, np.eye(2))

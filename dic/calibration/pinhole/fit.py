@@ -1,0 +1,292 @@
+"""Fitting a pinhole camera to the grid points of one or several images.
+
+The way: a homography for each image; from these the focal length and the poses (Zhang, *A flexible new
+technique for camera calibration*, 2000); from there least squares in the image together with what is known
+of the camera. Each equation is weighted by its standard deviation; that of the points follows from what the
+fit leaves of them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.calibration.cross_validation import missed_by
+from dic.calibration.pinhole.camera import Pinhole
+from dic.calibration.pinhole.model import CameraModel
+from dic.calibration.pinhole.prior import Known, Prior
+from dic.errors import CalibrationError
+from dic.targets.points import GridPoints
+
+Floats = NDArray[np.float64]
+
+_FEWEST_POINTS = 10
+_K2 = 4
+"""Place of k2 among the parameters."""
+_EARNED = 0.99
+"""k2 is worth it if with it points that were left out are missed by less than this share."""
+# Where to start, and the finest that any points can be: below it what is known would lose its weight.
+_FIRST_NOISE_PX = 0.05
+_FINEST_NOISE_PX = 1e-4
+_FOCAL_SHARES = (0.03, 100.0)
+
+
+@dataclass(frozen=True)
+class _Views:
+    """Grid points of all images, with what is known of the camera."""
+
+    xy_mm: list[Floats]
+    uv_px: list[Floats]
+    prior: Prior
+
+    def without(self, left_out: NDArray[np.bool_]) -> "_Views":
+        """Return all but some points of the first image."""
+        xy, uv = self.xy_mm[0][~left_out], self.uv_px[0][~left_out]
+        return replace(self, xy_mm=[xy, *self.xy_mm[1:]], uv_px=[uv, *self.uv_px[1:]])
+
+
+@dataclass(frozen=True)
+class _Solution:
+    model: CameraModel
+    parameters: Floats
+    covariance: Floats
+    noise_px: float
+
+
+def fit_cameras(
+    grids: Sequence[GridPoints], image_shape: tuple[int, ...], known: Known, k2: bool | None = None
+) -> tuple[Pinhole, ...]:
+    """Fit one lens and a pose for each image; parameters and errors as for `Pinhole.fit_many`."""
+    views = _Views([g.xy_mm for g in grids], [g.uv_px for g in grids], known.prior(image_shape))
+    _require_points(views)
+    chosen, missed_px = _with_or_without_k2(views, grids[0], k2)
+    return tuple(_camera(chosen, view, missed_px) for view in range(len(grids)))
+
+
+def _with_or_without_k2(views: _Views, first: GridPoints, k2: bool | None) -> tuple["_Solution", float]:
+    """Return the solution and by how much it misses points of the first image when they are left out, px."""
+    without = _first_solution(views)
+    contradiction = views.prior.contradiction(without.parameters)
+    if contradiction:
+        raise CalibrationError(
+            "pinhole camera",
+            "fit lens and pose",
+            expected="images that agree with what is known of the camera",
+            got=contradiction,
+            remedy="correct the given values, or give them larger standard deviations",
+        )
+    model = without.model
+    if k2 is False:
+        return without, float("nan")
+    with_k2 = _solution(views, model, without.parameters, k2=True)
+    if k2:
+        return with_k2, float("nan")
+    missed_px, missed_with_px = (
+        _missed(views, whole, first, k2=whole is with_k2) for whole in (without, with_k2)
+    )
+    if missed_px > _FINEST_NOISE_PX and missed_with_px < _EARNED * missed_px:
+        return with_k2, missed_with_px
+    return without, missed_px
+
+
+def _first_solution(views: _Views) -> "_Solution":
+    """Return the solution without k2, from the first start that leads to one."""
+    problem = None
+    for focal in _start_focals(views):
+        try:
+            return _solution(views, *_start(views, focal), k2=False)
+        except CalibrationError as error:
+            problem = problem or error
+    raise problem or _undetermined("nothing to start from")
+
+
+def _missed(views: _Views, whole: "_Solution", first: GridPoints, *, k2: bool) -> float:
+    def misses(left_out: NDArray[np.bool_]) -> Floats:
+        kept = views.without(left_out)
+        model = replace(whole.model, xy_mm=kept.xy_mm)
+        least = _LeastSquares(kept, model, whole.noise_px, k2=k2)
+        fitted = replace(whole, model=model, parameters=least.solve(whole.parameters))
+        camera = _camera(fitted, 0, float("nan"))
+        return first.uv_px[left_out] - camera.project(first.xy_mm[left_out])
+
+    return missed_by(first, misses)
+
+
+def _solution(views: _Views, model: CameraModel, start: Floats, *, k2: bool) -> "_Solution":
+    """Return the least-squares solution; found twice, because the first tells how the points scatter."""
+    parameters, noise_px = start, _FIRST_NOISE_PX
+    for _ in range(2):
+        least = _LeastSquares(views, model, noise_px, k2=k2)
+        parameters = least.solve(parameters)
+        noise_px = least.scatter_px(parameters)
+    least = _LeastSquares(views, model, noise_px, k2=k2)
+    return _Solution(model, parameters, least.covariance(parameters), noise_px)
+
+
+class _LeastSquares:
+    """Deviations of points and of known values, each divided by its standard deviation, and their slopes."""
+
+    def __init__(self, views: _Views, model: CameraModel, noise_px: float, *, k2: bool) -> None:
+        self._prior, self._model, self._noise_px = views.prior, model, noise_px
+        self._seen = np.concatenate([uv.ravel() for uv in views.uv_px])
+        self._k2 = k2
+
+    def solve(self, start: Floats) -> Floats:
+        """Return the parameters that minimise the deviations' squares (Levenberg–Marquardt)."""
+        from scipy.optimize import least_squares
+
+        free = self._free(start)
+        last: list[tuple[Floats, Floats, Floats]] = []
+
+        def both(values: Floats) -> tuple[Floats, Floats, Floats]:
+            # asked first for the deviations and then, mostly at the same place, for the slopes
+            if not last or not np.array_equal(last[0][0], values):
+                every = start.copy()
+                every[free] = values
+                last[:] = [(values.copy(), *self._equations(every))]
+            return last[0]
+
+        def deviations(values: Floats) -> Floats:
+            return both(values)[1]
+
+        def slopes(values: Floats) -> Floats:
+            return both(values)[2][:, free]
+
+        with np.errstate(all="ignore"):
+            try:
+                found = least_squares(deviations, start[free], slopes, method="lm", x_scale="jac")
+            except ValueError as error:
+                raise _undetermined("points that no camera shows like this") from error
+        if not (found.success and np.isfinite(found.x).all()):
+            raise _undetermined("a search that did not end")
+        parameters = start.copy()
+        parameters[free] = found.x
+        return parameters
+
+    def scatter_px(self, parameters: Floats) -> float:
+        """Return the standard deviation of a coordinate of the points, from what is left of it."""
+        left = self._model.project(parameters)[0] - self._seen
+        surplus = len(left) - np.count_nonzero(self._free(parameters))
+        return max(float(np.sqrt(left @ left / surplus)), _FINEST_NOISE_PX)
+
+    def covariance(self, parameters: Floats) -> Floats:
+        """Return the covariance (parameters, parameters); 0 for k2 where it is not fitted."""
+        free = self._free(parameters)
+        covariance = np.zeros((len(parameters), len(parameters)))
+        covariance[np.ix_(free, free)] = _inverse_square(self._equations(parameters)[1][:, free])
+        return covariance
+
+    def _free(self, parameters: Floats) -> NDArray[np.bool_]:
+        free = np.ones(len(parameters), bool)
+        free[_K2] = self._k2
+        return free
+
+    def _equations(self, parameters: Floats) -> tuple[Floats, Floats]:
+        px, slopes = self._model.project(parameters)
+        off, prior_slopes = self._prior.equations(parameters)
+        deviations = np.concatenate([(px - self._seen) / self._noise_px, off])
+        return deviations, np.vstack([slopes / self._noise_px, prior_slopes])
+
+
+def _inverse_square(slopes: Floats) -> Floats:
+    """Return (SᵀS)⁻¹ without squaring what is nearly undetermined."""
+    size = np.linalg.norm(slopes, axis=0)
+    _, singular, directions = np.linalg.svd(slopes / size, full_matrices=False)
+    if not singular[-1] > 1e-13 * singular[0]:
+        raise _undetermined("points that leave a direction open")
+    root = directions.T / singular / size[:, None]
+    return np.asarray(root @ root.T)
+
+
+def _camera(solution: "_Solution", view: int, missed_px: float) -> Pinhole:
+    rotation, centre, values, slopes = solution.model.camera(solution.parameters, view)
+    if not (np.isfinite(values).all() and centre[2] > 0):
+        raise _undetermined("a camera behind the grid")
+    return Pinhole(
+        focal_px=float(values[0]),
+        principal_px=values[1:3],
+        distortion=values[3:7],
+        rotation=rotation,
+        centre_mm=centre,
+        covariance=slopes @ solution.covariance @ slopes.T,
+        noise_px=solution.noise_px,
+        left_out_px=missed_px,
+    )
+
+
+def _start(views: _Views, focal: float) -> tuple[CameraModel, Floats]:
+    """Return the model and where its parameters start: an ideal lens, poses from homographies."""
+    poses, rotations = [], []
+    for plane in _homographies(views):
+        # camera axes: x right, y up, looking along −z
+        seen = np.diag([1 / focal, -1 / focal, -1.0]) @ plane
+        seen *= -np.sign(seen[2, 2]) * 2 / np.linalg.norm(seen[:, :2], axis=0).sum()
+        left, _, right = np.linalg.svd(np.column_stack([seen[:, :2], np.cross(seen[:, 0], seen[:, 1])]))
+        rotations.append(left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right)
+        scale = focal / -seen[2, 2]
+        poses.append([0.0, 0.0, 0.0, scale * seen[0, 2], -scale * seen[1, 2], np.log(scale)])
+    half_px = float(max(np.ptp(uv, axis=0).max() for uv in views.uv_px)) / 2
+    lens = [np.log(focal), *views.prior.principal_px, 0.0, 0.0, 0.0, 0.0]
+    return CameraModel(views.xy_mm, rotations, half_px), np.concatenate([lens, *poses])
+
+
+def _start_focals(views: _Views) -> list[float]:
+    """Return focal lengths to start from: what is given, or else what homographies tell, and what is usual.
+
+    A plane's homography must show its right angles and equal scales (Zhang).
+    """
+    prior = views.prior
+    if prior.known.focal_px is not None:
+        return [prior.known.focal_px]
+    factors, sides = [], []
+    for plane in _homographies(views):
+        first, second = (plane[:, :2] / np.linalg.norm(plane[:2, :2])).T
+        factors += [first[:2] @ second[:2], first[:2] @ first[:2] - second[:2] @ second[:2]]
+        sides += [-first[2] * second[2], second[2] ** 2 - first[2] ** 2]
+    squared_inverse = np.dot(factors, sides) / max(np.dot(factors, factors), 1e-300)
+    usual = prior.usual_focal_px
+    if squared_inverse > (usual * _FOCAL_SHARES[1]) ** -2:
+        return [max(float(squared_inverse**-0.5), usual * _FOCAL_SHARES[0]), usual]
+    return [usual]
+
+
+def _homographies(views: _Views) -> list[Floats]:
+    principal = views.prior.principal_px
+    return [_homography(xy, uv - principal) for xy, uv in zip(views.xy_mm, views.uv_px, strict=True)]
+
+
+def _homography(xy_mm: Floats, uv_px: Floats) -> Floats:
+    """Return the homography (3, 3) from mm to px that misses least, by the linear method, normalised."""
+    to_unit, from_unit = _unit_square(xy_mm), _unit_square(uv_px)
+    xy = np.column_stack([xy_mm, np.ones(len(xy_mm))]) @ to_unit.T
+    uv = np.column_stack([uv_px, np.ones(len(uv_px))]) @ from_unit.T
+    zero = np.zeros_like(xy)
+    rows = np.vstack([np.hstack([xy, zero, -uv[:, :1] * xy]), np.hstack([zero, xy, -uv[:, 1:2] * xy])])
+    least = np.linalg.svd(rows, full_matrices=False)[2][-1].reshape(3, 3)
+    return np.asarray(np.linalg.inv(from_unit) @ least @ to_unit)
+
+
+def _unit_square(points: Floats) -> Floats:
+    """Return the matrix (3, 3) that moves points to the origin and scales them to about 1."""
+    middle, size = points.mean(axis=0), float(points.std(axis=0).max())
+    return np.array([[1 / size, 0, -middle[0] / size], [0, 1 / size, -middle[1] / size], [0, 0, 1]])
+
+
+def _require_points(views: _Views) -> None:
+    for xy, uv in zip(views.xy_mm, views.uv_px, strict=True):
+        if len(xy) < _FEWEST_POINTS:
+            raise _undetermined(f"{len(xy)} points")
+        for points in (xy, uv):
+            if not np.isfinite(points).all() or np.linalg.matrix_rank(points - points.mean(axis=0), 1e-6) < 2:
+                raise _undetermined("points on one line")
+
+
+def _undetermined(got: str) -> CalibrationError:
+    return CalibrationError(
+        "pinhole camera",
+        "fit lens and pose",
+        expected=f"at least {_FEWEST_POINTS} points of a grid in every image, as a camera shows them",
+        got=got,
+        remedy="use a grid with more lines in view, or leave this image out",
+    )

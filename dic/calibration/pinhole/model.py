@@ -1,0 +1,142 @@
+"""The pinhole camera as a function of the parameters that are fitted, with all derivatives.
+
+The parameters are chosen so that images determine them as independently as can be, and so that a camera far
+away is no special case. First those of the lens: the logarithm of the focal length f, the principal point,
+and k1·s², k2·s⁴, p1·s, p2·s with s the half-width of the grid in the image. Then six for each image: a small
+turn of the camera's axes from a start, the grid's centre in the image without distortion (a, b) from the
+principal point, and the logarithm of the scale m there, px/mm. With q = R·X in camera axes, a grid point is
+seen at
+
+    x = (m·q_x + a) / (1 − m·q_z/f),    y = (b − m·q_y) / (1 − m·q_z/f)
+
+before distortion: perspective is what depends on f.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.calibration.pinhole.lens import distort, distortion_basis, distortion_jacobian
+
+Floats = NDArray[np.float64]
+
+LENS = 7
+POSE = 6
+_POWERS = np.array([2, 4, 1, 1])
+
+
+@dataclass(frozen=True)
+class CameraModel:
+    """What the parameters leave open: the points, where rotations start, and the scale of distortion.
+
+    Attributes
+    ----------
+    xy_mm : sequence of ndarray, shape (n, 2)
+        Grid points of each image.
+    starts : sequence of ndarray, shape (3, 3)
+        Rotation of each image before the small turn.
+    scale_px : float
+        s above.
+    """
+
+    xy_mm: Sequence[Floats]
+    starts: Sequence[Floats]
+    scale_px: float
+
+    def project(self, parameters: Floats) -> tuple[Floats, Floats]:
+        """Return where all points are seen, (2·n,) in px, and the derivatives, (2·n, parameters)."""
+        seen, slopes = [], []
+        for view, (xy, start) in enumerate(zip(self.xy_mm, self.starts, strict=True)):
+            own = slice(LENS + POSE * view, LENS + POSE * (view + 1))
+            px, by_lens, by_pose = self._view(parameters[:LENS], parameters[own], xy, start)
+            rows = np.zeros((px.size, len(parameters)))
+            rows[:, :LENS] = by_lens.reshape(-1, LENS)
+            rows[:, own] = by_pose.reshape(-1, POSE)
+            seen.append(px.ravel())
+            slopes.append(rows)
+        return np.concatenate(seen), np.vstack(slopes)
+
+    def distortion(self, parameters: Floats) -> Floats:
+        """Return k1, k2, p1, p2 in powers of px."""
+        coefficients: Floats = parameters[3:LENS] / self.scale_px**_POWERS
+        return coefficients
+
+    def _view(
+        self, lens: Floats, pose: Floats, xy_mm: Floats, start: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        focal, scale = np.exp(lens[0]), np.exp(pose[5])
+        turn, turn_slope = small_turn(pose[:3])
+        q = xy_mm @ (turn @ start)[:, :2].T
+        nearer = (scale / focal * q[:, 2])[:, None]
+        flat = scale * q[:, :2] * [1.0, -1.0]
+        ideal = (flat + pose[3:5] * np.ones(2)) / (1 - nearer)
+
+        by_q = np.zeros((len(q), 2, 3))
+        by_q[:, 0, 0], by_q[:, 1, 1] = scale, -scale
+        by_q[:, :, 2] = ideal * scale / focal
+        # a turn moves q by turn × q
+        by_turn = -by_q @ _cross(q) @ turn_slope
+        by_place = np.broadcast_to(np.eye(2), (len(q), 2, 2))
+        by_scale = flat + ideal * nearer
+        ideal_by_pose = np.concatenate([by_turn, by_place, by_scale[:, :, None]], axis=2)
+        ideal_by_pose /= (1 - nearer)[:, :, None]
+        ideal_by_focal = -ideal * nearer / (1 - nearer)
+
+        coefficients = self.distortion(lens)
+        bend = distortion_jacobian(ideal, coefficients)
+        basis = distortion_basis(ideal) / self.scale_px**_POWERS
+        by_lens = np.concatenate([bend @ ideal_by_focal[:, :, None], by_place, basis], axis=2)
+        return distort(ideal, coefficients) + lens[1:3], by_lens, bend @ ideal_by_pose
+
+    def camera(self, parameters: Floats, view: int) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return rotation (3, 3), centre (3,) in mm, and the camera's parameters as users know them.
+
+        The latter are those of `dic.calibration.pinhole.camera.PARAMETERS`, shape (13,), the turn being 0,
+        and their derivatives by this model's parameters, shape (13, parameters).
+        """
+        own = LENS + POSE * view
+        pose = parameters[own : own + POSE]
+        focal, scale = np.exp(parameters[0]), np.exp(pose[5])
+        turn, turn_slope = small_turn(pose[:3])
+        rotation = turn @ self.starts[view]
+        origin = np.array([pose[3], -pose[4], -focal]) / scale
+        centre = -rotation.T @ origin
+
+        slopes = np.zeros((13, len(parameters)))
+        slopes[0, 0] = focal
+        slopes[1, 1] = slopes[2, 2] = 1.0
+        slopes[range(3, 7), range(3, 7)] = 1 / self.scale_px**_POWERS
+        slopes[7:10, own : own + 3] = turn_slope
+        # C = −Rᵀ·t: turning R by w moves C by Rᵀ·(w × t)
+        slopes[10:, own : own + 3] = -rotation.T @ _cross(origin[None])[0] @ turn_slope
+        slopes[10:, own + 3 : own + 5] = -rotation.T[:, :2] * [1 / scale, -1 / scale]
+        slopes[10:, own + 5] = -centre
+        slopes[10:, 0] = rotation.T[:, 2] * focal / scale
+        values = np.concatenate([[focal], parameters[1:3], self.distortion(parameters), np.zeros(3), centre])
+        return rotation, centre, values, slopes
+
+
+def small_turn(vector: Floats) -> tuple[Floats, Floats]:
+    """Return the rotation exp([v]×) (3, 3) and its slope J: a change dv turns by a further J·dv.
+
+    Rodrigues' formula and the left Jacobian of the rotation group.
+    """
+    angle = float(np.linalg.norm(vector))
+    cross = _cross(vector[None])[0]
+    if angle < 1e-4:
+        first, second, third = 1 - angle**2 / 6, 0.5 - angle**2 / 24, 1 / 6 - angle**2 / 120
+    else:
+        first, second = np.sin(angle) / angle, (1 - np.cos(angle)) / angle**2
+        third = (angle - np.sin(angle)) / angle**3
+    square = cross @ cross
+    return np.eye(3) + first * cross + second * square, np.eye(3) + second * cross + third * square
+
+
+def _cross(vectors: Floats) -> Floats:
+    """Return the matrices (n, 3, 3) that turn a vector into its cross product with vectors (n, 3)."""
+    matrices = np.zeros((len(vectors), 3, 3))
+    for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
+        matrices[:, k, j], matrices[:, j, k] = vectors[:, i], -vectors[:, i]
+    return matrices

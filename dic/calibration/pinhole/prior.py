@@ -1,0 +1,157 @@
+"""What is known of a camera before its grid images are looked at, as equations beside those of the images."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.errors import CalibrationError
+
+Floats = NDArray[np.float64]
+
+PRINCIPAL_SHARE = 0.01
+"""Standard deviation of a principal point that was not given, as a share of the image's width."""
+
+# Lenses of machine vision are about 1 to 10 image widths long. So weak a statement matters only where nothing
+# else tells the focal length; without it the fit would walk off to infinity there.
+_USUAL_WIDTHS = 3.0
+_USUAL_LOG_STD = math.log(3.0)
+_EXACTLY = 1e-6
+_TOO_FAR = 5.0
+
+
+@dataclass(frozen=True)
+class Known:
+    """What the user knows of a camera; a standard deviation of 0 stands for exactly.
+
+    Attributes
+    ----------
+    focal_px, focal_std_px : float
+        Focal length, if known.
+    distance_mm, distance_std_mm : float
+        Distance of the pinhole from the centre of the first image's grid, if known.
+    principal_px : sequence of float
+        Principal point. Default: the middle of the image.
+    principal_std_px : float
+        Of both its coordinates. Default: 0 if it is given, else 1 % of the image's width.
+
+    Raises
+    ------
+    CalibrationError
+        If a value is out of range, or a standard deviation goes with no value.
+    """
+
+    focal_px: float | None = None
+    focal_std_px: float = 0.0
+    distance_mm: float | None = None
+    distance_std_mm: float = 0.0
+    principal_px: Sequence[float] | None = None
+    principal_std_px: float | None = None
+
+    def __post_init__(self) -> None:
+        _require_length("focal length", self.focal_px, self.focal_std_px, "px")
+        _require_length("working distance", self.distance_mm, self.distance_std_mm, "mm")
+        at, std = self.principal_px, self.principal_std_px
+        if at is not None and (len(at) != 2 or not all(math.isfinite(value) for value in at)):
+            raise _refusal("a principal point of two numbers", f"{tuple(at)} px")
+        if std is not None and not 0 <= std < math.inf:
+            raise _refusal("a standard deviation of the principal point from 0 px", f"{std:g} px")
+
+    def prior(self, image_shape: tuple[int, ...]) -> "Prior":
+        """Return the equations for images of a shape (height, width)."""
+        height, width = image_shape[:2]
+        at = ((width - 1) / 2, (height - 1) / 2) if self.principal_px is None else self.principal_px
+        std = self.principal_std_px
+        if std is None:
+            std = PRINCIPAL_SHARE * width if self.principal_px is None else 0.0
+        return Prior(self, np.array(at, np.float64), max(std, _EXACTLY), _USUAL_WIDTHS * width)
+
+
+@dataclass(frozen=True)
+class Prior:
+    """The equations: deviations from what is known, each divided by its standard deviation.
+
+    Attributes
+    ----------
+    known : Known
+    principal_px : ndarray, shape (2,)
+    principal_std_px : float
+    usual_focal_px : float
+        Where to look for a focal length that is not given.
+    """
+
+    known: Known
+    principal_px: Floats
+    principal_std_px: float
+    usual_focal_px: float
+
+    def contradiction(self, parameters: Floats) -> str:
+        """Return which of the known values is off by how much, if by more than chance explains; else ""."""
+        names = ["principal point's x", "principal point's y"]
+        # what is usual is no promise
+        names.append("usual focal length" if self.known.focal_px is None else "given focal length")
+        names.append("given distance")
+        for name, off in zip(names, self.equations(parameters)[0], strict=False):
+            if abs(off) > _TOO_FAR and not name.startswith("usual"):
+                return f"a {name} that is {abs(off):.0f} standard deviations off"
+        return ""
+
+    def equations(self, parameters: Floats) -> tuple[Floats, Floats]:
+        """Return deviations (m,) and their derivatives (m, parameters).
+
+        The parameters are those of `dic.calibration.pinhole.model`.
+        """
+        off, slopes = [], []
+
+        def add(deviation: float, std: float, **derivatives: float) -> None:
+            row = np.zeros(len(parameters))
+            for name, value in derivatives.items():
+                row[_PLACES[name]] = value / std
+            off.append(deviation / std)
+            slopes.append(row)
+
+        log_focal, x, y = parameters[:3]
+        focal = float(np.exp(log_focal))
+        add(x - self.principal_px[0], self.principal_std_px, x=1.0)
+        add(y - self.principal_px[1], self.principal_std_px, y=1.0)
+        given = self.known.focal_px
+        if given is None:
+            add(log_focal - math.log(self.usual_focal_px), _USUAL_LOG_STD, log_focal=1.0)
+        else:
+            add(focal - given, max(self.known.focal_std_px, _EXACTLY * given), log_focal=focal)
+        away = self.known.distance_mm
+        if away is not None:
+            a, b, log_scale = parameters[10:13]
+            square = a * a + b * b + focal * focal
+            distance = float(np.sqrt(square) * np.exp(-log_scale))
+            share = distance / square
+            std = max(self.known.distance_std_mm, _EXACTLY * away)
+            add(
+                distance - away,
+                std,
+                log_focal=share * focal**2,
+                a=share * a,
+                b=share * b,
+                log_scale=-distance,
+            )
+        return np.array(off), np.array(slopes)
+
+
+_PLACES = {"log_focal": 0, "x": 1, "y": 2, "a": 10, "b": 11, "log_scale": 12}
+
+
+def _require_length(name: str, value: float | None, std: float, unit: str) -> None:
+    if value is not None and not 0 < value < math.inf:
+        raise _refusal(f"a {name} above 0 {unit}", f"{value:g} {unit}")
+    if not 0 <= std < math.inf:
+        raise _refusal(f"a standard deviation of the {name} from 0 {unit}", f"{std:g} {unit}")
+    if value is None and std:
+        raise _refusal(f"a {name} to go with its standard deviation", f"only the latter, {std:g} {unit}")
+
+
+def _refusal(expected: str, got: str) -> CalibrationError:
+    return CalibrationError(
+        "settings", "what is known of the camera", expected=expected, got=got, remedy="correct what was given"
+    )

@@ -1,0 +1,64 @@
+"""What a map from image to grid leaves of the grid points it was fitted to."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.targets.points import GridPoints
+
+Points = NDArray[np.float64]
+
+
+class PlaneMap(Protocol):
+    """A map from image px to mm on the grid's plane."""
+
+    def map(self, px: Points) -> Points:
+        """Return grid coordinates (n, 2) in mm of image points (n, 2) in px."""
+
+    def jacobian(self, px: Points) -> NDArray[np.float64]:
+        """Return ``∂(X, Y)/∂(x, y)`` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
+
+    def error_factors(self, px: Points) -> NDArray[np.float64]:
+        """Return F (n, 2, q): the errors of mapped points in mm have the covariance F Fᵀ."""
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Mapped minus true positions of points, on the grid and as they appear in the image.
+
+    Attributes
+    ----------
+    mm, px : ndarray, shape (n, 2)
+    """
+
+    mm: Points
+    px: Points
+
+    @classmethod
+    def of(cls, plane_map: PlaneMap, grid: GridPoints) -> "Residuals":
+        """Return what a map leaves of grid points; pixels follow from millimetres by the map's slope."""
+        mm = plane_map.map(grid.uv_px) - grid.xy_mm
+        px = np.linalg.solve(plane_map.jacobian(grid.uv_px), mm[:, :, None])[:, :, 0]
+        return cls(mm, px.astype(np.float64))
+
+    @property
+    def rms_mm(self) -> float:
+        """Root mean square length of `mm`."""
+        return float(np.sqrt(np.mean(np.sum(self.mm**2, axis=1))))
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square length of `px`."""
+        return float(np.sqrt(np.mean(np.sum(self.px**2, axis=1))))
+
+    @property
+    def max_mm(self) -> float:
+        """Largest length of `mm`."""
+        return float(np.linalg.norm(self.mm, axis=1).max())
+
+    @property
+    def max_px(self) -> float:
+        """Largest length of `px`."""
+        return float(np.linalg.norm(self.px, axis=1).max())

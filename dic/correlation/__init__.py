@@ -1,0 +1,1 @@
+"""Correlation: displacements between a reference and deformed images."""

@@ -1,0 +1,106 @@
+"""IC-GN for one point in plain NumPy: slow, short, and what the compiled kernel is held against.
+
+The formulas are those of `dic.correlation.kernel.icgn`, written as the literature has them, one array per
+symbol and in double precision throughout. Read this first.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.image.spline import MARGIN, SplineImage
+
+Float = NDArray[np.float64]
+
+
+def shape_functions(x: Float, y: Float, parameters: int) -> Float:
+    """Return what each parameter of one component multiplies at offsets (n,): (n, 3) or (n, 6)."""
+    columns = [np.ones_like(x), x, y]
+    if parameters == 12:
+        columns += [x**2 / 2, x * y, y**2 / 2]
+    return np.stack(columns, axis=1)
+
+
+def interpolate(spline: SplineImage, x: Float, y: Float) -> Float:
+    """Return the spline's grey levels at positions (n,) inside the image."""
+    from scipy.interpolate import BSpline
+
+    half = (spline.order + 1) // 2
+    basis = BSpline.basis_element(np.arange(-half, half + 1), extrapolate=False)
+    column, row = np.floor(x).astype(int), np.floor(y).astype(int)
+    grey = np.zeros_like(x)
+    for j in range(1 - half, half + 1):
+        for i in range(1 - half, half + 1):
+            weight = np.nan_to_num(basis(x - column - i)) * np.nan_to_num(basis(y - row - j))
+            grey += weight * spline.coefficients[row + j + MARGIN, column + i + MARGIN]
+    return grey
+
+
+def split(p: Float) -> tuple[Float, Float]:
+    """Return the parameters of u and of v, in the order of `shape_functions`."""
+    u, v = p[0:3], p[3:6]
+    return (np.r_[u, p[6:9]], np.r_[v, p[9:12]]) if len(p) == 12 else (u, v)
+
+
+def icgn(
+    reference: SplineImage,
+    deformed: SplineImage,
+    region: NDArray[np.bool_],
+    point: tuple[int, int],
+    radius: int,
+    start: Float,
+    iterations: int = 60,
+) -> tuple[Float, float]:
+    """Return the warp of one point and its ZNCC, after so many iterations that nothing changes any more.
+
+    Parameters
+    ----------
+    reference, deformed : SplineImage
+    region : ndarray of bool, shape (height, width)
+        Pixels that may be used.
+    point : tuple of int
+        x and y in the reference, px.
+    radius : int
+        Half of the subset's width.
+    start : ndarray, shape (6,) or (12,)
+        The first guess, in the order of `dic.correlation.kernel.icgn`.
+    """
+    dy, dx = np.mgrid[-radius : radius + 1, -radius : radius + 1]
+    inside = region[point[1] + dy, point[0] + dx]
+    x, y = dx[inside].astype(np.float64), dy[inside].astype(np.float64)
+    row, column = point[1] + dy[inside], point[0] + dx[inside]
+    f = reference.grey[row, column].astype(np.float64)
+    fx, fy = (slope[row, column].astype(np.float64) for slope in reference.gradient())
+    N = shape_functions(x, y, len(start))
+    steepest_descent = np.hstack([fx[:, None] * N, fy[:, None] * N])
+    hessian = steepest_descent.T @ steepest_descent
+    f_tilde = f - f.mean()
+
+    p, zncc = start.astype(np.float64), np.nan
+    for _ in range(iterations):
+        pu, pv = split(p)
+        g = interpolate(deformed, point[0] + x + N @ pu, point[1] + y + N @ pv)
+        g_tilde = g - g.mean()
+        gain = np.linalg.norm(f_tilde) / np.linalg.norm(g_tilde)
+        zncc = float(f_tilde @ g_tilde * gain / (f_tilde @ f_tilde))
+        step = np.linalg.solve(hessian, steepest_descent.T @ (gain * g_tilde - f_tilde))
+        p = compose_inverse(p, step, radius)
+    return p, zncc
+
+
+def compose_inverse(p: Float, step: Float, radius: int) -> Float:
+    """Return the warp p ∘ W(step)⁻¹, found by what it does to points of the subset.
+
+    `step` has the parameters of u, then those of v. Where the step takes a point of the subset, p takes it on
+    from; the shape functions through those pairs of points are the composition.
+    """
+    half = len(step) // 2
+    side = np.linspace(-radius, radius, 7)
+    x, y = (a.ravel() for a in np.meshgrid(side, side))
+    N = shape_functions(x, y, len(p))
+    pu, pv = split(p)
+    stepped_x, stepped_y = x + N @ step[:half], y + N @ step[half:]
+    basis = shape_functions(stepped_x, stepped_y, len(p))
+    qu = np.linalg.lstsq(basis, x + N @ pu - stepped_x, rcond=None)[0]
+    qv = np.linalg.lstsq(basis, y + N @ pv - stepped_y, rcond=None)[0]
+    composed: Float = np.r_[qu[:3], qv[:3], qu[3:], qv[3:]]
+    return composed

@@ -1,0 +1,56 @@
+"""A deformed image, correlated as it is or after an exact quarter turn that brings it near upright."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.correlation import kernel
+from dic.correlation.quarter_turn import turn_deviations, turn_warps
+from dic.correlation.solver import PreparedReference, Solution, Solver
+from dic.image.spline import spline_image
+
+Float = NDArray[np.float64]
+Grey = NDArray[np.float32]
+
+
+class TurnableImage:
+    """A deformed image with its solvers, each prepared when it is first asked for.
+
+    Parameters
+    ----------
+    reference : PreparedReference
+    grey : ndarray of float32, shape (height, width)
+    mean : float
+        Grey level that the kernel takes for zero, the reference's mean.
+    """
+
+    def __init__(self, reference: PreparedReference, grey: Grey, mean: float) -> None:
+        self.grey = grey
+        self._reference, self._mean = reference, mean
+        self._solvers: dict[int, Solver] = {}
+
+    def solver(self, quarters: int) -> Solver:
+        """Return the solver in the image as `numpy.rot90` turns it."""
+        if quarters not in self._solvers:
+            # One at a time is kept: each holds a whole image, and seldom is more than one needed.
+            self._solvers.clear()
+            order, threads = self._reference.settings.order, self._reference.threads
+            spline = spline_image(np.rot90(self.grey, quarters), order, threads)
+            laid = kernel.lay_coefficients(spline, self._mean, threads)
+            self._solvers[quarters] = Solver(self._reference, laid)
+        return self._solvers[quarters]
+
+    def turned(self, warps: Float, points: NDArray[np.int64], quarters: int) -> Float:
+        """Return guesses (n, 6) at `points` (n, 2) as they are in the turned image."""
+        height, width = self.grey.shape
+        return turn_warps(warps, points[:, 0], points[:, 1], (height, width), quarters)
+
+    def turned_back(self, solution: Solution, quarters: int) -> Solution:
+        """Return the solution of the grid in the turned image as it is in the image itself."""
+        if quarters == 0:
+            return solution
+        height, width = np.rot90(self.grey, quarters).shape
+        grid = self._reference.grid
+        return solution._replace(
+            warps=turn_warps(solution.warps, grid.x, grid.y[:, None], (height, width), -quarters),
+            deviations=turn_deviations(solution.deviations, quarters),
+        )

@@ -1,0 +1,1 @@
+"""Images: read, judged as files, interpolated; regions of interest."""

@@ -1,0 +1,142 @@
+"""B-spline images: coefficients and exact derivatives at the pixels.
+
+A spline of odd order n interpolates the grey levels exactly; its coefficients come from the image by a
+recursive filter (M. Unser, "Splines: a perfect fit for signal and image processing", IEEE Signal Processing
+Magazine 16(6), 1999), here applied as its truncated impulse response: one separable convolution.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.image.threads import at_once, bands_of
+
+ORDERS = (3, 5)
+MARGIN = 3
+"""Coefficients kept beyond each edge, so that every tap of the widest spline exists inside the image."""
+
+_BAND_PX = 256
+"""Height of the bands in which images are filtered."""
+
+_TAPS = {3: 12, 5: 18}
+"""Half-lengths at which the impulse response has fallen below 1e-7 of its centre."""
+
+
+@dataclass(frozen=True)
+class SplineImage:
+    """An image as a B-spline.
+
+    Attributes
+    ----------
+    order : int
+        3 (cubic) or 5 (quintic).
+    grey : ndarray of float32, shape (height, width)
+    coefficients : ndarray of float32, shape (height + 2 * MARGIN, width + 2 * MARGIN)
+        The coefficient of pixel (row, column) is at ``[row + MARGIN, column + MARGIN]``.
+    """
+
+    order: int
+    grey: NDArray[np.float32]
+    coefficients: NDArray[np.float32]
+
+    def gradient(self, threads: int = 1) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the spline's derivatives along x and y at every pixel, grey levels per pixel."""
+        import cv2
+
+        samples, slopes = _samples(self.order), _slopes(self.order)
+        along_x, along_y = np.empty_like(self.grey), np.empty_like(self.grey)
+
+        def work(band: slice) -> None:
+            rows = self.coefficients[band.start : band.stop + 2 * MARGIN]
+            for out, across, down in ((along_x, slopes, samples), (along_y, samples, slopes)):
+                out[band] = cv2.sepFilter2D(rows, cv2.CV_32F, across, down)[MARGIN:-MARGIN, MARGIN:-MARGIN]
+
+        at_once(work, bands_of(len(self.grey), _BAND_PX), threads)
+        return along_x, along_y
+
+
+def spline_image(grey: NDArray[np.float32], order: int, threads: int = 1) -> SplineImage:
+    """Return the B-spline of `order` that passes through `grey`, mirrored at the edges."""
+    import cv2
+
+    taps = _inverse_filter(order).astype(np.float32)
+    grey = np.ascontiguousarray(grey, np.float32)
+    height, width = grey.shape
+    padded = np.empty((height + 2 * MARGIN, width + 2 * MARGIN), np.float32)
+    reach = len(taps) // 2
+
+    def work(band: slice) -> None:
+        # Rows that the filter's end did not see right are left out, except at the edges of the image.
+        first = max(0, band.start - reach)
+        rows = grey[first : min(height, band.stop + reach)]
+        filtered = cv2.sepFilter2D(rows, cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REFLECT_101)
+        own = filtered[band.start - first : band.stop - first]
+        padded[band.start + MARGIN : band.stop + MARGIN] = cv2.copyMakeBorder(
+            own, 0, 0, MARGIN, MARGIN, cv2.BORDER_REFLECT_101
+        )
+
+    at_once(work, bands_of(height, _BAND_PX), threads)
+    for k in range(1, MARGIN + 1):
+        padded[MARGIN - k], padded[-MARGIN - 1 + k] = padded[MARGIN + k], padded[-MARGIN - 1 - k]
+    return SplineImage(order, grey, padded)
+
+
+@cache
+def _samples(order: int) -> NDArray[np.float64]:
+    """Return the B-spline of `order` at the integers of its support."""
+    from scipy.interpolate import BSpline
+
+    half = (order + 1) // 2
+    basis = BSpline.basis_element(np.arange(-half, half + 1), extrapolate=False)
+    return np.nan_to_num(basis(np.arange(-half + 1, half)))
+
+
+@cache
+def halfway_noise_gain(order: int) -> float:
+    """Return by how much interpolation half-way between two pixels multiplies the variance of white noise.
+
+    It is the sum of the squared weights that the pixels of a row have there: 1 at a pixel, less between.
+    """
+    from scipy.interpolate import BSpline
+
+    half = (order + 1) // 2
+    basis = BSpline.basis_element(np.arange(-half, half + 1), extrapolate=False)
+    taps = np.nan_to_num(basis(np.arange(-half, half) + 0.5))
+    return float(np.sum(np.convolve(_inverse_filter(order), taps) ** 2))
+
+
+@cache
+def slope_noise_gain(order: int) -> float:
+    """Return the variance that white noise of variance 1 has in the spline's derivative at the pixels."""
+    return float(np.sum(np.convolve(_inverse_filter(order), _slopes(order)) ** 2))
+
+
+@cache
+def _slopes(order: int) -> NDArray[np.float64]:
+    """Return the taps that, correlated with coefficients, give the spline's derivative at the integers.
+
+    The value at 0 of Σ c_k β(x - k) has the derivative Σ c_k β'(-k), hence the reversed sign.
+    """
+    from scipy.interpolate import BSpline
+
+    half = (order + 1) // 2
+    basis = BSpline.basis_element(np.arange(-half, half + 1), extrapolate=False)
+    return -np.nan_to_num(basis.derivative()(np.arange(-half + 1, half)))
+
+
+@cache
+def _inverse_filter(order: int) -> NDArray[np.float64]:
+    """Return the impulse response that turns samples into coefficients of the B-spline of `order`."""
+    if order not in ORDERS:
+        raise ValueError(f"spline order: expected one of {ORDERS}, got {order}")
+    length = 512
+    samples = _samples(order)
+    ring = np.zeros(length)
+    half = samples.size // 2
+    ring[: half + 1] = samples[half:]
+    ring[-half:] = samples[:half]
+    response = np.fft.irfft(1.0 / np.fft.rfft(ring), length)
+    taps = _TAPS[order]
+    return np.concatenate([response[-taps:], response[: taps + 1]])

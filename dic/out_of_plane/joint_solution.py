@@ -1,0 +1,157 @@
+"""Two cameras with calibrations of their own, adjusted until they agree on what both see."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.out_of_plane.correction import by_centre
+from dic.out_of_plane.parallax import Heights, Pairs
+from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.uncertainty import block_diagonal
+from dic.strain.fit import gradient_weights, slopes_of
+
+Float = NDArray[np.float64]
+
+_SYSTEMATIC = 2e-6
+"""How far the strains of one set of points may differ between the cameras for reasons unaccounted for."""
+
+_STEPS = 3
+_SMALL = 1e-6
+
+
+@dataclass(frozen=True)
+class Both:
+    """Both cameras of a step, and how errors reach their corrected gradients and the plane.
+
+    All estimates stand in one row: the gradients' elements of the first and the second camera, of the points
+    that both see, then slope x, slope y and shift of the plane, eleven in all.
+
+    A camera that looks straight on hardly knows its distance, and a wrong one makes the cameras disagree on
+    the strain of these points. So both calibrations, maps and centres, are adjusted within their own
+    uncertainty until the cameras agree.
+
+    Attributes
+    ----------
+    pairs : Pairs
+    centres_mm : tuple of ndarray, shape (3,)
+        Of the cameras, as adjusted.
+    """
+
+    pairs: Pairs
+    centres_mm: tuple[Float, Float]
+
+    @classmethod
+    def of(cls, pairs: Pairs) -> "Both":
+        """Begin with the centres as calibrated."""
+        calibrations = pairs.first.calibration, pairs.second.calibration
+        first, second = (c.pinhole.centre_mm for c in calibrations if c.pinhole is not None)
+        return cls(pairs, (first, second))
+
+    def estimates(self, centres_mm: tuple[Float, Float]) -> Float:
+        """Return all estimates (11,) for cameras at these centres."""
+        plane, _ = Heights.of(self.pairs, centres_mm).plane()
+        start = self.pairs.first.before_mm[self.pairs.chosen]
+        gradients = [
+            slopes_of(start, plane.within(after_mm, centre_mm) - start)
+            for after_mm, centre_mm in zip(self.pairs.positions_mm(), centres_mm, strict=True)
+        ]
+        return np.array([*np.ravel(gradients), plane.slope_x, plane.slope_y, plane.shift_mm])
+
+    def weights(self) -> tuple[Float, Float]:
+        """Return by which displacements of either camera's points enter the estimates, (points, 2, 11)."""
+        plane, of_plane = Heights.of(self.pairs, self.centres_mm).plane()
+        weights = gradient_weights(self.pairs.first.before_mm[self.pairs.chosen])
+        by_plane = [
+            np.einsum("nip,nis->ps", weights, _by_plane(after_mm, centre_mm, plane))
+            for after_mm, centre_mm in zip(self.pairs.positions_mm(), self.centres_mm, strict=True)
+        ]
+        through_plane = of_plane @ np.vstack([*by_plane, np.eye(3)]).T
+        to_first = np.zeros((len(self.pairs.first.before_mm), 2, 11))
+        to_first[self.pairs.chosen] = through_plane
+        to_first[self.pairs.chosen, :, :4] += weights
+        on_pairs = -through_plane
+        on_pairs[:, :, 4:8] += weights
+        to_second = self.pairs.partner.T @ on_pairs.reshape(len(weights), 22)
+        return to_first, to_second.reshape(-1, 2, 11)
+
+    def by_centres(self) -> Float:
+        """Return the derivative (11, 6) of the estimates by both centres, per mm."""
+        first, second = self.centres_mm
+        return np.hstack(
+            [
+                by_centre(lambda centre: self.estimates((centre, second)), first),
+                by_centre(lambda centre: self.estimates((first, centre)), second),
+            ]
+        )
+
+    def noise_and_calibrations(self) -> tuple[Float, Float, Float]:
+        """Return the estimates' errors but for what the centres add, and the errors of the centres.
+
+        Returns
+        -------
+        noise : ndarray, shape (11, 11)
+            Covariance from noise and interpolation.
+        of_maps, of_centres : ndarray, shapes (11, q) and (6, q)
+            What calibration errors of unit variance do to the estimates through the maps, and to the centres.
+        """
+        noise, of_maps, of_centres = np.zeros((11, 11)), [], []
+        for points, weights in zip((self.pairs.first, self.pairs.second), self.weights(), strict=True):
+            noise += points.noise_covariance(weights) + points.smooth_covariance(weights)
+            of_map, of_centre = points.calibration_factors(weights)
+            of_maps.append(of_map)
+            of_centres.append(of_centre)
+        return noise, np.hstack(of_maps), block_diagonal(of_centres)
+
+    def agreed(self) -> "Agreed":
+        """Adjust the calibrations until both cameras see one strain.
+
+        Calibration errors are counted in their standard deviations.
+        """
+        noise, of_maps, of_centres = self.noise_and_calibrations()
+        apart = np.hstack([np.eye(4), -np.eye(4), np.zeros((4, 3))])
+        certain = np.linalg.inv(apart @ noise @ apart.T + _SYSTEMATIC**2 * np.eye(4))
+        current, estimates, shift = self, self.estimates(self.centres_mm), np.zeros(of_maps.shape[1])
+        for _ in range(_STEPS):
+            by_shift = of_maps + current.by_centres() @ of_centres
+            slopes = apart @ by_shift
+            left = np.linalg.inv(slopes.T @ certain @ slopes + np.eye(len(shift)))
+            shift = left @ slopes.T @ certain @ (slopes @ shift - apart @ estimates)
+            first, second = (np.concatenate(self.centres_mm) + of_centres @ shift).reshape(2, 3)
+            current = Both(self.pairs, (first, second))
+            estimates = current.estimates(current.centres_mm) + of_maps @ shift
+        # Errors enter directly and through the adjustment, which also leaves some of the calibrations open.
+        gain = by_shift @ left @ slopes.T @ certain
+        direct, still_open = np.eye(11) - gain @ apart, by_shift @ left
+        total = direct @ noise @ direct.T + still_open @ still_open.T + _SYSTEMATIC**2 * gain @ gain.T
+        return Agreed(current, estimates, np.asarray(total), float(np.linalg.norm(shift)))
+
+
+@dataclass(frozen=True)
+class Agreed:
+    """Both cameras with calibrations adjusted to each other, and what they say then.
+
+    Attributes
+    ----------
+    both : Both
+    estimates : ndarray, shape (11,)
+    covariance : ndarray, shape (11, 11)
+    shift_needed : float
+        By how many standard deviations the calibrations were adjusted, all together.
+    """
+
+    both: Both
+    estimates: Float
+    covariance: Float
+    shift_needed: float
+
+
+def _by_plane(after_mm: Float, centre_mm: Float, plane: Plane) -> Float:
+    """Return the derivative (n, 2, 3) of positions on the plane by slope x, slope y and shift (mm)."""
+    at = np.array([plane.slope_x, plane.slope_y, plane.shift_mm])
+    sides = [
+        (Plane(*(at + step)).within(after_mm, centre_mm) - Plane(*(at - step)).within(after_mm, centre_mm))
+        / (2 * _SMALL)
+        for step in _SMALL * np.eye(3)
+    ]
+    return np.stack(sides, axis=-1)

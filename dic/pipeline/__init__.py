@@ -1,0 +1,1 @@
+"""From images or a run to results: the order in which everything is done."""

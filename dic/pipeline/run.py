@@ -1,0 +1,199 @@
+"""A run file in, a result file out: every camera calibrated, every step correlated."""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from threading import Event
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.calibration.calibration import Calibration
+from dic.correlation.series import Series
+from dic.correlation.settings import CorrelationSettings
+from dic.errors import CalibrationError, CorrelationError
+from dic.pipeline.run_corrections import CorrectionSettings, RunCorrections, correct_run
+from dic.runfile.reader import RunFile, RunInfo, RunStep
+from dic.strain.measurement import Measurement, measure
+from dic.strain.strain import StrainSettings
+from dic.targets.line_grid.find import find_grid
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CameraResult:
+    """One camera's part of a run.
+
+    Attributes
+    ----------
+    camera : str
+    calibration : Calibration
+    reference : ndarray of float32, shape (height, width)
+        The image all others are compared with.
+    steps : list of RunStep
+        The steps that could be measured.
+    measurements : list of Measurement
+        One per step.
+    failures : list of str
+        One sentence per step that could not be measured.
+    """
+
+    camera: str
+    calibration: Calibration
+    reference: NDArray[np.float32]
+    steps: list[RunStep]
+    measurements: list[Measurement]
+    failures: list[str]
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """All that was measured in a run; the reference step itself is not among the measurements."""
+
+    source: str
+    info: RunInfo
+    settings: CorrelationSettings
+    cameras: list[CameraResult]
+    correcting: CorrectionSettings = field(default_factory=CorrectionSettings)
+
+    @cached_property
+    def corrections(self) -> RunCorrections:
+        """The strains corrected for motion out of the grid's plane."""
+        return correct_run(self.cameras, self.correcting)
+
+
+def process_run(
+    path: Path,
+    settings: CorrelationSettings | None = None,
+    strain: StrainSettings | None = None,
+    *,
+    correcting: CorrectionSettings | None = None,
+    incremental: str = "auto",
+    on_image: Callable[[], None] = lambda: None,
+    on_count: Callable[[int], None] = lambda _: None,
+) -> RunResult:
+    """Calibrate and correlate all cameras of a run, side by side.
+
+    Parameters
+    ----------
+    path : Path
+        A run file, of a finished or a killed run.
+    settings : CorrelationSettings, optional
+        Default: quadratic shape functions.
+    strain : StrainSettings, optional
+    correcting : CorrectionSettings, optional
+    incremental : str
+        When a camera takes a new reference: "auto" when its correlation drops, "never", or "always".
+    on_image : callable, optional
+        Called after each image.
+    on_count : callable, optional
+        Told the number of images before the first.
+
+    Raises
+    ------
+    MeasurementError
+        If the file cannot be read, a grid is not found, or a camera's reference cannot be used. A single step
+        that cannot be correlated is named in `failures` instead.
+    """
+    # Seen off-axis, a subset that turns or grows does not stay affine.
+    settings = settings or CorrelationSettings(shape="quadratic")
+    strain = strain or StrainSettings()
+    with RunFile(path) as run:
+        run.step_of_kind("grid")
+        run.step_of_kind("reference")
+        correcting = correcting or CorrectionSettings()
+        kinds = {step.kind for step in run.series()[1:]}
+        correcting.require_use(str(path), list(run.cameras), kinds)
+        on_count(len(run.cameras) * (len(run.series()) - 1))
+        # The compiled kernel runs without the interpreter's lock, so threads use all cores.
+        with ThreadPoolExecutor() as pool:
+            stopped = Event()
+            tasks = [
+                pool.submit(_process_camera, run, name, settings, strain, incremental, on_image, stopped)
+                for name in run.cameras
+            ]
+            try:
+                cameras = [task.result() for task in tasks]
+            except BaseException:
+                # The pool waits for its threads: without this an interrupt takes as long as the whole run.
+                stopped.set()
+                raise
+        return RunResult(str(path), run.info, settings, cameras, correcting)
+
+
+def _process_camera(
+    run: RunFile,
+    camera: str,
+    settings: CorrelationSettings,
+    strain: StrainSettings,
+    incremental: str,
+    on_image: Callable[[], None],
+    stopped: Event,
+) -> CameraResult:
+    calibration = _calibrate(run, camera)
+    first, *others = run.series()
+    reference = run.image(camera, first)
+    region = _calibrated_region(calibration, reference.shape)
+    threads = max(1, len(os.sched_getaffinity(0)) // len(run.cameras))
+    series = Series(reference, region, settings, incremental=incremental, clip=False, threads=threads)
+    turn = _Turn(calibration, first.angle_deg)
+    steps, measurements, failures = [], [], []
+    for step in others:
+        if stopped.is_set():
+            break
+        label = f"step {step.index}"
+        try:
+            image = run.image(camera, step)
+            found = series.correlate(image, hint=turn.hint(step))
+            measurements.append(measure(label, found, calibration, settings, strain))
+            steps.append(step)
+        except CorrelationError as error:
+            failures.append(f"{run.path}: {camera}, {label}: {error}")
+        on_image()
+    return CameraResult(camera, calibration, reference, steps, measurements, failures)
+
+
+def _calibrate(run: RunFile, camera: str) -> Calibration:
+    image = run.image(camera, run.step_of_kind("grid"))
+    source = f"{run.path}: {camera}"
+    try:
+        grid = find_grid(image, lines=run.grid_lines, pitch_mm=run.grid_pitch_mm)
+    except CalibrationError as error:
+        raise CalibrationError(
+            source, error.step, expected=error.expected, got=error.got, remedy=error.remedy
+        ) from error
+    return Calibration.fit(grid, image.shape, source)
+
+
+def _calibrated_region(calibration: Calibration, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Return the pixels within the calibrated area: where the paper allows points."""
+    height, width = shape
+    x, y = np.meshgrid(np.arange(width), np.arange(height))
+    pixels = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
+    return calibration.inside(pixels).reshape(height, width)
+
+
+class _Turn:
+    """What the stage's angle says about the motion of the image, through the calibration."""
+
+    def __init__(self, calibration: Calibration, start_deg: float) -> None:
+        import cv2
+
+        grid = calibration.grid
+        plane, _ = cv2.findHomography(grid.uv_px, grid.xy_mm)
+        self._to_mm: Float = np.asarray(plane, np.float64)
+        self._start_deg = start_deg
+
+    def hint(self, step: RunStep) -> Float | None:
+        """Return the homography of a turn about the grid's centre, or None without a stage."""
+        turned = np.radians(step.angle_deg - self._start_deg)
+        if not np.isfinite(turned):
+            return None
+        c, s = np.cos(turned), np.sin(turned)
+        rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        motion: Float = np.linalg.inv(self._to_mm) @ rotation @ self._to_mm
+        return np.asarray(motion / motion[2, 2])

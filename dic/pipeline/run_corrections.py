@@ -1,0 +1,176 @@
+"""A run's strains corrected for motion out of the grid's plane: by each camera, and by two together."""
+
+import json
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.errors import CorrelationError
+from dic.out_of_plane.alignment import Alignment
+from dic.out_of_plane.correct import POISSON_RATIO, Corrections, correct, require_poisson_ratio
+from dic.out_of_plane.diagnosis import Harmonics, Sensitivity, rotation_findings, tension_findings
+from dic.out_of_plane.two_cameras import TwoCameraStep, correct_with_two_cameras
+
+if TYPE_CHECKING:
+    from dic.pipeline.run import CameraResult
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CorrectionSettings:
+    """How a run is corrected.
+
+    Attributes
+    ----------
+    poisson_ratio : float
+        Of the specimen, for its bending in tension.
+    alignments : mapping of str to Alignment
+        By camera: solved before on the same fixture, for rotations.
+
+    Raises
+    ------
+    CorrelationError
+        If Poisson's ratio is out of range.
+    """
+
+    poisson_ratio: float = POISSON_RATIO
+    alignments: Mapping[str, Alignment] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        require_poisson_ratio(self.poisson_ratio)
+
+    def require_use(self, source: str, cameras: Sequence[str], kinds: Set[str]) -> None:
+        """Refuse alignments that a run of these cameras and kinds of steps has no use for.
+
+        Raises
+        ------
+        CorrelationError
+        """
+        unknown = sorted(set(self.alignments) - set(cameras))
+        if unknown:
+            expected, got, remedy = f"one of {', '.join(cameras)}", unknown[0], "name a camera of the run"
+        elif self.alignments and motion_of(kinds) != "rigid":
+            expected, got = "a run of rotations alone", f"steps of {', '.join(sorted(kinds))}"
+            remedy = "an alignment serves rotations only"
+        else:
+            return
+        raise CorrelationError(source, "apply alignment", expected=expected, got=got, remedy=remedy)
+
+    def as_text(self) -> str:
+        """Return this as JSON, for a result file."""
+        alignments = {
+            name: {key: np.asarray(value).tolist() for key, value in vars(alignment).items()}
+            for name, alignment in self.alignments.items()
+        }
+        return json.dumps({"poisson_ratio": self.poisson_ratio, "alignments": alignments})
+
+    @classmethod
+    def from_text(cls, text: str) -> "CorrectionSettings":
+        """Read what `as_text` wrote."""
+        content = json.loads(text)
+        alignments = {
+            name: Alignment(**{key: np.array(value, np.float64) for key, value in values.items()})
+            for name, values in content["alignments"].items()
+        }
+        return cls(float(content["poisson_ratio"]), alignments)
+
+
+@dataclass(frozen=True)
+class RunCorrections:
+    """What is known of a run once its motion out of the grid's plane is accounted for.
+
+    Attributes
+    ----------
+    motion : str
+        "rigid", "tension", or "free" if the steps tell no motion.
+    cameras : dict of str to Corrections
+        Of each camera on its own, in the order of its measurements.
+    pair : tuple of str or None
+        The cameras that were used together, the one further aside first.
+    both : dict of int to TwoCameraStep
+        By number of the step.
+    findings : dict of str to list of str
+        By camera, and under "both" for the pair: sentences on the set-up.
+    """
+
+    motion: str
+    cameras: dict[str, Corrections]
+    pair: tuple[str, str] | None
+    both: dict[int, TwoCameraStep]
+    findings: dict[str, list[str]]
+
+
+def correct_run(cameras: "Sequence[CameraResult]", settings: CorrectionSettings) -> RunCorrections:
+    """Correct all that was measured in a run."""
+    motion = motion_of({step.kind for camera in cameras for step in camera.steps})
+    corrected, findings = {}, {}
+    for camera in cameras:
+        found = correct(
+            motion,
+            camera.measurements,
+            camera.calibration,
+            poisson_ratio=settings.poisson_ratio,
+            alignment=settings.alignments.get(camera.camera) if motion == "rigid" else None,
+        )
+        corrected[camera.camera] = found
+        findings[camera.camera] = _findings(motion, camera, found)
+    pair = _pair(cameras) if motion == "tension" else None
+    both = {} if pair is None else _together(*pair)
+    if pair is not None and both:
+        steps = [step for step in pair[0].steps if step.index in both]
+        loads_n = np.array([step.load_n for step in steps])
+        findings["both"] = tension_findings([both[step.index].corrections[0] for step in steps], loads_n)
+    names = None if pair is None else (pair[0].camera, pair[1].camera)
+    return RunCorrections(motion, corrected, names, both, findings)
+
+
+def motion_of(kinds: Set[str]) -> str:
+    """Return what the kinds of a run's steps say the specimen did."""
+    if "rotation" in kinds:
+        return "free" if kinds & {"load", "displacement"} else "rigid"
+    return "tension" if kinds & {"load", "displacement"} else "free"
+
+
+def _findings(motion: str, camera: "CameraResult", found: Corrections) -> list[str]:
+    sensitivity = Sensitivity.of(camera.calibration)
+    findings = [] if sensitivity is None else [sensitivity.text]
+    if motion == "rigid":
+        means = [m.calibrated_mean for m in camera.measurements]
+        strains = [[np.nan] * 3 if m is None else [m.exx, m.eyy, m.exy] for m in means]
+        angles_deg = np.array([np.nan if m is None else m.rotation_deg for m in means])
+        harmonics = Harmonics.of(angles_deg, np.array(strains)) if strains else None
+        findings += rotation_findings(harmonics, found.alignment)
+    if motion == "tension":
+        findings += tension_findings(found.images, np.array([step.load_n for step in camera.steps]))
+    reasons = {c.declined for c in found.images if c.declined is not None}
+    return findings + [f"not corrected: {reason}" for reason in sorted(reasons)]
+
+
+def _pair(cameras: "Sequence[CameraResult]") -> "tuple[CameraResult, CameraResult] | None":
+    """Return the two cameras that look from the most different directions, the one further aside first."""
+    aside = [
+        (c.calibration.pinhole.centre_mm[:2] / c.calibration.pinhole.centre_mm[2], c)
+        for c in cameras
+        if c.calibration.pinhole is not None
+    ]
+    if len(aside) < 2:
+        return None
+    # The parallax of two cameras is the difference of their tangents.
+    pair = max(combinations(aside, 2), key=lambda both: float(np.linalg.norm(both[0][0] - both[1][0])))
+    second, first = sorted(pair, key=lambda camera: float(np.linalg.norm(camera[0])))
+    return first[1], second[1]
+
+
+def _together(first: "CameraResult", second: "CameraResult") -> dict[int, TwoCameraStep]:
+    others = {step.index: m for step, m in zip(second.steps, second.measurements, strict=True)}
+    calibrations = first.calibration, second.calibration
+    return {
+        step.index: correct_with_two_cameras((measurement, others[step.index]), calibrations)
+        for step, measurement in zip(first.steps, first.measurements, strict=True)
+        if step.index in others
+    }

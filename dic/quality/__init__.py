@@ -1,0 +1,1 @@
+"""Is an image good enough to be measured? Speckles, noise, light and focus."""

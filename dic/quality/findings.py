@@ -1,0 +1,91 @@
+"""Is this image worth measuring? The limits of common practice, and what to do about an image beyond them.
+
+Where it gives any they are those of the International Digital Image Correlation Society, "A Good Practices
+Guide for Digital Image Correlation", 2018, DOI 10.32720/idics/gpg.ed1.
+"""
+
+import numpy as np
+
+from dic.quality.quality import SPECKLES_PER_SUBSET, Quality
+
+FINEST_SPECKLE_PX = 3.0
+"""Finer speckles are seen by too few pixels: what falls between these turns into a bias."""
+
+BARE_SHARE = 0.02
+CLIPPED_SHARE = 0.01
+LEAST_CONTRAST = 0.2
+WORST_BLUR_PX = 2.0
+UNEVEN_BLUR = 1.5
+LEAST_WHITENESS = 0.7
+
+
+def findings(quality: Quality) -> list[str]:
+    """Return what is not good about an image, a sentence each with what to do; none if it is good."""
+    return [*_pattern_findings(quality), *_light_findings(quality), *_focus_findings(quality)]
+
+
+def _pattern_findings(quality: Quality) -> list[str]:
+    sentences = []
+    subset = quality.settings.subset_px
+    for axis, size in (("x", quality.speckle_x_px), ("y", quality.speckle_y_px)):
+        if size < FINEST_SPECKLE_PX:
+            sentences.append(
+                f"speckles are {size:.1f} px wide along {axis}, finer than {FINEST_SPECKLE_PX:g} px: they"
+                " alias; use a coarser pattern or a larger image scale"
+            )
+        elif SPECKLES_PER_SUBSET * size > subset:
+            sentences.append(
+                f"speckles are {size:.1f} px wide along {axis}, so a subset of {subset} px holds fewer than"
+                f" {SPECKLES_PER_SUBSET:g} in a row; use a larger subset or a finer pattern"
+            )
+    if quality.bare_share > BARE_SHARE:
+        sentences.append(
+            f"{quality.bare_share:.0%} of the subsets of {subset} px show no pattern beyond noise;"
+            " leave them out by a region of interest, or use more light"
+        )
+    if quality.floor_px > quality.wanted_px:
+        larger = quality.recommended_subset_px
+        remedy = f"a subset of {larger} px" if larger else "more light, more contrast, or a mean of images"
+        sentences.append(
+            f"noise lets a subset of {subset} px resolve {quality.floor_px:.4f} px, not the wanted"
+            f" {quality.wanted_px:g} px; use {remedy}"
+        )
+    return sentences
+
+
+def _light_findings(quality: Quality) -> list[str]:
+    sentences = []
+    for share, what, remedy in (
+        (quality.dark_share, "darkest", "use more light or a lower black level"),
+        (quality.bright_share, "brightest", "use less light, gain or exposure"),
+    ):
+        if share > CLIPPED_SHARE:
+            sentences.append(f"{share:.1%} of the pixels are clipped at the {what} grey level; {remedy}")
+    if quality.contrast < LEAST_CONTRAST:
+        sentences.append(
+            f"contrast is {quality.contrast:.2f}, below {LEAST_CONTRAST:g}; use a darker or brighter"
+            " paint, diffuse light and no reflections"
+        )
+    if quality.whiteness < LEAST_WHITENESS:
+        sentences.append(
+            "the noise of neighbouring pixels is alike, so the camera or the file has smoothed the image, and"
+            " the noise floor is higher than stated; take raw images"
+        )
+    return sentences
+
+
+def _focus_findings(quality: Quality) -> list[str]:
+    known = quality.blur_px[np.isfinite(quality.blur_px)]
+    if not known.size:
+        return []
+    median, worst = float(np.median(known)), float(known.max())
+    if median > WORST_BLUR_PX:
+        return [f"edges are blurred by {median:.1f} px, more than {WORST_BLUR_PX:g} px; focus"]
+    if worst > WORST_BLUR_PX and worst > UNEVEN_BLUR * median:
+        row, column = np.argwhere(quality.blur_px == worst)[0]
+        where = f"{('top', 'middle', 'bottom')[row]} {('left', 'middle', 'right')[column]}"
+        return [
+            f"edges are blurred by {worst:.1f} px at the {where} and by {median:.1f} px elsewhere;"
+            " focus on the middle and stop down the lens"
+        ]
+    return []

@@ -1,0 +1,96 @@
+"""A picture of an image's quality: what it resolves where, its pattern, and how its light is used."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.quality.findings import FINEST_SPECKLE_PX
+from dic.quality.quality import TILES, Quality
+
+
+def draw_quality(quality: Quality, image: NDArray[np.float32]) -> Any:
+    """Return a matplotlib figure: the noise floor and the focus over the image, pattern and grey levels.
+
+    Parameters
+    ----------
+    quality : Quality
+    image : ndarray, shape (height, width)
+        The image it is of.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(14, 8), layout="constrained")
+    grid = figure.add_gridspec(2, 2, height_ratios=(3, 2))
+    _draw_floor(figure, figure.add_subplot(grid[0, :]), quality, image)
+    _draw_covariance(figure.add_subplot(grid[1, 0]), quality)
+    _draw_levels(figure.add_subplot(grid[1, 1]), quality, image)
+    return figure
+
+
+def plot_quality(path: Path, quality: Quality, image: NDArray[np.float32]) -> None:
+    """Write `draw_quality`'s figure as a PNG file."""
+    draw_quality(quality, image).savefig(path, dpi=100, format="png")
+
+
+def _draw_floor(figure: Any, axes: Any, quality: Quality, image: NDArray[np.float32]) -> None:
+    low, high = np.percentile(image, [0.5, 99.5])
+    axes.imshow(image, cmap="gray", vmin=low, vmax=high)
+    if not quality.region.all():
+        axes.contour(quality.region, levels=[0.5], colors="tab:orange", linewidths=1)
+    worst = quality.std_px.max(axis=1)
+    known = np.isfinite(worst)
+    x, y = quality.points.T
+    floor = 1e3 * worst[known]
+    top = float(np.percentile(floor, 95)) if known.any() else 1.0
+    dots = axes.scatter(
+        x[known], y[known], c=floor, cmap="turbo", vmin=0.0, vmax=top, s=40, edgecolors="white"
+    )
+    axes.plot(x[~known], y[~known], "x", color="tab:red", markersize=7, label="no pattern beyond noise")
+    figure.colorbar(dots, ax=axes, label="noise floor of u or v, mpx")
+    if not known.all():
+        axes.legend(loc="lower right")
+    rows, columns = np.nonzero(quality.region)
+    for i, row in enumerate(_middles(rows)):
+        for j, column in enumerate(_middles(columns)):
+            if np.isfinite(quality.blur_px[i, j]):
+                box = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 2}
+                text = f"blur {quality.blur_px[i, j]:.1f} px"
+                axes.text(column, row, text, ha="center", va="center", bbox=box)
+    settings = quality.settings
+    axes.set_title(
+        f"{settings.shape} subset of {settings.subset_px} px resolves {1e3 * quality.floor_px:.1f} mpx"
+        f" (wanted {1e3 * quality.wanted_px:g}); noise {quality.noise:.2f} grey levels"
+    )
+    axes.set_axis_off()
+
+
+def _middles(at: NDArray[np.int64]) -> NDArray[np.float64]:
+    edges = np.linspace(at.min(), at.max() + 1, TILES + 1)
+    return (edges[1:] + edges[:-1]) / 2
+
+
+def _draw_covariance(axes: Any, quality: Quality) -> None:
+    for name, covariance, size in (
+        ("x", quality.covariance_x, quality.speckle_x_px),
+        ("y", quality.covariance_y, quality.speckle_y_px),
+    ):
+        axes.plot(covariance / covariance[0], ".-", label=f"along {name}: {size:.1f} px wide")
+    axes.axhline(0.5, color="gray", linewidth=0.8)
+    axes.axvline(FINEST_SPECKLE_PX / 2, color="tab:red", linewidth=0.8, label="finest speckle")
+    axes.set(xlabel="lag, px", ylabel="autocorrelation of the pattern")
+    axes.legend()
+
+
+def _draw_levels(axes: Any, quality: Quality, image: NDArray[np.float32]) -> None:
+    levels = image[quality.region]
+    # Whole grey levels, each in a bin of its own where these are few enough.
+    width = max(1.0, np.ceil((levels.max() - levels.min()) / 256))
+    axes.hist(levels, bins=np.arange(levels.min() - 0.5, levels.max() + width, width), color="tab:blue")
+    axes.set(xlabel="grey level", ylabel="pixels")
+    axes.set_title(
+        f"contrast {quality.contrast:.2f};"
+        f" clipped {quality.dark_share:.1%} dark, {quality.bright_share:.1%} bright",
+        fontsize=10,
+    )

@@ -1,0 +1,259 @@
+"""What an image promises, before anything is measured in it: pattern, light, focus and noise."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.correlation.settings import CorrelationSettings
+from dic.errors import CorrelationError
+from dic.image.region import checked_region, textured
+from dic.image.spline import spline_image
+from dic.quality.noise import noise_of_one, noise_of_two
+from dic.quality.noise_floor import (
+    noise_floor,
+    predicted_std,
+    sample_points,
+    smallest_subset,
+    squared_gradients,
+)
+from dic.quality.speckle import autocovariance, edge_blur, even_light, speckle_size
+
+Float = NDArray[np.float64]
+Grey = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+SPECKLES_PER_SUBSET = 3.0
+"""Fewer in a row are too few for a subset to be unlike its neighbours."""
+
+TILES = 3
+"""Focus is looked at in so many parts across and down."""
+
+
+@dataclass(frozen=True)
+class Quality:
+    """What an image promises.
+
+    Attributes
+    ----------
+    settings : CorrelationSettings
+        The subset and shape function it is judged for.
+    wanted_px : float
+        Displacement that is to be resolved.
+    region : ndarray of bool, shape (height, width)
+        The pixels that were looked at.
+    noise : float
+        Standard deviation of the noise, grey levels.
+    whiteness : float
+        How independent the noise of neighbouring pixels is, 0 to 1; NaN if it comes from one image.
+    covariance_x, covariance_y : ndarray, shape (n,)
+        Autocovariance of the pattern at lags 0, 1, … px, without noise.
+    speckle_x_px, speckle_y_px : float
+        Full widths at half of their maximum.
+    sssig : ndarray, shape (k, 2)
+        Sums of squared gradients along x and y in the subsets at `points`, noise included.
+    points : ndarray of int, shape (k, 2)
+        Sampled points.
+    std_px : ndarray, shape (k, 2)
+        Noise floor of u and v there.
+    subset_for_wanted_px : int or None
+        Smallest subset that resolves `wanted_px` at 95 % of the points with texture; None if there is none.
+    dark_share, bright_share : float
+        Shares of pixels at the image's lowest and at its highest grey level.
+    contrast : float
+        (bright - dark) / (bright + dark) of the 98th and 2nd percentiles.
+    mean_gradient : float
+        Mean length of the grey level's gradient, per px.
+    blur_px : ndarray, shape (3, 3)
+        Standard deviation of the blur at edges, in each ninth of the region; NaN where there are too few.
+    """
+
+    settings: CorrelationSettings
+    wanted_px: float
+    region: Mask
+    noise: float
+    whiteness: float
+    covariance_x: Float
+    covariance_y: Float
+    speckle_x_px: float
+    speckle_y_px: float
+    sssig: Float
+    points: NDArray[np.int64]
+    std_px: Float
+    subset_for_wanted_px: int | None
+    dark_share: float
+    bright_share: float
+    contrast: float
+    mean_gradient: float
+    blur_px: Float
+
+    @property
+    def floor_px(self) -> float:
+        """Noise floor that 95 % of the points with texture keep, the worse of u and v."""
+        return noise_floor(self.std_px, _kept_share(self.std_px))
+
+    @property
+    def bare_share(self) -> float:
+        """Share of points whose subset shows nothing beyond noise."""
+        return float(np.isinf(self.std_px).any(axis=1).mean())
+
+    @property
+    def recommended_subset_px(self) -> int | None:
+        """Smallest subset that resolves `wanted_px` and holds three speckles in a row."""
+        speckle = max(self.speckle_x_px, self.speckle_y_px)
+        if self.subset_for_wanted_px is None or not np.isfinite(speckle):
+            return None
+        return max(self.subset_for_wanted_px, int(np.ceil(SPECKLES_PER_SUBSET * speckle)) | 1)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the figures by name, JSON-ready: see `docs/quality.md`."""
+        median = [float(v) for v in (*np.median(self.std_px, axis=0), *np.median(self.sssig, axis=0))]
+        blur = self.blur_px[np.isfinite(self.blur_px)]
+        figures = {
+            "noise": self.noise,
+            "whiteness": self.whiteness,
+            "speckle_x_px": self.speckle_x_px,
+            "speckle_y_px": self.speckle_y_px,
+            "sssig_x": median[2],
+            "sssig_y": median[3],
+            "std_u_px": median[0],
+            "std_v_px": median[1],
+            "floor_px": self.floor_px,
+            "bare_share": self.bare_share,
+            "dark_share": self.dark_share,
+            "bright_share": self.bright_share,
+            "contrast": self.contrast,
+            "mean_gradient": self.mean_gradient,
+            "blur_px": float(np.median(blur)) if blur.size else np.nan,
+            "worst_blur_px": float(blur.max()) if blur.size else np.nan,
+        }
+        return {
+            "subset_px": self.settings.subset_px,
+            "shape": self.settings.shape,
+            "wanted_px": self.wanted_px,
+            "recommended_subset_px": self.recommended_subset_px,
+            **{name: value if np.isfinite(value) else None for name, value in figures.items()},
+        }
+
+
+def assess_quality(
+    grey: Grey,
+    region: Mask | None = None,
+    settings: CorrelationSettings | None = None,
+    *,
+    second: Grey | None = None,
+    wanted_px: float = 0.01,
+) -> Quality:
+    """Return what a reference image promises.
+
+    Parameters
+    ----------
+    grey : ndarray of float32, shape (height, width)
+    region : ndarray of bool, shape (height, width), optional
+        Region of interest; without one, wherever there is texture.
+    settings : CorrelationSettings, optional
+    second : ndarray of float32, of the same shape, optional
+        Another image of the specimen at rest, from which the noise is known better.
+    wanted_px : float
+        Displacement that is to be resolved: standard deviation of one point.
+
+    Raises
+    ------
+    CorrelationError
+        If there is no texture, the images do not belong together, or the region holds no subset.
+    """
+    settings = settings or CorrelationSettings()
+    if not 0.0 < wanted_px < 10.0:
+        raise CorrelationError(
+            "settings",
+            "wanted resolution",
+            expected="above 0 and below 10 px",
+            got=f"{wanted_px:g} px",
+            remedy="correct the setting",
+        )
+    spline = spline_image(grey, settings.order)
+    slopes = spline.gradient()
+    centres, region = _region(region, grey, slopes, settings.subset_px)
+    if second is None:
+        noise, whiteness = noise_of_one(grey, region), float("nan")
+    else:
+        noise, whiteness = noise_of_two(grey, second, slopes, region)
+    pattern = even_light(grey, region)
+    covariance_y, covariance_x = (autocovariance(pattern, region, noise, axis) for axis in (0, 1))
+    points = _points(centres, settings.subset_px)
+    std_px = predicted_std(spline, noise, points, region, settings)
+    share = _kept_share(std_px)
+    levels = grey[region]
+    dark, bright = np.percentile(levels, (2, 98))
+    return Quality(
+        settings=settings,
+        wanted_px=wanted_px,
+        region=region,
+        noise=noise,
+        whiteness=whiteness,
+        covariance_x=covariance_x,
+        covariance_y=covariance_y,
+        speckle_x_px=speckle_size(covariance_x),
+        speckle_y_px=speckle_size(covariance_y),
+        sssig=squared_gradients(spline, points, region, settings.subset_px),
+        points=points,
+        std_px=std_px,
+        subset_for_wanted_px=smallest_subset(spline, noise, centres, region, settings, wanted_px, share),
+        dark_share=float(np.mean(levels == grey.min())),
+        bright_share=float(np.mean(levels == grey.max())),
+        contrast=float((bright - dark) / max(abs(bright + dark), 1e-9)),
+        mean_gradient=float(np.hypot(*slopes)[region].mean()),
+        blur_px=_blur_in_tiles(grey, region, noise),
+    )
+
+
+def _region(region: Mask | None, grey: Grey, slopes: tuple[Grey, Grey], subset_px: int) -> tuple[Mask, Mask]:
+    """Return where points may be and the pixels to look at: the region, or all subsets with texture."""
+    import cv2
+
+    if min(grey.shape) < 2 * subset_px:
+        raise _no_room(subset_px, f"an image of {grey.shape[1]} x {grey.shape[0]} px")
+    if region is None:
+        centres = textured(*slopes, subset_px)
+        whole = np.ones((subset_px, subset_px), np.uint8)
+        region = np.asarray(cv2.dilate(centres.astype(np.uint8), whole)) == 1
+    else:
+        centres = region = checked_region(region, grey.shape)
+    if np.count_nonzero(region) < subset_px**2:
+        raise _no_room(subset_px, f"{np.count_nonzero(region)} pixels")
+    return centres, region
+
+
+def _kept_share(std_px: Float) -> float:
+    """Return 95 % of the share of points that have texture."""
+    return 0.95 * float(np.isfinite(std_px).all(axis=1).mean())
+
+
+def _points(centres: Mask, subset_px: int) -> NDArray[np.int64]:
+    points = sample_points(centres, subset_px)
+    if not len(points):
+        raise _no_room(subset_px, "a region along the image's edge")
+    return points
+
+
+def _blur_in_tiles(grey: Grey, region: Mask, noise: float) -> Float:
+    rows, columns = np.nonzero(region)
+    down = np.linspace(rows.min(), rows.max() + 1, TILES + 1).astype(int)
+    across = np.linspace(columns.min(), columns.max() + 1, TILES + 1).astype(int)
+    blur = np.full((TILES, TILES), np.nan)
+    for i in range(TILES):
+        for j in range(TILES):
+            tile = (slice(down[i], down[i + 1]), slice(across[j], across[j + 1]))
+            blur[i, j] = edge_blur(grey[tile], region[tile], noise)
+    return blur
+
+
+def _no_room(subset_px: int, got: str) -> CorrelationError:
+    return CorrelationError(
+        "region of interest",
+        "judge the image",
+        expected=f"an area with texture that holds subsets of {subset_px} px",
+        got=got,
+        remedy="enlarge the region or choose a smaller subset",
+    )

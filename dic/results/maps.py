@@ -1,0 +1,89 @@
+"""Pictures of fields: displacement and strain over the image they come from."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.out_of_plane.correction import Correction
+from dic.strain.measurement import Measurement
+from dic.strain.strain import strain_field
+
+Float = NDArray[np.float64]
+
+MICRO = 1e6
+
+
+def panels(measurement: Measurement, correction: Correction | None = None) -> list[tuple[str, Float]]:
+    """Return titles and values of the five maps of a measurement: two displacements, three strains in µε.
+
+    They are corrected where there is a correction that applies, else calibrated, else raw.
+    """
+    if correction is not None and correction.declined is None:
+        shown, kind = correction.displacement, "corrected"
+        strain = strain_field(shown, measurement.strain_settings)
+    else:
+        shown, strain = measurement.calibrated or measurement.raw, measurement.strain
+        kind = "calibrated" if measurement.calibrated is not None else "raw"
+    vector = np.where(measurement.field.converged[..., None], shown.vector, np.nan)
+    x, y = ("U", "V") if shown.unit == "mm" else ("u", "v")
+    return [
+        (f"{x} to the right, {shown.unit}", vector[..., 0]),
+        (f"{y} upwards, {shown.unit}", vector[..., 1]),
+        (f"εxx {kind}, µε", strain.exx * MICRO),
+        (f"εyy {kind}, µε", strain.eyy * MICRO),
+        (f"εxy {kind}, µε", strain.exy * MICRO),
+    ]
+
+
+def draw_maps(
+    measurement: Measurement, image: NDArray[Any], title: str, correction: Correction | None = None
+) -> Any:
+    """Return a matplotlib figure with the five maps over the reference image.
+
+    Colour scales span the 1st to 99th percentile, so that a single point cannot hide the field.
+
+    Parameters
+    ----------
+    measurement : Measurement
+    image : ndarray, shape (height, width)
+        The reference image, where the points are.
+    title : str
+    correction : Correction, optional
+        To show instead of calibrated strain, if it applies.
+    """
+    from matplotlib.figure import Figure
+
+    height, width = image.shape
+    columns = 5 if height >= width else 3
+    rows = -(-5 // columns)
+    side = 3.0 if columns == 5 else 4.2
+    figure = Figure(figsize=(side * columns, side * rows * height / width * 0.86 + 0.9), layout="constrained")
+    figure.suptitle(title)
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    low, high = np.percentile(image, (1, 99.5))
+    for axis, (name, values) in zip(axes, panels(measurement, correction), strict=False):
+        axis.imshow(image, cmap="gray", vmin=low, vmax=high)
+        _overlay(figure, axis, measurement, values)
+        axis.set_title(name, fontsize=9)
+    for axis in axes:
+        axis.set_axis_off()
+    return figure
+
+
+def _overlay(figure: Any, axis: Any, measurement: Measurement, values: Float) -> None:
+    field = measurement.field
+    known = values[np.isfinite(values)]
+    limits = np.percentile(known, (1, 99)) if known.size else (0.0, 1.0)
+    mesh = axis.pcolormesh(
+        field.x_px, field.y_px, values, shading="nearest", cmap="turbo", alpha=0.75,
+        vmin=limits[0], vmax=limits[1], rasterized=True,
+    )  # fmt: skip
+    bar = figure.colorbar(mesh, ax=axis, shrink=0.8, pad=0.02)
+    bar.ax.tick_params(labelsize=7)
+
+
+def write_maps(path: Path, measurement: Measurement, image: NDArray[Any], title: str) -> None:
+    """Write the five maps of a measurement as one PNG."""
+    draw_maps(measurement, image, title).savefig(path, dpi=110)

@@ -1,0 +1,1 @@
+"""The run file: one schema, and how it is read."""

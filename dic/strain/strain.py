@@ -1,0 +1,210 @@
+"""Strain from displacements: one value for a region, or a field, each with its standard deviation."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.correlation.settings import CorrelationSettings
+from dic.errors import CorrelationError
+from dic.strain.displacement import Displacement
+from dic.strain.fit import fitted_gradients, mean_gradient
+from dic.strain.measures import COMPONENTS, MEASURES, strain_of
+
+Float = NDArray[np.float64]
+
+SOURCES = ("fit", "quadratic-fit", "shape")
+"""Where local strain comes from: a plane or a quadratic surface fitted to a window, or the shape function."""
+
+STRAIN_KEYS = (*COMPONENTS, *(f"{name}_std" for name in COMPONENTS))
+
+
+@dataclass(frozen=True)
+class StrainSettings:
+    """Which strain, and from what.
+
+    Attributes
+    ----------
+    measure : str
+        "green-lagrange", "small" or "hencky".
+    window_points : int
+        Odd width of the window of points that a local strain is fitted to, at least 3.
+    source : str
+        Of local strain: "fit" (a plane), "quadratic-fit", or "shape" for the gradient of each subset's shape
+        function.
+
+    Raises
+    ------
+    CorrelationError
+        If a value cannot be used.
+    """
+
+    measure: str = "green-lagrange"
+    window_points: int = 5
+    source: str = "fit"
+
+    def __post_init__(self) -> None:
+        window = self.window_points
+        checks = [
+            (self.measure in MEASURES, "strain", f"one of {', '.join(MEASURES)}", self.measure),
+            (
+                window >= 3 and window % 2 == 1,
+                "strain window",
+                "an odd number of points, at least 3",
+                window,
+            ),
+            (self.source in SOURCES, "source of strain", f"one of {', '.join(SOURCES)}", self.source),
+        ]
+        for good, what, expected, got in checks:
+            if not good:
+                raise CorrelationError(
+                    "settings", what, expected=expected, got=str(got), remedy="correct the setting"
+                )
+
+    def gauge_px(self, correlation: CorrelationSettings) -> int:
+        """Return the width of the virtual strain gauge: of all pixels that enter one local strain."""
+        if self.source == "shape":
+            return correlation.subset_px
+        return (self.window_points - 1) * correlation.step_px + correlation.subset_px
+
+
+def gauge_text(gauge_px: int, gauge_mm: float | None) -> str:
+    """Return the width of a virtual strain gauge as people read it."""
+    return f"virtual strain gauge {gauge_px} px" + ("" if gauge_mm is None else f" ({gauge_mm:.3g} mm)")
+
+
+@dataclass(frozen=True)
+class MeanStrain:
+    """The strain of a region as a whole.
+
+    Attributes
+    ----------
+    exx, eyy, exy : float
+        Strain; NaN if fewer than three points are valid.
+    rotation_deg : float
+        Rigid rotation, positive from x towards y, in (-180, 180].
+    points : int
+        Number of points it comes from.
+    e1, e2 : float
+        Principal strains, the larger first.
+    direction_deg : float
+        Of the larger one, from x towards y, in (-90, 90].
+    exx_std, eyy_std, exy_std, e1_std, e2_std, direction_deg_std : float
+        Standard deviations from the images' noise; NaN where it is not known. At most 52° for a direction.
+    """
+
+    exx: float
+    eyy: float
+    exy: float
+    rotation_deg: float
+    points: int
+    e1: float
+    e2: float
+    direction_deg: float
+    exx_std: float
+    eyy_std: float
+    exy_std: float
+    e1_std: float
+    e2_std: float
+    direction_deg_std: float
+
+    def as_dict(self) -> dict[str, float | int | None]:
+        """Return the values by name, for JSON: None instead of NaN."""
+        return {k: None if v != v else v for k, v in vars(self).items()}
+
+
+@dataclass(frozen=True)
+class StrainField:
+    """Strain at every point of the grid.
+
+    Attributes
+    ----------
+    exx, eyy, exy, e1, e2, direction_deg : ndarray, shape (rows, columns)
+        As in `MeanStrain`; NaN where too few neighbours are valid.
+    exx_std, eyy_std, exy_std, e1_std, e2_std, direction_deg_std : ndarray, shape (rows, columns)
+        Their standard deviations; NaN where they are not known.
+    """
+
+    exx: Float
+    eyy: Float
+    exy: Float
+    e1: Float
+    e2: Float
+    direction_deg: Float
+    exx_std: Float
+    eyy_std: Float
+    exy_std: Float
+    e1_std: Float
+    e2_std: Float
+    direction_deg_std: Float
+
+
+def mean_strain(
+    displacement: Displacement,
+    valid: NDArray[np.bool_] | None = None,
+    measure: str = "green-lagrange",
+) -> MeanStrain:
+    """Return the strain of the plane motion that fits the valid points best, by least squares.
+
+    Parameters
+    ----------
+    displacement : Displacement
+    valid : ndarray of bool, shape (rows, columns), optional
+        Points to use instead of the displacement's own valid ones.
+    measure : str
+        "green-lagrange", "small" or "hencky".
+    """
+    use = displacement.valid if valid is None else valid
+    points = int(np.count_nonzero(use))
+    fitted = mean_gradient(displacement, use)
+    if fitted is None:
+        return MeanStrain(rotation_deg=np.nan, points=points, **dict.fromkeys(STRAIN_KEYS, np.nan))
+    return strain_of_gradient(*fitted, points, measure)
+
+
+def strain_of_gradient(gradient: Float, covariance: Float | None, points: int, measure: str) -> MeanStrain:
+    """Return the strain that a displacement gradient of a whole region means.
+
+    Parameters
+    ----------
+    gradient : ndarray, shape (2, 2)
+        ∂u_i/∂x_j at [i, j].
+    covariance : ndarray, shape (4, 4), or None
+        Of its elements xx, xy, yx, yy, if known.
+    points : int
+        Number of points it comes from.
+    measure : str
+        "green-lagrange", "small" or "hencky".
+    """
+    F = gradient + np.eye(2)
+    rotation_deg = np.degrees(np.arctan2(F[1, 0] - F[0, 1], F[0, 0] + F[1, 1]))
+    values = np.concatenate(strain_of(gradient, covariance, measure))
+    named: dict[str, Any] = dict(zip(STRAIN_KEYS, values.tolist(), strict=True))
+    return MeanStrain(rotation_deg=float(rotation_deg), points=points, **named)
+
+
+def strain_field(displacement: Displacement, settings: StrainSettings | None = None) -> StrainField:
+    """Return the strain at every point, from its neighbours or from its own shape function.
+
+    A fitted value needs half of its window. Its standard deviation counts what the subsets share.
+
+    Parameters
+    ----------
+    displacement : Displacement
+        With the shape function's gradient, if strain is to come from that.
+    settings : StrainSettings, optional
+    """
+    settings = settings or StrainSettings()
+    noise = displacement.noise
+    if settings.source == "shape":
+        if displacement.gradient is None:
+            raise ValueError("these displacements come without the gradients of shape functions")
+        known = displacement.valid[..., None, None]
+        gradient = np.where(known, displacement.gradient, np.nan)
+        covariance = None if noise is None else np.where(known, noise.gradient, np.nan)
+    else:
+        degree = 2 if settings.source == "quadratic-fit" else 1
+        gradient, covariance = fitted_gradients(displacement, settings.window_points, degree)
+    values = np.concatenate(strain_of(gradient, covariance, settings.measure))
+    return StrainField(**dict(zip(STRAIN_KEYS, values, strict=True)))

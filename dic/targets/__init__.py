@@ -1,0 +1,1 @@
+"""Calibration targets: found in an image, as points in pixels and millimetres."""

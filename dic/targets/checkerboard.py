@@ -1,0 +1,128 @@
+"""Corners of a checkerboard: found by OpenCV's detector, refined by their symmetry."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.errors import CalibrationError
+from dic.targets.axes import Axes, XAxis, axes_in_image
+from dic.targets.lattice import in_line
+from dic.targets.points import GridPoints
+from dic.targets.sampled_image import GridImage
+
+Floats = NDArray[np.float64]
+# Radius of the disc in which a corner is refined, in pitches: it must not reach the next corner.
+_WINDOW = 0.4
+_SUFFICIENT = 0.9
+_SMALLEST_PX, _LARGEST_PX = 3.0, 16.0
+_STEPS = 6
+
+
+def find_checkerboard(
+    grey: NDArray[np.float32], squares: tuple[int, int], pitch_mm: float, source: str, x_axis: XAxis
+) -> GridPoints:
+    """Return all inner corners of a checkerboard; see `dic.targets.find.CheckerboardTarget`.
+
+    The detector (Duda and Frese, "Accurate Detection and Localization of Checkerboard Corners for
+    Calibration", BMVC 2018) finds all corners or none.
+
+    Raises
+    ------
+    CalibrationError
+        If not all corners are found.
+    """
+    import cv2
+
+    lines = (squares[0] - 1, squares[1] - 1)
+    flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
+    found, corners = cv2.findChessboardCornersSB(as_bytes(grey), lines, flags=flags)
+    if not found:
+        raise _refusal(source, squares, "no such board")
+    # the detector runs along rows: second index first
+    px = np.asarray(corners, np.float64).reshape(lines[1], lines[0], 2).transpose(1, 0, 2)
+    vectors = np.stack([(px[-1] - px[0]).mean(axis=0), (px[:, -1] - px[:, 0]).mean(axis=0)])
+    vectors /= np.array(lines)[:, None] - 1.0
+    spans = (range(lines[0]), range(lines[1]))
+    dark_first = _dark_beside_the_first(grey, px)
+
+    def possible(axes: Axes) -> bool:
+        if tuple(len(spans[axis]) for axis in axes.lattice_axes) != lines:
+            return False
+        # colours alternate: the first square of the lattice tells that of the board as it would be named
+        square = axes.named(np.zeros((1, 2), np.int64), spans)[0] - np.array(axes.flip)
+        return sum(squares) % 2 == 0 or dark_first == (int(square.sum()) % 2 == 0)
+
+    axes = axes_in_image(vectors, x_axis, source, possible)
+    index = np.argwhere(np.ones(lines, bool))
+    named = axes.named(index, spans)
+    pitch_px = float(np.linalg.norm(vectors, axis=1).min())
+    refined = refine(grey, px[index[:, 0], index[:, 1]], _WINDOW * pitch_px)
+    sound = in_line(index.astype(float), refined)
+    if np.count_nonzero(sound) < _SUFFICIENT * sound.size:
+        got = f"only {np.count_nonzero(sound)} of {sound.size} corners"
+        raise _refusal(source, squares, got)
+    named, refined = named[sound], refined[sound]
+    by_row = np.lexsort((named[:, 0], named[:, 1]))
+    return GridPoints.on_lattice(
+        named[by_row], refined[by_row], lines, pitch_mm, axes.warnings, axes.orientation
+    )
+
+
+def _refusal(source: str, squares: tuple[int, int], got: str) -> CalibrationError:
+    return CalibrationError(
+        source,
+        "find checkerboard",
+        expected=f"a checkerboard of {squares[0]} × {squares[1]} squares, all of it in view",
+        got=got,
+        remedy="see that it is sharp, evenly lit and not covered, and that its squares are counted right",
+    )
+
+
+def refine(grey: NDArray[np.float32], px: Floats, half_window_px: float) -> Floats:
+    """Return corners (n, 2) at the points about which the image is its own mirror, px.
+
+    Two straight edges that cross look the same turned by 180° about their crossing, in perspective too. So
+    the corner c makes ``Σ (I(c + d) − I(c − d) − g·d)²`` least over a disc of offsets d, by Gauss-Newton
+    steps; g is what uneven light adds. A corner that leaves its window is NaN.
+    """
+    image = GridImage(grey, dark_lines=False)
+    reach = float(np.clip(half_window_px, _SMALLEST_PX, _LARGEST_PX))
+    y, x = np.mgrid[-reach : reach + 0.1, 0 : reach + 0.1]
+    offsets = np.stack([x, y], axis=-1).reshape(-1, 2)
+    offsets = offsets[np.hypot(*offsets.T) <= reach]
+    corner = px.copy()
+    for _ in range(_STEPS):
+        ahead, behind = corner[:, None] + offsets, corner[:, None] - offsets
+        light = np.broadcast_to(offsets, ahead.shape)
+        slopes = np.concatenate([_gradient(image, ahead) - _gradient(image, behind), light], axis=-1)
+        difference = image.sample(ahead) - image.sample(behind)
+        whole = np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(difference).all(axis=1)
+        normal = np.swapaxes(slopes, 1, 2) @ slopes + 1e-9 * np.eye(4)
+        right = np.swapaxes(slopes, 1, 2) @ difference[..., None]
+        corner[~whole] = np.nan
+        corner[whole] -= np.linalg.solve(normal[whole], right[whole])[:, :2, 0]
+    corner[~(np.linalg.norm(corner - px, axis=1) < max(1.0, reach / 2))] = np.nan
+    return corner
+
+
+def _gradient(image: GridImage, points: Floats) -> Floats:
+    """Return the gradient of grey levels at points (…, 2), per px."""
+    half = 0.5
+    steps = [np.array([half, 0.0]), np.array([0.0, half])]
+    return np.stack([image.sample(points + step) - image.sample(points - step) for step in steps], axis=-1)
+
+
+def as_bytes(grey: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return grey levels stretched to 0 … 255, for detectors that know bytes only."""
+    low, high = (float(value) for value in np.percentile(grey, (0.1, 99.9)))
+    stretched = np.rint((grey - low) * (255.0 / max(high - low, 1e-6)))
+    return np.asarray(np.clip(stretched, 0, 255), np.uint8)
+
+
+def _dark_beside_the_first(grey: NDArray[np.float32], px: Floats) -> bool:
+    """Tell whether the square beyond the lattice's first corner, diagonally, is dark, by all squares."""
+    centre = (px[:-1, :-1] + px[1:, :-1] + px[:-1, 1:] + px[1:, 1:]) / 4
+    column, row = np.rint(centre).astype(int).transpose(2, 0, 1)
+    level = grey[row, column]
+    even = np.add.outer(np.arange(level.shape[0]), np.arange(level.shape[1])) % 2 == 0
+    # the square beyond a corner has the colour of the square diagonally opposite
+    return bool(level[even].mean() < level[~even].mean())

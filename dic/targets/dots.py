@@ -1,0 +1,180 @@
+"""Centres of round dots, corrected for perspective: the middle of an ellipse is not the dot's middle."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.errors import CalibrationError
+from dic.targets.axes import Axes, XAxis, axes_in_image
+from dic.targets.cells import along_short_vectors, lattice_of_regions
+from dic.targets.lattice import LatticeShape, in_line
+from dic.targets.points import GridPoints
+
+Floats = NDArray[np.float64]
+_SUFFICIENT = 0.9
+# How far a blurred edge reaches beyond the dot.
+_EDGE_PX = 2.5
+_RINGS, _SPOKES = 6, 24
+
+
+def find_dots(
+    grey: NDArray[np.float32], dots: tuple[int, int], pitch_mm: float, source: str, x_axis: XAxis
+) -> GridPoints:
+    """Return the centres of a lattice of dots; see `dic.targets.find.DotTarget`.
+
+    Raises
+    ------
+    CalibrationError
+        If fewer than 90 % of the dots are found, or another number in either direction.
+    """
+    index, centre_px, boxes, signed = _lattice(grey, dots[0] * dots[1])
+    if len(index) < max(16, _SUFFICIENT * dots[0] * dots[1]):
+        raise _refusal(source, dots, f"{len(index)} dots in a lattice")
+    counts = tuple(int(count) for count in np.ptp(index, axis=0) + 1)
+    if sorted(counts) != sorted(dots):
+        raise _refusal(source, dots, f"{counts[0]} × {counts[1]} dots")
+    low = index.min(axis=0)
+    spans = (range(int(low[0]), int(low[0]) + counts[0]), range(int(low[1]), int(low[1]) + counts[1]))
+    centroid, area_px2 = _centroids(signed, centre_px, boxes)
+    shape = LatticeShape.fit(index.astype(float), centroid)
+    centroid -= _eccentricity(shape, index.astype(float), area_px2)
+
+    middle = np.array([span[0] + (len(span) - 1) / 2 for span in spans])
+    vectors = np.stack([shape.step(middle, 0), shape.step(middle, 1)])
+
+    def possible(axes: Axes) -> bool:
+        return tuple(len(spans[axis]) for axis in axes.lattice_axes) == tuple(dots)
+
+    axes = axes_in_image(vectors, x_axis, source, possible)
+    # a dot that is hidden in part is smaller than the others and has its centroid elsewhere
+    size = area_px2 / _cell_px2(shape, index.astype(float))
+    off = np.abs(size / np.median(size) - 1)
+    sound = in_line(index.astype(float), centroid) & (off < 6 * np.median(off) + 0.02)
+    if np.count_nonzero(sound) < _SUFFICIENT * dots[0] * dots[1]:
+        raise _refusal(source, dots, f"only {np.count_nonzero(sound)} whole dots")
+    named, centroid = axes.named(index, spans)[sound], centroid[sound]
+    by_row = np.lexsort((named[:, 0], named[:, 1]))
+    return GridPoints.on_lattice(
+        named[by_row], centroid[by_row], dots, pitch_mm, axes.warnings, axes.orientation
+    )
+
+
+def _lattice(
+    grey: NDArray[np.float32], expected: int
+) -> tuple[NDArray[np.int64], Floats, NDArray[np.int64], NDArray[np.float32]]:
+    """Return index, centres and boxes of the largest lattice of blobs, and the image with bright dots."""
+    best_index, best_centre = np.empty((0, 2), np.int64), np.empty((0, 2))
+    best_boxes, best_image = np.empty((0, 4), np.int64), grey
+    for width_px in (31, 15, 61, 121):
+        if width_px > min(grey.shape) // 3:
+            continue
+        for signed in (-grey, grey):
+            centres, areas, boxes = _blobs(signed, width_px)
+            index, placed = lattice_of_regions(centres, areas)
+            if len(index) > len(best_index):
+                best_index, best_centre = along_short_vectors(index, centres[placed]), centres[placed]
+                best_boxes, best_image = boxes[placed], signed
+            if len(best_index) >= expected:
+                return best_index, best_centre, best_boxes, best_image
+    return best_index, best_centre, best_boxes, best_image
+
+
+def _blobs(signed: NDArray[np.float32], width_px: int) -> tuple[Floats, Floats, NDArray[np.int64]]:
+    """Return centres (n, 2), areas (n,) and boxes (n, 4) of bright blobs narrower than `width_px`."""
+    import cv2
+
+    smooth = cv2.GaussianBlur(signed, (0, 0), max(0.7, width_px / 30))
+    disc = cv2.getStructuringElement(cv2.MORPH_RECT, (width_px, width_px))
+    height = cv2.morphologyEx(smooth, cv2.MORPH_TOPHAT, disc)
+    wide = cv2.getStructuringElement(cv2.MORPH_RECT, (2 * width_px + 1, 2 * width_px + 1))
+    contrast = cv2.GaussianBlur(cv2.dilate(height, wide), (0, 0), width_px)
+    seen = (height > 0.5 * contrast).astype(np.uint8)
+    _, _, stats, centres = cv2.connectedComponentsWithStats(seen, connectivity=4)
+    stats, centres = stats[1:].astype(np.int64), centres[1:]
+    area = stats[:, cv2.CC_STAT_AREA]
+    filled = area / (stats[:, cv2.CC_STAT_WIDTH] * stats[:, cv2.CC_STAT_HEIGHT])
+    # an ellipse along the axes fills pi/4 of its box, one on its diagonal less
+    like = (area >= 12) & (filled > 0.45) & (filled < 0.9)
+    return centres[like].astype(np.float64), area[like].astype(np.float64), stats[like, :4]
+
+
+def _centroids(
+    signed: NDArray[np.float32], centre_px: Floats, boxes: NDArray[np.int64]
+) -> tuple[Floats, Floats]:
+    """Return the centroid of each dot's light above its ground, px, and its area, px²."""
+    result, area = np.empty_like(centre_px), np.empty(len(centre_px))
+    rows, columns = signed.shape
+    for k, (left, top, width, height) in enumerate(boxes):
+        reach = max(4, int(0.25 * max(width, height)))
+        y = np.arange(max(0, top - reach), min(rows, top + height + reach))
+        x = np.arange(max(0, left - reach), min(columns, left + width + reach))
+        patch = signed[y[0] : y[-1] + 1, x[0] : x[-1] + 1].astype(np.float64)
+        inside = _around_ellipse(patch)
+        light = (patch - _ground(patch, ~inside)) * inside
+        total = light.sum()
+        result[k] = (light.sum(axis=0) @ x / total, light.sum(axis=1) @ y / total)
+        area[k] = total / np.percentile(light[inside], 80)
+    return result, area
+
+
+def _around_ellipse(patch: Floats) -> NDArray[np.bool_]:
+    """Tell which pixels belong to the dot or its blurred edge, by the moments of what is above half height.
+
+    An ellipse reaches to twice its standard deviation in every direction. Pixels beyond only add noise.
+    """
+    above = patch > (np.percentile(patch, 5) + np.percentile(patch, 95)) / 2
+    places = np.argwhere(above).astype(np.float64)
+    covariance = np.cov(places.T) + 0.1 * np.eye(2)
+    every = np.argwhere(np.ones(patch.shape, bool)).reshape(*patch.shape, 2)
+    relative = every - places.mean(axis=0)
+    reach = np.sqrt(np.einsum("...i,ij,...j", relative, np.linalg.inv(covariance), relative)) / 2
+    shortest_px = 2 * float(np.sqrt(np.linalg.eigvalsh(covariance)[0]))
+    return np.asarray(reach < 1 + _EDGE_PX / shortest_px)
+
+
+def _ground(patch: Floats, beside: NDArray[np.bool_]) -> Floats:
+    """Return the plane through the pixels beside the dot: what light falls there, and how it fades.
+
+    Pixels of something else in view, such as what hides a neighbour, are left out in turn.
+    """
+    y, x = np.mgrid[: patch.shape[0], : patch.shape[1]]
+    design = np.column_stack([np.ones(patch.size), x.ravel(), y.ravel()])
+    used, level = beside.ravel(), patch.ravel()
+    for _ in range(3):
+        plane = np.linalg.lstsq(design[used], level[used], rcond=None)[0]
+        away = np.abs(level - design @ plane)
+        # 4.5 times the median deviation is about three standard deviations
+        used = beside.ravel() & (away <= 4.5 * np.median(away[beside.ravel()]) + 1e-6)
+    ground: Floats = (design @ plane).reshape(patch.shape)
+    return ground
+
+
+def _eccentricity(shape: LatticeShape, index: Floats, area_px2: Floats) -> Floats:
+    """Return how far the centroid of each dot's image lies from the image of its centre, (n, 2), px.
+
+    Summed over rings and spokes of a disc on the target: each element counts as large as it appears.
+    """
+    pixels_per_cell = _cell_px2(shape, index)
+    radius = float(np.sqrt(np.median(area_px2 / pixels_per_cell) / np.pi))
+    ring = np.sqrt((np.arange(_RINGS) + 0.5) / _RINGS) * radius
+    angle = np.arange(_SPOKES) * (2 * np.pi / _SPOKES)
+    disc = np.stack([np.outer(ring, np.cos(angle)), np.outer(ring, np.sin(angle))], axis=-1).reshape(-1, 2)
+    places = index[:, None] + disc
+    weight = _cell_px2(shape, places)[..., None]
+    seen: Floats = (shape.map(places) * weight).sum(axis=1) / weight.sum(axis=1) - shape.map(index)
+    return seen
+
+
+def _cell_px2(shape: LatticeShape, index: Floats) -> Floats:
+    first, second = shape.step(index, 0), shape.step(index, 1)
+    area: Floats = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
+    return area
+
+
+def _refusal(source: str, dots: tuple[int, int], got: str) -> CalibrationError:
+    return CalibrationError(
+        source,
+        "find dots",
+        expected=f"{dots[0]} × {dots[1]} dots, at least {_SUFFICIENT:.0%} of them",
+        got=got,
+        remedy="see that all dots are in view, sharp and evenly lit, and that their number is right",
+    )

@@ -1,0 +1,176 @@
+"""Finding a calibration grid in an image without help.
+
+The way: enclosed cells, on a lattice (`dic.targets.cells`); a smooth map from lattice index to px
+(`dic.targets.lattice`); how many lines there are (`dic.targets.line_grid.extent`); line centres, measured
+across the lines (`dic.targets.line_grid.trace`); intersections (`dic.targets.line_grid.crossings`); which way
+is X (`dic.targets.axes`, `dic.targets.line_grid.mark`).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.errors import CalibrationError
+from dic.targets.axes import Axes, XAxis, axes_in_image
+from dic.targets.cells import find_cells
+from dic.targets.lattice import LatticeShape, in_line
+from dic.targets.line_grid.crossings import intersect
+from dic.targets.line_grid.extent import line_extents
+from dic.targets.line_grid.mark import find_mark, whole_spans, within
+from dic.targets.line_grid.trace import trace_lines
+from dic.targets.points import GridPoints
+from dic.targets.sampled_image import GridImage
+
+__all__ = ["GridPoints", "find_grid"]
+
+_FEWEST_LINES = 4
+_SUFFICIENT = 0.9
+_REMEDY = (
+    "see that the whole grid is in view, sharp and evenly lit, and that --lines says how many lines it has"
+)
+
+
+def find_grid(
+    image: NDArray[np.float32],
+    lines: tuple[int, int] = (21, 21),
+    pitch_mm: float = 0.5,
+    source: str = "grid image",
+    *,
+    x_axis: XAxis = None,
+    origin_px: tuple[float, float] | None = None,
+) -> GridPoints:
+    """Find the intersections of a line grid, seen from anywhere, to about a hundredth of a pixel.
+
+    Parameters
+    ----------
+    image : ndarray, shape (height, width)
+        Grey levels; dark lines on bright ground or the reverse.
+    lines : tuple of int
+        Number of lines along X and along Y, at least 4.
+    pitch_mm : float
+        Distance of neighbouring lines.
+    source : str
+        The image's file, for messages.
+    x_axis : str or float, optional
+        Which way X points in the image: ``"right"``, ``"up"``, ``"left"``, ``"down"``, or an angle in
+        degrees, anticlockwise from the right. The grid direction closest to it is taken.
+    origin_px : tuple of float, optional
+        About where, to 0.4 pitches, intersection ``(lines // 2, lines // 2)`` appears: the middle one of odd
+        numbers. Needed only where an outer line is hidden whole and the grid has no mark.
+
+    Returns
+    -------
+    GridPoints
+        At least 90 % of the intersections. A mark (`dic.targets.line_grid.mark`) or `x_axis` says which way X
+        points. Without, X is the grid direction closest to the image's right, Y the one closest to its top,
+        `orientation` is ``"assumed"``, and if that is ambiguous (near 45°), `warnings` says so.
+
+    Raises
+    ------
+    CalibrationError
+        If the image shows no line grid, another number of lines, or fewer than 90 % of the intersections; if
+        mark and options contradict each other; if `x_axis` lies halfway between two directions.
+    """
+    lines = (int(lines[0]), int(lines[1]))
+    _require_possible(lines, pitch_mm, source)
+    grey = np.asarray(image, np.float32)
+    expected_cells = (lines[0] - 1) * (lines[1] - 1)
+    cells = find_cells(grey, expected_cells)
+    if len(cells.index) < max(9, expected_cells // 10):
+        raise _refusal(source, lines, "no line grid")
+    sampled = GridImage(grey, cells.dark_lines)
+    shape = LatticeShape.fit(cells.index.astype(np.float64) + 0.5, cells.centre_px)
+    extents = line_extents(sampled, shape, cells)
+    if not extents[0]:
+        raise _refusal(source, lines, "cells without lines between them, such as a checkerboard")
+    axes, spans = _named(sampled, shape, extents, lines, x_axis, origin_px, source)
+    seen = tuple(len(spans[axis]) for axis in axes.lattice_axes)
+    if seen != lines:
+        raise _refusal(source, lines, f"{seen[0]} × {seen[1]} lines")
+    crossing, sound = _crossings(sampled, shape, spans)
+    if np.count_nonzero(sound) < _SUFFICIENT * sound.size:
+        raise _refusal(source, lines, f"only {np.count_nonzero(sound)} of {sound.size} intersections")
+    index = axes.named(np.argwhere(sound) + np.array([spans[0][0], spans[1][0]]), spans)
+    by_row = np.lexsort((index[:, 0], index[:, 1]))
+    return GridPoints.on_lattice(
+        index[by_row], crossing[sound][by_row], lines, pitch_mm, axes.warnings, axes.orientation
+    )
+
+
+def _require_possible(lines: tuple[int, int], pitch_mm: float, source: str) -> None:
+    if min(lines) < _FEWEST_LINES or not 0 < pitch_mm < float("inf"):
+        raise CalibrationError(
+            source,
+            "find grid",
+            expected=f"at least {_FEWEST_LINES} lines in each direction and a positive pitch",
+            got=f"{lines[0]} × {lines[1]} lines of pitch {pitch_mm:g} mm",
+            remedy="correct --lines and --pitch-mm",
+        )
+
+
+def _crossings(
+    image: GridImage, shape: LatticeShape, extents: tuple[range, range]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the intersections (n0, n1, 2) in px and which of them were measured well, (n0, n1)."""
+    predicted = shape.map(np.stack(np.meshgrid(*extents, indexing="ij"), axis=-1).astype(float))
+    first, second = (trace_lines(image, shape, axis, extents[axis], extents[1 - axis]) for axis in (0, 1))
+    crossing, sound = intersect(first, second, predicted)
+    pitch_px = float(np.sqrt(abs(np.linalg.det(_lattice_vectors(shape, extents)))))
+    sound &= np.linalg.norm(crossing - predicted, axis=-1) < 0.3 * pitch_px
+    sound[sound] = in_line(np.argwhere(sound).astype(float), crossing[sound])
+    return crossing, sound
+
+
+def _lattice_vectors(shape: LatticeShape, extents: tuple[range, range]) -> NDArray[np.float64]:
+    """Return the two lattice vectors (2, 2) at the middle of the grid, px."""
+    middle = np.array([(span[0] + span[-1]) / 2 if len(span) else 0.0 for span in extents])
+    return np.stack([shape.step(middle, 0), shape.step(middle, 1)])
+
+
+def _named(
+    image: GridImage,
+    shape: LatticeShape,
+    seen: tuple[range, range],
+    lines: tuple[int, int],
+    x_axis: XAxis,
+    origin_px: tuple[float, float] | None,
+    source: str,
+) -> tuple[Axes, tuple[range, range]]:
+    """Return the axes and the lattice indices of all lines: those seen, or what a mark or origin says."""
+    vectors = _lattice_vectors(shape, seen)
+    mark = find_mark(image, shape, seen, vectors, lines)
+    if mark is None:
+        axes, spans = axes_in_image(vectors, x_axis, source), seen
+    else:
+        axes, spans = mark.axes, mark.spans
+        if x_axis is not None:
+            wanted = axes_in_image(vectors, x_axis, source)
+            if (wanted.swap, wanted.flip) != (axes.swap, axes.flip):
+                raise _contradiction(source, f"a mark by which X does not point {x_axis}")
+    if origin_px is not None:
+        near = np.stack(np.meshgrid(*seen, indexing="ij"), axis=-1).reshape(-1, 2)
+        away_px = np.linalg.norm(shape.map(near.astype(float)) - np.array(origin_px), axis=1)
+        if away_px.min() > 0.4 * np.linalg.norm(vectors, axis=1).min():
+            raise _contradiction(source, f"no intersection near ({origin_px[0]:g}, {origin_px[1]:g})")
+        origin = near[np.argmin(away_px)]
+        named = whole_spans(axes, (int(origin[0]), int(origin[1])), lines)
+        if mark is not None and named != spans:
+            raise _contradiction(source, f"a mark elsewhere than ({origin_px[0]:g}, {origin_px[1]:g})")
+        if not within(seen, named):
+            raise _contradiction(source, f"lines beyond {lines[0]} × {lines[1]} around that origin")
+        spans = named
+    return axes, spans
+
+
+def _contradiction(source: str, got: str) -> CalibrationError:
+    return CalibrationError(
+        source,
+        "name the axes",
+        expected="a mark, an origin and a direction of X that agree",
+        got=got,
+        remedy="leave the option out, or correct it",
+    )
+
+
+def _refusal(source: str, lines: tuple[int, int], got: str) -> CalibrationError:
+    expected = f"a grid of {lines[0]} × {lines[1]} lines with at least {_SUFFICIENT:.0%} of its intersections"
+    return CalibrationError(source, "find grid", expected=expected, got=got, remedy=_REMEDY)
