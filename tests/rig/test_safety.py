@@ -3,7 +3,7 @@ import threading
 import pytest
 
 from rig.devices import Rig
-from rig.engine.engine import safety
+from rig.engine import safety
 from rig.engine.safety import SafeState
 
 
