@@ -123,7 +123,7 @@ class RotationStage(Protocol):
 
 
 @dataclass(frozen=True)
-class FrameState:
+class LoadFrameState:
     """What a load frame reports, read in one coherent block at `time_s` of the rig's clock.
 
     Attributes
@@ -149,7 +149,7 @@ class FrameState:
 
 
 @dataclass(frozen=True)
-class FrameLimits:
+class LoadFrameLimits:
     """The limits that are active in the machine, as read back from it."""
 
     load_min_n: float
@@ -164,9 +164,9 @@ class LoadFrame(Protocol):
     """A tensile load frame in load or displacement control. Its safe state is stop and hold, not unload."""
 
     info: DeviceInfo
-    limits: FrameLimits
+    limits: LoadFrameLimits
 
-    def read(self) -> FrameState:
+    def read(self) -> LoadFrameState:
         """Read the state and feed the watchdog; raises on stale or impossible values and a lost link."""
 
     def go_to_load(self, load_n: float, rate_n_s: float) -> None:

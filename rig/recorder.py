@@ -11,7 +11,7 @@ from typing import Any, Literal
 import h5py
 import numpy as np
 
-from drivers.interfaces import CameraInfo, DeviceInfo, Frame, FrameState, StageState
+from drivers.interfaces import CameraInfo, DeviceInfo, Frame, LoadFrameState, StageState
 from rig.errors import RunFileError
 from rig.protocol.protocol import Grid, ProtocolStep, Reading, Sample
 
@@ -119,7 +119,7 @@ class Recorder:
         with self._writing(f"recording an image of {camera}"):
             return self._cameras[camera].append(frame, step=self._steps.length)
 
-    def frame_state(self, state: FrameState) -> None:
+    def frame_state(self, state: LoadFrameState) -> None:
         """Append what the load frame said."""
         if self._load_frame is not None:
             with self._writing("recording the load"):

@@ -13,7 +13,7 @@ from tests.camera_benches import (
     V4l2StreamBench,
 )
 from tests.fault_bench import Bench
-from tests.machine_benches import FrameBench, StageBench
+from tests.machine_benches import LoadFrameBench, StageBench
 
 
 @dataclass(frozen=True)
@@ -50,16 +50,16 @@ COLUMNS = [
             "simulators.stage.newport:NewportServer", "drivers.stages.esp301.stage", "EspSettings"
         ),
     ),
-    Column("modbus-frame, TCP, generic", LOAD_FRAME, lambda: FrameBench("FrameServer", "generic")),
+    Column("modbus-frame, TCP, generic", LOAD_FRAME, lambda: LoadFrameBench("LoadFrameServer", "generic")),
     Column(
         "modbus-frame, RTU, scaled-integers",
         LOAD_FRAME,
-        lambda: FrameBench("FrameRtuServer", "scaled-integers"),
+        lambda: LoadFrameBench("LoadFrameRtuServer", "scaled-integers"),
     ),
     Column(
         "modbus-frame, RTU over TCP, separate-words",
         LOAD_FRAME,
-        lambda: FrameBench("FrameRtuTcpServer", "separate-words", "rtu://"),
+        lambda: LoadFrameBench("LoadFrameRtuTcpServer", "separate-words", "rtu://"),
     ),
     Column("simulated-camera", CAMERA, SimulatedCameraBench),
     Column("v4l2, image", CAMERA, V4l2Bench),

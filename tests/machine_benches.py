@@ -109,18 +109,18 @@ class StageBench(Bench):
             raise WrongAnswerError("a stop confirmed for a stage in motion")
 
 
-class FrameBench(Bench):
+class LoadFrameBench(Bench):
     """A load frame on one of its lines, with one of its maps."""
 
     def __init__(self, server: str, map_name: str, prefix: str = "") -> None:
         from simulators.load_frame import modbus as frame_wire
-        from simulators.load_frame.device import FrameDevice
+        from simulators.load_frame.device import LoadFrameDevice
         from simulators.load_frame.layout import LAYOUTS
         from simulators.scene.specimen import Specimen, SpecimenSettings
 
         super().__init__()
         self._specimen = Specimen(SpecimenSettings(grip_slip_mm=0.0))
-        self.device = FrameDevice(self.clock, self._specimen)
+        self.device = LoadFrameDevice(self.clock, self._specimen)
         self._server = getattr(frame_wire, server)(self.device, layout=LAYOUTS[map_name])
         self.faults = self._server.faults
         self.clock.sleep(ON_FOR_S)
@@ -137,9 +137,9 @@ class FrameBench(Bench):
     def opened(self, context: OpenContext) -> Any:
         """Return the driver, opened."""
         from drivers.load_frames.modbus.load_frame import open_frame
-        from drivers.load_frames.modbus.settings import ModbusFrameSettings
+        from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 
-        settings = ModbusFrameSettings(
+        settings = ModbusLoadFrameSettings(
             address=self._prefix + self._server.address,
             map=self._map,
             load_max_n=12_000.0,

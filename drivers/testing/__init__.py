@@ -16,7 +16,14 @@ go wrong. A handle that a bench has not got is None; the tests that need it are 
 
 from drivers.testing.camera_bench import CameraBench
 from drivers.testing.camera_contract import CameraContract
-from drivers.testing.load_frame_contract import FrameBench, FrameContract
+from drivers.testing.load_frame_contract import LoadFrameBench, LoadFrameContract
 from drivers.testing.stage_contract import StageBench, StageContract
 
-__all__ = ["CameraBench", "CameraContract", "FrameBench", "FrameContract", "StageBench", "StageContract"]
+__all__ = [
+    "CameraBench",
+    "CameraContract",
+    "LoadFrameBench",
+    "LoadFrameContract",
+    "StageBench",
+    "StageContract",
+]

@@ -15,7 +15,7 @@ ANSWER_S = 30.0
 
 
 @dataclass(frozen=True)
-class FrameBench:
+class LoadFrameBench:
     """A load frame that was just opened and holds at 0 N and 0 mm, and what can be done to it.
 
     Attributes
@@ -57,24 +57,24 @@ class FrameBench:
         return self.clock.now_s() - start_s
 
 
-class FrameContract:
-    """Inherit from it and give a fixture `bench`: a `FrameBench`, closed at its end."""
+class LoadFrameContract:
+    """Inherit from it and give a fixture `bench`: a `LoadFrameBench`, closed at its end."""
 
-    def test_tells_who_it_is(self, bench: FrameBench) -> None:
+    def test_tells_who_it_is(self, bench: LoadFrameBench) -> None:
         """The run file needs it."""
         info = bench.frame.info
         assert info.vendor
         assert info.model
         assert info.serial
 
-    def test_opening_moves_nothing(self, bench: FrameBench) -> None:
+    def test_opening_moves_nothing(self, bench: LoadFrameBench) -> None:
         """Whoever stands at the rig is not surprised."""
         state = bench.frame.read()
         assert not state.moving
         assert state.holding
         assert state.displacement_mm == pytest.approx(0.0, abs=bench.displacement_tolerance_mm)
 
-    def test_goes_to_a_displacement(self, bench: FrameBench) -> None:
+    def test_goes_to_a_displacement(self, bench: LoadFrameBench) -> None:
         """In its time, 0.2 mm at 0.1 mm/s, and says so."""
         bench.frame.go_to_displacement(0.2, 0.1)
         assert bench.frame.read().moving
@@ -84,7 +84,7 @@ class FrameContract:
         assert state.displacement_mm == pytest.approx(0.2, abs=bench.displacement_tolerance_mm)
         assert state.faults == ()
 
-    def test_goes_to_a_load(self, bench: FrameBench) -> None:
+    def test_goes_to_a_load(self, bench: LoadFrameBench) -> None:
         """In its time, 500 N at 250 N/s, and says so."""
         bench.frame.go_to_load(500.0, 250.0)
         assert bench.arrive() == pytest.approx(2.0, rel=bench.duration_tolerance)
@@ -92,7 +92,7 @@ class FrameContract:
         assert state.at_target
         assert state.load_n == pytest.approx(500.0, abs=bench.load_tolerance_n)
 
-    def test_tare_makes_the_present_state_the_zero(self, bench: FrameBench) -> None:
+    def test_tare_makes_the_present_state_the_zero(self, bench: LoadFrameBench) -> None:
         """Of load and displacement alike."""
         bench.frame.go_to_displacement(0.1, 0.1)
         bench.arrive()
@@ -101,7 +101,7 @@ class FrameContract:
         assert state.load_n == pytest.approx(0.0, abs=bench.load_tolerance_n)
         assert state.displacement_mm == pytest.approx(0.0, abs=bench.displacement_tolerance_mm)
 
-    def test_refuses_what_is_beyond_its_limits_before_anything_moves(self, bench: FrameBench) -> None:
+    def test_refuses_what_is_beyond_its_limits_before_anything_moves(self, bench: LoadFrameBench) -> None:
         """Refused, not clipped."""
         limits = bench.frame.limits
         for load_n in (limits.load_min_n - 1.0, limits.load_max_n + 1.0, math.nan):
@@ -116,7 +116,7 @@ class FrameContract:
                 bench.frame.go_to_displacement(0.1, speed_mm_s)
         assert not bench.frame.read().moving
 
-    def test_hold_returns_when_it_stands(self, bench: FrameBench) -> None:
+    def test_hold_returns_when_it_stands(self, bench: LoadFrameBench) -> None:
         """And a motion may follow."""
         bench.frame.go_to_displacement(1.0, 0.1)
         bench.clock.sleep(1.0)
@@ -130,7 +130,7 @@ class FrameContract:
         bench.arrive()
         assert bench.frame.read().at_target
 
-    def test_readings_are_new(self, bench: FrameBench) -> None:
+    def test_readings_are_new(self, bench: LoadFrameBench) -> None:
         """The machine's own counter grows."""
         first = bench.frame.read()
         bench.clock.sleep(0.5)
@@ -138,7 +138,7 @@ class FrameContract:
         assert second.sample > first.sample
         assert second.time_s > first.time_s
 
-    def test_readings_that_stand_still_are_refused(self, bench: FrameBench) -> None:
+    def test_readings_that_stand_still_are_refused(self, bench: LoadFrameBench) -> None:
         """A frozen display looks like a machine that holds, and nothing moves on its word."""
         freeze = needed(bench.freeze, "freeze the readings")
         bench.frame.read()
@@ -154,7 +154,7 @@ class FrameContract:
             bench.frame.go_to_displacement(0.1, 0.1)
         assert commands() == count
 
-    def test_a_load_that_is_none_is_refused_but_the_machine_holds(self, bench: FrameBench) -> None:
+    def test_a_load_that_is_none_is_refused_but_the_machine_holds(self, bench: LoadFrameBench) -> None:
         """A broken wire must neither pass for a load nor keep anybody from stopping."""
         break_load_cell = needed(bench.break_load_cell, "break the load cell")
         bench.frame.go_to_displacement(1.0, 0.1)
@@ -165,7 +165,7 @@ class FrameContract:
         assert_says_all(broken.value)
         bench.frame.hold()
 
-    def test_without_a_load_that_is_one_nothing_is_set_in_motion(self, bench: FrameBench) -> None:
+    def test_without_a_load_that_is_one_nothing_is_set_in_motion(self, bench: LoadFrameBench) -> None:
         """Told only afterwards, the crosshead would already move."""
         break_load_cell = needed(bench.break_load_cell, "break the load cell")
         commands = needed(bench.commands, "count commands")
@@ -175,7 +175,7 @@ class FrameContract:
             bench.frame.go_to_displacement(0.1, 0.1)
         assert commands() == count
 
-    def test_an_open_emergency_stop_is_told_and_takes_no_motion(self, bench: FrameBench) -> None:
+    def test_an_open_emergency_stop_is_told_and_takes_no_motion(self, bench: LoadFrameBench) -> None:
         """It is read, never reset."""
         press, release = needed(bench.press_estop, "press"), needed(bench.release_estop, "release")
         press()
@@ -188,7 +188,7 @@ class FrameContract:
         bench.arrive()
         assert bench.frame.read().at_target
 
-    def test_silence_is_told_in_time_and_motion_waits_for_a_hold(self, bench: FrameBench) -> None:
+    def test_silence_is_told_in_time_and_motion_waits_for_a_hold(self, bench: LoadFrameBench) -> None:
         """No hang; and nobody knows what the machine did meanwhile."""
         lose, restore = needed(bench.lose_answers, "lose answers"), needed(bench.restore, "restore")
         lose()
@@ -204,7 +204,7 @@ class FrameContract:
         bench.arrive()
         assert bench.frame.read().at_target
 
-    def test_a_command_whose_answer_is_lost_is_executed_once_at_most(self, bench: FrameBench) -> None:
+    def test_a_command_whose_answer_is_lost_is_executed_once_at_most(self, bench: LoadFrameBench) -> None:
         """Twice the same command would be twice the way on some machines."""
         lose, restore = needed(bench.lose_answers, "lose answers"), needed(bench.restore, "restore")
         commands = needed(bench.commands, "count commands")
@@ -216,7 +216,7 @@ class FrameContract:
         assert commands() in (count, count + 1)
         bench.frame.hold()
 
-    def test_closing_twice_is_harmless_and_the_end(self, bench: FrameBench) -> None:
+    def test_closing_twice_is_harmless_and_the_end(self, bench: LoadFrameBench) -> None:
         """A closed device answers at once."""
         bench.frame.close()
         bench.frame.close()

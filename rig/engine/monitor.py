@@ -3,7 +3,7 @@
 import math
 
 from drivers.errors import DeviceFault
-from drivers.interfaces import FrameState
+from drivers.interfaces import LoadFrameState
 from rig.devices import Rig
 from rig.engine.watch import Watch
 from rig.protocol.protocol import Reading
@@ -58,7 +58,7 @@ class Monitor:
         return reading
 
 
-def _require_no_faults(state: FrameState, step: str) -> None:
+def _require_no_faults(state: LoadFrameState, step: str) -> None:
     if state.faults:
         raise DeviceFault(
             "load_frame",

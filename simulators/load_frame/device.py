@@ -17,7 +17,7 @@ LOAD_NOISE_N = 2.0
 DISPLACEMENT_NOISE_MM = 0.2e-3
 
 
-class FrameDevice:
+class LoadFrameDevice:
     """A tensile frame of ±`load_max_n` with a travel of `displacement_max_mm`, in periods of 20 ms.
 
     Parameters

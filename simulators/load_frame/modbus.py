@@ -5,10 +5,10 @@ Written from the specification alone; `simulators.load_frame.layout` says what s
 
 import struct
 
-from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.layout import GENERIC, Layout
 from simulators.load_frame.modbus_framing import HEADER, crc, cut_rtu, cut_tcp
-from simulators.load_frame.registers import FrameRegisters
+from simulators.load_frame.registers import LoadFrameRegisters
 from simulators.rig.device_faults import frame_faults
 from simulators.wire.faults import LOAD_FRAME, FaultPanel
 from simulators.wire.ports import PtyPort, TcpPort
@@ -18,24 +18,24 @@ BROADCAST = 0
 SERIAL = 220001
 
 
-class _FrameWire:
-    """What every line of a load frame has; the parameters are those of `FrameServer`."""
+class _LoadFrameWire:
+    """What every line of a load frame has; the parameters are those of `LoadFrameServer`."""
 
     _port: PtyPort | TcpPort
 
     def __init__(
         self,
-        device: FrameDevice,
+        device: LoadFrameDevice,
         unit: int,
         serial: int,
         layout: Layout,
         faults: FaultPanel | None,
-        registers: FrameRegisters | None,
+        registers: LoadFrameRegisters | None,
     ) -> None:
         self.device = device
         self.unit = unit
         self.faults = faults or frame_faults(FaultPanel(LOAD_FRAME), device)
-        self.registers = registers or FrameRegisters(device, layout, serial, self.faults)
+        self.registers = registers or LoadFrameRegisters(device, layout, serial, self.faults)
 
     @property
     def address(self) -> str:
@@ -51,12 +51,12 @@ class _FrameWire:
         self._port.close()
 
 
-class FrameServer(_FrameWire):
+class LoadFrameServer(_LoadFrameWire):
     """A load frame's Modbus TCP port.
 
     Parameters
     ----------
-    device : FrameDevice
+    device : LoadFrameDevice
     host : str
     port : int
         0 takes any free port.
@@ -67,7 +67,7 @@ class FrameServer(_FrameWire):
     layout : Layout
     faults : FaultPanel, optional
         One is made if none is given.
-    registers : FrameRegisters, optional
+    registers : LoadFrameRegisters, optional
         Those of another line, which it shares; `serial` and `layout` mean nothing then.
 
     Attributes
@@ -80,7 +80,7 @@ class FrameServer(_FrameWire):
 
     def __init__(
         self,
-        device: FrameDevice,
+        device: LoadFrameDevice,
         host: str = "127.0.0.1",
         port: int = 0,
         *,
@@ -88,7 +88,7 @@ class FrameServer(_FrameWire):
         serial: int = SERIAL,
         layout: Layout = GENERIC,
         faults: FaultPanel | None = None,
-        registers: FrameRegisters | None = None,
+        registers: LoadFrameRegisters | None = None,
     ) -> None:
         super().__init__(device, unit, serial, layout, faults, registers)
         self._port = TcpPort(self, host, port)
@@ -124,7 +124,7 @@ class FrameServer(_FrameWire):
         return reply[: HEADER - 1] + bytes([reply[HEADER - 1] ^ 0x02]) + reply[HEADER:]
 
 
-class FrameRtuServer(_FrameWire):
+class LoadFrameRtuServer(_LoadFrameWire):
     """The same frame as Modbus RTU on a pseudo-terminal; `address` is the path to open.
 
     A message for another unit, or a damaged one, is met with silence; one for everybody (unit 0) is obeyed in
@@ -133,13 +133,13 @@ class FrameRtuServer(_FrameWire):
 
     def __init__(
         self,
-        device: FrameDevice,
+        device: LoadFrameDevice,
         *,
         unit: int = 1,
         serial: int = SERIAL,
         layout: Layout = GENERIC,
         faults: FaultPanel | None = None,
-        registers: FrameRegisters | None = None,
+        registers: LoadFrameRegisters | None = None,
     ) -> None:
         super().__init__(device, unit, serial, layout, faults, registers)
         self._port = PtyPort(self)
@@ -165,12 +165,12 @@ class FrameRtuServer(_FrameWire):
         return _sealed(bytes([reply[0] ^ 0x02]) + reply[1:-2])
 
 
-class FrameRtuTcpServer(FrameRtuServer):
+class LoadFrameRtuTcpServer(LoadFrameRtuServer):
     """RTU messages on a TCP port, as a serial device server carries them; `address` is ``host:port``."""
 
     def __init__(
         self,
-        device: FrameDevice,
+        device: LoadFrameDevice,
         host: str = "127.0.0.1",
         port: int = 0,
         *,
@@ -178,9 +178,9 @@ class FrameRtuTcpServer(FrameRtuServer):
         serial: int = SERIAL,
         layout: Layout = GENERIC,
         faults: FaultPanel | None = None,
-        registers: FrameRegisters | None = None,
+        registers: LoadFrameRegisters | None = None,
     ) -> None:
-        _FrameWire.__init__(self, device, unit, serial, layout, faults, registers)
+        _LoadFrameWire.__init__(self, device, unit, serial, layout, faults, registers)
         self._port = TcpPort(self, host, port)
 
 

@@ -11,7 +11,7 @@ import threading
 from collections.abc import Mapping
 from typing import Any
 
-from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.layout import Block, Layout, Number
 from simulators.load_frame.state import Fault, Limits, Readings, Refusal, RefusedError
 from simulators.wire.faults import FaultPanel
@@ -31,19 +31,19 @@ class ExceptionReply(Exception):
         super().__init__(f"exception {code}")
 
 
-class FrameRegisters:
+class LoadFrameRegisters:
     """One load frame's registers, shared by every line it is on.
 
     Parameters
     ----------
-    device : FrameDevice
+    device : LoadFrameDevice
     layout : Layout
     serial : int
         The serial number it reports.
     faults : FaultPanel
     """
 
-    def __init__(self, device: FrameDevice, layout: Layout, serial: int, faults: FaultPanel) -> None:
+    def __init__(self, device: LoadFrameDevice, layout: Layout, serial: int, faults: FaultPanel) -> None:
         self._device = device
         self._layout = layout
         self._serial = serial

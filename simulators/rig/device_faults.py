@@ -1,6 +1,6 @@
 """Faults that are in the device itself, not on its line: what switching them on and off does to it."""
 
-from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.device import LoadFrameDevice
 from simulators.stage.device import StageDevice
 from simulators.wire.faults import FaultPanel
 
@@ -14,7 +14,7 @@ def stage_faults(panel: FaultPanel, device: StageDevice) -> FaultPanel:
     return panel
 
 
-def frame_faults(panel: FaultPanel, device: FrameDevice) -> FaultPanel:
+def frame_faults(panel: FaultPanel, device: LoadFrameDevice) -> FaultPanel:
     """Let the faults of a load frame act on `device`; return the panel."""
     panel.when("e-stop", device.press_estop, device.release_estop)
     panel.when("limit", device.hit_limit_switch)

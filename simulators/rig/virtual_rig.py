@@ -12,9 +12,9 @@ from drivers.clock import Clock, SystemClock, VirtualClock
 from drivers.interfaces import OpenContext
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
-from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.layout import LAYOUTS
-from simulators.load_frame.modbus import FrameRtuServer, FrameRtuTcpServer, FrameServer
+from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
 from simulators.rig.device_faults import frame_faults, stage_faults
 from simulators.rig.places import Link, Places
 from simulators.scene.scene import Misalignment, Scene
@@ -69,7 +69,7 @@ class VirtualRig:
     scene : Scene
         What its cameras see.
     stage : StageDevice
-    load_frame : FrameDevice
+    load_frame : LoadFrameDevice
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class VirtualRig:
         self.clock: Clock = clock or (SystemClock() if settings.real_time else VirtualClock())
         specimen = Specimen(settings.specimen)
         self.stage = StageDevice(self.clock)
-        self.load_frame = FrameDevice(self.clock, specimen, rng=np.random.default_rng(settings.seed))
+        self.load_frame = LoadFrameDevice(self.clock, specimen, rng=np.random.default_rng(settings.seed))
         self.scene = Scene(
             seed=settings.seed,
             misalignment=settings.misalignment,
@@ -117,11 +117,11 @@ class VirtualRig:
 
         frame, of_frame = self.load_frame, self.faults[LOAD_FRAME]
         layout = LAYOUTS[settings.load_frame_map]
-        tcp = FrameServer(frame, port=port("load_frame"), layout=layout, faults=of_frame)
+        tcp = LoadFrameServer(frame, port=port("load_frame"), layout=layout, faults=of_frame)
         serve("load_frame", tcp)
-        serve("load_frame_rtu", FrameRtuServer(frame, faults=of_frame, registers=tcp.registers))
+        serve("load_frame_rtu", LoadFrameRtuServer(frame, faults=of_frame, registers=tcp.registers))
         rtu_port = port("load_frame_rtu_tcp")
-        rtu_tcp = FrameRtuTcpServer(frame, port=rtu_port, faults=of_frame, registers=tcp.registers)
+        rtu_tcp = LoadFrameRtuTcpServer(frame, port=rtu_port, faults=of_frame, registers=tcp.registers)
         serve("load_frame_rtu_tcp", rtu_tcp, "rtu://")
         return addresses
 

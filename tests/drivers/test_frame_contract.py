@@ -9,12 +9,12 @@ import pytest
 from drivers.clock import VirtualClock
 from drivers.interfaces import OpenContext
 from drivers.load_frames.modbus.load_frame import open_frame
-from drivers.load_frames.modbus.settings import ModbusFrameSettings
-from drivers.testing import FrameBench, FrameContract
-from simulators.load_frame.device import FrameDevice
+from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
+from drivers.testing import LoadFrameBench, LoadFrameContract
+from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.layout import LAYOUTS
-from simulators.load_frame.modbus import FrameRtuServer, FrameRtuTcpServer, FrameServer
-from simulators.load_frame.registers import FrameRegisters
+from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
+from simulators.load_frame.registers import LoadFrameRegisters
 from simulators.rig.device_faults import frame_faults
 from simulators.wire.faults import LOAD_FRAME, FaultPanel
 from tests.drivers import foreign_servers
@@ -33,9 +33,9 @@ class Machine:
 
     def __init__(self, map_name: str) -> None:
         self.clock = VirtualClock()
-        self.device = FrameDevice(self.clock, Spring())
+        self.device = LoadFrameDevice(self.clock, Spring())
         self.panel = frame_faults(FaultPanel(LOAD_FRAME), self.device)
-        self.registers = FrameRegisters(self.device, LAYOUTS[map_name], 220001, self.panel)
+        self.registers = LoadFrameRegisters(self.device, LAYOUTS[map_name], 220001, self.panel)
         self.motions = 0
         for name in ("go_to_displacement", "go_to_load"):
             self._count(name)
@@ -53,12 +53,14 @@ class Machine:
 @contextmanager
 def opened(
     machine: Machine, address: str, map_name: str, reply_timeout_s: float, **handles: Any
-) -> Iterator[FrameBench]:
-    settings = ModbusFrameSettings(address=address, map=map_name, reply_timeout_s=reply_timeout_s, **LIMITS)
+) -> Iterator[LoadFrameBench]:
+    settings = ModbusLoadFrameSettings(
+        address=address, map=map_name, reply_timeout_s=reply_timeout_s, **LIMITS
+    )
     frame = open_frame(settings, OpenContext("load_frame", machine.clock))
     device = machine.device
     try:
-        yield FrameBench(
+        yield LoadFrameBench(
             frame,
             machine.clock,
             commands=lambda: machine.motions,
@@ -73,17 +75,17 @@ def opened(
 
 
 LINES = {
-    "tcp-generic": (FrameServer, "{}", "generic"),
-    "tcp-scaled-integers": (FrameServer, "{}", "scaled-integers"),
-    "rtu-separate-words": (FrameRtuServer, "{}", "separate-words"),
-    "rtu-over-tcp-generic": (FrameRtuTcpServer, "rtu://{}", "generic"),
+    "tcp-generic": (LoadFrameServer, "{}", "generic"),
+    "tcp-scaled-integers": (LoadFrameServer, "{}", "scaled-integers"),
+    "rtu-separate-words": (LoadFrameRtuServer, "{}", "separate-words"),
+    "rtu-over-tcp-generic": (LoadFrameRtuTcpServer, "rtu://{}", "generic"),
 }
 
 
 @pytest.mark.parametrize("line", LINES)
-class TestOnTheSimulator(FrameContract):
+class TestOnTheSimulator(LoadFrameContract):
     @pytest.fixture
-    def bench(self, line: str) -> Iterator[FrameBench]:
+    def bench(self, line: str) -> Iterator[LoadFrameBench]:
         serve, url, map_name = LINES[line]
         machine = Machine(map_name)
         server = serve(machine.device, registers=machine.registers, faults=machine.panel)
@@ -118,7 +120,7 @@ def foreign(request: pytest.FixtureRequest) -> Iterator[tuple[foreign_servers.Fo
     server.close()
 
 
-class TestOnServersByOthers(FrameContract):
+class TestOnServersByOthers(LoadFrameContract):
     # they cannot be made to lose an answer
     test_silence_is_told_in_time_and_motion_waits_for_a_hold = None
     test_a_command_whose_answer_is_lost_is_executed_once_at_most = None
@@ -128,7 +130,7 @@ class TestOnServersByOthers(FrameContract):
         """Not of ours, that is: their threads end in their own time."""
 
     @pytest.fixture
-    def bench(self, foreign: tuple[foreign_servers.ForeignServer, str]) -> Iterator[FrameBench]:
+    def bench(self, foreign: tuple[foreign_servers.ForeignServer, str]) -> Iterator[LoadFrameBench]:
         server, map_name = foreign
         machine = Machine(map_name)
         server.answer = machine.registers.answer

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 
 from drivers.clock import VirtualClock
-from drivers.load_frames.modbus.commands import FrameCommands
+from drivers.load_frames.modbus.commands import LoadFrameCommands
 from drivers.load_frames.modbus.registers.map import load_map
 from drivers.load_frames.modbus.registers.registers import Block, Number
-from drivers.load_frames.modbus.settings import ModbusFrameSettings
+from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 
 
 class Listener:
@@ -33,8 +33,8 @@ class Listener:
 def test_the_heartbeat_goes_round_and_always_changes():
     """A night has more of them than 16 bits can count."""
     machine = Listener()
-    settings = ModbusFrameSettings(address="host:502", load_max_n=100.0, displacement_max_mm=1.0)
-    commands = FrameCommands(settings, VirtualClock(), load_map("generic"), machine, machine)  # type: ignore[arg-type]
+    settings = ModbusLoadFrameSettings(address="host:502", load_max_n=100.0, displacement_max_mm=1.0)
+    commands = LoadFrameCommands(settings, VirtualClock(), load_map("generic"), machine, machine)  # type: ignore[arg-type]
     for _ in range(2**16 + 2):
         commands.stay_in_charge()
     assert all(beat != after for beat, after in zip(machine.beats, machine.beats[1:], strict=False))

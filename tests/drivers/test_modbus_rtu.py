@@ -16,7 +16,7 @@ from drivers.lines.channel import OvertakenError
 from drivers.load_frames.modbus.bus.address import ModbusAddress
 from drivers.load_frames.modbus.bus.link import ModbusLink, Overtaken
 from drivers.load_frames.modbus.bus.wire import DamagedError, RtuWire, SilenceError, crc
-from drivers.load_frames.modbus.settings import ModbusFrameSettings
+from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 
 # long enough for a busy machine; tests that wait for nothing have less patience
 PATIENT_S, IMPATIENT_S = 10.0, 0.2
@@ -232,20 +232,20 @@ def test_a_write_that_was_overtaken_is_not_repeated(slave, impatient):
 def test_a_broadcast_is_refused_because_nobody_would_answer_it():
     limits = {"load_max_n": 1000.0, "displacement_max_mm": 5.0}
     with pytest.raises(ValueError, match="nobody answers a broadcast"):
-        ModbusFrameSettings(address="/dev/ttyUSB0", unit=0, **limits)
+        ModbusLoadFrameSettings(address="/dev/ttyUSB0", unit=0, **limits)
     # over TCP it is the usual number of a device that is alone at its address
-    assert ModbusFrameSettings(address="192.168.0.8:502", unit=0, **limits).unit == 0
+    assert ModbusLoadFrameSettings(address="192.168.0.8:502", unit=0, **limits).unit == 0
 
 
 @pytest.mark.parametrize("address", ["", "host", "host:0", "host:70000", "rtu://host", "tcp://", "host:port"])
 def test_an_address_that_is_none_is_told(address):
     with pytest.raises(ValueError, match="expected host:port, rtu://host:port"):
-        ModbusFrameSettings(address=address, load_max_n=1.0, displacement_max_mm=1.0)
+        ModbusLoadFrameSettings(address=address, load_max_n=1.0, displacement_max_mm=1.0)
 
 
 def test_a_baud_rate_over_tcp_is_told():
     with pytest.raises(ValueError, match="baud belong to a serial port"):
-        ModbusFrameSettings(address="host:502", baud=9600, load_max_n=1.0, displacement_max_mm=1.0)
+        ModbusLoadFrameSettings(address="host:502", baud=9600, load_max_n=1.0, displacement_max_mm=1.0)
 
 
 class ScriptedWire:

@@ -20,13 +20,13 @@ from drivers.clock import SystemClock
 from drivers.errors import DeviceError
 from drivers.interfaces import OpenContext
 from drivers.load_frames.modbus.load_frame import open_frame
-from drivers.load_frames.modbus.settings import ModbusFrameSettings
+from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 from drivers.stages.esp301.settings import EspSettings
 from drivers.stages.esp301.stage import open_stage as open_esp301
 from drivers.stages.zaber.settings import ZaberSettings
 from drivers.stages.zaber.stage import open_stage as open_zaber
-from simulators.load_frame.device import FrameDevice
-from simulators.load_frame.modbus import FrameRtuServer, FrameRtuTcpServer, FrameServer
+from simulators.load_frame.device import LoadFrameDevice
+from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
 from simulators.stage.device import StageDevice
 from simulators.stage.newport import NewportServer, NewportTcpServer
 from simulators.stage.zaber import StageServer, StageTcpServer
@@ -62,7 +62,7 @@ def newport(port: str, context: OpenContext) -> Any:
 
 
 def frame(address: str, context: OpenContext) -> Any:
-    settings = ModbusFrameSettings(
+    settings = ModbusLoadFrameSettings(
         address=address, load_max_n=5000.0, displacement_max_mm=5.0, reply_timeout_s=ANSWER_S
     )
     return open_frame(settings, context)
@@ -91,7 +91,7 @@ def newport_line(server: Callable[..., Any], url: str) -> Line:
 def frame_line(server: Callable[..., Any], url: str, header: int) -> Line:
     """Reading the state is function 4 at register 0; a hold is function 16 there, with the command 1."""
     return Line(
-        lambda clock: server(FrameDevice(clock, Spring())),
+        lambda clock: server(LoadFrameDevice(clock, Spring())),
         lambda address, context: frame(url.format(address), context),
         "hold",
         lambda message: message[header : header + 3] == b"\x04\x00\x00",
@@ -104,9 +104,9 @@ LINES = {
     "zaber on TCP": stage_line(StageTcpServer, "socket://{}"),
     "ESP301 on a serial line": newport_line(NewportServer, "{}"),
     "ESP301 on TCP": newport_line(NewportTcpServer, "socket://{}"),
-    "Modbus TCP": frame_line(FrameServer, "{}", 7),
-    "Modbus RTU on a serial line": frame_line(FrameRtuServer, "{}", 1),
-    "Modbus RTU over TCP": frame_line(FrameRtuTcpServer, "rtu://{}", 1),
+    "Modbus TCP": frame_line(LoadFrameServer, "{}", 7),
+    "Modbus RTU on a serial line": frame_line(LoadFrameRtuServer, "{}", 1),
+    "Modbus RTU over TCP": frame_line(LoadFrameRtuTcpServer, "rtu://{}", 1),
 }
 
 

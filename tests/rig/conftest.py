@@ -13,8 +13,8 @@ from drivers.interfaces import (
     CameraInfo,
     DeviceInfo,
     Frame,
-    FrameLimits,
-    FrameState,
+    LoadFrameLimits,
+    LoadFrameState,
     OperatorAction,
     StageState,
 )
@@ -30,7 +30,7 @@ DISPLACEMENTS_MM = np.array([-10.0, 0.0, 0.1, 0.55, 10.05])
 LOADS_N = np.array([0.0, 0.0, 500.0, 8500.0, 18000.0])
 
 FRAME = DeviceInfo("fakes", "frame", "1", simulated=True)
-FRAME_LIMITS = FrameLimits(-100.0, 15000.0, -1.0, 6.0, 0.1, 1000.0)
+FRAME_LIMITS = LoadFrameLimits(-100.0, 15000.0, -1.0, 6.0, 0.1, 1000.0)
 STAGE = DeviceInfo("fakes", "stage", "2", simulated=True)
 CAMERA = CameraInfo("fakes", "camera", "3", simulated=True, width_px=8, height_px=6, bits=8)
 
@@ -43,11 +43,11 @@ class FakeLoadFrame:
     displacement_mm: float = 0.0
     load_scale: float = 1.0
     stuck: bool = False
-    on_read: Callable[[int, FrameState], FrameState] = lambda count, state: state
+    on_read: Callable[[int, LoadFrameState], LoadFrameState] = lambda count, state: state
     on_hold: Callable[[], None] = lambda: None
     reads: int = 0
     info: DeviceInfo = FRAME
-    limits: FrameLimits = FRAME_LIMITS
+    limits: LoadFrameLimits = FRAME_LIMITS
     _path: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
     def _advance(self) -> bool:
@@ -59,13 +59,13 @@ class FakeLoadFrame:
         self.displacement_mm = start_mm + np.sign(target_mm - start_mm) * travel_mm if moving else target_mm
         return bool(moving)
 
-    def read(self) -> FrameState:
+    def read(self) -> LoadFrameState:
         self.reads += 1
         moving = self._advance()
         load_n = (
             float(np.interp(self.displacement_mm, DISPLACEMENTS_MM, LOADS_N)) * self.load_scale + self.zero_n
         )
-        state = FrameState(
+        state = LoadFrameState(
             load_n, self.displacement_mm, moving, not moving, not moving, self.reads, (), self.clock.now_s()
         )
         return self.on_read(self.reads, state)
@@ -231,7 +231,7 @@ def rotation(rotation_table: dict, tmp_path: Path) -> FakeRig:
 def on_frame_state() -> Callable:
     """Make a frame report something else from its nth reading on."""
 
-    def script(first: int, **changes) -> Callable[[int, FrameState], FrameState]:
+    def script(first: int, **changes) -> Callable[[int, LoadFrameState], LoadFrameState]:
         return lambda count, state: replace(state, **changes) if count >= first else state
 
     return script

@@ -23,9 +23,9 @@ from drivers.probe import probe_modbus_tcp, probe_serial
 from rig.cli import main
 from rig.commands.devices import search
 from rig.rigfile import read_rig
-from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.layout import LAYOUTS
-from simulators.load_frame.modbus import FrameRtuServer, FrameRtuTcpServer, FrameServer
+from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
 from simulators.stage.device import StageDevice
 from simulators.stage.newport import NewportServer
 from simulators.stage.zaber import StageServer, StageTcpServer
@@ -85,15 +85,15 @@ def test_devices_of_every_kind_are_found_and_nothing_moves(serve, clock):
 
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_a_load_frame_is_found_with_the_map_that_fits(serve, clock, name):
-    device = FrameDevice(clock, Spring())
-    server = serve(FrameServer(device, layout=LAYOUTS[name], unit=1))
+    device = LoadFrameDevice(clock, Spring())
+    server = serve(LoadFrameServer(device, layout=LAYOUTS[name], unit=1))
     (found,) = probe_modbus_tcp(server.address)
     assert (found.driver, found.settings) == ("modbus-frame", {"address": server.address, "map": name})
     assert device.limits == device.ratings
 
 
 def test_a_load_frame_on_a_serial_line_is_found_under_its_unit(serve, clock):
-    server = serve(FrameRtuServer(FrameDevice(clock, Spring()), unit=2))
+    server = serve(LoadFrameRtuServer(LoadFrameDevice(clock, Spring()), unit=2))
     (found,) = probe_serial(server.address)
     assert found.settings["unit"] == 2
     assert found.settings["map"] == "generic"
@@ -101,19 +101,19 @@ def test_a_load_frame_on_a_serial_line_is_found_under_its_unit(serve, clock):
 
 def test_a_gateway_with_nobody_behind_it_is_nobody(serve, clock):
     # it answers for every unit but 9 as one that cannot reach it
-    server = serve(FrameServer(FrameDevice(clock, Spring()), unit=9))
+    server = serve(LoadFrameServer(LoadFrameDevice(clock, Spring()), unit=9))
     assert probe_modbus_tcp(server.address) == []
 
 
 def test_a_device_that_answers_to_every_unit_is_one(serve, clock):
-    server = serve(FrameServer(FrameDevice(clock, Spring())))
+    server = serve(LoadFrameServer(LoadFrameDevice(clock, Spring())))
     server.answer = lambda unit, request: server.registers.answer(request)
     (found,) = probe_modbus_tcp(server.address)
     assert "unit" not in found.settings
 
 
 def test_a_frame_whose_map_has_another_revision_is_not_taken_for_one_that_fits(serve, clock, monkeypatch):
-    server = serve(FrameServer(FrameDevice(clock, Spring())))
+    server = serve(LoadFrameServer(LoadFrameDevice(clock, Spring())))
     shipped = drivers.probe.load_map
 
     def newer(name: str) -> RegisterMap:
@@ -133,7 +133,7 @@ def test_nobody_at_an_address_is_nobody():
 
 def test_the_rig_file_to_start_from_lacks_only_what_a_person_must_decide(serve, clock, call, tmp_path):
     zaber = serve(StageServer(StageDevice(clock)))
-    frame = serve(FrameServer(FrameDevice(clock, Spring())))
+    frame = serve(LoadFrameServer(LoadFrameDevice(clock, Spring())))
     path, table = tmp_path / "rig.toml", tmp_path / "devices.json"
     status, out, err = call("--port", zaber.address, "--modbus", frame.address, "-o", path, "--json", table)
     assert (status, err) == (0, "")
@@ -171,7 +171,7 @@ def test_a_rig_file_that_is_there_is_kept(call, tmp_path):
 
 def test_no_probe_sends_nothing(serve, clock, call):
     zaber = serve(StageServer(StageDevice(clock)))
-    frame = serve(FrameServer(FrameDevice(clock, Spring())))
+    frame = serve(LoadFrameServer(LoadFrameDevice(clock, Spring())))
     heard: list[bytes] = []
     zaber.respond = frame.respond = lambda message: heard.append(message) or b""
     status, out, _ = call("--port", zaber.address, "--modbus", frame.address, "--no-probe")
@@ -192,18 +192,18 @@ def test_a_stage_behind_tcp_is_found_and_named_once(serve, clock, call):
 
 @pytest.mark.parametrize("unit", [1, 3])
 def test_a_frame_behind_a_gateway_is_found_as_rtu(serve, clock, unit):
-    server = serve(FrameRtuTcpServer(FrameDevice(clock, Spring()), unit=unit))
+    server = serve(LoadFrameRtuTcpServer(LoadFrameDevice(clock, Spring()), unit=unit))
     (found,) = probe_modbus_tcp(f"rtu://{server.address}")
     assert found.settings["address"] == f"rtu://{server.address}"
     assert found.settings.get("unit", 1) == unit
 
 
 def test_a_modbus_device_of_no_known_map_does_not_stand_for_the_load_frame(serve, clock, call, tmp_path):
-    thermometer = serve(FrameServer(FrameDevice(clock, Spring()), serial=1))
+    thermometer = serve(LoadFrameServer(LoadFrameDevice(clock, Spring()), serial=1))
     registers = thermometer.registers.answer
     # it has registers for whoever asks for one, and no blocks
     thermometer.registers.answer = lambda pdu: registers(pdu) if pdu[-2:] == b"\x00\x01" else b"\x84\x02"
-    frame = serve(FrameServer(FrameDevice(clock, Spring())))
+    frame = serve(LoadFrameServer(LoadFrameDevice(clock, Spring())))
     path = tmp_path / "rig.toml"
     status, out, _ = call("--modbus", thermometer.address, "--modbus", frame.address, "-o", path)
     assert status == 0

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from drivers.clock import VirtualClock
-from simulators.load_frame.device import CONTROL_PERIOD_S, FrameDevice
+from simulators.load_frame.device import CONTROL_PERIOD_S, LoadFrameDevice
 from simulators.load_frame.state import Fault, Limits, Refusal, RefusedError
 
 STIFFNESS_N_MM = 5000.0
@@ -30,8 +30,8 @@ def clock() -> VirtualClock:
 
 
 @pytest.fixture
-def frame(clock: VirtualClock) -> FrameDevice:
-    return FrameDevice(clock, Spring(), load_max_n=20_000.0, displacement_max_mm=50.0)
+def frame(clock: VirtualClock) -> LoadFrameDevice:
+    return LoadFrameDevice(clock, Spring(), load_max_n=20_000.0, displacement_max_mm=50.0)
 
 
 def test_displacement_grows_at_constant_speed(frame, clock):
@@ -59,8 +59,8 @@ def test_load_follows_its_ramp(frame, clock):
 
 
 def test_the_way_does_not_depend_on_how_often_it_is_asked(clock):
-    often = FrameDevice(clock, Yielding())
-    rarely = FrameDevice(clock, Yielding())
+    often = LoadFrameDevice(clock, Yielding())
+    rarely = LoadFrameDevice(clock, Yielding())
     for device in (often, rarely):
         device.go_to_load(3900.0, 200.0)
     for _ in range(500):
@@ -71,7 +71,7 @@ def test_the_way_does_not_depend_on_how_often_it_is_asked(clock):
 
 
 def test_a_load_that_a_yielding_specimen_never_carries_ends_at_the_travel_limit(clock):
-    frame = FrameDevice(clock, Yielding(), displacement_max_mm=3.0)
+    frame = LoadFrameDevice(clock, Yielding(), displacement_max_mm=3.0)
     frame.go_to_load(5000.0, 200.0)
     clock.sleep(600.0)
     state = frame.read()
@@ -147,7 +147,7 @@ def test_an_emergency_stop_stands_until_released_and_commanded(frame, clock):
 
 
 def test_noise_is_as_large_as_stated_and_once_per_sample(clock):
-    frame = FrameDevice(clock, Spring(), rng=np.random.default_rng(7))
+    frame = LoadFrameDevice(clock, Spring(), rng=np.random.default_rng(7))
     loads, displacements = [], []
     for _ in range(4000):
         clock.sleep(CONTROL_PERIOD_S * 1.0001)

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from drivers.clock import VirtualClock
-from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.state import Fault, Limits, RefusedError
 from simulators.rig.device_faults import frame_faults
 from simulators.scene.specimen import Specimen, SpecimenSettings
@@ -19,7 +19,7 @@ def clock():
 
 @pytest.fixture
 def device(clock):
-    return FrameDevice(clock, Specimen(SpecimenSettings(grip_slip_mm=0.0)))
+    return LoadFrameDevice(clock, Specimen(SpecimenSettings(grip_slip_mm=0.0)))
 
 
 @pytest.fixture

@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 import pytest
 
 from drivers.clock import VirtualClock
-from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.layout import GENERIC
-from simulators.load_frame.modbus import FrameRtuServer, FrameRtuTcpServer, FrameServer
+from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
 from tests.peers import program, run
 
 STATE_DISPLACEMENT, COMMAND, LIMIT_LOAD_MAX, WATCHDOG, HEARTBEAT = 10, 0, 34, 64, 66
-SERVERS = {"tcp": FrameServer, "rtu": FrameRtuServer, "rtu over tcp": FrameRtuTcpServer}
+SERVERS = {"tcp": LoadFrameServer, "rtu": LoadFrameRtuServer, "rtu over tcp": LoadFrameRtuTcpServer}
 
 
 class Spring:
@@ -198,7 +198,7 @@ PEERS = [
 @pytest.mark.parametrize(("peer", "line"), PEERS, ids=[f"{peer.__name__} {line}" for peer, line in PEERS])
 def test_others_read_and_write_the_simulated_frame(peer, line, order):
     clock = VirtualClock()
-    device = FrameDevice(clock, Spring())
+    device = LoadFrameDevice(clock, Spring())
     server = SERVERS[line](device, layout=replace(GENERIC, word_order=order))
     try:
         client = peer(server.address, line, order)

@@ -8,8 +8,8 @@ import pytest
 
 import simulators.load_frame.modbus_framing
 from drivers.clock import VirtualClock
-from simulators.load_frame.device import FrameDevice
-from simulators.load_frame.modbus import FrameRtuServer, FrameRtuTcpServer
+from simulators.load_frame.device import LoadFrameDevice
+from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer
 from simulators.load_frame.modbus_framing import crc, cut_rtu
 
 
@@ -22,12 +22,12 @@ class Spring:
 
 @pytest.fixture
 def device():
-    return FrameDevice(VirtualClock(), Spring())
+    return LoadFrameDevice(VirtualClock(), Spring())
 
 
 @pytest.fixture
 def terminal(device):
-    server = FrameRtuServer(device)
+    server = LoadFrameRtuServer(device)
     opened = os.open(server.address, os.O_RDWR | os.O_NOCTTY)
     yield opened
     os.close(opened)
@@ -119,7 +119,7 @@ def test_no_stretch_longer_than_a_message_is_checked(monkeypatch):
 
 
 def test_the_same_frames_on_tcp(device):
-    server = FrameRtuTcpServer(device)
+    server = LoadFrameRtuTcpServer(device)
     host, _, port = server.address.partition(":")
     try:
         with socket.create_connection((host, int(port)), 10.0) as client:

@@ -7,9 +7,9 @@ import threading
 import pytest
 
 from drivers.clock import VirtualClock
-from simulators.load_frame.device import FrameDevice
+from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.layout import LAYOUTS
-from simulators.load_frame.modbus import FrameServer
+from simulators.load_frame.modbus import LoadFrameServer
 
 
 class Spring:
@@ -24,7 +24,7 @@ def clock() -> VirtualClock:
 
 @pytest.fixture
 def server(clock):
-    opened = FrameServer(FrameDevice(clock, Spring()))
+    opened = LoadFrameServer(LoadFrameDevice(clock, Spring()))
     yield opened
     opened.close()
     opened.close()
@@ -152,7 +152,7 @@ def test_bytes_that_are_no_modbus_end_the_connection(client, message):
 
 def test_closing_leaves_no_thread(clock):
     before = threading.active_count()
-    server = FrameServer(FrameDevice(clock, Spring()))
+    server = LoadFrameServer(LoadFrameDevice(clock, Spring()))
     host, _, port = server.address.partition(":")
     with socket.create_connection((host, int(port)), 10.0) as client:
         exchange(client, "0001 0000 0006 01 04 0000 0001")
@@ -189,7 +189,7 @@ def test_a_machine_that_was_switched_on_again_knows_of_no_command(server, client
 
 
 def test_set_points_apart_are_used_by_the_command_that_follows(clock):
-    server = FrameServer(FrameDevice(clock, Spring()), layout=LAYOUTS["separate-words"])
+    server = LoadFrameServer(LoadFrameDevice(clock, Spring()), layout=LAYOUTS["separate-words"])
     try:
         targets = struct.pack(">ffff", 0.5, 0.25, 0.0, 0.0)
         assert server.answer(1, bytes.fromhex("10 0000 0008 10") + targets) == bytes.fromhex("10 0000 0008")
@@ -201,7 +201,7 @@ def test_set_points_apart_are_used_by_the_command_that_follows(clock):
 
 
 def test_a_machine_with_one_table_has_no_input_registers(clock):
-    server = FrameServer(FrameDevice(clock, Spring()), layout=LAYOUTS["scaled-integers"])
+    server = LoadFrameServer(LoadFrameDevice(clock, Spring()), layout=LAYOUTS["scaled-integers"])
     try:
         assert server.answer(1, bytes.fromhex("04 0100 0001")) == bytes.fromhex("84 02")
         assert server.answer(1, bytes.fromhex("03 0100 0001")) == bytes.fromhex("03 02 0001")

@@ -12,7 +12,7 @@ from drivers.load_frames.modbus.registers.map import RegisterMap
 from drivers.load_frames.modbus.registers.mapped_device import MappedDevice
 from drivers.load_frames.modbus.registers.registers import Number
 from drivers.load_frames.modbus.sample_counter import Freshness
-from drivers.load_frames.modbus.settings import ModbusFrameSettings
+from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 
 HOLD_PATIENCE_S = 5.0
 HOLD_POLL_S = 0.02
@@ -21,14 +21,14 @@ HOLD_PROVEN_EVERY_S = 10.0
 COMMAND_ATTEMPTS = 2
 
 
-class FrameCommands:
+class LoadFrameCommands:
     """What a load frame is told, and the readings that prove that it listens.
 
     Once nobody can know what the machine does, it is given no motion until a hold was confirmed.
 
     Parameters
     ----------
-    settings : ModbusFrameSettings
+    settings : ModbusLoadFrameSettings
     clock : Clock
         The rig's.
     register_map : RegisterMap
@@ -38,7 +38,7 @@ class FrameCommands:
 
     def __init__(
         self,
-        settings: ModbusFrameSettings,
+        settings: ModbusLoadFrameSettings,
         clock: Clock,
         register_map: RegisterMap,
         work: MappedDevice,

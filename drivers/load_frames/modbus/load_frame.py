@@ -3,23 +3,23 @@
 import math
 
 from drivers.errors import DeviceTimeout, LinkLost
-from drivers.interfaces import DeviceInfo, FrameLimits, FrameState, OpenContext
+from drivers.interfaces import DeviceInfo, LoadFrameLimits, LoadFrameState, OpenContext
 from drivers.lines.addresses import resolve_address
 from drivers.load_frames.modbus.bus.link import ModbusLink
-from drivers.load_frames.modbus.commands import FrameCommands
+from drivers.load_frames.modbus.commands import LoadFrameCommands
 from drivers.load_frames.modbus.registers.map import RegisterMap, load_map
 from drivers.load_frames.modbus.registers.mapped_device import MappedDevice
 from drivers.load_frames.modbus.registers.registers import Number
-from drivers.load_frames.modbus.settings import ModbusFrameSettings
+from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 from drivers.registry import DriverSpec
 
 
-class ModbusFrame:
+class ModbusLoadFrame:
     """A `LoadFrame` on Modbus; construct it with `open_frame`.
 
     Parameters
     ----------
-    settings : ModbusFrameSettings
+    settings : ModbusLoadFrameSettings
     context : OpenContext
     register_map : RegisterMap
     work, safety : MappedDevice
@@ -28,11 +28,11 @@ class ModbusFrame:
     """
 
     info: DeviceInfo
-    limits: FrameLimits
+    limits: LoadFrameLimits
 
     def __init__(
         self,
-        settings: ModbusFrameSettings,
+        settings: ModbusLoadFrameSettings,
         context: OpenContext,
         register_map: RegisterMap,
         work: MappedDevice,
@@ -51,12 +51,12 @@ class ModbusFrame:
             firmware=f"{firmware >> 8}.{firmware & 0xFF}",
             simulated=settings.address.startswith("@"),
         )
-        self._commands = FrameCommands(settings, context.clock, register_map, work, safety)
+        self._commands = LoadFrameCommands(settings, context.clock, register_map, work, safety)
         # the machine has them word for word: what differs is only the rounding of its registers
         self.limits = settings.limits
         self._prove_way_for_hold(identity)
 
-    def read(self) -> FrameState:
+    def read(self) -> LoadFrameState:
         """Read the state in one request, then feed the machine's watchdog.
 
         Raises
@@ -75,7 +75,7 @@ class ModbusFrame:
         code = int(values["fault"])
         if code:
             faults.insert(0, self._map.fault_codes.get(str(code), f"fault {code}"))
-        return FrameState(
+        return LoadFrameState(
             load_n=float(values["load"]),
             displacement_mm=float(values["displacement"]),
             moving=bool(bits >> status.moving & 1),
@@ -152,7 +152,7 @@ class ModbusFrame:
             raise self._work.fault(step, expected, f"{rate:g} {unit}", "correct the protocol")
 
 
-def open_frame(settings: ModbusFrameSettings, context: OpenContext) -> ModbusFrame:
+def open_frame(settings: ModbusLoadFrameSettings, context: OpenContext) -> ModbusLoadFrame:
     """Connect, identify the machine, write its limits and read them back; nothing moves.
 
     Raises
@@ -171,11 +171,11 @@ def open_frame(settings: ModbusFrameSettings, context: OpenContext) -> ModbusFra
     ]
     work, safety = MappedDevice(links[0], register_map), MappedDevice(links[-1], register_map, urgent=True)
     try:
-        return ModbusFrame(settings, context, register_map, work, safety)
+        return ModbusLoadFrame(settings, context, register_map, work, safety)
     except BaseException:
         work.close()
         safety.close()
         raise
 
 
-SPEC = DriverSpec(kind="load_frame", settings=ModbusFrameSettings, open=open_frame)
+SPEC = DriverSpec(kind="load_frame", settings=ModbusLoadFrameSettings, open=open_frame)

@@ -5,13 +5,13 @@ from typing import Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from drivers.errors import ConfigurationError
-from drivers.interfaces import FrameLimits
+from drivers.interfaces import LoadFrameLimits
 from drivers.load_frames.modbus.bus.address import SERIAL_UNITS, ModbusAddress, address_mistake
 from drivers.load_frames.modbus.registers.map import load_map
 from drivers.settings import Settings
 
 
-class ModbusFrameSettings(Settings):
+class ModbusLoadFrameSettings(Settings):
     """Address, limits and times of a load frame.
 
     Attributes
@@ -99,9 +99,9 @@ class ModbusFrameSettings(Settings):
         return ModbusAddress(address, self.baud, self.parity, self.stop_bits)
 
     @property
-    def limits(self) -> FrameLimits:
+    def limits(self) -> LoadFrameLimits:
         """The limits as one value."""
-        return FrameLimits(
+        return LoadFrameLimits(
             load_min_n=self.load_min_n,
             load_max_n=self.load_max_n,
             displacement_min_mm=self.displacement_min_mm,

@@ -6,8 +6,8 @@ import pytest
 
 from drivers.clock import VirtualClock
 from drivers.interfaces import OpenContext
-from drivers.load_frames.modbus.load_frame import ModbusFrame, open_frame
-from simulators.load_frame.device import FrameDevice
+from drivers.load_frames.modbus.load_frame import ModbusLoadFrame, open_frame
+from simulators.load_frame.device import LoadFrameDevice
 from tests.drivers.modbus_frame.watched_port import Port, Spring, settings
 
 
@@ -17,12 +17,12 @@ def spring() -> Spring:
 
 
 @pytest.fixture
-def device(clock: VirtualClock, spring: Spring) -> FrameDevice:
-    return FrameDevice(clock, spring)
+def device(clock: VirtualClock, spring: Spring) -> LoadFrameDevice:
+    return LoadFrameDevice(clock, spring)
 
 
 @pytest.fixture
-def port(device: FrameDevice) -> Iterator[Port]:
+def port(device: LoadFrameDevice) -> Iterator[Port]:
     server = Port(device)
     yield server
     server.close()
@@ -30,7 +30,7 @@ def port(device: FrameDevice) -> Iterator[Port]:
 
 
 @pytest.fixture
-def frame(port: Port, context: OpenContext) -> Iterator[ModbusFrame]:
+def frame(port: Port, context: OpenContext) -> Iterator[ModbusLoadFrame]:
     opened = open_frame(settings(port.address), context)
     yield opened
     opened.close()

@@ -8,7 +8,7 @@ import pytest
 from drivers.errors import DeviceFault
 from drivers.load_frames.modbus.load_frame import open_frame
 from simulators.load_frame.layout import LAYOUTS
-from simulators.load_frame.modbus import FrameServer
+from simulators.load_frame.modbus import LoadFrameServer
 from tests.drivers.modbus_frame.watched_port import STIFFNESS_N_MM, settings, wait
 
 
@@ -99,7 +99,7 @@ def test_an_open_emergency_stop_is_a_fault_and_refuses_motion(frame, device):
 def test_set_points_that_are_not_taken_are_not_followed_by_a_command(device, context):
     commands: list[bytes] = []
 
-    class Forgetful(FrameServer):
+    class Forgetful(LoadFrameServer):
         def answer(self, unit: int, request: bytes) -> bytes | None:
             if request[:3] == b"\x10\x00\x00":
                 return request[:5]
@@ -117,7 +117,7 @@ def test_set_points_that_are_not_taken_are_not_followed_by_a_command(device, con
 
 def test_set_points_that_a_motion_does_not_need_stay_as_they_are(device, context):
     """A machine that stands at its load would follow a set point of 0 N before the command comes."""
-    server = FrameServer(device, layout=LAYOUTS["separate-words"])
+    server = LoadFrameServer(device, layout=LAYOUTS["separate-words"])
     frame = open_frame(settings(server.address, map="separate-words"), context)
     frame.go_to_load(1500.0, 100.0)
     frame.go_to_displacement(0.25, 0.125)

@@ -8,10 +8,10 @@ import pytest
 import drivers.load_frames.modbus.load_frame
 from drivers.errors import ConfigurationError, DeviceFault, DeviceTimeout, LinkLost
 from drivers.load_frames.modbus.load_frame import open_frame
-from drivers.load_frames.modbus.settings import ModbusFrameSettings
+from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 from drivers.registry import find_driver
 from drivers.settings import validate
-from simulators.load_frame.modbus import FrameServer
+from simulators.load_frame.modbus import LoadFrameServer
 from tests.drivers.modbus_frame.watched_port import Answer, is_state, settings
 
 
@@ -70,11 +70,11 @@ def test_what_else_stands_among_the_settings_is_left_alone(port, context, tmp_pa
     def one_more(request: bytes, answer: Answer) -> bytes | None:
         nonlocal unknown
         if request == bytes.fromhex("03 0020 000D"):
-            reply = FrameServer.answer(port, 1, bytes.fromhex("03 0020 000C"))
+            reply = LoadFrameServer.answer(port, 1, bytes.fromhex("03 0020 000C"))
             return b"\x03\x1a" + reply[2:] + unknown
         if request[:6] == bytes.fromhex("10 0020 000D 1A"):
             unknown = request[-2:]
-            FrameServer.answer(port, 1, bytes.fromhex("10 0020 000C 18") + request[6:-2])
+            LoadFrameServer.answer(port, 1, bytes.fromhex("10 0020 000C 18") + request[6:-2])
             return request[:5]
         return answer()
 
@@ -172,4 +172,4 @@ def test_two_connections_mean_nothing_on_a_line():
     limits = {"load_max_n": 1000.0, "displacement_max_mm": 5.0}
     for address in ("/dev/ttyUSB0", "rtu://192.168.0.9:4001"):
         with pytest.raises(ValueError, match="connections belong to Modbus TCP"):
-            ModbusFrameSettings(address=address, connections=2, **limits)
+            ModbusLoadFrameSettings(address=address, connections=2, **limits)

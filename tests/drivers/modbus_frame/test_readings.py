@@ -5,7 +5,7 @@ import pytest
 from drivers.errors import DeviceFault
 from drivers.load_frames.modbus.load_frame import open_frame
 from simulators.load_frame.layout import LAYOUTS
-from simulators.load_frame.modbus import FrameServer
+from simulators.load_frame.modbus import LoadFrameServer
 from tests.drivers.modbus_frame.watched_port import Answer, is_state, settings
 
 
@@ -38,7 +38,7 @@ def test_a_restarted_machine_is_not_trusted(frame, port, clock, spring):
 
 
 def test_a_restart_that_a_narrow_counter_does_not_tell_shows_in_the_commands(device, context, clock):
-    server = FrameServer(device, layout=LAYOUTS["separate-words"])
+    server = LoadFrameServer(device, layout=LAYOUTS["separate-words"])
     frame = open_frame(settings(server.address, map="separate-words"), context)
     frame.tare()
     device.power_cycle()
@@ -88,7 +88,7 @@ def test_a_status_apart_is_read_before_the_readings(device, context):
     """Or "at target" might be newer than a load from before the target."""
     asked: list[int] = []
 
-    class Watched(FrameServer):
+    class Watched(LoadFrameServer):
         def answer(self, unit: int, request: bytes) -> bytes | None:
             asked.extend([request[2]] if request[0] == 4 else [])
             return super().answer(unit, request)

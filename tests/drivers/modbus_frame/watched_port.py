@@ -5,10 +5,10 @@ import struct
 from collections.abc import Callable
 
 from drivers.clock import VirtualClock
-from drivers.load_frames.modbus.load_frame import ModbusFrame
-from drivers.load_frames.modbus.settings import ModbusFrameSettings
-from simulators.load_frame.device import FrameDevice
-from simulators.load_frame.modbus import FrameServer
+from drivers.load_frames.modbus.load_frame import ModbusLoadFrame
+from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
+from simulators.load_frame.device import LoadFrameDevice
+from simulators.load_frame.modbus import LoadFrameServer
 
 STIFFNESS_N_MM = 5000.0
 COMMAND_ADDRESS = 0
@@ -24,10 +24,10 @@ class Spring:
         return math.nan if self.broken_cell else STIFFNESS_N_MM * displacement_mm
 
 
-class Port(FrameServer):
+class Port(LoadFrameServer):
     """A load frame whose every message a test may see, change, lose or delay."""
 
-    def __init__(self, device: FrameDevice) -> None:
+    def __init__(self, device: LoadFrameDevice) -> None:
         self.commands: list[tuple[int, int]] = []
         self.tamper: Callable[[bytes, Answer], bytes | None] = lambda request, answer: answer()
         super().__init__(device)
@@ -46,12 +46,12 @@ def is_state(request: bytes) -> bool:
     return request[:3] == b"\x04\x00\x00"
 
 
-def settings(address: str, **changes: object) -> ModbusFrameSettings:
+def settings(address: str, **changes: object) -> ModbusLoadFrameSettings:
     values = {"address": address, "load_max_n": 12000.0, "displacement_max_mm": 5.3, "reply_timeout_s": 0.3}
-    return ModbusFrameSettings.model_validate(values | changes)
+    return ModbusLoadFrameSettings.model_validate(values | changes)
 
 
-def wait(frame: ModbusFrame, clock: VirtualClock) -> float:
+def wait(frame: ModbusLoadFrame, clock: VirtualClock) -> float:
     """Wait for standstill in simulated time and return the seconds it took."""
     start_s = clock.now_s()
     while frame.read().moving:
