@@ -42,9 +42,9 @@ class Calibration:
         The camera as geometry describes it.
     pinhole_problem : str
         Why there is no `pinhole`.
-    bicubic_left_out_px : float
+    bicubic_cross_validation_px : float
         Root mean square distance by which the bicubic map misses points left out of its fit; NaN if the grid
-        is too small to leave any out. The pinhole's is its own `left_out_px`.
+        is too small to leave any out. The pinhole's is its own `cross_validation_px`.
     images : int
         How many images of the grid there were. The first defines the plane; the others serve the pinhole.
     model : str
@@ -57,7 +57,7 @@ class Calibration:
     source: str = ""
     pinhole: Pinhole | None = None
     pinhole_problem: str = "it was not fitted"
-    bicubic_left_out_px: float = float("nan")
+    bicubic_cross_validation_px: float = float("nan")
     images: int = 1
     model: Model = "bicubic"
 
@@ -101,7 +101,7 @@ class Calibration:
             source,
             pinhole,
             problem,
-            _bicubic_left_out_px(first),
+            _bicubic_cross_validation_px(first),
             len(grids),
         )
 
@@ -129,16 +129,16 @@ class Calibration:
         if self.pinhole is None:
             return "bicubic"
         # what could not be tested is worse than anything that was
-        bicubic_px = np.nan_to_num(self.bicubic_left_out_px, nan=np.inf)
+        bicubic_px = np.nan_to_num(self.bicubic_cross_validation_px, nan=np.inf)
         limit_px = _CLEARLY_BETTER * bicubic_px - _NEGLIGIBLE_PX
-        return "pinhole" if self.pinhole.left_out_px < limit_px else "bicubic"
+        return "pinhole" if self.pinhole.cross_validation_px < limit_px else "bicubic"
 
     @property
     def recommendation(self) -> str:
         """The recommended model and the reason, in one sentence."""
         if self.pinhole is None:
             return f"bicubic: there is no pinhole model ({self.pinhole_problem})"
-        bicubic, pinhole = self.bicubic_left_out_px, self.pinhole.left_out_px
+        bicubic, pinhole = self.bicubic_cross_validation_px, self.pinhole.cross_validation_px
         if np.isnan(bicubic):
             return f"pinhole: predicts left-out points to {pinhole:.4f} px; bicubic needs more lines to tell"
         if self.recommended == "pinhole":
@@ -265,7 +265,7 @@ class Calibration:
         return load_calibration(Path(path))
 
 
-def _bicubic_left_out_px(grid: GridPoints) -> float:
+def _bicubic_cross_validation_px(grid: GridPoints) -> float:
     def misses(left_out: NDArray[np.bool_]) -> Points:
         kept = BicubicMap.fit(grid.uv_px[~left_out], grid.xy_mm[~left_out])
         at = grid.uv_px[left_out]

@@ -25,8 +25,10 @@ _PINHOLE_UNITS = {
     "centre_mm": "mm",
     "covariance": "products of px, px, px, px^-2, px^-4, px^-1, px^-1, rad, rad, rad, mm, mm, mm",
     "noise_px": "px",
-    "left_out_px": "px",
+    "cross_validation_px": "px",
 }
+# The file keeps the name under which it was first written.
+_KEYS = {"cross_validation_px": "left_out_px"}
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:
@@ -89,7 +91,7 @@ def write_calibration(group: h5py.Group, calibration: Calibration) -> None:
         "bicubic/centre_px": (bicubic.centre_px, "px"),
         "bicubic/scale_px": (bicubic.scale_px, "px"),
         "bicubic/coefficient_errors": (bicubic.coefficient_errors, "mm"),
-        "bicubic/left_out_px": (calibration.bicubic_left_out_px, "px"),
+        "bicubic/left_out_px": (calibration.bicubic_cross_validation_px, "px"),
         "residual_mm": (calibration.residual_mm, "mm"),
         "residual_px": (calibration.residual_px, "px"),
         "image_shape": (np.array(calibration.image_shape), "px"),
@@ -97,7 +99,7 @@ def write_calibration(group: h5py.Group, calibration: Calibration) -> None:
     }
     if calibration.pinhole is not None:
         for name, units in _PINHOLE_UNITS.items():
-            datasets[f"pinhole/{name}"] = (getattr(calibration.pinhole, name), units)
+            datasets[f"pinhole/{_KEYS.get(name, name)}"] = (getattr(calibration.pinhole, name), units)
     for model, residuals in calibration.residuals.items():
         datasets[f"{model}/residual_mm"] = (residuals.mm, "mm")
         datasets[f"{model}/residual_px"] = (residuals.px, "px")
@@ -136,7 +138,7 @@ def read_calibration(group: h5py.Group) -> Calibration:
         bicubic=replace(calibration.bicubic, coefficient_errors=bicubic["coefficient_errors"][:]),
         pinhole=_read_pinhole(group["pinhole"]) if "pinhole" in group else None,
         pinhole_problem=str(group.attrs["pinhole_problem"]),
-        bicubic_left_out_px=float(bicubic["left_out_px"][()]),
+        bicubic_cross_validation_px=float(bicubic["left_out_px"][()]),
         images=int(group["images"][()]),
     ).using(cast(Model, str(group.attrs["model"])))
 
@@ -155,7 +157,7 @@ def _read_grid(group: h5py.Group) -> GridPoints:
 
 
 def _read_pinhole(group: h5py.Group) -> Pinhole:
-    return Pinhole(**{name: group[name][()] for name in _PINHOLE_UNITS})
+    return Pinhole(**{name: group[_KEYS.get(name, name)][()] for name in _PINHOLE_UNITS})
 
 
 def _refusal(path: Path, got: str) -> CalibrationError:

@@ -19,9 +19,9 @@ def summarise(calibration: "Calibration") -> dict[str, Any]:
     outline = calibration.outline_px
     x, y = outline[:, 0], outline[:, 1]
     height, width = calibration.image_shape
-    left_out_px = {"bicubic": calibration.bicubic_left_out_px}
+    cross_validation_px = {"bicubic": calibration.bicubic_cross_validation_px}
     if pinhole is not None:
-        left_out_px["pinhole"] = pinhole.left_out_px
+        cross_validation_px["pinhole"] = pinhole.cross_validation_px
     return {
         "image": calibration.source,
         "images": calibration.images,
@@ -38,7 +38,7 @@ def summarise(calibration: "Calibration") -> dict[str, Any]:
         **_lengths(calibration.residuals[calibration.model]),
         "mm_per_px": calibration.mm_per_px,
         "models": {
-            model: _lengths(residuals) | {"left_out_px": _finite(left_out_px[model])}
+            model: _lengths(residuals) | {"left_out_px": _finite(cross_validation_px[model])}
             for model, residuals in calibration.residuals.items()
         },
         "camera": None if pinhole is None else _camera(pinhole),

@@ -39,24 +39,24 @@ def chain(first: Field, second: Field) -> Field:
     place = np.stack([x, y], axis=1)
     moved = _interpolated(second, place)
     warps = np.full((*first.status.shape, 6), np.nan)
-    deviations = np.full_like(warps, np.nan)
+    std = np.full_like(warps, np.nan)
     status, zncc, iterations = first.status.copy(), first.zncc.copy(), first.iterations.copy()
     before = first.warps[rows, columns, :6]
     known = np.isfinite(moved.warps).all(axis=1)
     warps[rows[known], columns[known]] = _composed(before[known], moved.warps[known])
-    deviations[rows, columns] = np.hypot(first.deviations[rows, columns], moved.deviations)
-    deviations[rows[~known], columns[~known]] = np.nan
+    std[rows, columns] = np.hypot(first.std[rows, columns], moved.std)
+    std[rows[~known], columns[~known]] = np.nan
     status[rows, columns] = np.where(known, Status.CONVERGED, moved.status)
     zncc[rows, columns], iterations[rows, columns] = moved.zncc, moved.iterations
     return Field(
-        first.x_px, first.y_px, warps, deviations, zncc, iterations, status, first.active, second.start,
+        first.x_px, first.y_px, warps, std, zncc, iterations, status, first.active, second.start,
         first.updates + 1 + second.updates,
     )  # fmt: skip
 
 
 class _Moved(NamedTuple):
     warps: Float
-    deviations: Float
+    std: Float
     status: NDArray[np.int8]
     zncc: Float
     iterations: NDArray[np.int16]
@@ -73,7 +73,7 @@ def _interpolated(field: Field, place: Float) -> _Moved:
     shape = np.array(field.status.shape[::-1])
     cell = np.clip(np.floor(at), 0, np.maximum(shape - 2, 0)).astype(np.int64)
     fraction = at - cell
-    warps, deviations = np.zeros((len(place), 6)), np.zeros((len(place), 6))
+    warps, std = np.zeros((len(place), 6)), np.zeros((len(place), 6))
     complete = ((fraction >= 0) & (fraction <= 1)).all(axis=1) & (shape > 1).all()
     for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
         row, column = np.minimum(cell[:, 1] + i, shape[1] - 1), np.minimum(cell[:, 0] + j, shape[0] - 1)
@@ -81,23 +81,21 @@ def _interpolated(field: Field, place: Float) -> _Moved:
         complete &= field.converged[row, column]
         corner = _extrapolated(field, row, column, place, 0.5)
         warps += weight[:, None] * np.where(np.isfinite(corner), corner, 0.0)
-        variance = np.square(field.deviations[row, column])
+        variance = np.square(field.std[row, column])
         # A point without texture above the noise has an infinite one, which matters only where it is used.
-        deviations += np.multiply(
-            weight[:, None], variance, out=np.zeros_like(variance), where=weight[:, None] > 0
-        )
-    deviations = np.sqrt(deviations)
+        std += np.multiply(weight[:, None], variance, out=np.zeros_like(variance), where=weight[:, None] > 0)
+    std = np.sqrt(std)
     row, column = _nearest_converged(field, at)
     status = np.full(len(place), Status.NOT_REACHED, np.int8)
     near = np.hypot(*(at - np.stack([column, row], axis=1)).T) <= _REACH
     alone = ~complete & near
     warps[alone] = _extrapolated(field, row[alone], column[alone], place[alone], 1.0)
-    deviations[alone] = field.deviations[row[alone], column[alone]]
+    std[alone] = field.std[row[alone], column[alone]]
     warps[~complete & ~near] = np.nan
     own = np.clip(np.rint(at), 0, shape - 1).astype(np.int64)
     failed = field.status[own[:, 1], own[:, 0]]
     status[:] = np.where(failed == Status.CONVERGED, Status.NOT_REACHED, failed)
-    return _Moved(warps, deviations, status, field.zncc[row, column], field.iterations[row, column])
+    return _Moved(warps, std, status, field.zncc[row, column], field.iterations[row, column])
 
 
 def _extrapolated(field: Field, row: Indices, column: Indices, place: Float, share: float) -> Float:

@@ -19,7 +19,7 @@ _AROUND = ((0, 1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1))
 """Rows and columns to the neighbours on a grid, in the order in which they are asked."""
 
 
-def agreeing_seeds(points: NDArray[np.int64], warps: Float) -> NDArray[np.bool_]:
+def consistent_seeds(points: NDArray[np.int64], warps: Float) -> NDArray[np.bool_]:
     """Tell which scattered points one of their four nearest neighbours predicts.
 
     Parameters
@@ -48,7 +48,7 @@ def agreeing_seeds(points: NDArray[np.int64], warps: Float) -> NDArray[np.bool_]
     return np.asarray(believed & agrees.any(axis=1))
 
 
-def agreeing_field(
+def consistent_field(
     x_px: NDArray[np.int64], y_px: NDArray[np.int64], warps: Float, converged: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Tell which converged points of a grid one of their eight neighbours predicts.

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.correlation import kernel
-from dic.correlation.consistency import agreeing_field, agreeing_seeds
+from dic.correlation.consistency import consistent_field, consistent_seeds
 from dic.correlation.features import FeatureFinder
 from dic.correlation.field import Field, Status
 from dic.correlation.initial_guess import guesses
@@ -150,11 +150,11 @@ class Correlator:
         if self._look_anew(image, seeds.quarters, solution, previous):
             self._doubt(solver, solution)
         failed = ~solution.converged
-        solution.warps[failed] = solution.deviations[failed] = np.nan
+        solution.warps[failed] = solution.std[failed] = np.nan
         solution = image.turned_back(solution, seeds.quarters)
         grid = self._reference.grid
         return Field(
-            grid.x, grid.y, solution.warps, solution.deviations, solution.zncc, solution.iterations,
+            grid.x, grid.y, solution.warps, solution.std, solution.zncc, solution.iterations,
             solution.status, grid.active, seeds.start,
         )  # fmt: skip
 
@@ -197,7 +197,7 @@ class Correlator:
             turn = quarters_of(guess) if quarters is None else quarters
             solved = image.solver(turn).solve(indices, image.turned(guess, points, turn))
             good = solved.converged
-            good[good] = agreeing_seeds(points[good], solved.warps[good])
+            good[good] = consistent_seeds(points[good], solved.warps[good])
             if good.sum() > len(best.indices):
                 best = _Seeds(name, turn, indices[good], solved.part(np.flatnonzero(good)))
             in_view = np.count_nonzero(solved.status != Status.OUT_OF_VIEW)
@@ -244,7 +244,7 @@ class Correlator:
         grid = self._reference.grid
         for last in (False, True):
             converged = grid.active & solution.converged
-            alone = converged & ~agreeing_field(grid.x, grid.y, solution.warps, converged)
+            alone = converged & ~consistent_field(grid.x, grid.y, solution.warps, converged)
             if not alone.any():
                 return
             solution.status[alone] = Status.INCONSISTENT

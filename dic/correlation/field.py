@@ -37,7 +37,7 @@ class Field:
     warps : ndarray, shape (rows, columns, 6 or 12)
         (u, u_x, u_y, v, v_x, v_y) per point, followed by (u_xx, u_xy, u_yy, v_xx, v_xy, v_yy) if the shape
         function is quadratic; NaN where the point failed.
-    deviations : ndarray, shape (rows, columns, 6)
+    std : ndarray, shape (rows, columns, 6)
         Standard deviations of the first six, from the noise of the images and the Hessian.
     zncc : ndarray, shape (rows, columns)
     iterations : ndarray of int, shape (rows, columns)
@@ -48,13 +48,13 @@ class Field:
     start : str
         Where the first guess came from: "previous", "hint", "search" or "features".
     updates : int
-        Over how many new references the points were carried; each adds to `deviations`.
+        Over how many new references the points were carried; each adds to `std`.
     """
 
     x_px: NDArray[np.int64]
     y_px: NDArray[np.int64]
     warps: Float
-    deviations: Float
+    std: Float
     zncc: Float
     iterations: NDArray[np.int16]
     status: NDArray[np.int8]
@@ -80,17 +80,17 @@ class Field:
     @property
     def std_u_px(self) -> Float:
         """Standard deviation of `u_px`, (rows, columns)."""
-        return self.deviations[..., 0]
+        return self.std[..., 0]
 
     @property
     def std_v_px(self) -> Float:
         """Standard deviation of `v_px`, (rows, columns)."""
-        return self.deviations[..., 3]
+        return self.std[..., 3]
 
     @property
     def std_gradient(self) -> Float:
         """Standard deviations of `gradient`, (rows, columns, 4)."""
-        return self.deviations[..., [1, 2, 4, 5]]
+        return self.std[..., [1, 2, 4, 5]]
 
     @property
     def converged(self) -> NDArray[np.bool_]:

@@ -62,8 +62,8 @@ def turn_warps(warps: Float, x: Places, y: Places, shape: tuple[int, int], quart
     return turned
 
 
-def turn_deviations(deviations: Float, quarters: int) -> Float:
+def turn_std(std: Float, quarters: int) -> Float:
     """Return standard deviations (…, 6) of warps after a turn: an odd one exchanges u and v."""
     if quarters % 2 == 0:
-        return deviations
-    return np.concatenate([deviations[..., 3:], deviations[..., :3]], axis=-1)
+        return std
+    return np.concatenate([std[..., 3:], std[..., :3]], axis=-1)

@@ -32,7 +32,7 @@ class Solution(NamedTuple):
     """What IC-GN found, for points in a row or on a grid, in the order in which the kernel takes it."""
 
     warps: Float
-    deviations: Float
+    std: Float
     status: NDArray[np.int8]
     zncc: Float
     iterations: NDArray[np.int16]
@@ -50,7 +50,7 @@ class Solution(NamedTuple):
 
     def put(self, where: tuple[NDArray[np.int64], ...], part: "Solution") -> None:
         """Write the solution of some points in their places."""
-        self.warps[where], self.deviations[where] = part.warps, part.deviations
+        self.warps[where], self.std[where] = part.warps, part.std
         self.status[where], self.zncc[where] = part.status, part.zncc
         self.iterations[where] = part.iterations
 
@@ -58,7 +58,7 @@ class Solution(NamedTuple):
         """Return a view of some rows of a grid, or a copy of the points of a list of places."""
         return Solution(
             self.warps[where],
-            self.deviations[where],
+            self.std[where],
             self.status[where],
             self.zncc[where],
             self.iterations[where],

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.correlation import kernel
-from dic.correlation.quarter_turn import turn_deviations, turn_warps
+from dic.correlation.quarter_turn import turn_std, turn_warps
 from dic.correlation.solver import PreparedReference, Solution, Solver
 from dic.image.spline import spline_image
 
@@ -52,5 +52,5 @@ class TurnableImage:
         grid = self._reference.grid
         return solution._replace(
             warps=turn_warps(solution.warps, grid.x, grid.y[:, None], (height, width), -quarters),
-            deviations=turn_deviations(solution.deviations, quarters),
+            std=turn_std(solution.std, quarters),
         )

@@ -94,8 +94,8 @@ def points_of(measurement: Measurement, calibration: Calibration) -> Points:
 def _mapped_by(calibration: Calibration) -> Model:
     if calibration.pinhole is None:
         return "bicubic"
-    limit_px = _CLEARLY_BETTER * calibration.pinhole.left_out_px
-    return "bicubic" if calibration.bicubic_left_out_px < limit_px else "pinhole"
+    limit_px = _CLEARLY_BETTER * calibration.pinhole.cross_validation_px
+    return "bicubic" if calibration.bicubic_cross_validation_px < limit_px else "pinhole"
 
 
 def by_centre(estimate: Callable[[Float], Float], centre_mm: Float) -> Float:

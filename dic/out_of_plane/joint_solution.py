@@ -21,7 +21,7 @@ _SMALL = 1e-6
 
 
 @dataclass(frozen=True)
-class Both:
+class JointSystem:
     """Both cameras of a step, and how errors reach their corrected gradients and the plane.
 
     All estimates stand in one row: the gradients' elements of the first and the second camera, of the points
@@ -42,7 +42,7 @@ class Both:
     centres_mm: tuple[Float, Float]
 
     @classmethod
-    def of(cls, pairs: Pairs) -> "Both":
+    def of(cls, pairs: Pairs) -> "JointSystem":
         """Begin with the centres as calibrated."""
         calibrations = pairs.first.calibration, pairs.second.calibration
         first, second = (c.pinhole.centre_mm for c in calibrations if c.pinhole is not None)
@@ -103,7 +103,7 @@ class Both:
             of_centres.append(of_centre)
         return noise, np.hstack(of_maps), block_diagonal(of_centres)
 
-    def agreed(self) -> "Agreed":
+    def solve(self) -> "JointSolution":
         """Adjust the calibrations until both cameras see one strain.
 
         Calibration errors are counted in their standard deviations.
@@ -118,29 +118,29 @@ class Both:
             left = np.linalg.inv(slopes.T @ certain @ slopes + np.eye(len(shift)))
             shift = left @ slopes.T @ certain @ (slopes @ shift - apart @ estimates)
             first, second = (np.concatenate(self.centres_mm) + of_centres @ shift).reshape(2, 3)
-            current = Both(self.pairs, (first, second))
+            current = JointSystem(self.pairs, (first, second))
             estimates = current.estimates(current.centres_mm) + of_maps @ shift
         # Errors enter directly and through the adjustment, which also leaves some of the calibrations open.
         gain = by_shift @ left @ slopes.T @ certain
         direct, still_open = np.eye(11) - gain @ apart, by_shift @ left
         total = direct @ noise @ direct.T + still_open @ still_open.T + _SYSTEMATIC**2 * gain @ gain.T
-        return Agreed(current, estimates, np.asarray(total), float(np.linalg.norm(shift)))
+        return JointSolution(current, estimates, np.asarray(total), float(np.linalg.norm(shift)))
 
 
 @dataclass(frozen=True)
-class Agreed:
+class JointSolution:
     """Both cameras with calibrations adjusted to each other, and what they say then.
 
     Attributes
     ----------
-    both : Both
+    system : JointSystem
     estimates : ndarray, shape (11,)
     covariance : ndarray, shape (11, 11)
     shift_needed : float
         By how many standard deviations the calibrations were adjusted, all together.
     """
 
-    both: Both
+    system: JointSystem
     estimates: Float
     covariance: Float
     shift_needed: float

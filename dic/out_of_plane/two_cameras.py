@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dic.calibration.calibration import Calibration
 from dic.out_of_plane.correction import Correction, points_of
-from dic.out_of_plane.joint_solution import Agreed, Both
+from dic.out_of_plane.joint_solution import JointSolution, JointSystem
 from dic.out_of_plane.parallax import Heights, Pairs
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
 from dic.out_of_plane.uncertainty import Points
@@ -88,12 +88,12 @@ def correct_with_two_cameras(
         return declined(f"the cameras share {len(pairs.chosen)} points, at least {_FEWEST_PAIRS} are needed")
     if not (first.determine(1) and second.determine(1)):
         return declined("the points lie on one line")
-    objection = _too_close(pairs, Both.of(pairs).centres_mm)
+    objection = _too_close(pairs, JointSystem.of(pairs).centres_mm)
     if objection is not None:
         return declined(objection)
-    agreed = Both.of(pairs).agreed()
-    objection = _disagreement(pairs, agreed, calibrations[0].mm_per_px)
-    return declined(objection) if objection is not None else _step(measurements, agreed)
+    joint = JointSystem.of(pairs).solve()
+    objection = _disagreement(pairs, joint, calibrations[0].mm_per_px)
+    return declined(objection) if objection is not None else _step(measurements, joint)
 
 
 def _too_close(pairs: Pairs, centres_mm: tuple[Float, Float]) -> str | None:
@@ -106,13 +106,13 @@ def _too_close(pairs: Pairs, centres_mm: tuple[Float, Float]) -> str | None:
     return None
 
 
-def _disagreement(pairs: Pairs, agreed: Agreed, mm_per_px: float) -> str | None:
-    if agreed.shift_needed > _IMPROBABLE:
+def _disagreement(pairs: Pairs, joint: JointSolution, mm_per_px: float) -> str | None:
+    if joint.shift_needed > _IMPROBABLE:
         return (
-            f"the cameras agree on one strain only if their calibrations are {agreed.shift_needed:.0f} "
+            f"the cameras agree on one strain only if their calibrations are {joint.shift_needed:.0f} "
             f"standard deviations off, at most {_IMPROBABLE:.0f} are borne: was one of them moved?"
         )
-    rms_mm = float(np.sqrt((Heights.of(pairs, agreed.both.centres_mm).across_mm ** 2).mean()))
+    rms_mm = float(np.sqrt((Heights.of(pairs, joint.system.centres_mm).across_mm ** 2).mean()))
     noise_mm = np.hypot(_noise_mm(pairs.first), _noise_mm(pairs.second))
     limit_mm = _AGREE * noise_mm + _AGREE_PX * mm_per_px
     if rms_mm > limit_mm:
@@ -131,14 +131,14 @@ def _noise_mm(points: Points) -> float:
     return float(np.sqrt((noise.spread[points.use] ** 2).sum(axis=(1, 2)).mean() / 2))
 
 
-def _step(measurements: tuple[Measurement, Measurement], agreed: Agreed) -> TwoCameraStep:
+def _step(measurements: tuple[Measurement, Measurement], joint: JointSolution) -> TwoCameraStep:
     """Return all that the step says."""
-    both, estimates, covariance = agreed.both, agreed.estimates, agreed.covariance
-    heights, plane = Heights.of(both.pairs, both.centres_mm), Plane(*map(float, estimates[8:]))
+    system, estimates, covariance = joint.system, joint.estimates, joint.covariance
+    heights, plane = Heights.of(system.pairs, system.centres_mm), Plane(*map(float, estimates[8:]))
     plane_std = np.sqrt(np.diag(covariance)[8:])
-    measure, shared = measurements[0].strain_settings.measure, len(both.pairs.chosen)
+    measure, shared = measurements[0].strain_settings.measure, len(system.pairs.chosen)
     corrections = []
-    cameras = zip((both.pairs.first, both.pairs.second), both.centres_mm, strict=True)
+    cameras = zip((system.pairs.first, system.pairs.second), system.centres_mm, strict=True)
     for k, (points, centre_mm) in enumerate(cameras):
         at = slice(4 * k, 4 * k + 4)
         mean = strain_of_gradient(estimates[at].reshape(2, 2), covariance[at, at], shared, measure)
@@ -148,7 +148,7 @@ def _step(measurements: tuple[Measurement, Measurement], agreed: Agreed) -> TwoC
     weigh = np.kron(certainty / certainty.sum(), np.eye(4))
     gradient, errors = weigh @ estimates[:8], weigh @ covariance[:8, :8] @ weigh.T
     mean = strain_of_gradient(gradient.reshape(2, 2), errors, shared, measure)
-    return TwoCameraStep((corrections[0], corrections[1]), mean, *_height_maps(both.pairs, heights))
+    return TwoCameraStep((corrections[0], corrections[1]), mean, *_height_maps(system.pairs, heights))
 
 
 def _height_maps(pairs: Pairs, heights: Heights) -> tuple[Float, Float]:

@@ -116,7 +116,7 @@ def _read_field(series: Any, k: int) -> Field:
         x_px=series["x_px"][:],
         y_px=series["y_px"][:],
         warps=joined("u_px", "v_px", "gradient"),
-        deviations=joined("std_u_px", "std_v_px", "std_gradient"),
+        std=joined("std_u_px", "std_v_px", "std_gradient"),
         zncc=series["zncc"][k],
         iterations=series["iterations"][k].astype(np.int16),
         status=series["status"][k].astype(np.int8),

@@ -34,9 +34,9 @@ def calibration_rows(run: Run) -> list[list[str]]:
     rows = []
     for series, camera in zip(run.cameras, run.measured, strict=True):
         calibration, pinhole = camera.calibration, camera.calibration.pinhole
-        left_out_px = {"bicubic": calibration.bicubic_left_out_px}
+        cross_validation_px = {"bicubic": calibration.bicubic_cross_validation_px}
         if pinhole is not None:
-            left_out_px["pinhole"] = pinhole.left_out_px
+            cross_validation_px["pinhole"] = pinhole.cross_validation_px
         for model, residuals in calibration.residuals.items():
             use = [word for word, which in _USES if getattr(calibration, which) == model]
             rows.append(
@@ -49,7 +49,7 @@ def calibration_rows(run: Run) -> list[list[str]]:
                     fixed(residuals.rms_mm * 1000, 3),
                     fixed(residuals.max_px, 4),
                     fixed(residuals.max_mm * 1000, 3),
-                    fixed(left_out_px[model], 4),
+                    fixed(cross_validation_px[model], 4),
                 ]
             )
     return rows

@@ -7,7 +7,7 @@ from drivers.clock import Clock, SystemClock
 from drivers.errors import LinkLost
 
 
-class Patience:
+class StopDeadline:
     """A deadline that has passed when either the rig's clock or the machine's own is past it.
 
     On a virtual clock no time passes while a real line is silent; on the machine's clock none passes while
@@ -24,7 +24,7 @@ class Patience:
         self._ends = [(each, each.now_s() + duration_s) for each in (clock, SystemClock())]
 
     @property
-    def exhausted(self) -> bool:
+    def passed(self) -> bool:
         """True once the time is over."""
         return any(clock.now_s() >= end_s for clock, end_s in self._ends)
 

@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import DeviceInfo, StageState
-from drivers.lines.stop_deadline import Patience, calling_for_the_emergency_stop
+from drivers.lines.stop_deadline import StopDeadline, calling_for_the_emergency_stop
 from drivers.stages.port import StagePort
 from drivers.stages.settings import StageSettings
 
@@ -134,9 +134,9 @@ class GuardedStage(ABC, Generic[P]):
                 port.close()
 
     def _stop_on(self, port: P, stranger: Callable[[], str]) -> None:
-        patience = Patience(self._clock, STOP_PATIENCE_S)
+        patience = StopDeadline(self._clock, STOP_PATIENCE_S)
         got = "silence"
-        while not patience.exhausted:
+        while not patience.passed:
             try:
                 if not (got := self._try_to_stop(port) or stranger()):
                     return

@@ -63,7 +63,7 @@ def test_fields_are_the_same_for_any_number_of_threads(speckle, turn, threads, s
     for expected, found in zip(measured(1), measured(threads), strict=True):
         assert expected.converged.any()
         assert (~expected.converged[expected.active]).any()
-        for name in ("warps", "deviations", "zncc", "status", "iterations", "active"):
+        for name in ("warps", "std", "zncc", "status", "iterations", "active"):
             np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
 
 

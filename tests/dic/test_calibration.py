@@ -150,11 +150,11 @@ def test_the_model_that_predicts_left_out_points_better_is_recommended_with_the_
     noisy = Calibration.fit(_straight(0.01), (900, 900))
 
     assert bent.recommended == "pinhole"
-    assert bent.recommendation == (
-        f"pinhole: predicts left-out points to 0.0000 px, bicubic to {bent.bicubic_left_out_px:.4f} px"
-    )
+    bicubic_px = bent.bicubic_cross_validation_px
+    sentence = f"pinhole: predicts left-out points to 0.0000 px, bicubic to {bicubic_px:.4f} px"
+    assert bent.recommendation == sentence
     # what was left out is missed by more than what was fitted
-    assert bent.bicubic_left_out_px > bent.rms_px
+    assert bent.bicubic_cross_validation_px > bent.rms_px
     # straight on and with noise both do as well
     assert noisy.recommended == "bicubic"
     assert "without a clear difference" in noisy.recommendation
@@ -182,7 +182,7 @@ def test_without_a_pinhole_model_the_reason_is_given_and_the_bicubic_map_serves(
 def test_a_grid_too_small_to_leave_points_out_still_calibrates() -> None:
     calibration = Calibration.fit(_grid((4, 4)), (900, 900))
 
-    assert np.isnan(calibration.bicubic_left_out_px)
+    assert np.isnan(calibration.bicubic_cross_validation_px)
     assert "needs more lines" in calibration.recommendation
 
 

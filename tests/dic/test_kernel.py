@@ -87,7 +87,7 @@ def test_predicted_deviations_are_those_that_repeated_images_show(speckle, shape
         a, b = (image + rng.normal(0, noise, image.shape).astype(np.float32) for image in (still, moved))
         field = Correlator(a, region, settings).correlate(b)
         warps.append(field.warps[..., :6])
-        predicted.append(field.deviations)
+        predicted.append(field.std)
     observed = np.sqrt(np.var(warps, axis=0).mean(axis=(0, 1)))
     stated = np.sqrt(np.mean(np.square(predicted), axis=(0, 1, 2)))
     np.testing.assert_allclose(stated, observed, rtol=0.10)
@@ -203,7 +203,7 @@ def test_what_is_kept_for_a_series_does_not_change_results(speckle, shape):
         kept = series.correlate(image)
         alone = Correlator(reference, region, settings).correlate(image)
         assert kept.converged.any()
-        for name in ("warps", "deviations", "zncc", "status", "iterations"):
+        for name in ("warps", "std", "zncc", "status", "iterations"):
             np.testing.assert_array_equal(getattr(kept, name), getattr(alone, name), err_msg=name)
     assert series._reference.memory.kept_bytes > 0
 

@@ -46,7 +46,7 @@ def test_exact_points_are_met_where_the_bicubic_map_fails(k1: float) -> None:
     fitted = Pinhole.fit(grid, SHAPE)
 
     assert _residual_px(fitted, grid) < 1e-6
-    assert fitted.left_out_px < 1e-6
+    assert fitted.cross_validation_px < 1e-6
     assert fitted.distortion[0] == pytest.approx(k1, rel=1e-6, abs=1e-15)
     # decentring is nearly a shift of the principal point: 1e-9 is 1e-4 px at the grid's corner
     assert np.abs(fitted.distortion[1:]).max() < 1e-9
@@ -218,7 +218,7 @@ def test_wide_angle_and_nearly_telecentric_lenses_are_fitted(focal_px: float, di
     fitted = Pinhole.fit(grid, SHAPE)
 
     assert abs(fitted.focal_px - focal_px) < 3 * fitted.focal_std_px
-    assert fitted.left_out_px == pytest.approx(NOISE_PX * np.sqrt(2), rel=0.1)
+    assert fitted.cross_validation_px == pytest.approx(NOISE_PX * np.sqrt(2), rel=0.1)
     assert fitted.off_axis_deg == pytest.approx(30, abs=0.01)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dic.correlation.correlator import Correlator
-from dic.correlation.quarter_turn import quarters_of, turn_deviations, turn_warps
+from dic.correlation.quarter_turn import quarters_of, turn_std, turn_warps
 from dic.correlation.settings import CorrelationSettings
 
 SHAPE = (200, 260)
@@ -60,8 +60,8 @@ def test_the_nearest_quarter_is_chosen():
 
 def test_an_odd_turn_exchanges_the_deviations_of_u_and_v():
     deviations = np.arange(6.0)
-    np.testing.assert_array_equal(turn_deviations(deviations, 2), deviations)
-    np.testing.assert_array_equal(turn_deviations(deviations, 3), [3, 4, 5, 0, 1, 2])
+    np.testing.assert_array_equal(turn_std(deviations, 2), deviations)
+    np.testing.assert_array_equal(turn_std(deviations, 3), [3, 4, 5, 0, 1, 2])
 
 
 @pytest.fixture(scope="module")

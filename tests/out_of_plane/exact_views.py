@@ -101,7 +101,7 @@ class View:
                 x_px=x_px,
                 y_px=y_px,
                 warps=np.where(active[..., None], warps, np.nan),
-                deviations=np.full((*shape, 6), self.noise_px),
+                std=np.full((*shape, 6), self.noise_px),
                 zncc=np.ones(shape),
                 iterations=np.ones(shape, np.int16),
                 status=np.where(active, Status.CONVERGED, Status.NOT_REACHED).astype(np.int8),

@@ -32,11 +32,11 @@ def test_clients_are_served_once_there_are_descriptors_again(monkeypatch):
     create = socket.create_server
     listeners: list[Exhausted] = []
 
-    def exhausted(address: tuple[str, int]) -> Exhausted:
+    def passed(address: tuple[str, int]) -> Exhausted:
         listeners.append(Exhausted(create(address)))
         return listeners[-1]
 
-    monkeypatch.setattr(socket, "create_server", exhausted)
+    monkeypatch.setattr(socket, "create_server", passed)
     server = TcpServer(echo, "127.0.0.1", 0)
     try:
         host, _, port = server.address.rpartition(":")

@@ -39,7 +39,7 @@ class Pinhole:
         the images and the given values leave open; 0 for a camera that was not fitted.
     noise_px : float
         Standard deviation of a coordinate of the points it was fitted to, as the residuals tell.
-    left_out_px : float
+    cross_validation_px : float
         Root mean square distance by which points left out of the fit were missed; NaN if none were.
     """
 
@@ -50,7 +50,7 @@ class Pinhole:
     centre_mm: NDArray[np.float64]
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((13, 13)))
     noise_px: float = 0.0
-    left_out_px: float = float("nan")
+    cross_validation_px: float = float("nan")
 
     @classmethod
     def swung(

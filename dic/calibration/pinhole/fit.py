@@ -211,7 +211,7 @@ def _camera(solution: "_Solution", view: int, missed_px: float) -> Pinhole:
         centre_mm=centre,
         covariance=slopes @ solution.covariance @ slopes.T,
         noise_px=solution.noise_px,
-        left_out_px=missed_px,
+        cross_validation_px=missed_px,
     )
 
 

@@ -220,7 +220,7 @@ def _solve(L: Float, b: Float, n: int, x: Float) -> None:
 
 
 @inner
-def _deviations(L: Float, variance: float, y: Float, deviations: Float) -> None:
+def _write_std(L: Float, variance: float, y: Float, std: Float) -> None:
     """Write the standard deviations of the first six parameters: of variance × (L L')⁻¹, the diagonal."""
     for k in range(6):
         square = 0.0
@@ -230,11 +230,11 @@ def _deviations(L: Float, variance: float, y: Float, deviations: Float) -> None:
                 s -= L[i, j] * y[j]
             y[i] = s / L[i, i]
             square += y[i] * y[i]
-        deviations[k] = math.sqrt(variance * square)
+        std[k] = math.sqrt(variance * square)
 
 
 @inner
-def _widen(record: Flat, n: int, slope_noise: float, deviations: Float) -> None:
+def _widen(record: Flat, n: int, slope_noise: float, std: Float) -> None:
     """Take the noise out of the slopes' sums of squares, which it makes look like texture.
 
     What is left tells by how much the deviations along each axis are too small, at most `_WIDEST` times: a
@@ -246,7 +246,7 @@ def _widen(record: Flat, n: int, slope_noise: float, deviations: Float) -> None:
         texture = max(apparent - n * slope_noise, apparent / _WIDEST)
         factor = apparent / texture
         for k in range(3 * side, 3 * side + 3):
-            deviations[k] *= factor
+            std[k] *= factor
 
 
 @inner
@@ -281,14 +281,14 @@ def correlate_point(
     y: int,
     pixels: int,
     p: Float,
-    deviations: Float,
+    std: Float,
     record: Flat,
     known: bool,
     work: Workspace,
 ) -> tuple[int, float, int]:
     """Improve the warp `p` of one point in place; return its status, ZNCC and number of iterations.
 
-    `deviations` takes the standard deviations of the first six parameters, `record` what is needed of the
+    `std` takes the standard deviations of the first six parameters, `record` what is needed of the
     reference's subset, unless that is known from another image.
     """
     r, H, s, t, d, b, q, S = limits.radius, work.H, work.s, work.t, work.d, work.b, work.q, work.S
@@ -325,7 +325,7 @@ def correlate_point(
         if len(shape) == 12 and length > _FAR_PX:
             # Far from the goal curvature misleads: the affine part alone, whose factor leads the whole one's.
             # (Its six parameters are those that have deviations.)
-            _solve(H, b, len(deviations), d)
+            _solve(H, b, len(std), d)
         if not length < 2.0 * r:
             return NOT_CONVERGED, zncc, iteration
         if len(shape) == 12:
@@ -340,7 +340,7 @@ def correlate_point(
         ):
             residual2 = 2.0 * norm2 * max(0.0, 1.0 - zncc)
             variance = _noise_variance(residual2, pixels, p, r, limits.noise_gain)
-            _deviations(H, variance, d, deviations)
-            _widen(record, pixels, variance / 2.0 * limits.slope_noise_gain, deviations)
+            _write_std(H, variance, d, std)
+            _widen(record, pixels, variance / 2.0 * limits.slope_noise_gain, std)
             return (CONVERGED if zncc >= limits.min_zncc else LOW_CORRELATION), zncc, iteration
     return NOT_CONVERGED, zncc, limits.max_iterations

@@ -34,7 +34,7 @@ def correlate_grid(
     pixels: NDArray[np.int64],
     seeds: NDArray[np.int64],
     warps: Float,
-    deviations: Float,
+    std: Float,
     status: NDArray[np.int8],
     zncc: Float,
     iterations: NDArray[np.int16],
@@ -56,7 +56,7 @@ def correlate_grid(
     seeds : ndarray, shape (n, 2)
         Row and column on the grid.
     warps : ndarray, shape (rows, columns, 6 or 12)
-    deviations : ndarray, shape (rows, columns, 6)
+    std : ndarray, shape (rows, columns, 6)
     status, zncc, iterations : ndarray, shape (rows, columns)
     pending : ndarray of bool, shape (rows, columns)
         Points that still want a value.
@@ -70,7 +70,7 @@ def correlate_grid(
     kept = prepared is not None
     _correlate_grid(
         image, deformed, taps, shape, limits, xs, ys, pixels, seeds,
-        warps, deviations, status, zncc, iterations, pending, spread,
+        warps, std, status, zncc, iterations, pending, spread,
         kept, prepared or Prepared.empty((1, 1), len(shape)),
         workspace(limits.radius, len(shape)), np.empty(places), np.empty(places, np.int64),
     )  # fmt: skip
@@ -88,7 +88,7 @@ def _correlate_grid(
     pixels: NDArray[np.int64],
     seeds: NDArray[np.int64],
     warps: Float,
-    deviations: Float,
+    std: Float,
     status: NDArray[np.int8],
     zncc: Float,
     iterations: NDArray[np.int16],
@@ -131,7 +131,7 @@ def _correlate_grid(
             extrapolate(warps[row, column], xs[j] - xs[column], ys[i] - ys[row], start)
         at, to = (i, j) if kept else (0, 0)
         outcome, quality, count = correlate_point(
-            image, deformed, taps, shape, limits, xs[j], ys[i], pixels[i, j], start, deviations[i, j],
+            image, deformed, taps, shape, limits, xs[j], ys[i], pixels[i, j], start, std[i, j],
             prepared.records[at, to], prepared.known[at, to], work,
         )  # fmt: skip
         prepared.known[at, to] = kept

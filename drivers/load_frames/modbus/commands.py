@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 
 from drivers.clock import Clock
 from drivers.errors import DeviceError, DeviceTimeout, LinkLost
-from drivers.lines.stop_deadline import Patience
+from drivers.lines.stop_deadline import StopDeadline
 from drivers.load_frames.modbus.bus.link import Overtaken
 from drivers.load_frames.modbus.command_sequence import CommandSequence
 from drivers.load_frames.modbus.registers.map import RegisterMap
@@ -126,9 +126,9 @@ class LoadFrameCommands:
         """Stop and hold position now; repeated until the machine confirms, `DeviceTimeout` after 5 s."""
         self._sequence.begin_hold()
         self._doubt = self._doubt or "a hold that was not confirmed"
-        patience = Patience(self._clock, HOLD_PATIENCE_S)
+        patience = StopDeadline(self._clock, HOLD_PATIENCE_S)
         got = "silence"
-        while not patience.exhausted:
+        while not patience.passed:
             try:
                 sequence = self._sequence.draw()
                 self._write(self._safety, self._map.commands.hold, {}, sequence)
