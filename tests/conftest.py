@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.places import SHARED_DATA
+
 for _number, _usual in (
     (signal.SIGINT, signal.default_int_handler),
     (signal.SIGHUP, signal.SIG_DFL),
@@ -23,7 +25,7 @@ Warp = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 @pytest.fixture(scope="session")
 def real_images() -> Path:
     """The folder with other laboratories' images; the test is skipped where it is not at hand."""
-    folder = Path(__file__).parents[2] / "shared" / "data"
+    folder = SHARED_DATA
     if not folder.is_dir():
         pytest.skip("the real image series are not on this machine (expected in ../shared/data)")
     return folder

@@ -1,15 +1,13 @@
 """Whole virtual experiments, from protocol files to strains: the paper's results, and their cause."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from dic.correlation.settings import CorrelationSettings
 from dic.pipeline.run import process_run
 from rig.run import run_protocol
+from tests.places import EXAMPLES
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
 # A quarter of the default's points: means over a thousand of them still have less than 2 µε of noise.
 COARSE = CorrelationSettings(subset_px=31, step_px=20, shape="quadratic")
 MICRO = 1e6

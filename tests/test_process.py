@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import threading
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -22,8 +21,8 @@ from dic.pipeline.run_result_file import load_run_result, save_run_result
 from dic.results.maps import panels
 from dic.runfile.reader import RunFile
 from rig.run import run_protocol
+from tests.places import EXAMPLES
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
 COARSE = CorrelationSettings(step_px=40)
 
 

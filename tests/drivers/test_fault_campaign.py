@@ -15,10 +15,10 @@ import pytest
 from drivers.clock import VirtualClock
 from drivers.errors import DeviceError
 from drivers.testing.common import assert_says_all
-from tests.drivers.test_frame_contract import LINES as FRAME_LINES
-from tests.drivers.test_frame_contract import Machine, opened
-from tests.drivers.test_stage_contract import LINES as STAGE_LINES
-from tests.drivers.test_stage_contract import bench_on
+from tests.drivers.load_frames.test_contract import LINES as FRAME_LINES
+from tests.drivers.load_frames.test_contract import Machine, opened
+from tests.drivers.stages.test_contract import LINES as STAGE_LINES
+from tests.drivers.stages.test_contract import bench_on
 
 ROUNDS = 40
 FAULTS = ("lose-request", "drop", "corrupt", "split", "duplicate", "late", "stale")

@@ -22,8 +22,7 @@ from rig.devices import Rig
 from rig.engine.engine import Engine
 from rig.protocol.protocol import Protocol, RotationProtocol, TensionProtocol
 from rig.recorder import Recorder, RunHeader
-
-EXAMPLES = Path(__file__).parents[2] / "examples"
+from tests.places import EXAMPLES
 
 # Grips that seat (soft up to 0.5 kN), 17.8 kN/mm elastic, 1 kN/mm once it yields at 8.5 kN.
 DISPLACEMENTS_MM = np.array([-10.0, 0.0, 0.1, 0.55, 10.05])

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from rig.cli import main
+from tests.places import EXAMPLES
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 RIG = [sys.executable, "-c", "from rig.cli import main; main()"]
 
 

@@ -14,6 +14,7 @@ from drivers.interfaces import CameraInfo, DeviceInfo, Frame
 from rig.errors import RunFileError
 from rig.protocol.protocol import Grid, ProtocolStep, Reading, Sample
 from rig.recorder import Recorder, RunHeader, StepRecord
+from tests.places import ROOT
 
 START = datetime(2026, 3, 4, 5, 6, 7, 89000, tzinfo=UTC)
 HEADER = RunHeader(
@@ -135,7 +136,7 @@ KILLED = """
 import os, signal, sys
 sys.path.insert(0, {folder!r})
 from pathlib import Path
-import test_recorder as t
+from tests.rig import test_recorder as t
 recorder = t.record(Path({path!r}))
 for index in range({steps}):
     t.step(recorder, index, count=2)
@@ -147,7 +148,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 def test_killed_run_opens_with_every_finished_step(tmp_path):
     path = tmp_path / "run.h5"
-    script = textwrap.dedent(KILLED.format(folder=str(Path(__file__).parent), path=str(path), steps=7))
+    script = textwrap.dedent(KILLED.format(folder=str(ROOT), path=str(path), steps=7))
     killed = subprocess.run([sys.executable, "-c", script], check=False, timeout=60)
     assert killed.returncode == -signal.SIGKILL
 
@@ -171,7 +172,7 @@ import resource, signal, sys
 sys.path.insert(0, {folder!r})
 from datetime import UTC, datetime
 from pathlib import Path
-import test_recorder as t
+from tests.rig import test_recorder as t
 from drivers.interfaces import CameraInfo
 from rig.errors import RunFileError
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
@@ -192,7 +193,7 @@ except RunFileError as error:
 
 def test_full_disk_is_one_sentence_and_the_images_before_are_readable(tmp_path):
     path = tmp_path / "run.h5"
-    script = textwrap.dedent(FULL.format(folder=str(Path(__file__).parent), path=str(path)))
+    script = textwrap.dedent(FULL.format(folder=str(ROOT), path=str(path)))
     child = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False
     )

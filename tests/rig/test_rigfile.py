@@ -1,11 +1,8 @@
-from pathlib import Path
-
 import pytest
 
 from drivers.errors import ConfigurationError
 from rig.rigfile import read_rig
-
-EXAMPLES = Path(__file__).parents[2] / "examples"
+from tests.places import EXAMPLES
 
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("rig-*.toml")), ids=lambda path: path.stem)

@@ -1,0 +1,97 @@
+"""What is said of a set-up, and which requests are refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dic.errors import CalibrationError, CorrelationError
+from dic.out_of_plane.alignment import Alignment, load_alignment, save_alignment
+from dic.out_of_plane.correction import Correction
+from dic.out_of_plane.diagnosis import Sensitivity, tension_findings
+from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.tension import correct_tilt
+from dic.out_of_plane.two_cameras import correct_with_two_cameras
+from dic.pipeline.run import CameraResult
+from dic.pipeline.run_corrections import CorrectionSettings, _pair
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.scene import Misalignment
+from tests.dic.out_of_plane.exact_views import State, View
+
+ASIDE = View(PinholeCamera(800, 800, pan_deg=30), half_mm=3.4, seed=2)
+SOUND = Alignment(np.full(4, 0.003), 1e-10 * np.eye(4), np.zeros(2))
+
+
+def test_a_rotation_is_not_taken_for_tension():
+    stage, calibration = Misalignment(axis_slope_x_deg=0.2), ASIDE.calibration()
+    states = [State(stage.mounted().after(stage.turned(a))) for a in (20.0, 180.0)]
+    for measurement in ASIDE.measurements(states, calibration, State(stage.mounted())):
+        found = correct_tilt(measurement, calibration, 0.33)
+        assert found.declined is not None
+        assert "the specimen turned by" in found.declined
+
+
+def test_two_cameras_at_one_place_are_refused_without_a_division_by_zero():
+    calibration = ASIDE.calibration()
+    measurement = ASIDE.measurements([State()], calibration)[0]
+    found = correct_with_two_cameras((measurement, measurement), (calibration, calibration))
+    assert "only 0.0° apart" in found.declined
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        replace(SOUND, slopes=np.array([0.0, 0.0, 1e9, 0.0])),
+        replace(SOUND, covariance=-1e-10 * np.eye(4)),
+        replace(SOUND, covariance=np.triu(np.ones((4, 4)))),
+    ],
+)
+def test_an_alignment_that_cannot_be_is_refused(wrong, tmp_path):
+    save_alignment(wrong, tmp_path / "a.json")
+    with pytest.raises(CalibrationError, match="slopes over 45° or a covariance that is none"):
+        load_alignment(tmp_path / "a.json")
+
+
+def test_alignments_that_a_run_has_no_use_for_are_refused():
+    settings = CorrectionSettings(alignments={"aside": SOUND})
+    with pytest.raises(CorrelationError, match="expected one of left, right, got aside"):
+        settings.require_use("run.h5", ["left", "right"], {"rotation"})
+    with pytest.raises(CorrelationError, match="an alignment serves rotations only"):
+        settings.require_use("run.h5", ["aside"], {"load"})
+    assert settings.require_use("run.h5", ["aside"], {"rotation"}) is None
+
+
+@pytest.mark.parametrize("ratio", [-0.1, 0.6, float("nan")])
+def test_poissons_ratio_of_a_run_is_judged(ratio):
+    with pytest.raises(CorrelationError, match=r"expected 0 to 0\.5"):
+        CorrectionSettings(ratio)
+
+
+def loaded(shift_mm, std_mm):
+    stds = np.array([1e-6, 1e-6, std_mm])
+    correction = Correction("two cameras", None, None, Plane(), Plane(0.01, 0.0, shift_mm), stds)
+    return tension_findings([correction], np.array([1000.0]))[1]
+
+
+def test_a_shift_within_its_uncertainty_is_no_motion():
+    assert loaded(-1e-5, 1e-4) == "it kept its distance from the camera to ± 0.1 µm"
+    assert loaded(0.02, 1e-4) == "it moved by +20.0 to +20.0 µm towards the camera"
+
+
+def test_sensitivity_says_how_little_is_known_of_the_distance():
+    calibration = View(PinholeCamera(800, 800), seed=3).calibration()
+    sensitivity = Sensitivity.of(calibration)
+    z, std = calibration.pinhole.centre_mm[2], calibration.pinhole.centre_std_mm[2]
+    assert sensitivity.per_um_std / sensitivity.per_um == pytest.approx(std / z)
+    assert sensitivity.per_um_std > 0.3 * sensitivity.per_um
+    assert f"± {1e6 * sensitivity.per_um_std:.1f} µε per µm" in sensitivity.text
+
+
+def test_the_pair_is_that_of_the_largest_parallax():
+    """Cameras at 28° to the left and 30° to the right see more of it than either with one straight on."""
+    pans = {"straight": 0.0, "left": -28.0, "right": 30.0}
+    cameras = [
+        CameraResult(name, View(PinholeCamera(800, 800, pan_deg=pan)).calibration(), None, [], [], [])
+        for name, pan in pans.items()
+    ]
+    assert [camera.camera for camera in _pair(cameras)] == ["right", "left"]

@@ -1,0 +1,116 @@
+"""Whether the intervals of corrected strains hold the truth as often as they say.
+
+Everything that a calibration cannot know is drawn anew each time: the principal point, the direction the
+camera looks from, the noise of grid and specimen, the misalignment.
+"""
+
+import numpy as np
+import pytest
+
+from dic.out_of_plane.rigidity import correct_rotation
+from dic.out_of_plane.tension import correct_tilt
+from dic.out_of_plane.two_cameras import correct_with_two_cameras
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
+from simulators.scene.scene import Misalignment
+from tests.dic.out_of_plane.exact_views import OffCentre, State, View, deviations, strains
+
+NU = 0.33
+
+
+def unit(angle):
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def view_from(rng, off_axis_deg, seed, half_mm=4.2):
+    pan, tilt = off_axis_deg * unit(rng.uniform(0, 2 * np.pi))
+    camera = PinholeCamera(800, 800, pan_deg=pan, tilt_deg=tilt)
+    # 1 % of the width, as a calibration expects.
+    return View(OffCentre(camera, rng.normal(0.0, 8.0, 2)), seed=seed, half_mm=half_mm)
+
+
+def stretched(rng):
+    strain = rng.choice([0.0, 0.0011, 0.0022, 0.0033])
+    return np.diag([1 - NU * strain, 1 + strain])
+
+
+def rotated(seed):
+    rng = np.random.default_rng([seed, 1])
+    view = view_from(rng, 30, seed, half_mm=3.4)
+    wobble, grid = 0.2 * unit(rng.uniform(0, 7)), rng.uniform(0, 0.1) * unit(rng.uniform(0, 7))
+    misalignment = Misalignment(
+        axis_slope_x_deg=wobble[0],
+        axis_slope_y_deg=wobble[1],
+        grid_slope_x_deg=grid[0],
+        grid_slope_y_deg=grid[1],
+        axis_x_mm=rng.normal(0, 0.3),
+        axis_y_mm=rng.normal(0, 0.3),
+    )
+    mounted, calibration = misalignment.mounted(), view.calibration()
+    states = [State(mounted.after(misalignment.turned(angle))) for angle in np.arange(1, 9) * 45.0]
+    found = correct_rotation(view.measurements(states, calibration, State(mounted)), calibration)
+    slopes = np.concatenate([found.alignment.wobble_deg, np.degrees(np.arctan(found.alignment.slopes[:2]))])
+    slope_std = [found.alignment.wobble_std_deg, np.degrees(np.sqrt(np.diag(found.alignment.covariance)[:2]))]
+    z_slopes = (slopes - np.concatenate([wobble, grid])) / np.concatenate(slope_std)
+    return np.array([strains(c) / deviations(c) for c in found.corrections]).ravel(), z_slopes
+
+
+def tilted(seed):
+    rng = np.random.default_rng([seed, 2])
+    view, slopes_deg = view_from(rng, 30, seed), 0.15 * unit(rng.uniform(0, 7))
+    state, calibration = State(Pose.sloped(*slopes_deg), stretched(rng)), view.calibration()
+    (measurement,) = view.measurements([state], calibration)
+    found = correct_tilt(measurement, calibration, NU)
+    slopes = np.array([found.after.slope_x, found.after.slope_y])
+    z_slopes = (slopes - np.tan(np.radians(slopes_deg))) / found.after_std[:2]
+    return (strains(found) - view.true_strain(measurement, state)) / deviations(found), z_slopes
+
+
+def seen_twice(seed):
+    rng = np.random.default_rng([seed, 3])
+    views = view_from(rng, 30, 2 * seed), view_from(rng, 0, 2 * seed + 1)
+    slopes_deg, shift_mm = 0.15 * unit(rng.uniform(0, 7)), rng.uniform(-0.02, 0.02)
+    state = State(Pose.sloped(*slopes_deg, shift_mm), stretched(rng))
+    calibrations = tuple(v.calibration() for v in views)
+    seen = tuple(v.measurements([state], c)[0] for v, c in zip(views, calibrations, strict=True))
+    found = correct_with_two_cameras(seen, calibrations)
+    truth = np.array([*np.tan(np.radians(slopes_deg)), shift_mm])
+    plane = np.array([found.plane.slope_x, found.plane.slope_y, found.plane.shift_mm])
+    true_strain = views[0].true_strain(seen[0], state)
+    return (strains(found) - true_strain) / deviations(found), (plane - truth) / found.plane_std
+
+
+def aligned(seed):
+    rng = np.random.default_rng([seed, 4])
+    view = view_from(rng, 30, seed)
+    state, calibration = State(F=stretched(rng)), view.calibration()
+    (measurement,) = view.measurements([state], calibration)
+    found = correct_tilt(measurement, calibration, NU)
+    return (strains(found) - view.true_strain(measurement, state)) / deviations(found), found.after_std * 0
+
+
+CAMPAIGNS = [rotated, tilted, seen_twice]
+
+
+@pytest.mark.parametrize("campaign", CAMPAIGNS)
+def test_errors_are_of_the_size_that_intervals_say(campaign):
+    strain, plane = (np.concatenate(z) for z in zip(*map(campaign, range(8)), strict=True))
+    assert 0.4 < np.sqrt(np.mean(strain**2)) < 1.5
+    assert 0.4 < np.sqrt(np.mean(plane**2)) < 1.5
+
+
+def test_a_correction_gives_an_aligned_specimen_no_bias_of_its_own():
+    z = np.array([aligned(seed)[0] for seed in range(20)])
+    # The mean of twenty lies within 3 of its own standard deviations.
+    assert (np.abs(z.mean(axis=0)) < 3 / np.sqrt(len(z))).all()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("campaign", CAMPAIGNS)
+def test_the_intervals_hold_the_truth_as_often_as_they_say(campaign):
+    strain, plane = (np.array(z) for z in zip(*map(campaign, range(100)), strict=True))
+    inside = (np.abs(strain) < 1.96).mean()
+    of_plane = (np.abs(plane) < 1.96).mean(axis=0)
+    print(f"\n{campaign.__name__}: strain inside {inside:.3f}, plane {of_plane.round(3)}")
+    assert 0.90 <= inside <= 0.99
+    assert ((of_plane >= 0.88) & (of_plane <= 1.0)).all()

@@ -1,0 +1,26 @@
+"""The Aravis driver opened on a library of the tests' own, with the settings that its tests share."""
+
+from drivers.cameras.aravis.camera import AravisCamera
+from drivers.cameras.aravis.settings import AravisSettings
+from drivers.interfaces import OpenContext
+from tests.drivers.cameras.fake_aravis import HEIGHT, INTERVAL_S, WIDTH, FakeLibrary
+
+PATIENCE_S = 20.0
+"""Of the machine's clock, for what happens aside; nothing waits so long unless it is wrong."""
+
+
+def settings(**changes: object) -> AravisSettings:
+    values = {
+        "camera": "G1",
+        "format": "Mono12",
+        "width_px": WIDTH,
+        "height_px": HEIGHT,
+        "rate_hz": 1 / INTERVAL_S,
+        "exposure_us": 5000.0,
+        "gain": 2.0,
+    }
+    return AravisSettings.model_validate(values | changes)
+
+
+def opened(library: FakeLibrary, context: OpenContext, **changes: object) -> AravisCamera:
+    return AravisCamera(settings(**changes), context, library)  # type: ignore[arg-type]

@@ -1,0 +1,154 @@
+"""Aravis' library as it behaves, behind the driver: with a camera that films on the virtual clock.
+
+Each picture's grey level is its number.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from drivers.cameras.aravis.library import AravisError
+from drivers.clock import VirtualClock
+
+WIDTH, HEIGHT, INTERVAL_S = 32, 16, 1 / 32
+MISSING_PACKETS = 3  # of ArvBufferStatus; compared with the library's own in tests/drivers/cameras/gige
+
+
+class FakeLibrary:
+    """Behaves as Aravis does.
+
+    `keeps` says which settings come back otherwise, `status` what a frame's is, `waiting` which frames come
+    first and `dated` their stamps, where these are of a date that has been set since.
+    """
+
+    def __init__(self, clock: VirtualClock) -> None:
+        self.clock = clock
+        self.values: dict[str, Any] = {"ExposureAuto": "Continuous", "Gain": 3.0}
+        self.keeps: dict[str, Any] = {}
+        self.status: dict[int, int] = {}
+        self.serial = "G1"
+        self.silent = self.gone = self.controlled = False
+        self.first_id = 1
+        self.begun_s = 0.0
+        self.taken = -1
+        self.size = (WIDTH, HEIGHT)
+        self.held = 0
+        self.lent = 0
+        self.waiting: list[int] = []
+        self.dated: dict[int, int] = {}
+        self.pixels = np.zeros((HEIGHT, WIDTH), np.uint16)
+
+    def text(self, name: str, *arguments: Any) -> str:
+        answers = {
+            "camera_get_vendor_name": "Maker",
+            "camera_get_model_name": "Gige",
+            "camera_get_device_serial_number": self.serial,
+            "camera_get_pixel_format_as_string": self.values.get("format", ""),
+        }
+        return answers[name] if name in answers else str(self.values[arguments[-1].decode()])
+
+    def release(self, thing: int | None) -> None:
+        self.held -= thing is not None
+
+    def call(self, name: str, *arguments: Any) -> Any:
+        if self.gone and name.startswith("camera"):
+            raise AravisError("Device not found")
+        return getattr(self, name)(
+            *arguments[1 if name.startswith("camera_") and name != "camera_new" else 0 :]
+        )
+
+    def camera_new(self, name: bytes) -> int:
+        self.held += 1
+        return 1
+
+    def camera_create_stream(self, *_: object) -> int:
+        self.held += 1
+        return 2
+
+    def camera_is_gv_device(self) -> bool:
+        return True
+
+    def camera_get_device(self) -> int:
+        return 3
+
+    def gv_device_is_controller(self, device: int) -> bool:
+        return not self.controlled
+
+    def camera_is_feature_available(self, name: bytes) -> bool:
+        return name.decode() in self.values
+
+    def camera_set_string(self, name: bytes, value: bytes) -> None:
+        self.values[name.decode()] = self.keeps.get(name.decode(), value.decode())
+
+    def camera_set_pixel_format_from_string(self, value: bytes) -> None:
+        self.values["format"] = self.keeps.get("format", value.decode())
+
+    def camera_set_region(self, *region: int) -> None:
+        self.values["region"] = self.keeps.get("region", region)
+
+    def camera_get_region(self, *out: Any) -> None:
+        for pointer, value in zip(out, self.values["region"], strict=True):
+            pointer._obj.value = value
+
+    def camera_start_acquisition(self) -> None:
+        self.begun_s, self.taken = self.clock.now_s(), -1
+
+    def stream_try_pop_buffer(self, stream: int) -> int:
+        """Frames are taken in their order; this library holds one, the newest."""
+        newest = int((self.clock.now_s() - self.begun_s) / INTERVAL_S) - 1
+        if self.silent or newest <= self.taken:
+            return 0
+        self.lent += 1
+        self.taken = newest if newest - self.taken > 3 else self.taken + 1
+        return 100 + self.taken
+
+    def stream_timeout_pop_buffer(self, stream: int, timeout_us: int) -> int:
+        if self.waiting:
+            return self.waiting.pop(0)
+        end_s = self.clock.now_s() + timeout_us * 1e-6
+        while self.clock.now_s() < end_s:
+            buffer = self.stream_try_pop_buffer(stream)
+            if buffer:
+                return buffer
+            self.clock.sleep(INTERVAL_S / 8)
+        return 0
+
+    def stream_push_buffer(self, stream: int, buffer: int) -> None:
+        self.lent -= 1
+
+    def buffer_get_frame_id(self, buffer: int) -> int:
+        return (buffer - 100 + self.first_id - 1) % 65535 + 1
+
+    def buffer_get_system_timestamp(self, buffer: int) -> int:
+        if buffer in self.dated:
+            return self.dated[buffer]
+        at_s = self.begun_s + (buffer - 100) * INTERVAL_S
+        return round((self.clock.utc().timestamp() - self.clock.now_s() + at_s) * 1e9)
+
+    def buffer_get_status(self, buffer: int) -> int:
+        return self.status.get(buffer - 100, 0)
+
+    def buffer_get_data(self, buffer: int, size: Any) -> int:
+        size._obj.value = self.pixels.nbytes
+        self.pixels[:] = (buffer - 100) % 2**16
+        return int(self.pixels.ctypes.data)
+
+    def buffer_get_image_width(self, buffer: int) -> int:
+        return self.size[0]
+
+    def buffer_get_image_height(self, buffer: int) -> int:
+        return self.size[1]
+
+    def __getattr__(self, name: str) -> Any:
+        setting = name.removeprefix("camera_set_")
+        if setting in ("frame_rate", "exposure_time", "gain"):
+            return lambda value: self.values.__setitem__(setting, self.keeps.get(setting, value))
+        setting = name.removeprefix("camera_get_")
+        if setting in ("frame_rate", "exposure_time", "gain"):
+            return lambda: self.values.get(setting, 3.0)
+        if name == "camera_get_payload":
+            return lambda: WIDTH * HEIGHT * 2
+        known = ("clear_triggers", "set_acquisition_mode", "stop_acquisition", "new_allocate")
+        if name.endswith(known):
+            return lambda *_: 1
+        raise AttributeError(name)

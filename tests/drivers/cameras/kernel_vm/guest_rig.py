@@ -1,0 +1,135 @@
+"""Whole runs in real time with two of the kernel's cameras, in the virtual machine (`test_kernel_cameras`).
+
+The stage is a simulated one behind a pseudo-terminal: what `rig simulate` serves.
+"""
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from rig.commands.verify import verify_run
+from rig.devices import Rig, open_rig
+from rig.recorder import StepRecord
+from rig.rigfile import RigFile
+from rig.run import run_protocol
+from simulators.rig.simulation import Simulation
+from tests.drivers.cameras.kernel_vm.guest import left_open, turn
+
+TABLES = {
+    "rig": {"name": "rotation rig with the kernel's cameras"},
+    "simulation": {"driver": "virtual-rig"},
+    "stage": {"driver": "zaber-ascii", "port": "@stage", "angle_min_deg": -5.0, "angle_max_deg": 365.0},
+}
+CAMERA = """
+[cameras.{name}]
+driver = "v4l2"
+device = "/dev/video{number}"
+width_px = 320
+height_px = 180
+rate_hz = 30.0
+controls = {{ timestamp_source = 1 }}
+"""
+PROTOCOL = """
+kind = "rotation"
+title = "Three images of a turn by two degrees"
+
+[sample]
+name = "test pattern"
+thickness_mm = 1.0
+width_mm = 25.0
+gauge_length_mm = 25.0
+
+[rotation]
+increment_deg = 1.0
+total_deg = 2.0
+
+[settle]
+angle_tolerance_deg = 0.01
+dwell_s = 0.1
+timeout_s = 60.0
+poll_s = 0.05
+
+[grid]
+lines_x = 21
+lines_y = 21
+pitch_mm = 0.5
+
+[images]
+per_step = 2
+timeout_s = 10.0
+"""
+CAMERAS = ("left", "right")
+PER_STEP = 2
+
+
+@pytest.fixture
+def simulation() -> Iterator[Simulation]:
+    simulation = Simulation(TABLES, "rig.toml", None)
+    yield simulation
+    simulation.close()
+    assert left_open() == []
+
+
+@pytest.fixture
+def files(simulation: Simulation, tmp_path: Path) -> tuple[Path, Path, Path]:
+    """Protocol, rig file, and the run file to be."""
+    protocol, rig_file = tmp_path / "protocol.toml", tmp_path / "rig.toml"
+    protocol.write_text(PROTOCOL)
+    cameras = [CAMERA.format(name=name, number=number) for number, name in enumerate(CAMERAS)]
+    rig_file.write_text(simulation.rig_file() + "".join(cameras))
+    return protocol, rig_file, tmp_path / "run.h5"
+
+
+STEPS = ("grid", "reference", "rotation", "rotation")
+"""The grid's image, the reference at 0 degrees, and two turns by one degree."""
+
+
+def test_a_run_logs_fresh_images_of_both_cameras(files: tuple[Path, Path, Path]) -> None:
+    outcome = run_protocol(*files)
+    assert (outcome.status, outcome.reason) == ("completed", "")
+    verification = verify_run(files[2])
+    assert verification.problems == []
+    with h5py.File(files[2]) as run:
+        steps = run["entry/steps"]
+        assert [kind.decode() for kind in steps["kind"][:]] == list(STEPS)
+        np.testing.assert_allclose(steps["angle_deg"][2:], [1.0, 2.0], atol=0.01)
+        for name in CAMERAS:
+            camera = run["entry/instrument"][name]
+            assert camera.attrs["vendor"] == "vivid"
+            assert verification.cameras[name].in_steps == len(STEPS) * PER_STEP == len(camera["data"])
+            assert (np.diff(camera["sequence"][:]) > 0).all()
+            # settled first, exposed then: on the kernel's own stamps
+            assert (camera["exposed_s"][:] >= steps["time_s"][:][camera["step"][:]]).all()
+            assert np.ptp(camera["data"][0]) > 100
+    print(f"run with the kernel's cameras: {len(STEPS)} steps, {len(CAMERAS)} cameras")
+
+
+def test_a_camera_that_is_pulled_out_ends_the_run_in_its_safe_state(
+    files: tuple[Path, Path, Path], simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rigs: list[Rig] = []
+
+    @contextlib.contextmanager
+    def opening(rig_file: RigFile) -> Iterator[Rig]:
+        with open_rig(rig_file) as rig:
+            rigs.append(rig)
+            yield rig
+
+    def pull_out(record: StepRecord) -> None:
+        if record.step.kind == "reference":
+            turn("Disconnect", camera=rigs[0].cameras["right"])  # type: ignore[arg-type]
+
+    monkeypatch.setattr("rig.run.open_rig", opening)
+    outcome = run_protocol(*files, on_step=pull_out)
+    assert (outcome.status, outcome.unsafe) == ("failed", ())
+    assert "cameras.right (/dev/video1)" in outcome.reason
+    assert "unplugged camera (ENODEV)" in outcome.reason
+    assert not simulation.rig.stage.moving
+    verification = verify_run(files[2])
+    assert (verification.status, verification.reason) == ("failed", outcome.reason)
+    for check in verification.cameras.values():
+        assert (check.in_steps, check.damaged) == (2 * PER_STEP, [])

@@ -1,0 +1,36 @@
+"""The camera driver against the real kernel: boots a virtual machine and runs `guest_*.py` in it."""
+
+import platform
+import sys
+
+import pytest
+
+from tests.drivers.cameras.kernel_vm import machine
+
+BOOTS = {
+    "vivid": {
+        "guest_vivid.py": "fresh frame at 30 Hz",
+        "guest_rig.py": "run with the kernel's cameras",
+        "guest_contract.py": "PASSED tests/drivers/cameras/kernel_vm/guest_contract.py",
+    },
+    "uvc": {"guest_uvc.py": "USB camera, fresh frame at 30 Hz"},
+}
+"""What runs in the machine, and what each part must have printed."""
+
+
+@pytest.mark.parametrize("cameras", BOOTS)
+def test_the_driver_on_the_kernels_own_cameras(cameras: str) -> None:
+    if platform.machine() != "x86_64":
+        pytest.skip(
+            f"the virtual machine runs this Python, which must be of x86_64, not {platform.machine()}"
+        )
+    try:
+        machine.prepare()
+    except machine.CannotRunError as reason:
+        pytest.skip(str(reason))
+    guests = [f"tests/drivers/cameras/kernel_vm/{name}" for name in BOOTS[cameras]]
+    options = ["-p", "no:cacheprovider", "-q", "-s", "-rA", "--tb=short", "-o", "faulthandler_timeout=120"]
+    status, said = machine.run([sys.executable, "-m", "pytest", *options, *guests])
+    print(said)
+    assert status == 0, said
+    assert [line for line in BOOTS[cameras].values() if line not in said] == []

@@ -1,0 +1,121 @@
+"""Every camera driver of ours keeps the contract; on cameras by others it does so in `guest_contract.py`."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from drivers.clock import VirtualClock
+from drivers.interfaces import Camera, Frame, OpenContext
+from drivers.testing import CameraBench, CameraContract
+from simulators.rig.camera import CameraSettings, SimulatedCamera
+from simulators.rig.scene_client import CAMERA as REMOTE
+from simulators.rig.scene_wire import SceneServer
+from simulators.scene.scene import Misalignment, Scene
+from simulators.scene.specimen import Specimen, SpecimenSettings
+from simulators.wire.faults import CAMERA, FaultPanel
+from tests.drivers.cameras import fake_aravis, fake_opencv
+from tests.fault_matrix.camera_benches import AravisBench, NumberedBench, OpencvBench, V4l2Bench
+
+NAME = "cameras.left"
+SMALL = CameraSettings(width_px=48, height_px=32, bits=12, exposure_us=8000.0, gain=1.5)
+
+
+def bench_of(
+    open_camera: Callable[[], Camera], clock: VirtualClock, faults: FaultPanel, **rest: Any
+) -> CameraBench:
+    return CameraBench(
+        open_camera(),
+        clock,
+        NAME,
+        reopen=open_camera,
+        stall=lambda: faults.switch_on("stall"),
+        go_on=faults.clear,
+        lose=lambda: faults.switch_on("drop:1"),
+        **rest,
+    )
+
+
+def simulated(end: ExitStack, name: str = NAME) -> CameraBench:
+    clock, faults = VirtualClock(), FaultPanel(CAMERA)
+    specimen = Specimen(SpecimenSettings())
+    scene = Scene(
+        seed=1,
+        misalignment=Misalignment(),
+        specimen=specimen,
+        angle_deg=lambda: 0.0,
+        load_n=lambda: specimen.stretch_to(0.0),
+    )
+    clock.sleep(100.0)
+    return bench_of(
+        lambda: SimulatedCamera(name, SMALL, scene, clock, faults),
+        clock,
+        faults,
+        interval_s=(SMALL.exposure_us + SMALL.readout_us) * 1e-6,
+        exposure_us=SMALL.exposure_us,
+        gain=SMALL.gain,
+    )
+
+
+def remote(end: ExitStack) -> CameraBench:
+    there = simulated(end, "cameras.other")
+    server = SceneServer({"other": there.camera}, None, lambda *_: None)
+    end.callback(server.close)
+    settings = REMOTE.settings(address=server.address, camera="other")
+
+    def opened() -> Camera:
+        return REMOTE.open(settings, OpenContext(NAME, there.clock))
+
+    return replace(there, camera=opened(), reopen=opened)
+
+
+def behind_a_seam(bench: NumberedBench, interval_s: float, **told: float) -> CameraBench:
+    def shows(frame: Frame) -> float:
+        assert frame.image.min() == frame.image.max()
+        return bench.begun_s(int(frame.image[0, 0]))
+
+    return bench_of(
+        lambda: bench.opened(OpenContext(NAME, bench.clock)),
+        bench.clock,
+        bench.faults,
+        interval_s=interval_s,
+        shows=shows,
+        held=lambda: sum(bench.left_behind().values()),
+        **told,
+    )
+
+
+def v4l2(end: ExitStack) -> CameraBench:
+    bench = V4l2Bench()
+    return behind_a_seam(bench, bench.camera.interval_s, exposure_us=10_000.0, gain=20.0)
+
+
+def aravis(end: ExitStack) -> CameraBench:
+    return behind_a_seam(AravisBench(), fake_aravis.INTERVAL_S, exposure_us=5000.0, gain=3.0)
+
+
+def opencv(end: ExitStack) -> CameraBench:
+    bench = behind_a_seam(OpencvBench(), fake_opencv.INTERVAL_S, tolerance_s=2 * fake_opencv.INTERVAL_S)
+    # OpenCV itself waits ten seconds for a camera that gives nothing, and then calls it lost
+    return replace(bench, stall=None, go_on=None)
+
+
+DRIVERS = {
+    "simulated-camera": simulated,
+    "remote-camera": remote,
+    "v4l2": v4l2,
+    "aravis": aravis,
+    "opencv-camera": opencv,
+}
+
+
+@pytest.mark.parametrize("driver", DRIVERS)
+class TestCameras(CameraContract):
+    @pytest.fixture
+    def bench(self, driver: str) -> Iterator[CameraBench]:
+        with ExitStack() as end:
+            bench = DRIVERS[driver](end)
+            with closing(bench.camera):
+                yield bench

@@ -1,0 +1,37 @@
+"""A simulated load frame, the port it answers on, and the driver that is tested on it."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from drivers.clock import VirtualClock
+from drivers.interfaces import OpenContext
+from drivers.load_frames.modbus.load_frame import ModbusLoadFrame, open_frame
+from simulators.load_frame.device import LoadFrameDevice
+from tests.drivers.load_frames.modbus.watched_port import Port, Spring, settings
+
+
+@pytest.fixture
+def spring() -> Spring:
+    return Spring()
+
+
+@pytest.fixture
+def device(clock: VirtualClock, spring: Spring) -> LoadFrameDevice:
+    return LoadFrameDevice(clock, spring)
+
+
+@pytest.fixture
+def port(device: LoadFrameDevice) -> Iterator[Port]:
+    server = Port(device)
+    yield server
+    server.close()
+    server.close()
+
+
+@pytest.fixture
+def frame(port: Port, context: OpenContext) -> Iterator[ModbusLoadFrame]:
+    opened = open_frame(settings(port.address), context)
+    yield opened
+    opened.close()
+    opened.close()

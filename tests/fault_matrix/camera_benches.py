@@ -1,0 +1,285 @@
+"""Every camera driver with a faulty camera behind it, for `tests.fault_matrix.matrix`.
+
+The real drivers' cameras stand behind the seams of their own tests: the kernel's calls, Aravis' library,
+OpenCV's capture. Each picture shows its number, so that what a driver says of it can be judged.
+"""
+
+from abc import abstractmethod
+from typing import Any
+
+from drivers.cameras.aravis.camera import AravisCamera
+from drivers.cameras.aravis.settings import AravisSettings
+from drivers.cameras.opencv.camera import OpencvCamera, OpencvCameraSettings
+from drivers.cameras.stream import FrameStream
+from drivers.cameras.v4l2.camera import open_camera as open_v4l2
+from drivers.cameras.v4l2.settings import V4l2Settings
+from drivers.errors import LinkLost
+from drivers.interfaces import Frame, OpenContext
+from rig.engine.imaging import take_image
+from simulators.rig.camera import SPEC
+from simulators.rig.virtual_rig import VirtualRig, VirtualRigSettings
+from simulators.wire.faults import CAMERA, FaultPanel
+from tests.drivers.cameras import fake_aravis, fake_kernel, fake_opencv
+from tests.fault_matrix.bench import Bench, ReportedFault, UnprovenError, WrongAnswerError
+from tests.fault_matrix.faulty_cameras import (
+    LEVELS,
+    FaultyCapture,
+    FaultyKernelCamera,
+    FaultyLibrary,
+    GatedClock,
+)
+
+IMAGE_S = 1.5
+SERIES_S = 2.5
+"""How long a stream is looked at: beyond the silence after which a camera counts as stalled."""
+LEAST_FRAMES = 40
+"""So many frames such a time has at least, by all cameras here."""
+STREAM_CAPACITY = 1000
+TINY_S = 1e-6
+
+
+class CameraBench(Bench):
+    """A camera whose images are judged as a run judges them."""
+
+    talks_on_opening = False
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.uses = {"image": self._image}
+        self.ways_back = {"": lambda: None, "open": self.open}
+
+    def prepare(self) -> None:
+        """Take a first image."""
+        self._image()
+
+    def works(self) -> None:
+        """Take an image."""
+        self._image()
+
+    def _image(self) -> None:
+        asked_s = self.clock.now_s()
+        frame = take_image(
+            "one", self.driver, timeout_s=IMAGE_S, clock=self.clock, step="step 1", warn=lambda _: None
+        )
+        self.judge(frame, asked_s)
+
+    @abstractmethod
+    def judge(self, frame: Frame, asked_s: float) -> None:
+        """Raise `WrongAnswerError` if a frame asked for then is not what the driver says of it."""
+
+
+class NumberedBench(CameraBench):
+    """A camera behind a seam, whose pictures know when they were taken.
+
+    Attributes
+    ----------
+    proves : bool
+        Whether the driver says that its frames are whole and fresh.
+    """
+
+    proves = True
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.clock = GatedClock()
+        self.clock.sleep(100.0)
+        self.faults = FaultPanel(CAMERA)
+
+    def judge(self, frame: Frame, asked_s: float) -> None:
+        """Look at the picture: whole, and begun when the driver says."""
+        if frame.image.min() != frame.image.max():
+            raise self._wrong("half a picture called a whole one")
+        begun_s = self.begun_s(int(frame.image[0, 0]))
+        if begun_s < asked_s - TINY_S:
+            raise self._wrong(f"asked at {asked_s:.3f} s, got a picture begun at {begun_s:.3f} s")
+
+    def _wrong(self, what: str) -> Exception:
+        return WrongAnswerError(what) if self.proves else UnprovenError(what)
+
+    @abstractmethod
+    def begun_s(self, level: int) -> float:
+        """Return when the exposure of the last picture of that grey level truly began."""
+
+
+class StreamBench(NumberedBench):
+    """A camera's stream, in which nothing may be missing without being told."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._frames: FrameStream | None = None
+        self._there = False
+        self._taken = self._told = 0
+        self._numbers: list[int] = []
+        self.uses = {"stream": self._series}
+
+    def prepare(self) -> None:
+        """Begin a stream, and take its first frames."""
+        self._close_stream()
+        self.clock.hold()
+        self._frames = self.driver.stream(STREAM_CAPACITY)
+        self._there, self._taken, self._told, self._numbers = True, 0, 0, []
+        self._series()
+
+    def works(self) -> None:
+        """Stream without a loss; a stream that ended begins anew."""
+        if not self._there:
+            self.prepare()
+        self._series()
+
+    def shut(self) -> None:
+        """Close stream and driver."""
+        self._close_stream()
+        super().shut()
+
+    def _close_stream(self) -> None:
+        self.clock.release()
+        if self._frames is not None:
+            self._frames.close()
+        self._frames, self._there = None, False
+
+    def _series(self) -> None:
+        frames, begun_s = self._frames, self.clock.now_s()
+        assert frames is not None
+        self._there = self.clock.let_pass(SERIES_S)
+        report = frames.report()
+        fresh = [frames.next(0.0) for _ in range(report.taken - self._taken)]
+        for frame in fresh:
+            self.judge(frame, begun_s - SERIES_S)
+        self._numbers += [frame.sequence for frame in fresh]
+        pairs = zip(self._numbers, self._numbers[1:], strict=False)
+        missing = sum(after - before - 1 for before, after in pairs)
+        if missing > report.lost:
+            raise WrongAnswerError(f"{missing} frames missing, {report.lost} reported")
+        new = report.losses[self._told :]
+        self._taken, self._told = report.taken, len(report.losses)
+        if not self._there:
+            frames.next(0.0)  # raises what ended it
+        if new:
+            raise ReportedFault(tuple(loss.kind.name for loss in new))
+        if len(fresh) < LEAST_FRAMES:
+            raise WrongAnswerError(f"{len(fresh)} frames in {SERIES_S:g} s, and no loss")
+
+
+class V4l2Bench(NumberedBench):
+    """`v4l2` on the kernel's calls."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.camera = FaultyKernelCamera(self.clock)
+        self.camera.strike(self.faults)
+
+    def opened(self, context: OpenContext) -> Any:
+        """Return the driver, opened."""
+        settings = V4l2Settings(
+            device="serial:A17",
+            format="Y12",
+            width_px=32,
+            height_px=20,
+            rate_hz=32.0,
+            exposure_us=10_000.0,
+            transfer_us=0.0,
+        )
+        return open_v4l2(settings, context, fake_kernel.FakeSystem([self.camera]))
+
+    def begun_s(self, level: int) -> float:
+        """Return when the exposure of the last picture of that grey level began."""
+        return self.camera.begun[level]
+
+    def left_behind(self) -> dict[str, int]:
+        """Return what the kernel still holds for the driver."""
+        return {"nodes": self.camera.open_nodes, "buffers": self.camera.mapped}
+
+
+class AravisBench(NumberedBench):
+    """`aravis` on the library's calls."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._library = FaultyLibrary(self.clock, self.faults)
+
+    def opened(self, context: OpenContext) -> Any:
+        """Return the driver, opened."""
+        settings = AravisSettings(
+            camera="G1",
+            format="Mono16",  # a stream in virtual time soon shows a number beyond 12 bits
+            width_px=fake_aravis.WIDTH,
+            height_px=fake_aravis.HEIGHT,
+            rate_hz=1 / fake_aravis.INTERVAL_S,
+            exposure_us=5000.0,
+        )
+        return AravisCamera(settings, context, self._library)  # type: ignore[arg-type]
+
+    def begun_s(self, level: int) -> float:
+        """Return when the exposure of the picture of that grey level began."""
+        return self._library.begun_s + level * fake_aravis.INTERVAL_S
+
+    def left_behind(self) -> dict[str, int]:
+        """Return what the library still holds for the driver."""
+        return {"objects": self._library.held}
+
+
+class OpencvBench(NumberedBench):
+    """`opencv-camera`, which says itself that it proves nothing."""
+
+    proves = False
+
+    def opened(self, context: OpenContext) -> Any:
+        """Return the driver, opened."""
+        settings = OpencvCameraSettings(
+            source=0, width_px=32, height_px=20, rate_hz=1 / fake_opencv.INTERVAL_S, channel="green"
+        )
+        if "unplug" in self.faults.active:
+            raise LinkLost(context.name, "open camera", expected="a camera", got="none", remedy="plug it in")
+        self._capture = FaultyCapture(self.clock, self.faults)
+        return OpencvCamera(settings, context, self._capture)
+
+    def begun_s(self, level: int) -> float:
+        """Return when the exposure of the last picture of that grey level began."""
+        shown = self._capture.shown  # it goes on while another thread grabs
+        return (shown - (shown - level) % LEVELS) * fake_opencv.INTERVAL_S
+
+    def left_behind(self) -> dict[str, int]:
+        """Return what OpenCV still holds for the driver."""
+        return {"captures": int(not self._capture.released)}
+
+
+class V4l2StreamBench(StreamBench, V4l2Bench):
+    """`v4l2`, streaming."""
+
+
+class AravisStreamBench(StreamBench, AravisBench):
+    """`aravis`, streaming."""
+
+
+class SimulatedCameraBench(CameraBench):
+    """The simulated camera, whose frames are numbered one by one."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._rig = VirtualRig(VirtualRigSettings())
+        self.clock = self._rig.clock
+        self.faults = self._rig.faults[CAMERA]
+        self._sequence: int | None = None
+
+    def opened(self, context: OpenContext) -> Any:
+        """Return the driver, opened."""
+        self._sequence = None
+        settings = SPEC.settings(width_px=32, height_px=32)
+        return SPEC.open(settings, OpenContext("cameras.one", self.clock, self._rig))
+
+    def works(self) -> None:
+        """Take two images."""
+        self._sequence = None
+        self._image()
+        self._image()
+
+    def close(self) -> None:
+        """Close driver and rig."""
+        self.shut()
+        self._rig.close()
+
+    def judge(self, frame: Frame, asked_s: float) -> None:
+        """Look at its number: the camera's own noise hides which picture it is."""
+        before, self._sequence = self._sequence, frame.sequence
+        if before is not None and frame.sequence != before + 1:
+            raise ReportedFault((f"{frame.sequence - before - 1} frame lost",))

@@ -1,0 +1,273 @@
+"""Every fault on every driver: what each call ends in, and what it takes to go on once the fault is gone.
+
+python -m tests.fault_matrix.matrix            prints the table
+python -m tests.fault_matrix.matrix --write    writes it into docs/fault-matrix.md
+"""
+
+import multiprocessing
+import sys
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
+from simulators.wire.faults import CAMERA, FAULTS, Fault
+from tests.fault_matrix.bench import Bench, ReportedFault, UnprovenError, WrongAnswerError, short_patience
+from tests.fault_matrix.columns import COLUMNS, Column
+from tests.places import DOCS
+
+DOCUMENT = DOCS / "fault-matrix.md"
+HEADING = "## The tables\n"
+IN_MOTION = {"reset", "stall", "limit", "e-stop", "broken-specimen", "frozen-counter"}
+"""Faults that strike while the device moves; the others while it stands."""
+_TALK = {"read", "move", "open"}
+MUST_FAIL = {
+    "lose-request": {*_TALK, "stop"},
+    "drop": {*_TALK, "stop", "image", "stream"},
+    "drop:1": {"stream"},
+    "corrupt": {*_TALK, "stop", "image", "stream"},
+    "corrupt:1": {"stream"},
+    "stale": {*_TALK, "image", "stream"},
+    "stale:1": {"stream"},
+    "late": _TALK,
+    "wrong-unit": _TALK,
+    "exception:6": {*_TALK, "stop"},
+    "reject:STATUSBUSY": {*_TALK, "stop"},
+    "error:115": {"move", "open"},
+    "unplug": {*_TALK, "stop", "image", "stream"},
+    "reset": {"read", "move"},
+    "stall": {"read", "image", "stream"},
+    "limit": {"read"},
+    "e-stop": {"read", "move"},
+    "nan-load": _TALK,
+    "frozen-counter": {"read", "move"},
+    "watchdog-off": {"move", "open"},
+}
+"""What no driver may call good under which fault. What else is tried may succeed, if it is true."""
+MUST_WORK = {"split:1", "split", "delay", "duplicate:1", "duplicate"}
+"""Faults that a driver bears: nothing is lost and nothing is late."""
+AT_A_TIME = 7
+DEADLINE_S = 5.0
+"""A call that takes longer hangs: the longest are a few reply times, or the patience of a stop."""
+SIGNS = {DeviceTimeout: "T", LinkLost: "L", DeviceFault: "F", DeviceError: "E"}
+
+
+@dataclass
+class Cell:
+    """What happened in one cell.
+
+    Attributes
+    ----------
+    outcomes : dict of str to str
+        For each use: ``ok``, T, L or F for the kind of error, or S for a fault told in a good reading.
+    messages : dict of str to str
+        What was said.
+    way_back : str
+        What had to be done to go on; empty for nothing.
+    broken : list of str
+        Promises that were not kept.
+    """
+
+    outcomes: dict[str, str] = field(default_factory=dict)
+    messages: dict[str, str] = field(default_factory=dict)
+    way_back: str = ""
+    broken: list[str] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        told = ", ".join(f"{use} {outcome}" for use, outcome in self.outcomes.items()).replace("ok", "✓")
+        return f"{told} → {self.way_back or 'goes on'}"
+
+
+def forms(fault: Fault) -> list[str]:
+    """Return how a fault is tried: once and lasting, and a delay below and beyond the deadline."""
+    if fault.name == "delay":
+        return ["delay", "delay:0.5:1"]
+    if not fault.counted:
+        return [fault.name]
+    value = f":{fault.default}" if fault.value else ""
+    return [f"{fault.name}{value}:1", f"{fault.name}{value}"]
+
+
+def rows(device: str) -> list[str]:
+    """Return all faults, as they are tried, of a kind of device."""
+    return [form for fault in FAULTS.values() if device in fault.devices for form in forms(fault)]
+
+
+def try_cell(column: Column, form: str) -> Cell:
+    """Let a fault strike a driver, use it, take the fault away, and find the way back."""
+    threads, descriptors = set(threading.enumerate()), _descriptors()
+    cell, bench = Cell(), column.make()
+    try:
+        bench.open()
+        bench.prepare()
+        name = form.partition(":")[0]
+        if name in IN_MOTION:
+            bench.set_in_motion()
+        bench.faults.switch_on(form)
+        for use, call in bench.uses.items():
+            _use(cell, use, call)
+        bench.faults.clear()
+        _find_way_back(cell, bench)
+        if not form.endswith(":1") and name not in IN_MOTION and (bench.talks_on_opening or name == "unplug"):
+            bench.faults.switch_on(form)
+            _use(cell, "open", bench.open)
+            bench.faults.clear()
+            _use(Cell(broken=cell.broken), "open again", bench.open)
+        cell.broken += _unfounded(cell, form)
+        if twice := bench.executed_twice():
+            cell.broken.append(f"executed twice: {', '.join(twice)}")
+    finally:
+        bench.close()
+    cell.broken += [f"{held} {what} left" for what, held in bench.left_behind().items() if held]
+    if left := [thread.name for thread in threading.enumerate() if thread not in threads]:
+        cell.broken.append(f"threads left: {', '.join(left)}")
+    if left := sorted(_descriptors() - descriptors):
+        cell.broken.append(f"descriptors left: {', '.join(left)}")
+    return cell
+
+
+def _use(cell: Cell, use: str, call: Callable[[], object]) -> None:
+    start_s = time.monotonic()
+    try:
+        call()
+        cell.outcomes[use] = "ok"
+    except ReportedFault as reported:
+        cell.outcomes[use], cell.messages[use] = "S", str(reported)
+    except UnprovenError as wrong:
+        cell.outcomes[use], cell.messages[use] = "✗", str(wrong)
+    except WrongAnswerError as wrong:
+        cell.outcomes[use] = "WRONG"
+        cell.broken.append(f"{use}: {wrong}")
+    except DeviceError as error:
+        kind = next(kind for kind in SIGNS if isinstance(error, kind))
+        cell.outcomes[use], cell.messages[use] = SIGNS[kind], str(error)
+        cell.broken += [f"{use}: {mistake}" for mistake in _mistakes(error, use)]
+    except Exception as error:
+        cell.outcomes[use] = "CRASH"
+        cell.broken.append(f"{use}: {type(error).__name__}: {error}")
+    if (took_s := time.monotonic() - start_s) > DEADLINE_S:
+        cell.broken.append(f"{use}: took {took_s:.1f} s")
+
+
+def _mistakes(error: DeviceError, use: str) -> list[str]:
+    """What an error does not say."""
+    unsaid = [part for part in ("device", "step", "expected", "got", "remedy") if not getattr(error, part)]
+    if use == "stop" and "emergency stop" not in error.remedy:
+        unsaid.append("the emergency stop")
+    return [f"does not name {part}" for part in unsaid]
+
+
+def _unfounded(cell: Cell, form: str) -> list[str]:
+    """What was called good and cannot be, or failed and need not."""
+    mistakes = [
+        f"{use}: succeeded all the same" for use in MUST_FAIL.get(form, ()) if cell.outcomes.get(use) == "ok"
+    ]
+    if form in MUST_WORK:
+        mistakes += [f"{use}: {outcome}" for use, outcome in cell.outcomes.items() if outcome != "ok"]
+    if form.endswith(":1") and cell.outcomes.get("stop", "ok") != "ok":
+        mistakes.append("a single fault kept it from stopping")
+    return mistakes
+
+
+def _find_way_back(cell: Cell, bench: Bench) -> None:
+    failures = []
+    for way, go in bench.ways_back.items():
+        try:
+            go()
+            bench.works()
+        except (DeviceError, ReportedFault) as error:
+            failures.append(f"{way or 'goes on'}: {error}")
+        except WrongAnswerError as error:
+            cell.broken.append(f"after {way or 'nothing'}: {error}")
+        else:
+            cell.way_back = way
+            return
+    cell.broken.append(f"no way back: {'; '.join(failures)}")
+
+
+def try_column(column: Column) -> dict[str, Cell]:
+    """Try every fault on one driver."""
+    with short_patience():
+        return {form: try_cell(column, form) for form in rows(column.device)}
+
+
+def try_all() -> dict[str, dict[str, Cell]]:
+    """Try every fault on every driver, some drivers at a time: most of it is waiting for answers."""
+    with ProcessPoolExecutor(AT_A_TIME, multiprocessing.get_context("spawn")) as pool:
+        found = pool.map(_try_column, range(len(COLUMNS)))
+        return {column.name: cells for column, cells in zip(COLUMNS, found, strict=True)}
+
+
+def _try_column(place: int) -> dict[str, Cell]:
+    return try_column(COLUMNS[place])
+
+
+def _descriptors() -> set[str]:
+    names = set()
+    for link in Path("/proc/self/fd").iterdir():
+        try:
+            names.add(str(link.readlink()))
+        except FileNotFoundError:
+            continue
+    return {name for name in names if name.startswith(("socket:", "pipe:", "/dev/pts", "/dev/ptmx"))}
+
+
+def table(columns: dict[str, dict[str, str]]) -> str:
+    """Return a Markdown table with a row for each fault that any of the columns has."""
+    names = list(columns)
+    forms_of_all = list(dict.fromkeys(form for fault in FAULTS.values() for form in forms(fault)))
+    lines = ["| fault | " + " | ".join(names) + " |", "| --- " * (len(names) + 1) + "|"]
+    for form in forms_of_all:
+        cells = [columns[name].get(form, "") for name in names]
+        if any(cells):
+            lines.append(f"| `{form}` | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def tables(found: dict[str, dict[str, Cell]]) -> str:
+    """Return a table of the machines and one of the cameras."""
+    cameras = {column.name for column in COLUMNS if column.device == CAMERA}
+    told = {name: {form: str(cell) for form, cell in cells.items()} for name, cells in found.items()}
+    return "\n\n".join(
+        table({name: cells for name, cells in told.items() if (name in cameras) is wanted})
+        for wanted in (False, True)
+    )
+
+
+def documented() -> dict[str, dict[str, str]]:
+    """Return all columns as docs/fault-matrix.md has them."""
+    _, _, below = DOCUMENT.read_text(encoding="utf-8").partition(HEADING)
+    columns: dict[str, dict[str, str]] = {}
+    for text in below.strip().split("\n\n"):
+        head, _, *lines = (
+            [cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines()
+        )
+        for place, name in enumerate(head[1:], 1):
+            columns[name] = {line[0].strip("`"): line[place] for line in lines if line[place]}
+    return columns
+
+
+def main() -> None:
+    """Try all, and print or write the table."""
+    found = try_all()
+    text = tables(found)
+    if "--write" in sys.argv:
+        before, heading, _ = DOCUMENT.read_text(encoding="utf-8").partition(HEADING)
+        DOCUMENT.write_text(f"{before}{heading}\n{text}\n", "utf-8")
+    else:
+        print(text)
+    for name, cells in found.items():
+        for form, cell in cells.items():
+            for mistake in cell.broken:
+                print(f"{name}: {form}: {mistake}", file=sys.stderr)
+            if "--messages" in sys.argv:
+                for use, message in cell.messages.items():
+                    print(f"{name}: {form}: {use}: {message}", file=sys.stderr)
+    sys.exit(any(cell.broken for cells in found.values() for cell in cells.values()))
+
+
+if __name__ == "__main__":
+    main()

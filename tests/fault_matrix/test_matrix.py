@@ -1,0 +1,34 @@
+"""Every fault of the simulators on every driver; `tests.fault_matrix.matrix` says what must hold in each."""
+
+import pytest
+
+from simulators.wire.faults import DEVICES, FAULTS, names
+from tests.fault_matrix.columns import COLUMNS
+from tests.fault_matrix.matrix import documented, rows, try_all
+
+
+@pytest.fixture(scope="module")
+def cells():
+    """All cells, by column and row."""
+    return try_all()
+
+
+def test_every_fault_is_tried_on_every_device_that_can_have_it():
+    assert {column.device for column in COLUMNS} == set(DEVICES)
+    for column in COLUMNS:
+        assert {form.partition(":")[0] for form in rows(column.device)} == set(names(column.device))
+    assert all(fault.summary and fault.devices for fault in FAULTS.values())
+
+
+def test_every_cell_ends_in_the_right_error_and_as_documented(cells):
+    broken = [
+        f"{name}, {form}: {mistake}"
+        for name, column in cells.items()
+        for form, cell in column.items()
+        for mistake in cell.broken
+    ]
+    assert broken == []
+    # if the change is right: python -m tests.fault_matrix.matrix --write
+    assert documented() == {
+        name: {form: str(cell) for form, cell in column.items()} for name, column in cells.items()
+    }
