@@ -41,7 +41,7 @@ test: lint types laws
 	$(BIN)/pytest -n 2 -m "not long"
 
 test-kernel: $(STAMP)
-	$(BIN)/pytest -rA tests/drivers/cameras/kernel_vm tests/drivers/cameras/gige
+	$(BIN)/pytest -rA tests/real_cameras/kernel_vm tests/real_cameras/gige
 
 test-long: $(STAMP)
 	$(BIN)/pytest -m long

@@ -11,7 +11,7 @@ from drivers.cameras.aravis.library import AravisError
 from drivers.clock import VirtualClock
 
 WIDTH, HEIGHT, INTERVAL_S = 32, 16, 1 / 32
-MISSING_PACKETS = 3  # of ArvBufferStatus; compared with the library's own in tests/drivers/cameras/gige
+MISSING_PACKETS = 3  # of ArvBufferStatus; compared with the library's own in tests/real_cameras/gige
 
 
 class FakeLibrary:

@@ -1,4 +1,4 @@
-"""Finding cameras through Aravis, on a fake library; `tests/drivers/cameras/gige` finds a real camera."""
+"""Finding cameras through Aravis, on a fake library; `tests/real_cameras/gige` finds a real camera."""
 
 import tomllib
 

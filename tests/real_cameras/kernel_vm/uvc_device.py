@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.drivers.cameras.kernel_vm import uvc_descriptors as usb
+from tests.real_cameras.kernel_vm import uvc_descriptors as usb
 
 SUBMIT, UNLINK, SUBMITTED, UNLINKED = 1, 2, 3, 4
 STALL, UNLINKED_STATUS = -32, -104

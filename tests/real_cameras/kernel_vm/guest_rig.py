@@ -17,7 +17,7 @@ from rig.recorder import StepRecord
 from rig.rigfile import RigFile
 from rig.run import run_protocol
 from simulators.rig.simulation import Simulation
-from tests.drivers.cameras.kernel_vm.guest import left_open, turn
+from tests.real_cameras.kernel_vm.guest import left_open, turn
 
 TABLES = {
     "rig": {"name": "rotation rig with the kernel's cameras"},

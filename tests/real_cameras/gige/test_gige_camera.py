@@ -45,7 +45,7 @@ def test_the_driver_on_a_camera_of_another_maker() -> None:
     reason = lacking()
     if reason:
         pytest.skip(reason)
-    guests = "tests/drivers/cameras/gige/guest_aravis.py tests/drivers/cameras/gige/guest_contract.py"
+    guests = "tests/real_cameras/gige/guest_aravis.py tests/real_cameras/gige/guest_contract.py"
     tests = f"{sys.executable} -m pytest -p no:cacheprovider -q -s -rA --tb=short {guests}"
     script = f"PATH=$PATH:/usr/sbin:/sbin; ip link set lo up && exec {tests}"
     done = subprocess.run(
@@ -54,7 +54,7 @@ def test_the_driver_on_a_camera_of_another_maker() -> None:
     print(done.stdout)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "fresh frame at 25 Hz" in done.stdout
-    assert "PASSED tests/drivers/cameras/gige/guest_contract.py" in done.stdout
+    assert "PASSED tests/real_cameras/gige/guest_contract.py" in done.stdout
 
 
 class EnumValue(ctypes.Structure):

@@ -8,7 +8,7 @@ from contextlib import closing
 import pytest
 
 from drivers.testing import CameraBench, CameraContract
-from tests.drivers.cameras.gige.guest_aravis import CLOCK, EXPOSURE_US, RATE_HZ, opened, plugged
+from tests.real_cameras.gige.guest_aravis import CLOCK, EXPOSURE_US, RATE_HZ, opened, plugged
 
 
 @pytest.fixture(scope="module")

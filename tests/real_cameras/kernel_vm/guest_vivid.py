@@ -11,7 +11,7 @@ import pytest
 from drivers.cameras.losses import LossKind
 from drivers.cameras.v4l2.abi import BufferFlag
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
-from tests.drivers.cameras.kernel_vm.guest import AT_START, CLOCK, OPENED, left_open, opened, turn, watched
+from tests.real_cameras.kernel_vm.guest import AT_START, CLOCK, OPENED, left_open, opened, turn, watched
 
 BLACK, WHITE = 5, 6  # of vivid's menu of test patterns
 NO_TEXT = 2

@@ -6,7 +6,7 @@ from contextlib import closing
 import pytest
 
 from drivers.testing import CameraBench, CameraContract
-from tests.drivers.cameras.kernel_vm.guest import CLOCK, left_open, opened, turn
+from tests.real_cameras.kernel_vm.guest import CLOCK, left_open, opened, turn
 
 RATE_HZ = 60.0
 GAIN = 42

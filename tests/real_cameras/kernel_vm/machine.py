@@ -1,6 +1,6 @@
 """A small virtual machine with Debian's own kernel and its virtual cameras, for tests of the camera driver.
 
-    python -m tests.drivers.cameras.kernel_vm.machine COMMAND…
+    python -m tests.real_cameras.kernel_vm.machine COMMAND…
 
 runs COMMAND in it, with this machine's files to read (what is written there is forgotten) and this folder
 as the working one, and returns its status. Kernel and modules are fetched once and kept in

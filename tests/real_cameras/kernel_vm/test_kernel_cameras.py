@@ -5,13 +5,13 @@ import sys
 
 import pytest
 
-from tests.drivers.cameras.kernel_vm import machine
+from tests.real_cameras.kernel_vm import machine
 
 BOOTS = {
     "vivid": {
         "guest_vivid.py": "fresh frame at 30 Hz",
         "guest_rig.py": "run with the kernel's cameras",
-        "guest_contract.py": "PASSED tests/drivers/cameras/kernel_vm/guest_contract.py",
+        "guest_contract.py": "PASSED tests/real_cameras/kernel_vm/guest_contract.py",
     },
     "uvc": {"guest_uvc.py": "USB camera, fresh frame at 30 Hz"},
 }
@@ -28,7 +28,7 @@ def test_the_driver_on_the_kernels_own_cameras(cameras: str) -> None:
         machine.prepare()
     except machine.CannotRunError as reason:
         pytest.skip(str(reason))
-    guests = [f"tests/drivers/cameras/kernel_vm/{name}" for name in BOOTS[cameras]]
+    guests = [f"tests/real_cameras/kernel_vm/{name}" for name in BOOTS[cameras]]
     options = ["-p", "no:cacheprovider", "-q", "-s", "-rA", "--tb=short", "-o", "faulthandler_timeout=120"]
     status, said = machine.run([sys.executable, "-m", "pytest", *options, *guests])
     print(said)

@@ -17,9 +17,9 @@ from drivers.cameras.losses import IN_A_ROW, LossKind
 from drivers.cameras.v4l2.camera import V4l2Camera
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import Frame
-from tests.drivers.cameras.kernel_vm.guest import CLOCK, OPENED, left_open, opened, turn
-from tests.drivers.cameras.kernel_vm.uvc_descriptors import SERIAL
-from tests.drivers.cameras.kernel_vm.uvc_device import NUMBER_BITS, TIME_BITS
+from tests.real_cameras.kernel_vm.guest import CLOCK, OPENED, left_open, opened, turn
+from tests.real_cameras.kernel_vm.uvc_descriptors import SERIAL
+from tests.real_cameras.kernel_vm.uvc_device import NUMBER_BITS, TIME_BITS
 
 EXPOSURE_US = 8000.0
 PATIENCE_S = 40.0
@@ -30,7 +30,7 @@ class UsbCamera:
 
     def __init__(self, port: int = 0) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "tests.drivers.cameras.kernel_vm.uvc_device", str(port)],
+            [sys.executable, "-m", "tests.real_cameras.kernel_vm.uvc_device", str(port)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
