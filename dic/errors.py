@@ -16,23 +16,14 @@ class MeasurementError(Exception):
         What to do about it.
     """
 
-    def __init__(self, source: str, step: str, *, expected: str, got: str, remedy: str) -> None:
-        self.source = source
-        self.step = step
-        self.expected = expected
-        self.got = got
-        self.remedy = remedy
-        super().__init__(f"{source}: {step}: expected {expected}, got {got}; {remedy}")
+    def __init__(self, source: str, step: str, expected: str, got: str, remedy: str) -> None:
+        # The arguments are kept as they are, so that an error survives the way back from another process.
+        super().__init__(source, step, expected, got, remedy)
+        self.source, self.step = source, step
+        self.expected, self.got, self.remedy = expected, got, remedy
 
-    def __reduce__(self) -> tuple[object, ...]:
-        """Survive the way back from a worker process, which keyword-only arguments otherwise do not."""
-        return _rebuild, (type(self), self.source, self.step, self.expected, self.got, self.remedy)
-
-
-def _rebuild(
-    kind: type[MeasurementError], source: str, step: str, expected: str, got: str, remedy: str
-) -> MeasurementError:
-    return kind(source, step, expected=expected, got=got, remedy=remedy)
+    def __str__(self) -> str:
+        return f"{self.source}: {self.step}: expected {self.expected}, got {self.got}; {self.remedy}"
 
 
 class ImageError(MeasurementError):

@@ -16,13 +16,14 @@ class DeviceError(Exception):
         What to do about it.
     """
 
-    def __init__(self, device: str, step: str, *, expected: str, got: str, remedy: str) -> None:
-        self.device = device
-        self.step = step
-        self.expected = expected
-        self.got = got
-        self.remedy = remedy
-        super().__init__(f"{device}: {step}: expected {expected}, got {got}; {remedy}")
+    def __init__(self, device: str, step: str, expected: str, got: str, remedy: str) -> None:
+        # The arguments are kept as they are, so that an error survives the way back from another process.
+        super().__init__(device, step, expected, got, remedy)
+        self.device, self.step = device, step
+        self.expected, self.got, self.remedy = expected, got, remedy
+
+    def __str__(self) -> str:
+        return f"{self.device}: {self.step}: expected {self.expected}, got {self.got}; {self.remedy}"
 
 
 class LinkLost(DeviceError):

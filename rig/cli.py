@@ -222,9 +222,9 @@ def _write(path: Path, text: str, option: str) -> None:
     except OSError as error:
         raise RigError(
             str(path),
-            expected="a file that can be written",
-            got=error.strerror or str(error),
-            remedy=f"name another with {option}",
+            "a file that can be written",
+            error.strerror or str(error),
+            f"name another with {option}",
         ) from error
 
 

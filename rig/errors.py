@@ -14,12 +14,12 @@ class RigError(Exception):
         What to do about it.
     """
 
-    def __init__(self, step: str, *, expected: str, got: str, remedy: str) -> None:
-        self.step = step
-        self.expected = expected
-        self.got = got
-        self.remedy = remedy
-        super().__init__(f"{step}: expected {expected}, got {got}; {remedy}")
+    def __init__(self, step: str, expected: str, got: str, remedy: str) -> None:
+        super().__init__(step, expected, got, remedy)
+        self.step, self.expected, self.got, self.remedy = step, expected, got, remedy
+
+    def __str__(self) -> str:
+        return f"{self.step}: expected {self.expected}, got {self.got}; {self.remedy}"
 
 
 class ProtocolError(RigError):

@@ -93,19 +93,19 @@ def require_feasible(plan: Plan, folder: Path) -> None:
     if plan.objections:
         raise ProtocolError(
             plan.title,
-            expected="a protocol within the limits of the rig",
-            got=f"{len(plan.objections)} beyond",
-            remedy="; ".join(plan.objections),
+            "a protocol within the limits of the rig",
+            f"{len(plan.objections)} beyond",
+            "; ".join(plan.objections),
         )
     if not folder.is_dir():
-        raise ProtocolError(str(folder), expected="a folder for the run file", got="none", remedy="create it")
+        raise ProtocolError(str(folder), "a folder for the run file", "none", "create it")
     needed, free = int((plan.size_bytes or 0) * _SPACE_MARGIN), shutil.disk_usage(folder).free
     if needed > free:
         raise ProtocolError(
             str(folder),
-            expected=f"{format_bytes(needed)} of free space for the run",
-            got=format_bytes(free),
-            remedy="free some, or name another place with -o",
+            f"{format_bytes(needed)} of free space for the run",
+            format_bytes(free),
+            "free some, or name another place with -o",
         )
 
 

@@ -191,9 +191,9 @@ class Recorder:
             # closed file as the last.
             raise RunFileError(
                 str(self.path),
-                expected=f"{what} to succeed",
-                got=" ".join(str(error).split()),
-                remedy="check free space and permissions of the folder",
+                f"{what} to succeed",
+                " ".join(str(error).split()),
+                "check free space and permissions of the folder",
             ) from error
 
 
@@ -201,9 +201,9 @@ def run_file_exists(path: Path) -> RunFileError:
     """Return the error that says why an existing file is left alone."""
     return RunFileError(
         str(path),
-        expected="a new file",
-        got="one that exists",
-        remedy="name another with -o, or move it away: a run is never overwritten",
+        "a new file",
+        "one that exists",
+        "name another with -o, or move it away: a run is never overwritten",
     )
 
 

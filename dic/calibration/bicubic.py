@@ -131,7 +131,7 @@ def _undetermined(got: str) -> CalibrationError:
     return CalibrationError(
         "bicubic map",
         "fit sixteen parameters",
-        expected="at least 4 × 4 grid points in general position",
-        got=got,
-        remedy="use a grid with more lines in view",
+        "at least 4 × 4 grid points in general position",
+        got,
+        "use a grid with more lines in view",
     )

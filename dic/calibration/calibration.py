@@ -117,9 +117,9 @@ class Calibration:
             raise CalibrationError(
                 self.source or "calibration",
                 "use the pinhole model",
-                expected="a camera that could be fitted",
-                got=self.pinhole_problem,
-                remedy="use the bicubic map, or calibrate anew",
+                "a camera that could be fitted",
+                self.pinhole_problem,
+                "use the bicubic map, or calibrate anew",
             )
         return replace(self, model=model)
 

@@ -49,9 +49,9 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
         raise CalibrationError(
             str(path),
             "write calibration",
-            expected="a file that can be written",
-            got=os.strerror(error.errno) if error.errno else "an error of the file system",
-            remedy="choose another folder or make room",
+            "a file that can be written",
+            os.strerror(error.errno) if error.errno else "an error of the file system",
+            "choose another folder or make room",
         ) from error
 
 
@@ -164,7 +164,7 @@ def _refusal(path: Path, got: str) -> CalibrationError:
     return CalibrationError(
         str(path),
         "read calibration",
-        expected=f"a calibration file of version {_READABLE[0]} to {_READABLE[-1]}",
-        got=got,
-        remedy="make it anew with `dic calibrate`",
+        f"a calibration file of version {_READABLE[0]} to {_READABLE[-1]}",
+        got,
+        "make it anew with `dic calibrate`",
     )

@@ -116,9 +116,9 @@ def _read_images(images: tuple[Path, ...]) -> list["NDArray[np.float32]"]:
             raise CalibrationError(
                 str(path),
                 "calibrate",
-                expected=f"images by one camera, {width} × {height} px as the first",
-                got=f"{grey.shape[1]} × {grey.shape[0]} px",
-                remedy="calibrate each camera by itself",
+                f"images by one camera, {width} × {height} px as the first",
+                f"{grey.shape[1]} × {grey.shape[0]} px",
+                "calibrate each camera by itself",
             )
     return greys
 

@@ -229,11 +229,7 @@ def _require_rotation(path: Path, motion: str) -> None:
 
     if motion != "rigid":
         raise CorrelationError(
-            str(path),
-            "save alignment",
-            expected="--motion rigid",
-            got=motion,
-            remedy="only a rotation tells an alignment",
+            str(path), "save alignment", "--motion rigid", motion, "only a rotation tells an alignment"
         )
 
 
@@ -245,9 +241,9 @@ def _save_alignment(path: Path, corrected: "CorrectedSeries") -> None:
         raise CorrelationError(
             str(path),
             "save alignment",
-            expected="one that --motion rigid has solved",
-            got="none: see why the images were not corrected",
-            remedy="correlate a rotation of at least 5° with a calibration",
+            "one that --motion rigid has solved",
+            "none: see why the images were not corrected",
+            "correlate a rotation of at least 5° with a calibration",
         )
     save_alignment(corrected.alignment, path)
 
@@ -263,11 +259,7 @@ def _read_hint(text: str, shape: tuple[int, ...]) -> Any:
             raise ValueError
     except ValueError as error:
         raise CorrelationError(
-            "settings",
-            "hint",
-            expected='degrees, or "degrees,right,down"',
-            got=text,
-            remedy="correct the setting",
+            "settings", "hint", 'degrees, or "degrees,right,down"', text, "correct the setting"
         ) from error
     centre = (shape[1] - 1) / 2, (shape[0] - 1) / 2
     return rigid_motion(angle_deg, (right_px, down_px), centre)
@@ -281,9 +273,9 @@ def _require_calibration_fits(calibration: "Calibration", shape: tuple[int, ...]
         raise CalibrationError(
             source,
             "apply calibration",
-            expected=f"{width} × {height} px like the grid image",
-            got=f"{shape[1]} × {shape[0]} px",
-            remedy="calibrate with an image of the same camera and format",
+            f"{width} × {height} px like the grid image",
+            f"{shape[1]} × {shape[0]} px",
+            "calibrate with an image of the same camera and format",
         )
 
 

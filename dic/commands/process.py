@@ -122,11 +122,7 @@ def _read_alignments(texts: tuple[str, ...]) -> "dict[str, Alignment]":
         camera, equals, file = text.partition("=")
         if not (camera and equals and file):
             raise CorrelationError(
-                "settings",
-                "alignment",
-                expected="CAMERA=FILE",
-                got=text,
-                remedy="name the camera that the alignment belongs to",
+                "settings", "alignment", "CAMERA=FILE", text, "name the camera that the alignment belongs to"
             )
         alignments[camera] = load_alignment(Path(file))
     return alignments
@@ -141,9 +137,9 @@ def _make_folder(folder: Path) -> None:
         raise OutputError(
             str(folder),
             "save alignments",
-            expected="a folder that can be made",
-            got=str(error.strerror or error),
-            remedy="name another place",
+            "a folder that can be made",
+            str(error.strerror or error),
+            "name another place",
         ) from error
 
 

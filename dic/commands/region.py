@@ -25,9 +25,9 @@ def read_mask(path: Path) -> NDArray[np.bool_]:
         raise CorrelationError(
             str(path),
             "read region of interest",
-            expected="a mask with white where to measure and black elsewhere",
-            got="one uniform grey",
-            remedy="draw the mask again, or leave --roi out",
+            "a mask with white where to measure and black elsewhere",
+            "one uniform grey",
+            "draw the mask again, or leave --roi out",
         )
     return np.asarray(mask > mask.max() / 2, np.bool_)
 

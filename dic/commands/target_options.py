@@ -92,7 +92,7 @@ def read_target(
     from dic.targets.find import CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget
 
     def refuse(step: str, expected: str, got: str, remedy: str) -> CalibrationError:
-        return CalibrationError("settings", step, expected=expected, got=got, remedy=remedy)
+        return CalibrationError("settings", step, expected, got, remedy)
 
     # Squares of what is farther from a length would overflow.
     if not 1e-6 <= pitch_mm <= 1e6:

@@ -136,9 +136,9 @@ class Correlator:
             raise CorrelationError(
                 "deformed image",
                 "compare with the reference",
-                expected=f"{self._grey.shape[1]} x {self._grey.shape[0]} px",
-                got=" x ".join(str(n) for n in deformed.shape[::-1]) + " px",
-                remedy="use images of one camera at one format",
+                f"{self._grey.shape[1]} x {self._grey.shape[0]} px",
+                " x ".join(str(n) for n in deformed.shape[::-1]) + " px",
+                "use images of one camera at one format",
             )
         deformed = _checked_image(deformed, "deformed image", self.settings.subset_px)
         image = TurnableImage(self._reference, deformed, self._mean)
@@ -167,10 +167,10 @@ class Correlator:
             raise CorrelationError(
                 "deformed image",
                 "find the reference's pattern",
-                expected=f"at least {fewest} of {len(indices)} subsets of {self.settings.subset_px} px"
+                f"at least {fewest} of {len(indices)} subsets of {self.settings.subset_px} px"
                 f" with ZNCC above {self.settings.min_zncc:g}",
-                got=f"{len(best.indices)} that agree",
-                remedy="check that both images show the same textured surface, or choose a larger subset",
+                f"{len(best.indices)} that agree",
+                "check that both images show the same textured surface, or choose a larger subset",
             )
         return best
 
@@ -270,21 +270,19 @@ def _checked_image(image: NDArray[np.generic], what: str, subset_px: int) -> Gre
         raise CorrelationError(
             what,
             "read",
-            expected=f"a grey image wider and higher than a subset of {subset_px} px",
-            got=" x ".join(str(n) for n in image.shape[::-1]),
-            remedy="use a larger image or a smaller subset",
+            f"a grey image wider and higher than a subset of {subset_px} px",
+            " x ".join(str(n) for n in image.shape[::-1]),
+            "use a larger image or a smaller subset",
         )
     if image.dtype.kind not in "uif":
         raise CorrelationError(
             what,
             "read",
-            expected="grey levels as integers or floating-point numbers",
-            got=str(image.dtype),
-            remedy="convert the image",
+            "grey levels as integers or floating-point numbers",
+            str(image.dtype),
+            "convert the image",
         )
     grey = np.ascontiguousarray(image, np.float32)
     if not np.isfinite(grey).all():
-        raise CorrelationError(
-            what, "read", expected="finite grey levels", got="NaN or infinity", remedy="repair the image"
-        )
+        raise CorrelationError(what, "read", "finite grey levels", "NaN or infinity", "repair the image")
     return grey

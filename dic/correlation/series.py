@@ -112,9 +112,9 @@ class Series:
             raise CorrelationError(
                 "settings",
                 "incremental correlation",
-                expected=" or ".join(INCREMENTAL),
-                got=incremental,
-                remedy="correct the setting",
+                " or ".join(INCREMENTAL),
+                incremental,
+                "correct the setting",
             )
         self._incremental, self._threads = incremental, threads
         self._clip = region is not None if clip is None else clip

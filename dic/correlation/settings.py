@@ -56,9 +56,7 @@ class CorrelationSettings:
         ]
         for good, what, expected, got in checks:
             if not good:
-                raise CorrelationError(
-                    "settings", what, expected=expected, got=str(got), remedy="correct the setting"
-                )
+                raise CorrelationError("settings", what, expected, str(got), "correct the setting")
 
     @property
     def parameters(self) -> int:

@@ -106,6 +106,4 @@ def _csv_polygons(text: str) -> list[list[tuple[float, float]]]:
 
 
 def _refusal(source: str, got: str) -> CorrelationError:
-    return CorrelationError(
-        source, "read region of interest", expected=_EXPECTED, got=got, remedy="correct the polygon"
-    )
+    return CorrelationError(source, "read region of interest", _EXPECTED, got, "correct the polygon")

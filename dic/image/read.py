@@ -78,9 +78,9 @@ def require_same_size(images: Sequence[NDArray[Any]], names: Sequence[str]) -> N
             raise ImageError(
                 name,
                 "compare image sizes",
-                expected=f"{width} × {height} px like {names[0]}",
-                got=f"{other_width} × {other_height} px",
-                remedy="use images of one camera with one region of readout",
+                f"{width} × {height} px like {names[0]}",
+                f"{other_width} × {other_height} px",
+                "use images of one camera with one region of readout",
             )
 
 
@@ -116,6 +116,4 @@ def _silent_opencv() -> Iterator[None]:
 
 
 def _refusal(path: Path, got: str, remedy: str) -> ImageError:
-    return ImageError(
-        str(path), "read image", expected="a whole PNG, TIFF or BMP image", got=got, remedy=remedy
-    )
+    return ImageError(str(path), "read image", "a whole PNG, TIFF or BMP image", got, remedy)

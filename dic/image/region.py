@@ -187,9 +187,9 @@ def place_points(centres: Mask, usable: Mask, subset_px: int, step_px: int) -> P
     raise CorrelationError(
         "region of interest",
         "place points",
-        expected=f"an area with texture that holds subsets of {subset_px} px",
-        got="none",
-        remedy="enlarge the region or choose a smaller subset",
+        f"an area with texture that holds subsets of {subset_px} px",
+        "none",
+        "enlarge the region or choose a smaller subset",
     )
 
 
@@ -236,8 +236,8 @@ def checked_region(region: NDArray[np.bool_], shape: tuple[int, ...]) -> Mask:
         raise CorrelationError(
             "region of interest",
             "compare with the reference",
-            expected=f"{shape[1]} x {shape[0]} px",
-            got=f"{region.shape[1]} x {region.shape[0]} px",
-            remedy="draw the mask over an image of the series",
+            f"{shape[1]} x {shape[0]} px",
+            f"{region.shape[1]} x {region.shape[0]} px",
+            "draw the mask over an image of the series",
         )
     return np.ascontiguousarray(region, np.bool_)

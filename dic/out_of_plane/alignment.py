@@ -116,7 +116,7 @@ def load_alignment(path: Path) -> Alignment:
     raise CalibrationError(
         str(path),
         "read alignment",
-        expected="an alignment that was solved from a rotation",
-        got=got,
-        remedy="make it with --save-alignment",
+        "an alignment that was solved from a rotation",
+        got,
+        "make it with --save-alignment",
     )

@@ -27,11 +27,7 @@ def require_poisson_ratio(poisson_ratio: float) -> None:
     """
     if not 0.0 <= poisson_ratio <= 0.5:
         raise CorrelationError(
-            "settings",
-            "Poisson's ratio",
-            expected="0 to 0.5",
-            got=f"{poisson_ratio:g}",
-            remedy="correct --poisson-ratio",
+            "settings", "Poisson's ratio", "0 to 0.5", f"{poisson_ratio:g}", "correct --poisson-ratio"
         )
 
 
@@ -73,11 +69,7 @@ def correct(
     """
     if motion not in MOTIONS:
         raise CorrelationError(
-            "settings",
-            "motion",
-            expected=f"one of {', '.join(MOTIONS)}",
-            got=str(motion),
-            remedy="correct the setting",
+            "settings", "motion", f"one of {', '.join(MOTIONS)}", str(motion), "correct the setting"
         )
     if motion == "rigid":
         rotation = correct_rotation(measurements, calibration, alignment)

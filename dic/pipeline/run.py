@@ -163,9 +163,7 @@ def _calibrate(run: RunFile, camera: str) -> Calibration:
     try:
         grid = find_grid(image, lines=run.grid_lines, pitch_mm=run.grid_pitch_mm)
     except CalibrationError as error:
-        raise CalibrationError(
-            source, error.step, expected=error.expected, got=error.got, remedy=error.remedy
-        ) from error
+        raise CalibrationError(source, error.step, error.expected, error.got, error.remedy) from error
     return Calibration.fit(grid, image.shape, source)
 
 

@@ -59,7 +59,7 @@ class CorrectionSettings:
             remedy = "an alignment serves rotations only"
         else:
             return
-        raise CorrelationError(source, "apply alignment", expected=expected, got=got, remedy=remedy)
+        raise CorrelationError(source, "apply alignment", expected, got, remedy)
 
     def as_text(self) -> str:
         """Return this as JSON, for a result file."""

@@ -136,7 +136,7 @@ def _refusal(path: Path, got: str) -> RunFileError:
     return RunFileError(
         str(path),
         "read results",
-        expected=f"a result file of version {VERSION} from `dic process`",
-        got=got,
-        remedy="make it with `dic process RUN.h5`",
+        f"a result file of version {VERSION} from `dic process`",
+        got,
+        "make it with `dic process RUN.h5`",
     )

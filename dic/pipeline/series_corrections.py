@@ -120,7 +120,7 @@ def _require_sense(
     require_poisson_ratio(poisson_ratio)
     for good, step, expected, got, remedy in checks:
         if not good:
-            raise CorrelationError("settings", step, expected=expected, got=got, remedy=remedy)
+            raise CorrelationError("settings", step, expected, got, remedy)
 
 
 def corrected_text(corrected: dict[str, Any]) -> str:

@@ -76,9 +76,9 @@ def noise_of_two(first: Grey, second: Grey, slopes: tuple[Grey, Grey], region: M
         raise CorrelationError(
             "second image",
             "compare with the first",
-            expected=f"the specimen at rest, within {_AT_REST_PX:g} px",
-            got="another picture" if noise > _OF_TEXTURE * grey.std() else f"a motion of {moved:.2f} px",
-            remedy="take two images right after each other, or leave the second out",
+            f"the specimen at rest, within {_AT_REST_PX:g} px",
+            "another picture" if noise > _OF_TEXTURE * grey.std() else f"a motion of {moved:.2f} px",
+            "take two images right after each other, or leave the second out",
         )
     residual = np.zeros(first.shape, np.float32)
     residual[region] = rest

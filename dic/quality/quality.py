@@ -168,9 +168,9 @@ def assess_quality(
         raise CorrelationError(
             "settings",
             "wanted resolution",
-            expected="above 0 and below 10 px",
-            got=f"{wanted_px:g} px",
-            remedy="correct the setting",
+            "above 0 and below 10 px",
+            f"{wanted_px:g} px",
+            "correct the setting",
         )
     spline = spline_image(grey, settings.order)
     slopes = spline.gradient()
@@ -253,7 +253,7 @@ def _no_room(subset_px: int, got: str) -> CorrelationError:
     return CorrelationError(
         "region of interest",
         "judge the image",
-        expected=f"an area with texture that holds subsets of {subset_px} px",
-        got=got,
-        remedy="enlarge the region or choose a smaller subset",
+        f"an area with texture that holds subsets of {subset_px} px",
+        got,
+        "enlarge the region or choose a smaller subset",
     )

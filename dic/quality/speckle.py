@@ -62,9 +62,9 @@ def autocovariance(pattern: Float, region: Mask, noise: float, axis: int) -> Flo
         raise CorrelationError(
             "image",
             "look for a pattern",
-            expected="grey levels that differ by more than noise",
-            got=f"a contrast of {max(values[0], 0.0) ** 0.5:.1f} at a noise of {noise:.1f} grey levels",
-            remedy="check light, focus and the region, or apply a pattern",
+            "grey levels that differ by more than noise",
+            f"a contrast of {max(values[0], 0.0) ** 0.5:.1f} at a noise of {noise:.1f} grey levels",
+            "check light, focus and the region, or apply a pattern",
         )
     end = length // 2
     for lag in range(1, length // 2):

@@ -71,9 +71,7 @@ def write_report(results: Sequence[RunResult], path: Path) -> None:
         If there is no run, or the file cannot be written.
     """
     if not results:
-        raise RunFileError(
-            str(path), "write report", expected="at least one run", got="none", remedy="name a run file"
-        )
+        raise RunFileError(str(path), "write report", "at least one run", "none", "name a run file")
     page = _render(number_runs(results))
     partial = path.with_name(path.name + ".partial")
     try:
@@ -83,9 +81,9 @@ def write_report(results: Sequence[RunResult], path: Path) -> None:
         raise RunFileError(
             str(path),
             "write report",
-            expected="a folder that can be written to",
-            got=error.strerror or str(error),
-            remedy="name another file",
+            "a folder that can be written to",
+            error.strerror or str(error),
+            "name another file",
         ) from error
 
 

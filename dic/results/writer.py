@@ -46,9 +46,9 @@ class ResultWriter:
             raise RunFileError(
                 str(path),
                 "create results",
-                expected="a folder that can be written to",
-                got=os.strerror(error.errno) if error.errno else "an error of the file system",
-                remedy="name another file",
+                "a folder that can be written to",
+                os.strerror(error.errno) if error.errno else "an error of the file system",
+                "name another file",
             ) from error
         self._file.attrs.update({"file_format": FORMAT, "file_format_version": VERSION})
 

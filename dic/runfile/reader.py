@@ -97,9 +97,9 @@ class RunFile:
         raise RunFileError(
             str(self.path),
             "read run",
-            expected=f"a finished {kind} step",
-            got=f"{len(self.steps)} other steps",
-            remedy="the run ended before; run the protocol again",
+            f"a finished {kind} step",
+            f"{len(self.steps)} other steps",
+            "the run ended before; run the protocol again",
         )
 
     def image(self, camera: str, step: RunStep) -> NDArray[np.float32]:
@@ -158,9 +158,9 @@ class RunFile:
         return RunFileError(
             str(self.path),
             "read run",
-            expected=f"a run file of version {VERSION}",
-            got=got,
-            remedy="name a file written by `rig run`, or copy it again",
+            f"a run file of version {VERSION}",
+            got,
+            "name a file written by `rig run`, or copy it again",
         )
 
 

@@ -30,9 +30,9 @@ def require_places(inputs: Iterable[Path | None], outputs: Iterable[Path | None]
             raise OutputError(
                 str(path),
                 "write results",
-                expected="a file of its own in a folder that can be written to",
-                got=got,
-                remedy="name another place",
+                "a file of its own in a folder that can be written to",
+                got,
+                "name another place",
             )
         taken[place] = "one that holds other results"
 

@@ -58,9 +58,7 @@ class StrainSettings:
         ]
         for good, what, expected, got in checks:
             if not good:
-                raise CorrelationError(
-                    "settings", what, expected=expected, got=str(got), remedy="correct the setting"
-                )
+                raise CorrelationError("settings", what, expected, str(got), "correct the setting")
 
     def gauge_px(self, correlation: CorrelationSettings) -> int:
         """Return the width of the virtual strain gauge: of all pixels that enter one local strain."""

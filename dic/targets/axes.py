@@ -104,9 +104,9 @@ def axes_in_image(
     raise CalibrationError(
         source,
         "name the axes",
-        expected="X close to one direction of the target",
-        got=f"x_axis {x_axis}, {off_deg[best]:.0f}° from one and {off_deg[second]:.0f}° from another",
-        remedy=f"give the angle of X in the image in degrees, such as {angle_deg[best]:.0f}",
+        "X close to one direction of the target",
+        f"x_axis {x_axis}, {off_deg[best]:.0f}° from one and {off_deg[second]:.0f}° from another",
+        f"give the angle of X in the image in degrees, such as {angle_deg[best]:.0f}",
     )
 
 
@@ -121,9 +121,9 @@ def _direction_deg(x_axis: XAxis, source: str) -> float:
     raise CalibrationError(
         source,
         "name the axes",
-        expected=f"{', '.join(_DIRECTIONS_DEG)} or an angle in degrees",
-        got=f"x_axis {x_axis}",
-        remedy="say which way X points in the image",
+        f"{', '.join(_DIRECTIONS_DEG)} or an angle in degrees",
+        f"x_axis {x_axis}",
+        "say which way X points in the image",
     )
 
 

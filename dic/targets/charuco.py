@@ -68,7 +68,7 @@ def _refusal(source: str, expected: str, got: str) -> CalibrationError:
     return CalibrationError(
         source,
         "find ChArUco board",
-        expected=expected,
-        got=got,
-        remedy="see that the board is sharp and evenly lit, and that its description is right",
+        expected,
+        got,
+        "see that the board is sharp and evenly lit, and that its description is right",
     )

@@ -71,9 +71,9 @@ def _refusal(source: str, squares: tuple[int, int], got: str) -> CalibrationErro
     return CalibrationError(
         source,
         "find checkerboard",
-        expected=f"a checkerboard of {squares[0]} × {squares[1]} squares, all of it in view",
-        got=got,
-        remedy="see that it is sharp, evenly lit and not covered, and that its squares are counted right",
+        f"a checkerboard of {squares[0]} × {squares[1]} squares, all of it in view",
+        got,
+        "see that it is sharp, evenly lit and not covered, and that its squares are counted right",
     )
 
 

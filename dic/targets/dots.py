@@ -174,7 +174,7 @@ def _refusal(source: str, dots: tuple[int, int], got: str) -> CalibrationError:
     return CalibrationError(
         source,
         "find dots",
-        expected=f"{dots[0]} × {dots[1]} dots, at least {_SUFFICIENT:.0%} of them",
-        got=got,
-        remedy="see that all dots are in view, sharp and evenly lit, and that their number is right",
+        f"{dots[0]} × {dots[1]} dots, at least {_SUFFICIENT:.0%} of them",
+        got,
+        "see that all dots are in view, sharp and evenly lit, and that their number is right",
     )

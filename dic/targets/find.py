@@ -123,9 +123,9 @@ def find_target(
         raise CalibrationError(
             source,
             "find target",
-            expected="the place of the middle for a line grid only",
-            got="another target",
-            remedy="leave out --origin-px",
+            "the place of the middle for a line grid only",
+            "another target",
+            "leave out --origin-px",
         )
     if isinstance(spec, LineGridTarget):
         from dic.targets.line_grid.find import find_grid
@@ -155,7 +155,7 @@ def _require_possible(spec: Target, source: str) -> None:
         raise CalibrationError(
             source,
             "find target",
-            expected="at least 5 squares or dots each way, a positive pitch, and markers smaller than it",
-            got=str(spec),
-            remedy="correct the target's description",
+            "at least 5 squares or dots each way, a positive pitch, and markers smaller than it",
+            str(spec),
+            "correct the target's description",
         )

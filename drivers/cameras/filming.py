@@ -99,9 +99,9 @@ class FilmingCamera(ABC, Generic[S]):
         raise DeviceTimeout(
             self._name,
             "grab",
-            expected=f"a frame exposed after the call, within {timeout_s:g} s",
-            got=f"none but {older} older" if older else "none",
-            remedy="allow more time" if older else "check cable and power, or allow more time",
+            f"a frame exposed after the call, within {timeout_s:g} s",
+            f"none but {older} older" if older else "none",
+            "allow more time" if older else "check cable and power, or allow more time",
         )
 
     def stream(self, capacity: int = CAPACITY) -> FrameStream:
@@ -159,16 +159,14 @@ class FilmingCamera(ABC, Generic[S]):
 
     def _ready(self, step: str, deadline_s: float) -> S:
         if self._closed:
-            raise DeviceFault(
-                self._name, step, expected="an open camera", got="a closed one", remedy="open it again"
-            )
+            raise DeviceFault(self._name, step, "an open camera", "a closed one", "open it again")
         if self._stream is not None:
             raise DeviceFault(
                 self._name,
                 step,
-                expected="no open stream",
-                got="one that takes every frame",
-                remedy="take the frame from the stream, or close it",
+                "no open stream",
+                "one that takes every frame",
+                "take the frame from the stream, or close it",
             )
         if self._session is None:
             self._session = self._open_again(step, deadline_s)
@@ -194,9 +192,9 @@ def to_itself(lock: threading.Lock, device: str, step: str, timeout_s: float) ->
         raise DeviceTimeout(
             device,
             step,
-            expected="a camera that no other call uses",
-            got=f"one in use for {timeout_s:g} s",
-            remedy="call it from one thread, or take its frames from a stream",
+            "a camera that no other call uses",
+            f"one in use for {timeout_s:g} s",
+            "call it from one thread, or take its frames from a stream",
         )
     try:
         yield
@@ -210,7 +208,7 @@ def refuse_simulated_time(device: str, context: OpenContext) -> None:
         raise DeviceFault(
             device,
             "open camera",
-            expected="a rig in real time",
-            got="simulated time, of which a real camera knows nothing",
-            remedy="use driver 'simulated-camera' in a simulated rig",
+            "a rig in real time",
+            "simulated time, of which a real camera knows nothing",
+            "use driver 'simulated-camera' in a simulated rig",
         )

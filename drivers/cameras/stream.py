@@ -79,9 +79,9 @@ class FrameStream:
             raise DeviceFault(
                 device,
                 "stream",
-                expected="a queue with room for a frame",
-                got=f"one for {capacity}",
-                remedy="choose a capacity of 1 or more",
+                "a queue with room for a frame",
+                f"one for {capacity}",
+                "choose a capacity of 1 or more",
             )
         self._device = device
         self._source = source
@@ -182,9 +182,7 @@ class FrameStream:
             self._taken += 1
 
     def _timeout(self, expected: str, got: str) -> DeviceTimeout:
-        return DeviceTimeout(
-            self._device, "stream", expected=expected, got=got, remedy="check cable and power of the camera"
-        )
+        return DeviceTimeout(self._device, "stream", expected, got, "check cable and power of the camera")
 
 
 def _nothing() -> None:

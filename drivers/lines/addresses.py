@@ -19,8 +19,8 @@ def resolve_address(address: str, context: OpenContext) -> str:
         raise LinkLost(
             f"{context.name} ({address})",
             "resolve address",
-            expected=f"a simulated rig with a server {address[1:]!r}",
-            got="servers " + ", ".join(sorted(known)) if known else "no simulated rig",
-            remedy="add a [simulation] table to the rig file, or write the real address",
+            f"a simulated rig with a server {address[1:]!r}",
+            "servers " + ", ".join(sorted(known)) if known else "no simulated rig",
+            "add a [simulation] table to the rig file, or write the real address",
         )
     return str(known[address[1:]])

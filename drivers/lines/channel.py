@@ -201,9 +201,9 @@ def open_device(name: str, url: str, baud: int, timeout_s: float) -> Channel:
         raise LinkLost(
             name,
             "open port",
-            expected="a connection" if url.startswith(TCP_PREFIX) else "a free serial port",
-            got=str(error),
-            remedy="check address and cable, and that no other program holds the port",
+            "a connection" if url.startswith(TCP_PREFIX) else "a free serial port",
+            str(error),
+            "check address and cable, and that no other program holds the port",
         ) from error
 
 

@@ -41,6 +41,4 @@ def calling_for_the_emergency_stop(name: str) -> Iterator[None]:
     try:
         yield
     except LinkLost as lost:
-        raise LinkLost(
-            name, "stop", expected="standstill", got=lost.got, remedy="press the emergency stop"
-        ) from lost
+        raise LinkLost(name, "stop", "standstill", lost.got, "press the emergency stop") from lost

@@ -38,9 +38,9 @@ class ConsoleOperator:
             raise DeviceError(
                 self._name,
                 action.value,
-                expected="Enter",
-                got=repr(typed),
-                remedy="start the run again from a terminal when the rig is ready",
+                "Enter",
+                repr(typed),
+                "start the run again from a terminal when the rig is ready",
             )
 
 

@@ -143,9 +143,7 @@ class GuardedStage(ABC, Generic[P]):
             except DeviceTimeout as silence:
                 got = silence.got
             self._clock.sleep(STOP_POLL_S)
-        raise DeviceTimeout(
-            self._name, "stop", expected="standstill", got=got, remedy="press the emergency stop"
-        )
+        raise DeviceTimeout(self._name, "stop", "standstill", got, "press the emergency stop")
 
     def close(self) -> None:
         """Release the port; harmless when repeated. It does not stop anything."""
@@ -192,4 +190,4 @@ class GuardedStage(ABC, Generic[P]):
             raise self._fault("set speed", expected, f"{speed_deg_s:g}°/s", "correct the rig file")
 
     def _fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
-        return DeviceFault(self._name, step, expected=expected, got=got, remedy=remedy)
+        return DeviceFault(self._name, step, expected, got, remedy)

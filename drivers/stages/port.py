@@ -57,16 +57,16 @@ class StagePort(ABC):
         return DeviceTimeout(
             self.name,
             f"send {command!r}",
-            expected=f"an answer within {timeout_s:g} s",
-            got=got,
-            remedy="check power, cable, baud rate, device address and axis",
+            f"an answer within {timeout_s:g} s",
+            got,
+            "check power, cable, baud rate, device address and axis",
         )
 
     def _link_lost(self, command: str) -> LinkLost:
         return LinkLost(
             self.name,
             f"send {command!r}",
-            expected="an open port",
-            got=self._lost or "the port closed",
-            remedy="check the cable, then open the stage again and home it",
+            "an open port",
+            self._lost or "the port closed",
+            "check the cable, then open the stage again and home it",
         )

@@ -42,12 +42,7 @@ def examples_folder() -> Path:
     for folder in (checkout, installed):
         if (folder / "tension.toml").is_file():
             return folder
-    raise RigError(
-        "the examples",
-        expected=f"protocols in {installed}",
-        got="none",
-        remedy="install offaxis again",
-    )
+    raise RigError("the examples", f"protocols in {installed}", "none", "install offaxis again")
 
 
 def run_demo(folder: Path, say: Callable[[str], None]) -> Demo:
@@ -100,7 +95,7 @@ def _run(name: str, source: Path, files: tuple[str, str], demo: Demo, say: Calla
     say(f"{name}: running {protocol} on {rig}")
     outcome = run_protocol(protocol, rig, demo.runs[name])
     if outcome.status != "completed":
-        raise Aborted(name, expected="a completed run", got=outcome.status, remedy=f"see: {outcome.reason}")
+        raise Aborted(name, "a completed run", outcome.status, f"see: {outcome.reason}")
     say(f"{name}: {outcome.steps_done} steps in {demo.runs[name]}")
 
 
@@ -111,18 +106,18 @@ def _make_folder(folder: Path) -> None:
         if folder.is_dir() and any(folder.iterdir()) and not mark.exists():
             raise RigError(
                 str(folder),
-                expected="a new or empty folder, or that of an earlier demo",
-                got="one with other files, which the demo could replace",
-                remedy="name another with -o",
+                "a new or empty folder, or that of an earlier demo",
+                "one with other files, which the demo could replace",
+                "name another with -o",
             )
         folder.mkdir(parents=True, exist_ok=True)
         mark.touch()
     except OSError as error:
         raise RigError(
             str(folder),
-            expected="a folder that can be written to",
-            got=error.strerror or str(error),
-            remedy="name another with -o",
+            "a folder that can be written to",
+            error.strerror or str(error),
+            "name another with -o",
         ) from error
 
 

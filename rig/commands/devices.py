@@ -146,10 +146,7 @@ def write_rig_file(found: Search, path: Path) -> None:
             file.write(found.rig_file())
     except OSError as error:
         raise RigError(
-            str(path),
-            expected="a new file that can be written",
-            got=error.strerror or str(error),
-            remedy="name another with -o",
+            str(path), "a new file that can be written", error.strerror or str(error), "name another with -o"
         ) from error
 
 
@@ -176,9 +173,9 @@ def _with_port(address: str) -> str:
     if match is None or int(match[2] or MODBUS_PORT) not in range(1, 2**16):
         raise RigError(
             "rig devices",
-            expected="--modbus HOST[:PORT] or rtu://HOST[:PORT]",
-            got=repr(address),
-            remedy="correct it, or name a serial port with --port",
+            "--modbus HOST[:PORT] or rtu://HOST[:PORT]",
+            repr(address),
+            "correct it, or name a serial port with --port",
         )
     return f"{match[1]}:{match[2] or MODBUS_PORT}"
 

@@ -59,10 +59,7 @@ def find_simulator() -> Any:
     for point in entry_points(group=GROUP, name=NAME):
         return point.load()
     raise RigError(
-        "rig simulate",
-        expected=f"a simulator {NAME!r} among the installed packages",
-        got="none",
-        remedy="install offaxis again",
+        "rig simulate", f"a simulator {NAME!r} among the installed packages", "none", "install offaxis again"
     )
 
 
@@ -97,22 +94,18 @@ def start(
     except OSError as error:
         raise RigError(
             "rig simulate",
-            expected="a log that can be written, and places that are free",
-            got=str(error),
-            remedy="name others with --log and --at",
+            "a log that can be written, and places that are free",
+            str(error),
+            "name others with --log and --at",
         ) from error
     except ValueError as error:
-        raise RigError(
-            "rig simulate", expected="a place", got=str(error), remedy="see rig simulate --help"
-        ) from error
+        raise RigError("rig simulate", "a place", str(error), "see rig simulate --help") from error
     try:
         for fault in faults:
             simulation.switch_on(fault)
     except ValueError as error:
         simulation.close()
-        raise RigError(
-            "rig simulate", expected="a fault", got=str(error), remedy="see rig simulate --list-faults"
-        ) from error
+        raise RigError("rig simulate", "a fault", str(error), "see rig simulate --list-faults") from error
     return simulation
 
 

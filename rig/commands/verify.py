@@ -57,27 +57,25 @@ def verify_run(path: Path) -> Verification:
         If the file is missing, cut off before its tables, or no run file.
     """
     if not path.is_file():
-        raise RunFileError(str(path), expected="a run file", got="no such file", remedy="correct the name")
+        raise RunFileError(str(path), "a run file", "no such file", "correct the name")
     try:
         with open_run(path) as file:
             if file.attrs.get("file_format") != "offaxis-run":
-                raise RunFileError(
-                    str(path), expected="a run file", got="another HDF5 file", remedy="name another"
-                )
+                raise RunFileError(str(path), "a run file", "another HDF5 file", "name another")
             if file.attrs["file_format_version"] != FORMAT_VERSION:
                 raise RunFileError(
                     str(path),
-                    expected=f"format version {FORMAT_VERSION}",
-                    got=str(file.attrs["file_format_version"]),
-                    remedy="read it with the version of the program that wrote it",
+                    f"format version {FORMAT_VERSION}",
+                    str(file.attrs["file_format_version"]),
+                    "read it with the version of the program that wrote it",
                 )
             return _verify(path, file["entry"])
     except (OSError, KeyError, RuntimeError) as error:
         raise RunFileError(
             str(path),
-            expected="a whole run file",
-            got=f"one that is damaged or cut off ({' '.join(str(error).split())})",
-            remedy="take it from the backup",
+            "a whole run file",
+            f"one that is damaged or cut off ({' '.join(str(error).split())})",
+            "take it from the backup",
         ) from error
 
 

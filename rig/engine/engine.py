@@ -186,9 +186,9 @@ class Engine:
         if abs(reading.load_n) > protocol.loading.tare_max_n:
             raise LimitViolation(
                 f"{self._status.step}, zeroing the load frame",
-                expected=f"a load within {protocol.loading.tare_max_n:g} N",
-                got=f"{reading.load_n:.1f} N",
-                remedy="unload the specimen: a real load must not be zeroed away",
+                f"a load within {protocol.loading.tare_max_n:g} N",
+                f"{reading.load_n:.1f} N",
+                "unload the specimen: a real load must not be zeroed away",
             )
         self._event("info", f"load frame: zero at {reading.load_n:.1f} N, {reading.displacement_mm:.4f} mm")
         self._load_frame.tare()
@@ -295,9 +295,9 @@ class Engine:
     def _aborted(self) -> Aborted:
         return Aborted(
             str(self._status.step or "before the first step"),
-            expected="the run to go on",
-            got=str(self._abort_reason),
-            remedy="the finished steps are on file",
+            "the run to go on",
+            str(self._abort_reason),
+            "the finished steps are on file",
         )
 
     def _require_devices(self) -> None:
@@ -305,9 +305,9 @@ class Engine:
         if getattr(self._rig, needed) is None:
             raise ProtocolError(
                 f"a {self._protocol.kind} protocol",
-                expected=f"a [{needed}] in the rig file",
-                got="none",
-                remedy="run it on another rig",
+                f"a [{needed}] in the rig file",
+                "none",
+                "run it on another rig",
             )
 
     @property

@@ -34,9 +34,9 @@ def take_image(
     raise DeviceFault(
         f"cameras.{name}",
         step,
-        expected="an image without error flags",
-        got=f"{_ATTEMPTS} flagged images, the last with {frame.flags:#x}",
-        remedy="check cable and bandwidth of the camera",
+        "an image without error flags",
+        f"{_ATTEMPTS} flagged images, the last with {frame.flags:#x}",
+        "check cable and bandwidth of the camera",
     )
 
 
@@ -45,9 +45,9 @@ def _require_fresh(name: str, frame: Frame, asked_s: float, step: str) -> None:
         raise DeviceFault(
             f"cameras.{name}",
             step,
-            expected="an image exposed after it was asked for",
-            got=f"one exposed {asked_s - frame.exposed_s:.3f} s before",
-            remedy="use a driver that discards waiting images",
+            "an image exposed after it was asked for",
+            f"one exposed {asked_s - frame.exposed_s:.3f} s before",
+            "use a driver that discards waiting images",
         )
 
 
@@ -59,7 +59,7 @@ def _require_format(name: str, camera: Camera, frame: Frame, step: str) -> None:
         raise DeviceFault(
             f"cameras.{name}",
             step,
-            expected=f"an image of {shape[1]} x {shape[0]} px as {np.dtype(dtype)}",
-            got=f"shape {frame.image.shape} as {frame.image.dtype}",
-            remedy="the driver announces another format than it delivers",
+            f"an image of {shape[1]} x {shape[0]} px as {np.dtype(dtype)}",
+            f"shape {frame.image.shape} as {frame.image.dtype}",
+            "the driver announces another format than it delivers",
         )

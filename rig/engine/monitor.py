@@ -63,7 +63,7 @@ def _require_no_faults(state: LoadFrameState, step: str) -> None:
         raise DeviceFault(
             "load_frame",
             step,
-            expected="no fault",
-            got=", ".join(state.faults),
-            remedy="find the cause at the machine and clear the fault there",
+            "no fault",
+            ", ".join(state.faults),
+            "find the cause at the machine and clear the fault there",
         )

@@ -51,9 +51,9 @@ def settle(
         if now_s >= deadline_s:
             raise SettleTimeout(
                 step,
-                expected=f"{expected} for {dwell_s:g} s within {timeout_s:g} s",
-                got=_describe(reading),
-                remedy="check the device, or correct the tolerance or the timeout in the protocol",
+                f"{expected} for {dwell_s:g} s within {timeout_s:g} s",
+                _describe(reading),
+                "check the device, or correct the tolerance or the timeout in the protocol",
             )
         clock.sleep(poll_s)
 

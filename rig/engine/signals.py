@@ -28,9 +28,7 @@ def aborting_on_signals(engine: Engine) -> Iterator[None]:
             # A read from the terminal is resumed after a signal: only an exception ends it. And only the
             # first: another would break into the safe state that it has led to.
             interrupted = True
-            raise Aborted(
-                "waiting for the operator", expected="an answer", got=name, remedy="start the run again"
-            )
+            raise Aborted("waiting for the operator", "an answer", name, "start the run again")
 
     previous = {number: signal.getsignal(number) for number in SIGNALS}
     try:

@@ -38,16 +38,16 @@ class Watch:
             if not abs(value) <= limit:
                 raise LimitViolation(
                     step,
-                    expected=f"a {name} within {limit:g} {unit}",
-                    got=f"{value:.6g} {unit}",
-                    remedy="look at the specimen before anything moves again",
+                    f"a {name} within {limit:g} {unit}",
+                    f"{value:.6g} {unit}",
+                    "look at the specimen before anything moves again",
                 )
         self._highest_n = max(self._highest_n, reading.load_n)
         lowest_n = (1.0 - self._limits.break_load_drop) * self._highest_n
         if self._highest_n >= self._carried_n and reading.load_n < lowest_n:
             raise SpecimenBroken(
                 step,
-                expected=f"a load above {lowest_n:.0f} N after {self._highest_n:.0f} N",
-                got=f"{reading.load_n:.0f} N",
-                remedy="the specimen broke or slipped out of the grips: the images up to here are on file",
+                f"a load above {lowest_n:.0f} N after {self._highest_n:.0f} N",
+                f"{reading.load_n:.0f} N",
+                "the specimen broke or slipped out of the grips: the images up to here are on file",
             )

@@ -47,8 +47,8 @@ def _stiffness_n_mm(loads_n: Sequence[float], displacements_mm: Sequence[float])
     if advance_mm <= 0.0:
         raise ProtocolError(
             f"increment from {loads_n[0]:.0f} N to {loads_n[1]:.0f} N",
-            expected="the grips to move apart as the load rises",
-            got=f"{advance_mm:+.4f} mm",
-            remedy="check the displacement transducer of the load frame",
+            "the grips to move apart as the load rises",
+            f"{advance_mm:+.4f} mm",
+            "check the displacement transducer of the load frame",
         )
     return (loads_n[1] - loads_n[0]) / advance_mm

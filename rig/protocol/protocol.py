@@ -233,9 +233,9 @@ class TensionProtocol(Settings):
             fraction = self.loading.plastic.stiffness_fraction
             raise ProtocolError(
                 f"loading to {loads_n[-1]:.0f} N",
-                expected=f"an increment of less than {fraction:g} of the highest stiffness",
-                got="none",
-                remedy="check the specimen, or correct increments_max or [loading.plastic]",
+                f"an increment of less than {fraction:g} of the highest stiffness",
+                "none",
+                "check the specimen, or correct increments_max or [loading.plastic]",
             )
         for step in self._displacement_steps(reading.displacement_mm):
             execute(step)

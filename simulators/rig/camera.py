@@ -152,9 +152,9 @@ class SimulatedCamera:
             raise DeviceTimeout(
                 self.info.serial,
                 "grab",
-                expected=f"a frame within {timeout_s:g} s",
-                got=f"none: {reason}",
-                remedy="shorten the exposure or allow more time, and check the camera's trigger and power",
+                f"a frame within {timeout_s:g} s",
+                f"none: {reason}",
+                "shorten the exposure or allow more time, and check the camera's trigger and power",
             )
         if self._faults.take("stale") is not None and self._before is not None:
             return self._before
@@ -197,13 +197,7 @@ class SimulatedCamera:
 
     def _require_open(self) -> None:
         if not self._open:
-            raise DeviceFault(
-                self.info.serial,
-                "grab",
-                expected="an open camera",
-                got="a closed one",
-                remedy="open it again",
-            )
+            raise DeviceFault(self.info.serial, "grab", "an open camera", "a closed one", "open it again")
         self.require_plugged("grab")
 
     def require_plugged(self, step: str) -> None:
@@ -212,9 +206,9 @@ class SimulatedCamera:
             raise LinkLost(
                 self.info.serial,
                 step,
-                expected="a camera on its cable",
-                got="none",
-                remedy="plug the camera in and open it again",
+                "a camera on its cable",
+                "none",
+                "plug the camera in and open it again",
             )
 
 

@@ -81,9 +81,9 @@ class SceneClient:
             raise LinkLost(
                 self.name,
                 str(request["do"]),
-                expected="an answer of the simulation",
-                got=str(error) or type(error).__name__,
-                remedy="start rig simulate and take the addresses that it prints",
+                "an answer of the simulation",
+                str(error) or type(error).__name__,
+                "start rig simulate and take the addresses that it prints",
             ) from error
         if "error" in head:
             kind = getattr(errors, head.pop("error"), DeviceError)
@@ -139,7 +139,7 @@ class RemoteCamera:
             self._client.close()
 
     def _error(self, kind: type[DeviceError], expected: str, got: str, remedy: str) -> DeviceError:
-        return kind(self._client.name, "grab", expected=expected, got=got, remedy=remedy)
+        return kind(self._client.name, "grab", expected, got, remedy)
 
 
 class RemoteOperator:

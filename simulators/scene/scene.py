@@ -185,8 +185,8 @@ def scene_of(context: OpenContext) -> Scene:
         raise DeviceError(
             context.name,
             "open",
-            expected="the scene of a virtual rig",
-            got="a rig without one",
-            remedy='add [simulation] with driver = "virtual-rig" to the rig file, or name a real driver',
+            "the scene of a virtual rig",
+            "a rig without one",
+            'add [simulation] with driver = "virtual-rig" to the rig file, or name a real driver',
         )
     return scene

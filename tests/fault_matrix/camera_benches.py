@@ -229,7 +229,7 @@ class OpencvBench(NumberedBench):
             source=0, width_px=32, height_px=20, rate_hz=1 / fake_opencv.INTERVAL_S, channel="green"
         )
         if "unplug" in self.faults.active:
-            raise LinkLost(context.name, "open camera", expected="a camera", got="none", remedy="plug it in")
+            raise LinkLost(context.name, "open camera", "a camera", "none", "plug it in")
         self._capture = FaultyCapture(self.clock, self.faults)
         return OpencvCamera(settings, context, self._capture)
 

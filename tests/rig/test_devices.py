@@ -32,7 +32,7 @@ def rig_file(
     def entry(name: str) -> DeviceEntry:
         def open_device(settings, context):
             if name == broken:
-                raise LinkLost(name, "open", expected="an answer", got="none", remedy="check the cable")
+                raise LinkLost(name, "open", "an answer", "none", "check the cable")
             log.append(f"open {name}")
             contexts[name] = context
             return Opened(name, log)

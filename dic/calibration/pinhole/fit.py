@@ -72,9 +72,9 @@ def _with_or_without_k2(views: _Views, first: GridPoints, k2: bool | None) -> tu
         raise CalibrationError(
             "pinhole camera",
             "fit lens and pose",
-            expected="images that agree with what is known of the camera",
-            got=contradiction,
-            remedy="correct the given values, or give them larger standard deviations",
+            "images that agree with what is known of the camera",
+            contradiction,
+            "correct the given values, or give them larger standard deviations",
         )
     model = without.model
     if k2 is False:
@@ -286,7 +286,7 @@ def _undetermined(got: str) -> CalibrationError:
     return CalibrationError(
         "pinhole camera",
         "fit lens and pose",
-        expected=f"at least {_FEWEST_POINTS} points of a grid in every image, as a camera shows them",
-        got=got,
-        remedy="use a grid with more lines in view, or leave this image out",
+        f"at least {_FEWEST_POINTS} points of a grid in every image, as a camera shows them",
+        got,
+        "use a grid with more lines in view, or leave this image out",
     )

@@ -153,5 +153,5 @@ def _require_length(name: str, value: float | None, std: float, unit: str) -> No
 
 def _refusal(expected: str, got: str) -> CalibrationError:
     return CalibrationError(
-        "settings", "what is known of the camera", expected=expected, got=got, remedy="correct what was given"
+        "settings", "what is known of the camera", expected, got, "correct what was given"
     )

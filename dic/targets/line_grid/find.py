@@ -101,9 +101,9 @@ def _require_possible(lines: tuple[int, int], pitch_mm: float, source: str) -> N
         raise CalibrationError(
             source,
             "find grid",
-            expected=f"at least {_FEWEST_LINES} lines in each direction and a positive pitch",
-            got=f"{lines[0]} × {lines[1]} lines of pitch {pitch_mm:g} mm",
-            remedy="correct --lines and --pitch-mm",
+            f"at least {_FEWEST_LINES} lines in each direction and a positive pitch",
+            f"{lines[0]} × {lines[1]} lines of pitch {pitch_mm:g} mm",
+            "correct --lines and --pitch-mm",
         )
 
 
@@ -165,12 +165,12 @@ def _contradiction(source: str, got: str) -> CalibrationError:
     return CalibrationError(
         source,
         "name the axes",
-        expected="a mark, an origin and a direction of X that agree",
-        got=got,
-        remedy="leave the option out, or correct it",
+        "a mark, an origin and a direction of X that agree",
+        got,
+        "leave the option out, or correct it",
     )
 
 
 def _refusal(source: str, lines: tuple[int, int], got: str) -> CalibrationError:
     expected = f"a grid of {lines[0]} × {lines[1]} lines with at least {_SUFFICIENT:.0%} of its intersections"
-    return CalibrationError(source, "find grid", expected=expected, got=got, remedy=_REMEDY)
+    return CalibrationError(source, "find grid", expected, got, _REMEDY)

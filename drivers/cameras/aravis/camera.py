@@ -89,9 +89,9 @@ class AravisCamera(FilmingCamera[Session]):
                 raise DeviceTimeout(
                     self._name,
                     step,
-                    expected="a camera that can be opened again in time",
-                    got="a connection that is still being given up or made",
-                    remedy="check cable, power and the firewall, or allow more time",
+                    "a camera that can be opened again in time",
+                    "a connection that is still being given up or made",
+                    "check cable, power and the firewall, or allow more time",
                 )
             aside, self._aside = self._aside, None
             session = aside.result()
@@ -112,9 +112,9 @@ class AravisCamera(FilmingCamera[Session]):
         return LinkLost(
             self._name,
             "open camera",
-            expected=known,
-            got=got,
-            remedy="check cable, power and address, and that no other program controls the camera",
+            known,
+            got,
+            "check cable, power and address, and that no other program controls the camera",
         )
 
     def _give_up(self) -> None:
@@ -139,9 +139,9 @@ def open_camera(settings: AravisSettings, context: OpenContext) -> AravisCamera:
         raise DeviceError(
             name,
             "load Aravis",
-            expected="the library of Debian's package libaravis-0.8-0",
-            got=str(error),
-            remedy="apt install libaravis-0.8-0",
+            "the library of Debian's package libaravis-0.8-0",
+            str(error),
+            "apt install libaravis-0.8-0",
         ) from error
     return AravisCamera(settings, context, library)
 

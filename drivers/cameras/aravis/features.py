@@ -83,9 +83,7 @@ class Features:
                 got = float(self._library.call(f"camera_get_{name}", self._camera))
             except AravisError as error:
                 remedy = "check cable, power and address, and that no other program controls the camera"
-                raise LinkLost(
-                    self._device, step, expected=f"{wanted:g}", got=str(error), remedy=remedy
-                ) from error
+                raise LinkLost(self._device, step, f"{wanted:g}", str(error), remedy) from error
             if not _agree(got, wanted):
                 raise self._fault(step, f"{wanted:g}", f"{got:g}", "open the camera again")
 
@@ -125,7 +123,7 @@ class Features:
             raise self._fault(step, wanted, f"{got} on reading back", ANOTHER)
 
     def _fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
-        return DeviceFault(self._device, step, expected=expected, got=got, remedy=remedy)
+        return DeviceFault(self._device, step, expected, got, remedy)
 
 
 def _agree(got: float, wanted: float) -> bool:

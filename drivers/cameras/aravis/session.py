@@ -212,4 +212,4 @@ class Session:
         return min(readings)[1]
 
     def _fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
-        return DeviceFault(self._device, step, expected=expected, got=got, remedy=remedy)
+        return DeviceFault(self._device, step, expected, got, remedy)

@@ -123,18 +123,18 @@ class OpencvCamera:
             raise DeviceTimeout(
                 self._name,
                 "grab",
-                expected=f"a frame exposed after the call, within {timeout_s:g} s",
-                got="none",
-                remedy="allow more time, or lower `buffered_frames` if so many never wait",
+                f"a frame exposed after the call, within {timeout_s:g} s",
+                "none",
+                "allow more time, or lower `buffered_frames` if so many never wait",
             )
         good, image = self._capture.read()
         if not good or image is None:
             raise LinkLost(
                 self._name,
                 "grab",
-                expected="a frame",
-                got="nothing from OpenCV, which does not say why",
-                remedy="check cable and power, then open the camera again",
+                "a frame",
+                "nothing from OpenCV, which does not say why",
+                "check cable and power, then open the camera again",
             )
         self._sequence += 1
         return np.asarray(image)
@@ -161,7 +161,7 @@ class OpencvCamera:
             raise self._fault("grab", "an open camera", "a closed one", "open it again")
 
     def _fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
-        return DeviceFault(self._name, step, expected=expected, got=got, remedy=remedy)
+        return DeviceFault(self._name, step, expected, got, remedy)
 
 
 def open_camera(settings: OpencvCameraSettings, context: OpenContext) -> OpencvCamera:
@@ -182,9 +182,9 @@ def open_camera(settings: OpencvCameraSettings, context: OpenContext) -> OpencvC
             raise LinkLost(
                 name,
                 "open camera",
-                expected="a free camera",
-                got="none that OpenCV can open",
-                remedy="check number and cable, and that no other program uses it",
+                "a free camera",
+                "none that OpenCV can open",
+                "check number and cable, and that no other program uses it",
             )
         return OpencvCamera(settings, context, capture)
     except BaseException:

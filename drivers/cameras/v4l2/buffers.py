@@ -64,9 +64,9 @@ class Buffers:
                 raise DeviceFault(
                     device,
                     "get buffers",
-                    expected=f"at least {FEWEST}",
-                    got=str(request.count),
-                    remedy="free memory, or choose a smaller picture",
+                    f"at least {FEWEST}",
+                    str(request.count),
+                    "free memory, or choose a smaller picture",
                 )
             for index in range(request.count):
                 buffer = self._buffer(index)

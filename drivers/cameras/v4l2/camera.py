@@ -52,9 +52,9 @@ class V4l2Camera(FilmingCamera[Session]):
             raise LinkLost(
                 self._name,
                 "find camera again",
-                expected=f"{known.card} {known.serial or known.bus}",
-                got=f"{identity.card} {identity.serial or identity.bus}",
-                remedy="plug the first camera in again, or begin a new run",
+                f"{known.card} {known.serial or known.bus}",
+                f"{identity.card} {identity.serial or identity.bus}",
+                "plug the first camera in again, or begin a new run",
             )
         return Session(node, identity, self._settings, self._name, self._clock)
 

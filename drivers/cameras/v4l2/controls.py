@@ -221,7 +221,7 @@ class Controls:
                 )
 
     def _fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceError:
-        return DeviceFault(self._device, step, expected=expected, got=got, remedy=remedy)
+        return DeviceFault(self._device, step, expected, got, remedy)
 
 
 _END_OF_LIST = (errno.EINVAL, errno.ENOTTY)  # the latter of a camera without any control

@@ -91,4 +91,4 @@ def _set_gain(controls: Controls, control: Control | None, wanted: int | None, d
 
 
 def _unusable(device: str, step: str, got: str, remedy: str) -> DeviceFault:
-    return DeviceFault(device, step, expected="what the camera can do", got=got, remedy=remedy)
+    return DeviceFault(device, step, "what the camera can do", got, remedy)

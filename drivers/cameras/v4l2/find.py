@@ -71,9 +71,9 @@ def open_node(wanted: str, system: System, device: str) -> tuple[Node, Identity]
     raise (LinkLost if not found else DeviceFault)(
         device,
         "find camera",
-        expected=f"one camera {wanted!r}",
-        got=" and ".join(found) or "none",
-        remedy="name one of them by its path" if found else "plug the camera in, or correct `device`",
+        f"one camera {wanted!r}",
+        " and ".join(found) or "none",
+        "name one of them by its path" if found else "plug the camera in, or correct `device`",
     )
 
 
@@ -103,9 +103,9 @@ def _identify(node: Node, path: str, system: System, device: str) -> Identity:
         raise DeviceFault(
             device,
             "identify camera",
-            expected="a node that streams single-planar pictures",
-            got=f"a {kind} with capabilities {own:#x}",
-            remedy="name another node of the camera",
+            "a node that streams single-planar pictures",
+            f"a {kind} with capabilities {own:#x}",
+            "name another node of the camera",
         )
     facts = system.usb_facts(path)
     version = info.version

@@ -88,9 +88,9 @@ def set_picture(
         raise DeviceFault(
             device,
             "set format",
-            expected=f"rows of at least {width * grey.pixel_bytes} bytes, {height} of them",
-            got=f"rows of {picture.stride} bytes in buffers of {pix.sizeimage}",
-            remedy="report it to the maker of the camera's kernel driver",
+            f"rows of at least {width * grey.pixel_bytes} bytes, {height} of them",
+            f"rows of {picture.stride} bytes in buffers of {pix.sizeimage}",
+            "report it to the maker of the camera's kernel driver",
         )
     return picture
 
@@ -99,16 +99,14 @@ def _require(device: str, wanted: str, pix: PixelFormat, stride: int) -> None:
     got = f"{pix.width} x {pix.height} px {code_of(pix.pixelformat)}"
     if got != wanted or pix.field != PROGRESSIVE:
         got += "" if pix.field == PROGRESSIVE else f", interlaced (field {pix.field})"
-        raise DeviceFault(
-            device, "set format", expected=wanted, got=got, remedy="see v4l2-ctl --list-formats-ext"
-        )
+        raise DeviceFault(device, "set format", wanted, got, "see v4l2-ctl --list-formats-ext")
     if stride not in (0, pix.bytesperline):
         raise DeviceFault(
             device,
             "set stride",
-            expected=f"rows of {stride} bytes",
-            got=f"rows of {pix.bytesperline}",
-            remedy="leave out `stride_bytes`",
+            f"rows of {stride} bytes",
+            f"rows of {pix.bytesperline}",
+            "leave out `stride_bytes`",
         )
 
 
@@ -124,8 +122,8 @@ def _set_rate(node: Node, device: str, rate_hz: float) -> float:
         raise DeviceFault(
             device,
             "set frame rate",
-            expected=f"{rate_hz:g} Hz",
-            got=f"{got:g} Hz",
-            remedy="choose a rate that the camera has at this size: v4l2-ctl --list-formats-ext",
+            f"{rate_hz:g} Hz",
+            f"{got:g} Hz",
+            "choose a rate that the camera has at this size: v4l2-ctl --list-formats-ext",
         )
     return got

@@ -134,4 +134,4 @@ def translate(error: OSError, device: str, step: str, expected: str) -> DeviceEr
             number, (DeviceFault, "an error", "see the kernel's log (dmesg) for its cause")
         )
     name = errno.errorcode.get(number, str(number))
-    return kind(device, step, expected=expected, got=f"{got} ({name})", remedy=remedy)
+    return kind(device, step, expected, f"{got} ({name})", remedy)

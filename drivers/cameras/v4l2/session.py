@@ -222,4 +222,4 @@ class Session:
         return self._clock.utc() - timedelta(seconds=self._clock.now_s() - time_s)
 
     def _fault(self, expected: str, got: str, remedy: str) -> DeviceFault:
-        return DeviceFault(self._device, "get frame", expected=expected, got=got, remedy=remedy)
+        return DeviceFault(self._device, "get frame", expected, got, remedy)

@@ -18,9 +18,9 @@ def require_monotonic(flags: int, device: str) -> None:
         raise DeviceFault(
             device,
             "get frame",
-            expected="a stamp of the monotonic clock",
-            got=f"flags {flags:#x}",
-            remedy="use another camera: this one's driver cannot tell how old a frame is",
+            "a stamp of the monotonic clock",
+            f"flags {flags:#x}",
+            "use another camera: this one's driver cannot tell how old a frame is",
         )
 
 

@@ -113,9 +113,9 @@ class LoadFrameCommands:
             raise DeviceTimeout(
                 self._work.name,
                 step,
-                expected=f"command {sequence} executed",
-                got=f"command {state['executed']:g} as the last one",
-                remedy="check that nothing else commands the machine",
+                f"command {sequence} executed",
+                f"command {state['executed']:g} as the last one",
+                "check that nothing else commands the machine",
             )
         if state["result"]:
             reason = self._map.results.get(f"{state['result']:g}", f"result {state['result']:g}")
@@ -145,9 +145,7 @@ class LoadFrameCommands:
             except DeviceError as error:
                 got = f"{error.got} instead of {error.expected}"
             self._clock.sleep(HOLD_POLL_S)
-        raise DeviceTimeout(
-            self._work.name, "hold", expected="a confirmed hold", got=got, remedy="press the emergency stop"
-        )
+        raise DeviceTimeout(self._work.name, "hold", "a confirmed hold", got, "press the emergency stop")
 
     @contextlib.contextmanager
     def _doubting(self) -> Iterator[None]:

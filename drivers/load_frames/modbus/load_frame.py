@@ -134,9 +134,7 @@ class ModbusLoadFrame:
         except (DeviceTimeout, LinkLost) as error:
             if self._safety.shares_link(self._work):
                 raise
-            raise type(error)(
-                error.device, error.step, expected=error.expected, got=error.got, remedy=alone
-            ) from error
+            raise type(error)(error.device, error.step, error.expected, error.got, alone) from error
         if found != identity:
             remedy = "check that one machine only has this address"
             raise self._safety.fault(step, f"the machine {identity}", f"{found}", remedy)

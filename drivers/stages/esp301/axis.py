@@ -43,9 +43,9 @@ class EspAxis:
             raise DeviceFault(
                 self._port.name,
                 step,
-                expected="acceptance",
-                got="; ".join(refused),
-                remedy="see appendix A of the controller's manual",
+                "acceptance",
+                "; ".join(refused),
+                "see appendix A of the controller's manual",
             )
 
     def take_errors(self, *, after_command: bool = False) -> list[QueuedError]:

@@ -189,9 +189,9 @@ class EspStage(GuardedStage[EspPort]):
         raise DeviceTimeout(
             self._port.name,
             step,
-            expected="a motion",
-            got="a stage that stands still",
-            remedy="check the line for noise and the motor, then command it again",
+            "a motion",
+            "a stage that stands still",
+            "check the line for noise and the motor, then command it again",
         )
 
     def _position(self) -> tuple[float, bool]:
@@ -207,9 +207,9 @@ class EspStage(GuardedStage[EspPort]):
         raise DeviceTimeout(
             self._port.name,
             "read position",
-            expected="two readings in a row that agree while the stage stands",
-            got=f"{angle_deg:g}° and others",
-            remedy="check the line for noise",
+            "two readings in a row that agree while the stage stands",
+            f"{angle_deg:g}° and others",
+            "check the line for noise",
         )
 
 

@@ -182,9 +182,9 @@ class ZaberStage(GuardedStage[ZaberPort]):
             raise DeviceTimeout(
                 self._name,
                 step,
-                expected="a motion",
-                got=f"{silence.got} to the command, and a stage that stands still",
-                remedy="check the line for noise, then command it again",
+                "a motion",
+                f"{silence.got} to the command, and a stage that stands still",
+                "check the line for noise, then command it again",
             ) from silence
 
     def _flags(self, reply: Reply) -> tuple[str, ...]:

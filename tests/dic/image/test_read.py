@@ -163,7 +163,7 @@ def test_images_of_different_size_are_refused() -> None:
 
 
 def test_errors_come_back_whole_from_another_process() -> None:
-    error = CorrelationError("a.png", "correlate", expected="texture", got="none", remedy="paint it")
+    error = CorrelationError("a.png", "correlate", "texture", "none", "paint it")
 
     copy = pickle.loads(pickle.dumps(error))
 

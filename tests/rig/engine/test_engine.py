@@ -28,7 +28,7 @@ def read_run(path) -> dict:
 
 
 def mute_camera(count, frame):
-    raise DeviceTimeout("cameras.off_axis", "grab", expected="an image", got="none", remedy="check the cable")
+    raise DeviceTimeout("cameras.off_axis", "grab", "an image", "none", "check the cable")
 
 
 def test_tension_loads_until_plastic_then_stretches_to_exactly_the_total(tension):
@@ -167,9 +167,7 @@ def test_abort_is_an_abort_even_if_a_driver_complains_of_the_stop_first(rotation
     def interrupted(state):
         if state.angle_deg == 45.0:
             engine.abort("SIGTERM")
-            raise DeviceError(
-                "stage", "move", expected="no stop meanwhile", got="a stop", remedy="move again"
-            )
+            raise DeviceError("stage", "move", "no stop meanwhile", "a stop", "move again")
         return state
 
     rotation.stage.on_read = interrupted
@@ -189,9 +187,7 @@ def test_abort_before_the_run_moves_nothing(tension):
 
 def test_safe_state_that_fails_is_said_loudly_and_the_other_device_is_still_stopped(rotation, tension):
     def refuse():
-        raise DeviceTimeout(
-            "load_frame", "hold", expected="standstill", got="silence", remedy="check the link"
-        )
+        raise DeviceTimeout("load_frame", "hold", "standstill", "silence", "check the link")
 
     tension.load_frame.on_hold = refuse
     tension.stage = rotation.stage
@@ -304,7 +300,7 @@ def test_image_of_unannounced_format_is_refused(tension):
 
 def test_operator_who_refuses_ends_the_run(tension):
     def refuse(action):
-        raise DeviceError("operator", action.value, expected="yes", got="no", remedy="start again")
+        raise DeviceError("operator", action.value, "yes", "no", "start again")
 
     tension.operator.on_perform = refuse
     outcome = tension.engine().run()
@@ -342,7 +338,7 @@ def test_load_that_is_no_number_ends_the_run_at_once(tension, on_frame_state):
 
 def test_unknown_exception_carries_the_warning_that_the_machine_is_not_safe(tension):
     def refuse():
-        raise DeviceTimeout("load_frame", "hold", expected="a hold", got="silence", remedy="check the link")
+        raise DeviceTimeout("load_frame", "hold", "a hold", "silence", "check the link")
 
     def explode(record):
         tension.load_frame.on_hold = refuse

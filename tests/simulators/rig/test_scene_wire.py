@@ -39,7 +39,7 @@ def test_one_camera_exposes_one_frame_at_a_time_whoever_asks(simulation, monkeyp
         with contextlib.suppress(threading.BrokenBarrierError):
             together.wait(0.1)
             pytest.fail("two frames at once")
-        raise DeviceTimeout("camera", "grab", expected="a frame", got="none", remedy="none")
+        raise DeviceTimeout("camera", "grab", "a frame", "none", "none")
 
     monkeypatch.setattr(camera, "grab", grab)
     with closing(SceneServer({"x": camera}, None, None)) as server, ThreadPoolExecutor(2) as pool:
@@ -66,7 +66,7 @@ def test_two_threads_do_not_talk_at_once_on_one_connection():
             with contextlib.suppress(threading.BrokenBarrierError):
                 together.wait(0.1)
                 pytest.fail("two questions at once")
-            raise DeviceTimeout("camera", "grab", expected="a frame", got="none", remedy="none")
+            raise DeviceTimeout("camera", "grab", "a frame", "none", "none")
 
     camera = RemoteCamera(Client(), "x")
     with ThreadPoolExecutor(2) as pool:
@@ -83,7 +83,7 @@ def test_a_frame_may_take_its_time_to_be_rendered():
             patience_s.append(patience)
             if request["do"] == "camera":
                 return {"vendor": "v", "model": "m", "serial": "s"}, b""
-            raise DeviceTimeout("camera", "grab", expected="a frame", got="none", remedy="none")
+            raise DeviceTimeout("camera", "grab", "a frame", "none", "none")
 
     with pytest.raises(DeviceTimeout):
         RemoteCamera(Client(), "x").grab(2.0)

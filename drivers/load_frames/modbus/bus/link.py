@@ -165,49 +165,41 @@ class ModbusLink:
             if refusal.code in NOBODY:
                 remedy = "check the unit number, and the machine and its line behind the gateway"
                 raise DeviceTimeout(
-                    self.name,
-                    step,
-                    expected=f"an answer of unit {self._unit}",
-                    got=str(refusal),
-                    remedy=remedy,
+                    self.name, step, f"an answer of unit {self._unit}", str(refusal), remedy
                 ) from None
             remedy = "compare the register map and the limits with the machine's manual"
-            raise DeviceFault(
-                self.name, step, expected="acceptance", got=str(refusal), remedy=remedy
-            ) from None
+            raise DeviceFault(self.name, step, "acceptance", str(refusal), remedy) from None
         except OvertakenError:
             self._suspect = True
             raise Overtaken(
                 self.name,
                 step,
-                expected="an answer",
-                got="a hold that went first",
-                remedy="look what the machine does, then repeat it if it is wanted",
+                "an answer",
+                "a hold that went first",
+                "look what the machine does, then repeat it if it is wanted",
             ) from None
         except SilenceError as silence:
             raise self._distrust(
                 DeviceTimeout(
                     self.name,
                     step,
-                    expected=f"an answer within {timeout_s:g} s",
-                    got=str(silence),
-                    remedy="check that the controller runs, its unit number and the line's settings",
+                    f"an answer within {timeout_s:g} s",
+                    str(silence),
+                    "check that the controller runs, its unit number and the line's settings",
                 )
             ) from None
         except ForeignAnswerError as stranger:
             remedy = "check that nothing else answers at this address"
-            raise self._distrust(
-                LinkLost(self.name, step, expected=stranger.expected, got=stranger.got, remedy=remedy)
-            ) from None
+            raise self._distrust(LinkLost(self.name, step, stranger.expected, stranger.got, remedy)) from None
         except CHANNEL_ERRORS as error:
             connected = self._wire is not None
             self._drop()
             raise LinkLost(
                 self.name,
                 step,
-                expected="an open connection" if connected else f"a connection to {self._address.text}",
-                got=getattr(error, "strerror", None) or str(error) or type(error).__name__,
-                remedy="check the cable, the address and that the controller runs and is free",
+                "an open connection" if connected else f"a connection to {self._address.text}",
+                getattr(error, "strerror", None) or str(error) or type(error).__name__,
+                "check the cable, the address and that the controller runs and is free",
             ) from error
 
     def _distrust(self, error: DeviceError) -> DeviceError:

@@ -106,7 +106,7 @@ class MappedDevice:
 
     def fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
         """Return an error of this device, to be raised."""
-        return DeviceFault(self.name, step, expected=expected, got=got, remedy=remedy)
+        return DeviceFault(self.name, step, expected, got, remedy)
 
     def unhurried(self) -> "MappedDevice":
         """Return the same device over the same link, asked when nobody is in a hurry."""
@@ -144,11 +144,7 @@ def _during(step: str) -> Iterator[None]:
         yield
     except DeviceError as error:
         raise type(error)(
-            error.device,
-            f"{step}: {error.step}",
-            expected=error.expected,
-            got=error.got,
-            remedy=error.remedy,
+            error.device, f"{step}: {error.step}", error.expected, error.got, error.remedy
         ) from error
 
 
