@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from dic.assessment.paper import BASE, FINE, Points
 from dic.calibration.bicubic import BicubicMap
 from dic.calibration.pinhole.camera import Pinhole
+from dic.calibration.pinhole.fit import fit_pinhole
+from dic.calibration.pinhole.prior import Known
 from dic.targets.points import GridPoints
 
 NOISE_PX = 0.01
@@ -56,7 +58,7 @@ def _errors(camera: Pinhole, noise_px: float, repetitions: int) -> dict[str, flo
         grid = GridPoints(index, xy_mm, uv_px, (BASE.count, BASE.count), xy_mm[1, 0] - xy_mm[0, 0])
         bicubic = BicubicMap.fit(uv_px, xy_mm)
         # the principal point is uncertain by 1 % of the image's width, as it is for a real camera
-        pinhole = Pinhole.fit(grid, _SHAPE, principal_px=(0.0, 0.0), principal_std_px=12.0)
+        pinhole = fit_pinhole(grid, _SHAPE, Known(principal_px=(0.0, 0.0), principal_std_px=12.0))
         squares["bicubic"].append(_mean_square(camera, bicubic))
         squares["pinhole"].append(_mean_square(camera, pinhole))
     return {model: float(np.sqrt(np.mean(values))) for model, values in squares.items()}

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from dic.calibration.bicubic import BicubicMap
 from dic.calibration.cross_validation import missed_by
 from dic.calibration.pinhole.camera import Pinhole
+from dic.calibration.pinhole.fit import fit_pinholes
 from dic.calibration.pinhole.prior import Known
 from dic.calibration.residuals import PlaneMap, Residuals
 from dic.errors import CalibrationError
@@ -91,7 +91,7 @@ class Calibration:
         bicubic = BicubicMap.fit(first.uv_px, first.xy_mm)
         pinhole, problem = None, ""
         try:
-            pinhole = Pinhole.fit_many(grids, image_shape, known)[0]
+            pinhole = fit_pinholes(grids, image_shape, known)[0]
         except CalibrationError as error:
             problem = f"{error.step}: expected {error.expected}, got {error.got}"
         return cls(
@@ -238,31 +238,6 @@ class Calibration:
         if self.model == "pinhole" and self.pinhole is not None:
             return self.pinhole
         return self.bicubic
-
-    def save(self, path: str | Path) -> None:
-        """Write the calibration as HDF5, whole or not at all.
-
-        Raises
-        ------
-        CalibrationError
-            If the file cannot be written.
-        """
-        from dic.calibration.file import save_calibration
-
-        save_calibration(self, Path(path))
-
-    @classmethod
-    def load(cls, path: str | Path) -> "Calibration":
-        """Read a calibration written by `save`.
-
-        Raises
-        ------
-        CalibrationError
-            If the file is missing, cut off, or no calibration.
-        """
-        from dic.calibration.file import load_calibration
-
-        return load_calibration(Path(path))
 
 
 def _bicubic_cross_validation_px(grid: GridPoints) -> float:

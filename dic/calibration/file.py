@@ -31,7 +31,7 @@ _PINHOLE_UNITS = {
 _KEYS = {"cross_validation_px": "left_out_px"}
 
 
-def save_calibration(calibration: Calibration, path: Path) -> None:
+def save_calibration(calibration: Calibration, path: str | Path) -> None:
     """Write `calibration` beside `path` first and then move it there, so that a crash leaves no half file.
 
     Raises
@@ -39,6 +39,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
     CalibrationError
         If the file cannot be written.
     """
+    path = Path(path)
     part = path.with_name(path.name + ".part")
     try:
         with h5py.File(part, "w") as file:
@@ -55,7 +56,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
         ) from error
 
 
-def load_calibration(path: Path) -> Calibration:
+def load_calibration(path: str | Path) -> Calibration:
     """Read a calibration file.
 
     Raises
@@ -63,6 +64,7 @@ def load_calibration(path: Path) -> Calibration:
     CalibrationError
         If the file is missing, cut off, or no calibration.
     """
+    path = Path(path)
     if not path.is_file():
         raise _refusal(path, "no such file")
     try:

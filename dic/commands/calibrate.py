@@ -68,6 +68,7 @@ def calibrate(
     tilted otherwise, tell its focal length when it looks nearly straight; the first defines the plane.
     """
     from dic.calibration.calibration import Calibration
+    from dic.calibration.file import save_calibration
     from dic.calibration.pinhole.prior import Known
     from dic.commands.calibration_text import summarise, text
     from dic.commands.target_options import read_target
@@ -88,7 +89,7 @@ def calibrate(
     elif model == "pinhole":
         calibration = calibration.using("pinhole")
     if output is not None:
-        calibration.save(output)
+        save_calibration(calibration, output)
     if points_file is not None:
         write_points(points_file, calibration)
     if plot_file is not None:

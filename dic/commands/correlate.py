@@ -106,7 +106,7 @@ def correlate(
     Ctrl-C ends the series after the image at hand, and what was measured is kept. Status: 0, 1 if an image
     was measured badly, 2 if one could not be measured.
     """
-    from dic.calibration.calibration import Calibration
+    from dic.calibration.file import load_calibration
     from dic.commands.region import read_region
     from dic.correlation.series import Series
     from dic.correlation.settings import CorrelationSettings
@@ -129,7 +129,7 @@ def correlate(
     drawn = [path for path in map(Path, polygons) if path.is_file()]
     inputs = [reference, *deformed, calibration_file, roi, *drawn, alignment_file]
     require_places(inputs, [json_file, save_alignment, *files.all()])
-    calibration = None if calibration_file is None else Calibration.load(calibration_file)
+    calibration = None if calibration_file is None else load_calibration(calibration_file)
     alignment = None if alignment_file is None else load_alignment(alignment_file)
     corrected = CorrectedSeries(motion, calibration, poisson_ratio, alignment)
     if save_alignment is not None:

@@ -1,14 +1,11 @@
 """A pinhole camera with lens distortion and a pose before the grid: the map that geometry gives."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.calibration.pinhole.lens import distort, distortion_basis, distortion_jacobian, folded, undistort
-from dic.calibration.pinhole.prior import Known
-from dic.targets.points import GridPoints
 
 Points = NDArray[np.float64]
 
@@ -74,72 +71,6 @@ class Pinhole:
         rotation = about_x @ about_y
         lens = np.array([k1_per_px2, 0.0, 0.0, 0.0])
         return cls(focal_px, np.array(principal_px, float), lens, rotation, rotation[2] * distance_mm)
-
-    @classmethod
-    def fit(
-        cls,
-        grid_points: GridPoints,
-        image_shape: tuple[int, ...],
-        *,
-        focal_px: float | None = None,
-        focal_std_px: float = 0.0,
-        distance_mm: float | None = None,
-        distance_std_mm: float = 0.0,
-        principal_px: Sequence[float] | None = None,
-        principal_std_px: float | None = None,
-        k2: bool | None = None,
-    ) -> "Pinhole":
-        """Fit to the grid points of one image, by least squares in the image.
-
-        One image tells the focal length by its perspective alone: well at 30° off-axis, poorly at 10°, not
-        when the camera looks straight. What is left open shows in `covariance`.
-
-        Parameters
-        ----------
-        grid_points : GridPoints
-        image_shape : tuple of int
-            Height and width, px.
-        focal_px, distance_mm : float, optional
-            The focal length and the distance of the pinhole from the grid's centre, if known.
-        focal_std_px, distance_std_mm : float, optional
-            Their standard deviations; 0 stands for exactly.
-        principal_px : sequence of float, optional
-            The principal point. Default: the image's centre, with a standard deviation of 1 % of its width.
-        principal_std_px : float, optional
-            Its standard deviation in x and in y; by default 0 if `principal_px` is given.
-        k2 : bool, optional
-            Whether to fit k2. Default: if it predicts points better that are left out of the fit; only then
-            some are.
-
-        Raises
-        ------
-        CalibrationError
-            If given values are out of range, or the points do not determine a camera.
-        """
-        known = Known(focal_px, focal_std_px, distance_mm, distance_std_mm, principal_px, principal_std_px)
-        return cls.fit_many([grid_points], image_shape, known, k2)[0]
-
-    @classmethod
-    def fit_many(
-        cls,
-        grids: Sequence[GridPoints],
-        image_shape: tuple[int, ...],
-        known: Known | None = None,
-        k2: bool | None = None,
-    ) -> tuple["Pinhole", ...]:
-        """Fit to several images of the grid by one camera, whose lens is the same in all of them.
-
-        Images with the grid at different tilts determine the focal length even of a camera that looks
-        straight. Parameters and errors are those of `fit`; a known distance is that of the first image.
-
-        Returns
-        -------
-        tuple of Pinhole
-            One for each image, in the axes of the grid as it was in that image.
-        """
-        from dic.calibration.pinhole.fit import fit_cameras
-
-        return fit_cameras(grids, image_shape, known or Known(), k2)
 
     @property
     def centre_covariance_mm2(self) -> NDArray[np.float64]:

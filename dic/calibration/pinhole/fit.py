@@ -54,11 +54,51 @@ class _Solution:
     noise_px: float
 
 
-def fit_cameras(
-    grids: Sequence[GridPoints], image_shape: tuple[int, ...], known: Known, k2: bool | None = None
+def fit_pinhole(
+    grid: GridPoints, image_shape: tuple[int, ...], known: Known | None = None, k2: bool | None = None
+) -> Pinhole:
+    """Fit a camera to the grid points of one image, by least squares in the image.
+
+    One image tells the focal length by its perspective alone: well at 30° off-axis, poorly at 10°, not at all
+    when the camera looks straight. What is left open shows in `Pinhole.covariance`.
+
+    Parameters
+    ----------
+    grid : GridPoints
+    image_shape : tuple of int
+        Height and width, px.
+    known : Known, optional
+        What is known of the camera.
+    k2 : bool, optional
+        Whether to fit k2. Default: if it predicts points better that are left out of the fit; only then some
+        are left out.
+
+    Raises
+    ------
+    CalibrationError
+        If given values are out of range, or the points do not determine a camera.
+    """
+    return fit_pinholes([grid], image_shape, known, k2)[0]
+
+
+def fit_pinholes(
+    grids: Sequence[GridPoints],
+    image_shape: tuple[int, ...],
+    known: Known | None = None,
+    k2: bool | None = None,
 ) -> tuple[Pinhole, ...]:
-    """Fit one lens and a pose for each image; parameters and errors as for `Pinhole.fit_many`."""
-    views = _Views([g.xy_mm for g in grids], [g.uv_px for g in grids], known.prior(image_shape))
+    """Fit one camera to several images of the grid: one lens, and a pose for each image.
+
+    Images with the grid at different tilts determine the focal length even of a camera that looks straight.
+    Parameters and errors are those of `fit_pinhole`; a known distance is that of the first image.
+
+    Returns
+    -------
+    tuple of Pinhole
+        One for each image, in the axes of the grid as it was in that image.
+    """
+    prior = (known or Known()).prior(image_shape)
+    views = _Views([g.xy_mm for g in grids], [g.uv_px for g in grids], prior)
     _require_points(views)
     chosen, missed_px = _with_or_without_k2(views, grids[0], k2)
     return tuple(_camera(chosen, view, missed_px) for view in range(len(grids)))

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from dic.calibration.calibration import Calibration
+from dic.calibration.file import load_calibration
 from dic.cli import main
 
 
@@ -49,7 +49,7 @@ def test_every_output_is_written_and_agrees(
 
     printed = capsys.readouterr().out
     summary = json.loads(outputs[2].read_text())
-    calibration = Calibration.load(outputs[0])
+    calibration = load_calibration(outputs[0])
     with outputs[1].open() as file:
         rows = list(csv.DictReader(file))
     assert "441 of 441 intersections" in printed
@@ -81,7 +81,7 @@ def test_x_points_the_way_it_is_told(
     dic: Callable[..., int], picture: tuple[Path, Any], tmp_path: Path, x_axis: str, turn_deg: float
 ) -> None:
     assert dic("calibrate", picture[0], f"--x-axis={x_axis}", "-o", tmp_path / "cal.h5") == 0
-    grid = Calibration.load(tmp_path / "cal.h5").grid
+    grid = load_calibration(tmp_path / "cal.h5").grid
     c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
     order = [int(np.argmin(np.abs(picture[1].uv_px - px).sum(axis=1))) for px in grid.uv_px]
 
@@ -126,7 +126,7 @@ def test_the_model_that_is_asked_for_is_the_one_that_is_saved(
     dic("calibrate", picture[0], "--model", asked, "-o", tmp_path / "cal.h5", "--json", tmp_path / "cal.json")
     summary = json.loads((tmp_path / "cal.json").read_text())
 
-    assert Calibration.load(tmp_path / "cal.h5").model == summary["model"] == used
+    assert load_calibration(tmp_path / "cal.h5").model == summary["model"] == used
     assert summary["rms_px"] == summary["models"][used]["rms_px"]
 
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from dic.calibration.pinhole.camera import Pinhole
+from dic.calibration.pinhole.fit import fit_pinhole, fit_pinholes
 from dic.calibration.pinhole.model import CameraModel
 from dic.calibration.pinhole.prior import Known
 from dic.errors import CalibrationError
@@ -43,7 +44,7 @@ def _swung(**options: float) -> PinholeCamera:
 def test_exact_points_are_met_where_the_bicubic_map_fails(k1: float) -> None:
     camera = _swung(pan_deg=25, tilt_deg=25, k1_per_px2=k1)
     grid = _seen(camera)
-    fitted = Pinhole.fit(grid, SHAPE)
+    fitted = fit_pinhole(grid, SHAPE)
 
     assert _residual_px(fitted, grid) < 1e-6
     assert fitted.cross_validation_px < 1e-6
@@ -58,7 +59,7 @@ def test_exact_points_are_met_where_the_bicubic_map_fails(k1: float) -> None:
 def test_noisy_points_leave_no_more_than_their_noise(k1: float) -> None:
     camera = _swung(pan_deg=25, tilt_deg=25, k1_per_px2=k1)
     grid = _seen(camera, NOISE_PX)
-    fitted = Pinhole.fit(grid, SHAPE)
+    fitted = fit_pinhole(grid, SHAPE)
 
     # the points' scatter in both coordinates, less the 12 of 882 that the fit takes up, 5 % for chance
     assert _residual_px(fitted, grid) < 1.05 * NOISE_PX * np.sqrt(2)
@@ -76,7 +77,7 @@ def test_every_term_of_a_lens_that_opencv_draws_is_found() -> None:
     pose = cv2.Rodrigues(np.radians([0.0, 28.0, 0.0]))[0] @ np.diag([1.0, -1.0, -1.0])
     points = np.column_stack([xy, np.zeros(len(xy))])
     px, _ = cv2.projectPoints(points, cv2.Rodrigues(pose)[0], np.array([0.4, -0.2, 40.0]), matrix, lens)
-    fitted = Pinhole.fit(_grid(px[:, 0]), SHAPE, principal_px=(499.5, 449.5))
+    fitted = fit_pinhole(_grid(px[:, 0]), SHAPE, Known(principal_px=(499.5, 449.5)))
 
     assert fitted.distortion * 2800.0 ** np.array([2, 4, 1, 1]) == pytest.approx(lens, rel=1e-4)
     assert fitted.focal_px == pytest.approx(2800, rel=1e-5)
@@ -86,12 +87,12 @@ def test_every_term_of_a_lens_that_opencv_draws_is_found() -> None:
 def test_k2_is_left_out_unless_it_predicts_points_better() -> None:
     grid = _seen(_swung(pan_deg=20, k1_per_px2=3e-8), NOISE_PX)
 
-    assert Pinhole.fit(grid, SHAPE).distortion[1] == 0.0
-    assert Pinhole.fit(grid, SHAPE, k2=True).distortion[1] != 0.0
+    assert fit_pinhole(grid, SHAPE).distortion[1] == 0.0
+    assert fit_pinhole(grid, SHAPE, k2=True).distortion[1] != 0.0
 
 
 def test_the_focal_length_is_the_less_certain_the_straighter_the_camera_looks() -> None:
-    fits = {pan: Pinhole.fit(_seen(_swung(pan_deg=pan), NOISE_PX), SHAPE, k2=False) for pan in (30, 10, 3, 0)}
+    fits = {pan: fit_pinhole(_seen(_swung(pan_deg=pan), NOISE_PX), SHAPE, k2=False) for pan in (30, 10, 3, 0)}
     share = {pan: fitted.focal_std_px / fitted.focal_px for pan, fitted in fits.items()}
 
     assert share[30] < 0.01
@@ -106,7 +107,7 @@ def test_the_focal_length_is_the_less_certain_the_straighter_the_camera_looks() 
 @pytest.mark.parametrize("known", [{"focal_px": 2800.0}, {"distance_mm": 40.0}])
 def test_a_known_length_fixes_a_camera_that_looks_straight(known: dict[str, float]) -> None:
     grid = _seen(_swung(), NOISE_PX)
-    fitted = Pinhole.fit(grid, SHAPE, **known)
+    fitted = fit_pinhole(grid, SHAPE, Known(**known))
 
     assert fitted.focal_px == pytest.approx(2800, rel=1e-4)
     assert fitted.centre_mm[2] == pytest.approx(40, rel=1e-4)
@@ -115,7 +116,7 @@ def test_a_known_length_fixes_a_camera_that_looks_straight(known: dict[str, floa
 
 def test_an_uncertain_length_is_carried_along() -> None:
     grid = _seen(_swung(), NOISE_PX)
-    fitted = Pinhole.fit(grid, SHAPE, distance_mm=41.0, distance_std_mm=0.8)
+    fitted = fit_pinhole(grid, SHAPE, Known(distance_mm=41.0, distance_std_mm=0.8))
 
     # 0.8 mm of 40 mm, and the same share of 2800 px
     assert fitted.centre_std_mm[2] == pytest.approx(0.8, rel=0.05)
@@ -137,7 +138,7 @@ def test_confidence_intervals_hold_the_truth_as_often_as_they_say(
     for _ in range(200):
         # a principal point off the image's middle by what is said of it shifts the whole image
         moved = grid.uv_px + rng.normal(0, off_px, 2) + rng.normal(0, NOISE_PX, grid.uv_px.shape)
-        fitted = Pinhole.fit(_grid(moved, 11), SHAPE, k2=False, **known)
+        fitted = fit_pinhole(_grid(moved, 11), SHAPE, Known(**known), k2=False)
         deviation = np.append(fitted.centre_mm - camera.centre_mm, fitted.focal_px - 2800)
         std = np.append(fitted.centre_std_mm, fitted.focal_std_px)
         hits.append(np.abs(deviation) <= 1.96 * std)
@@ -159,8 +160,8 @@ def _tilted(rotation: np.ndarray, noise_px: float, seed: int) -> GridPoints:
 def test_images_of_the_tilted_grid_fix_the_focal_length_of_a_camera_that_looks_straight() -> None:
     turns = [np.zeros(3), np.radians([25.0, 0, 0]), np.radians([0, 25.0, 0]), np.radians([-18.0, -18.0, 0])]
     grids = [_tilted(cv2.Rodrigues(turn)[0], NOISE_PX, seed) for seed, turn in enumerate(turns)]
-    alone = Pinhole.fit(grids[0], SHAPE)
-    first, *others = Pinhole.fit_many(grids, SHAPE)
+    alone = fit_pinhole(grids[0], SHAPE)
+    first, *others = fit_pinholes(grids, SHAPE)
 
     assert alone.focal_std_px > 0.5 * alone.focal_px
     assert first.focal_std_px < 0.01 * first.focal_px
@@ -197,9 +198,9 @@ def test_points_that_determine_no_camera_are_refused() -> None:
     on_a_line = GridPoints.on_lattice(grid.index[row], grid.uv_px[row], lines, 0.5)
 
     with pytest.raises(CalibrationError, match="9 points"):
-        Pinhole.fit(few, SHAPE)
+        fit_pinhole(few, SHAPE)
     with pytest.raises(CalibrationError, match="one line"):
-        Pinhole.fit(on_a_line, SHAPE)
+        fit_pinhole(on_a_line, SHAPE)
 
 
 def test_values_that_the_images_contradict_are_refused() -> None:
@@ -207,15 +208,15 @@ def test_values_that_the_images_contradict_are_refused() -> None:
 
     # 2800 px in truth; only a principal point far off could make up for it
     with pytest.raises(CalibrationError, match=r"principal point's x that is \d+ standard deviations off"):
-        Pinhole.fit(grid, SHAPE, focal_px=2500.0)
+        fit_pinhole(grid, SHAPE, Known(focal_px=2500.0))
     with pytest.raises(CalibrationError, match="standard deviations off"):
-        Pinhole.fit(grid, SHAPE, distance_mm=45.0, distance_std_mm=0.1)
+        fit_pinhole(grid, SHAPE, Known(distance_mm=45.0, distance_std_mm=0.1))
 
 
 @pytest.mark.parametrize(("focal_px", "distance_mm"), [(600.0, 9.0), (20000.0, 286.0), (200000.0, 2860.0)])
 def test_wide_angle_and_nearly_telecentric_lenses_are_fitted(focal_px: float, distance_mm: float) -> None:
     grid = _seen(_swung(pan_deg=30, focal_px=focal_px, distance_mm=distance_mm), NOISE_PX)
-    fitted = Pinhole.fit(grid, SHAPE)
+    fitted = fit_pinhole(grid, SHAPE)
 
     assert abs(fitted.focal_px - focal_px) < 3 * fitted.focal_std_px
     assert fitted.cross_validation_px == pytest.approx(NOISE_PX * np.sqrt(2), rel=0.1)
@@ -260,7 +261,7 @@ def test_confidence_intervals_hold_at_every_angle_with_one_image_and_with_three(
         known = dict(given)
         if known:
             known["distance_mm"] = 40.0 + rng.normal(0, 0.5)
-        fitted = Pinhole.fit_many(grids, SHAPE, Known(**known), k2=False)[0]
+        fitted = fit_pinholes(grids, SHAPE, Known(**known), k2=False)[0]
         deviation = np.append(fitted.centre_mm - camera.centre_mm, fitted.focal_px - 2800)
         hits.append(np.abs(deviation) <= 1.96 * np.append(fitted.centre_std_mm, fitted.focal_std_px))
 
