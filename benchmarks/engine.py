@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from benchmarks.machine import Stopwatch
 from dic.correlation import kernel
 from dic.correlation.correlator import Correlator
-from dic.correlation.field import Field, Status
+from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
+from dic.correlation.status import Status
 from dic.image.spline import halfway_noise_gain, slope_noise_gain, spline_image
 
 Grey = NDArray[np.float32]

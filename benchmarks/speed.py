@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from benchmarks import machine, peers
 from benchmarks.engine import KernelAlone, Series, Timing, time_pair
 from benchmarks.speckle import Float, Motion, Speckle, eight_bit, gentle_strain, truth
-from dic.correlation.field import Status
 from dic.correlation.settings import CorrelationSettings
+from dic.correlation.status import Status
 
 SIDE_PX = 1024
 STEP_PX = 5

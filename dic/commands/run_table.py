@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from dic.pipeline.run import CameraResult, RunResult
+    from dic.pipeline.camera_result import CameraResult
+    from dic.pipeline.run import RunResult
     from dic.runfile.reader import RunStep
     from dic.strain.measurement import Measurement
     from dic.strain.strain import MeanStrain

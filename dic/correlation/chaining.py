@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.correlation.field import Field, Status
+from dic.correlation.field import Field
+from dic.correlation.status import Status
 
 Float = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 from dic.correlation import kernel
 from dic.correlation.consistency import consistent_field, consistent_seeds
 from dic.correlation.features import FeatureFinder
-from dic.correlation.field import Field, Status
+from dic.correlation.field import Field
 from dic.correlation.initial_guess import guesses
 from dic.correlation.quarter_turn import quarters_of
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.solver import PreparedReference, Solution, Solver
+from dic.correlation.status import Status
 from dic.correlation.turned_image import TurnableImage
 from dic.errors import CorrelationError
 from dic.image.region import checked_region, place_points, textured

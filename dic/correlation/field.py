@@ -1,29 +1,13 @@
 """What correlation gives: displacements on a grid of points, each with the reason if it failed."""
 
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.correlation.status import Status
+
 Float = NDArray[np.float64]
-
-
-class Status(IntEnum):
-    """Why a point has a value, or none."""
-
-    CONVERGED = 0
-    NOT_REACHED = 1
-    NO_TEXTURE = 2
-    OUT_OF_VIEW = 3
-    NOT_CONVERGED = 4
-    LOW_CORRELATION = 5
-    INCONSISTENT = 6
-
-    @property
-    def text(self) -> str:
-        """The status as files and tables say it."""
-        return self.name.lower().replace("_", " ")
 
 
 @dataclass(frozen=True)

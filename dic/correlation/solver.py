@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from dic.correlation import kernel
 from dic.correlation.cracks import CutReference, visible_neighbours
-from dic.correlation.field import Status
 from dic.correlation.settings import CorrelationSettings
+from dic.correlation.status import Status
 from dic.image.region import PointGrid
 from dic.image.spline import halfway_noise_gain, slope_noise_gain
 from dic.image.threads import at_once, beside, even_bands

@@ -15,39 +15,14 @@ from dic.calibration.calibration import Calibration
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CalibrationError, CorrelationError
+from dic.pipeline.camera_result import CameraResult
 from dic.pipeline.run_corrections import CorrectionSettings, RunCorrections, correct_run
 from dic.runfile.reader import RunFile, RunInfo, RunStep
-from dic.strain.measurement import Measurement, measure
+from dic.strain.measurement import measure
 from dic.strain.strain import StrainSettings
 from dic.targets.line_grid.find import find_grid
 
 Float = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class CameraResult:
-    """One camera's part of a run.
-
-    Attributes
-    ----------
-    camera : str
-    calibration : Calibration
-    reference : ndarray of float32, shape (height, width)
-        The image all others are compared with.
-    steps : list of RunStep
-        The steps that could be measured.
-    measurements : list of Measurement
-        One per step.
-    failures : list of str
-        One sentence per step that could not be measured.
-    """
-
-    camera: str
-    calibration: Calibration
-    reference: NDArray[np.float32]
-    steps: list[RunStep]
-    measurements: list[Measurement]
-    failures: list[str]
 
 
 @dataclass(frozen=True)

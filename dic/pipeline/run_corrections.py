@@ -4,7 +4,6 @@ import json
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +13,7 @@ from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correct import POISSON_RATIO, Corrections, correct, require_poisson_ratio
 from dic.out_of_plane.diagnosis import Harmonics, Sensitivity, rotation_findings, tension_findings
 from dic.out_of_plane.two_cameras import TwoCameraStep, correct_with_two_cameras
-
-if TYPE_CHECKING:
-    from dic.pipeline.run import CameraResult
+from dic.pipeline.camera_result import CameraResult
 
 Float = NDArray[np.float64]
 
@@ -105,7 +102,7 @@ class RunCorrections:
     findings: dict[str, list[str]]
 
 
-def correct_run(cameras: "Sequence[CameraResult]", settings: CorrectionSettings) -> RunCorrections:
+def correct_run(cameras: Sequence[CameraResult], settings: CorrectionSettings) -> RunCorrections:
     """Correct all that was measured in a run."""
     motion = motion_of({step.kind for camera in cameras for step in camera.steps})
     corrected, findings = {}, {}
@@ -136,7 +133,7 @@ def motion_of(kinds: Set[str]) -> str:
     return "tension" if kinds & {"load", "displacement"} else "free"
 
 
-def _findings(motion: str, camera: "CameraResult", found: Corrections) -> list[str]:
+def _findings(motion: str, camera: CameraResult, found: Corrections) -> list[str]:
     sensitivity = Sensitivity.of(camera.calibration)
     findings = [] if sensitivity is None else [sensitivity.text]
     if motion == "rigid":
@@ -151,7 +148,7 @@ def _findings(motion: str, camera: "CameraResult", found: Corrections) -> list[s
     return findings + [f"not corrected: {reason}" for reason in sorted(reasons)]
 
 
-def _pair(cameras: "Sequence[CameraResult]") -> "tuple[CameraResult, CameraResult] | None":
+def _pair(cameras: Sequence[CameraResult]) -> tuple[CameraResult, CameraResult] | None:
     """Return the two cameras that look from the most different directions, the one further aside first."""
     aside = [
         (c.calibration.pinhole.centre_mm[:2] / c.calibration.pinhole.centre_mm[2], c)
@@ -166,7 +163,7 @@ def _pair(cameras: "Sequence[CameraResult]") -> "tuple[CameraResult, CameraResul
     return first[1], second[1]
 
 
-def _together(first: "CameraResult", second: "CameraResult") -> dict[int, TwoCameraStep]:
+def _together(first: CameraResult, second: CameraResult) -> dict[int, TwoCameraStep]:
     others = {step.index: m for step, m in zip(second.steps, second.measurements, strict=True)}
     calibrations = first.calibration, second.calibration
     return {

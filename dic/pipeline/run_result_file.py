@@ -10,7 +10,8 @@ from dic.calibration.file import read_calibration, write_calibration
 from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import RunFileError
-from dic.pipeline.run import CameraResult, RunResult
+from dic.pipeline.camera_result import CameraResult
+from dic.pipeline.run import RunResult
 from dic.pipeline.run_corrections import CorrectionSettings
 from dic.results.writer import FORMAT, VERSION, ResultWriter
 from dic.runfile.reader import RunInfo, RunStep

@@ -7,7 +7,7 @@ import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.calibration.residuals import Residuals
-from dic.pipeline.run import CameraResult
+from dic.pipeline.camera_result import CameraResult
 from dic.report.style import png_uri
 
 _PANEL_WIDTH_IN = 4.4

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.out_of_plane.correction import Correction
-from dic.pipeline.run import CameraResult, RunResult
+from dic.pipeline.camera_result import CameraResult
+from dic.pipeline.run import RunResult
 from dic.report.pair import PairSeries, pair_series
 from dic.runfile.reader import RunStep
 from dic.strain.strain import MeanStrain

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from dic.pipeline.run import CameraResult
+from dic.pipeline.camera_result import CameraResult
 from dic.report.numbers import date, fixed
 from dic.report.series import Run
 from dic.strain.strain import gauge_text

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dic.correlation.field import Field, Status
+from dic.correlation.field import Field
+from dic.correlation.status import Status
 from dic.strain.displacement import Displacement
 
 _PIXELS = ["x_px", "y_px", "u_px", "v_px", "zncc", "status"]

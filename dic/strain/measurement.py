@@ -5,8 +5,9 @@ from functools import cached_property
 from typing import Any
 
 from dic.calibration.calibration import Calibration
-from dic.correlation.field import Field, Status
+from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
+from dic.correlation.status import Status
 from dic.strain.displacement import Displacement, calibrated_displacement, raw_displacement
 from dic.strain.strain import MeanStrain, StrainField, StrainSettings, mean_strain, strain_field
 

@@ -6,10 +6,10 @@ Written from the specification alone; `simulators.load_frame.layout` says what s
 import struct
 
 from simulators.load_frame.device import LoadFrameDevice
+from simulators.load_frame.faults import load_frame_faults
 from simulators.load_frame.layout import GENERIC, Layout
 from simulators.load_frame.modbus_framing import HEADER, crc, cut_rtu, cut_tcp
 from simulators.load_frame.registers import LoadFrameRegisters
-from simulators.rig.device_faults import frame_faults
 from simulators.wire.faults import LOAD_FRAME, FaultPanel
 from simulators.wire.ports import PtyPort, TcpPort
 
@@ -34,7 +34,7 @@ class _LoadFrameWire:
     ) -> None:
         self.device = device
         self.unit = unit
-        self.faults = faults or frame_faults(FaultPanel(LOAD_FRAME), device)
+        self.faults = faults or load_frame_faults(FaultPanel(LOAD_FRAME), device)
         self.registers = registers or LoadFrameRegisters(device, layout, serial, self.faults)
 
     @property

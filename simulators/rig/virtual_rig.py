@@ -13,13 +13,14 @@ from drivers.interfaces import OpenContext
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
 from simulators.load_frame.device import LoadFrameDevice
+from simulators.load_frame.faults import load_frame_faults
 from simulators.load_frame.layout import LAYOUTS
 from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
-from simulators.rig.device_faults import frame_faults, stage_faults
 from simulators.rig.places import Link, Places
 from simulators.scene.scene import Misalignment, Scene
 from simulators.scene.specimen import Specimen, SpecimenSettings
 from simulators.stage.device import StageDevice
+from simulators.stage.faults import stage_faults
 from simulators.stage.newport import NewportServer
 from simulators.stage.zaber import StageServer, StageTcpServer
 from simulators.wire.faults import CAMERA, LOAD_FRAME, NEWPORT, STAGE, FaultPanel
@@ -89,7 +90,7 @@ class VirtualRig:
         self.faults = RigFaults(
             stage_faults(FaultPanel(STAGE), self.stage),
             stage_faults(FaultPanel(NEWPORT), self.stage),
-            frame_faults(FaultPanel(LOAD_FRAME), self.load_frame),
+            load_frame_faults(FaultPanel(LOAD_FRAME), self.load_frame),
             FaultPanel(CAMERA),
         )
         with ExitStack() as started:

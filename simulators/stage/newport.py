@@ -11,9 +11,9 @@ import threading
 from collections.abc import Callable
 
 from drivers.clock import Clock
-from simulators.rig.device_faults import stage_faults
 from simulators.stage import newport_errors as errors
 from simulators.stage.device import RefusedError, StageDevice
+from simulators.stage.faults import stage_faults
 from simulators.stage.newport_errors import ErrorQueue, NewportError
 from simulators.wire.faults import NEWPORT, FaultPanel
 from simulators.wire.ports import PtyPort, TcpPort

@@ -8,8 +8,8 @@ Source: Zaber ASCII Protocol Manual (https://www.zaber.com/protocol-manual).
 import re
 import threading
 
-from simulators.rig.device_faults import stage_faults
 from simulators.stage.device import RefusedError, StageDevice
+from simulators.stage.faults import stage_faults
 from simulators.stage.zaber_settings import ACCELERATION_UNIT, SPEED_UNIT, StageSettings
 from simulators.wire.faults import STAGE, FaultPanel
 from simulators.wire.ports import PtyPort, TcpPort

@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.correlation.field import Status
 from dic.correlation.kernel import moments as m
 from dic.correlation.kernel.jit import inner
 from dic.correlation.kernel.layout import Deformed, Reference
@@ -31,6 +30,7 @@ from dic.correlation.kernel.warps import (
     monomial,
     step_length_px,
 )
+from dic.correlation.status import Status
 
 Flat = NDArray[np.float32]
 Float = NDArray[np.float64]

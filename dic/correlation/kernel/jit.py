@@ -2,7 +2,7 @@
 
 Numba keeps machine code on disk as long as the file of the outermost function stays the same; an inner
 function that changed in another file would go unnoticed. The kernel therefore has a cache folder of its own,
-named after the content of all its files.
+named after the content of all its files and of those whose values are compiled in.
 """
 
 import hashlib
@@ -15,6 +15,9 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+
+COMPILED_IN = ("status.py",)
+"""Files beside the kernel's folder whose values are constants of the machine code."""
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -60,7 +63,8 @@ def _own_cache() -> Iterator[None]:
 @cache
 def _cache_folder() -> Path:
     content = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
+    here = Path(__file__).parent
+    for source in [*sorted(here.glob("*.py")), *(here.parent / name for name in COMPILED_IN)]:
         content.update(source.read_bytes())
     try:
         caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")

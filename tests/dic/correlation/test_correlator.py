@@ -6,8 +6,8 @@ from scipy.ndimage import map_coordinates
 from scipy.optimize import least_squares
 
 from dic.correlation.correlator import Correlator
-from dic.correlation.field import Status
 from dic.correlation.settings import CorrelationSettings
+from dic.correlation.status import Status
 from dic.errors import CorrelationError
 
 SMALL = CorrelationSettings(subset_px=21, step_px=12)

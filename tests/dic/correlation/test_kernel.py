@@ -5,10 +5,10 @@ import pytest
 
 from dic.correlation import kernel
 from dic.correlation.correlator import Correlator
-from dic.correlation.field import Status
 from dic.correlation.reference_icgn import icgn
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.solver import Solver, SubsetMemory
+from dic.correlation.status import Status
 from dic.image.region import PointGrid
 from dic.image.spline import spline_image
 

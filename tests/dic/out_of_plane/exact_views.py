@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dic.calibration.calibration import Calibration
-from dic.correlation.field import Field, Status
+from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
+from dic.correlation.status import Status
 from dic.strain.measurement import measure
 from dic.targets.points import GridPoints
 from simulators.scene.optics import PinholeCamera

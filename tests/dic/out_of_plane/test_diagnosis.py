@@ -12,7 +12,7 @@ from dic.out_of_plane.diagnosis import Sensitivity, tension_findings
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.tension import correct_tilt
 from dic.out_of_plane.two_cameras import correct_with_two_cameras
-from dic.pipeline.run import CameraResult
+from dic.pipeline.camera_result import CameraResult
 from dic.pipeline.run_corrections import CorrectionSettings, _pair
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.scene import Misalignment

@@ -12,14 +12,16 @@ import pytest
 
 from dic.calibration.calibration import Calibration
 from dic.calibration.pinhole.camera import Pinhole
-from dic.correlation.field import Field, Status
+from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
+from dic.correlation.status import Status
 from dic.errors import RunFileError
 from dic.out_of_plane.correct import Corrections
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.two_cameras import TwoCameraStep
-from dic.pipeline.run import CameraResult, RunResult
+from dic.pipeline.camera_result import CameraResult
+from dic.pipeline.run import RunResult
 from dic.pipeline.run_corrections import RunCorrections
 from dic.report import write_report
 from dic.report.setup_figures import in_grid_axes

@@ -12,10 +12,10 @@ from drivers.load_frames.modbus.load_frame import open_frame
 from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 from drivers.testing import LoadFrameBench, LoadFrameContract
 from simulators.load_frame.device import LoadFrameDevice
+from simulators.load_frame.faults import load_frame_faults
 from simulators.load_frame.layout import LAYOUTS
 from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
 from simulators.load_frame.registers import LoadFrameRegisters
-from simulators.rig.device_faults import frame_faults
 from simulators.wire.faults import LOAD_FRAME, FaultPanel
 from tests.drivers.load_frames import foreign_servers
 
@@ -34,7 +34,7 @@ class Machine:
     def __init__(self, map_name: str) -> None:
         self.clock = VirtualClock()
         self.device = LoadFrameDevice(self.clock, Spring())
-        self.panel = frame_faults(FaultPanel(LOAD_FRAME), self.device)
+        self.panel = load_frame_faults(FaultPanel(LOAD_FRAME), self.device)
         self.registers = LoadFrameRegisters(self.device, LAYOUTS[map_name], 220001, self.panel)
         self.motions = 0
         for name in ("go_to_displacement", "go_to_load"):

@@ -6,8 +6,8 @@ import pytest
 
 from drivers.clock import VirtualClock
 from simulators.load_frame.device import LoadFrameDevice
+from simulators.load_frame.faults import load_frame_faults
 from simulators.load_frame.state import Fault, Limits, RefusedError
-from simulators.rig.device_faults import frame_faults
 from simulators.scene.specimen import Specimen, SpecimenSettings
 from simulators.wire.faults import FaultPanel
 
@@ -24,7 +24,7 @@ def device(clock):
 
 @pytest.fixture
 def faults(device):
-    return frame_faults(FaultPanel("load_frame"), device)
+    return load_frame_faults(FaultPanel("load_frame"), device)
 
 
 @pytest.fixture

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import VirtualClock
-from simulators.rig.device_faults import stage_faults
 from simulators.stage.device import StageDevice
+from simulators.stage.faults import stage_faults
 from simulators.stage.zaber import StageServer, StageTcpServer, StageWire
 from simulators.wire.faults import FAULTS, FaultPanel, names, parse
 from simulators.wire.line import Line

@@ -1,20 +1,10 @@
-"""Faults that are in the device itself, not on its line: what switching them on and off does to it."""
+"""Faults that are in the load frame itself, not on its line."""
 
 from simulators.load_frame.device import LoadFrameDevice
-from simulators.stage.device import StageDevice
 from simulators.wire.faults import FaultPanel
 
 
-def stage_faults(panel: FaultPanel, device: StageDevice) -> FaultPanel:
-    """Let the faults of a rotation stage act on `device`; return the panel."""
-    panel.when("e-stop", device.press_estop, device.release_estop)
-    panel.when("limit", lambda: device.fail("FE"))
-    panel.when("reset", device.power_cycle)
-    panel.when("stall", device.jam, device.free)
-    return panel
-
-
-def frame_faults(panel: FaultPanel, device: LoadFrameDevice) -> FaultPanel:
+def load_frame_faults(panel: FaultPanel, device: LoadFrameDevice) -> FaultPanel:
     """Let the faults of a load frame act on `device`; return the panel."""
     panel.when("e-stop", device.press_estop, device.release_estop)
     panel.when("limit", device.hit_limit_switch)
