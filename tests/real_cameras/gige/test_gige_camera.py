@@ -41,6 +41,7 @@ def lacking() -> str | None:
     return None
 
 
+@pytest.mark.timeout(2 * PATIENCE_S)
 def test_the_driver_on_a_camera_of_another_maker() -> None:
     reason = lacking()
     if reason:

@@ -9,7 +9,9 @@ from drivers.clock import SystemClock
 from simulators.stage.device import StageDevice
 from simulators.stage.newport import NewportServer, NewportTcpServer
 from simulators.stage.zaber import StageServer, StageTcpServer
-from tests.peers import interpreter, run
+from tests.peers import INSTALL_S, RUN_S, interpreter, run
+
+pytestmark = pytest.mark.timeout(2 * INSTALL_S + RUN_S)  # an environment is made on first use
 
 ZABER_MOTION = """
 import json, sys
