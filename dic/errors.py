@@ -1,4 +1,6 @@
-"""What can go wrong with a measurement, said in one sentence that says what to do."""
+"""Errors of a measurement: each is one sentence that ends with what to do."""
+
+from collections.abc import Iterable
 
 
 class MeasurementError(Exception):
@@ -7,17 +9,17 @@ class MeasurementError(Exception):
     Parameters
     ----------
     source : str
-        The file, image or point the sentence is about.
+        The file, image, point or setting that the error is about.
     step : str
-        What was being done.
+        The step that failed.
     expected, got : str
-        What should have been there, and what was.
+        What the step needs, and what it found.
     remedy : str
-        What to do about it.
+        What the user can do, with the name of the setting or file and a value that works.
     """
 
     def __init__(self, source: str, step: str, expected: str, got: str, remedy: str) -> None:
-        # The arguments are kept as they are, so that an error survives the way back from another process.
+        # The arguments are kept as they are, so that pickle can pass an error on from another process.
         super().__init__(source, step, expected, got, remedy)
         self.source, self.step = source, step
         self.expected, self.got, self.remedy = expected, got, remedy
@@ -27,7 +29,7 @@ class MeasurementError(Exception):
 
 
 class ImageError(MeasurementError):
-    """An image file is missing, damaged, or no image that can be measured."""
+    """An image file is missing, damaged, or not an image that can be measured."""
 
 
 class CalibrationError(MeasurementError):
@@ -39,8 +41,34 @@ class CorrelationError(MeasurementError):
 
 
 class OutputError(MeasurementError):
-    """Results cannot go where they were told to."""
+    """A result file cannot be written to the given place."""
 
 
 class RunFileError(MeasurementError):
-    """A run file or result file is missing, damaged, or lacks what is needed."""
+    """A run file or result file is missing, damaged or incomplete."""
+
+
+def require_all(
+    error: type[MeasurementError], source: str, checks: Iterable[tuple[bool, str, str, object, str]]
+) -> None:
+    """Raise one error that reports all failed checks together.
+
+    Parameters
+    ----------
+    error : type
+        Class of the error.
+    source : str
+        What the checked values belong to, such as "settings".
+    checks : iterable of tuple
+        For each check: whether it passed, the name of the value, what is expected, what was got, the remedy.
+    """
+    failed = [check[1:] for check in checks if not check[0]]
+    if failed:
+        steps, expected, got, remedies = zip(*failed, strict=True)
+        raise error(
+            source,
+            " and ".join(steps),
+            " and ".join(expected),
+            " and ".join(str(value) for value in got),
+            "; ".join(remedies),
+        )

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import CorrelationError
+from dic.errors import CorrelationError, require_all
 from dic.strain.displacement import Displacement
 from dic.strain.fit import fitted_gradients, mean_gradient
 from dic.strain.measures import COMPONENTS, MEASURES, strain_of
@@ -47,18 +47,29 @@ class StrainSettings:
     def __post_init__(self) -> None:
         window = self.window_points
         checks = [
-            (self.measure in MEASURES, "strain", f"one of {', '.join(MEASURES)}", self.measure),
+            (
+                self.measure in MEASURES,
+                "strain measure",
+                f"one of {', '.join(MEASURES)}",
+                self.measure,
+                "give --strain green-lagrange",
+            ),
             (
                 window >= 3 and window % 2 == 1,
                 "strain window",
                 "an odd number of points, at least 3",
                 window,
+                "give --strain-window 5",
             ),
-            (self.source in SOURCES, "source of strain", f"one of {', '.join(SOURCES)}", self.source),
+            (
+                self.source in SOURCES,
+                "source of local strain",
+                f"one of {', '.join(SOURCES)}",
+                self.source,
+                "give --strain-from fit",
+            ),
         ]
-        for good, what, expected, got in checks:
-            if not good:
-                raise CorrelationError("settings", what, expected, str(got), "correct the setting")
+        require_all(CorrelationError, "settings", checks)
 
     def gauge_px(self, correlation: CorrelationSettings) -> int:
         """Return the width of the virtual strain gauge: of all pixels that enter one local strain."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.errors import CalibrationError
+from dic.errors import CalibrationError, require_all
 
 Floats = NDArray[np.float64]
 
@@ -51,13 +51,26 @@ class Known:
     principal_std_px: float | None = None
 
     def __post_init__(self) -> None:
-        _require_length("focal length", self.focal_px, self.focal_std_px, "px")
-        _require_length("working distance", self.distance_mm, self.distance_std_mm, "mm")
         at, std = self.principal_px, self.principal_std_px
-        if at is not None and (len(at) != 2 or not all(math.isfinite(value) for value in at)):
-            raise _refusal("a principal point of two numbers", f"{tuple(at)} px")
-        if std is not None and not 0 <= std < math.inf:
-            raise _refusal("a standard deviation of the principal point from 0 px", f"{std:g} px")
+        checks = [
+            *_length_checks("focal", "focal length", self.focal_px, self.focal_std_px, "px"),
+            *_length_checks("distance", "working distance", self.distance_mm, self.distance_std_mm, "mm"),
+            (
+                at is None or (len(at) == 2 and all(math.isfinite(value) for value in at)),
+                "principal point",
+                "two finite numbers, px",
+                at,
+                "give --principal-px X Y, such as 499.5 399.5, or leave it out",
+            ),
+            (
+                std is None or 0 <= std < math.inf,
+                "standard deviation of the principal point",
+                "0 px or more",
+                f"{std} px",
+                "give --principal-std-px 0 for an exact value, or more",
+            ),
+        ]
+        require_all(CalibrationError, "settings", checks)
 
     def prior(self, image_shape: tuple[int, ...]) -> "Prior":
         """Return the equations for images of a shape (height, width)."""
@@ -142,16 +155,30 @@ class Prior:
 _PLACES = {"log_focal": 0, "x": 1, "y": 2, "a": 10, "b": 11, "log_scale": 12}
 
 
-def _require_length(name: str, value: float | None, std: float, unit: str) -> None:
-    if value is not None and not 0 < value < math.inf:
-        raise _refusal(f"a {name} above 0 {unit}", f"{value:g} {unit}")
-    if not 0 <= std < math.inf:
-        raise _refusal(f"a standard deviation of the {name} from 0 {unit}", f"{std:g} {unit}")
-    if value is None and std:
-        raise _refusal(f"a {name} to go with its standard deviation", f"only the latter, {std:g} {unit}")
-
-
-def _refusal(expected: str, got: str) -> CalibrationError:
-    return CalibrationError(
-        "settings", "what is known of the camera", expected, got, "correct what was given"
-    )
+def _length_checks(
+    option: str, name: str, value: float | None, std: float, unit: str
+) -> list[tuple[bool, str, str, object, str]]:
+    """Return the checks of a length and its standard deviation, for `require_all`."""
+    return [
+        (
+            value is None or 0 < value < math.inf,
+            name,
+            f"above 0 {unit}",
+            f"{value} {unit}",
+            f"give --{option}-{unit} 1000, or leave it out",
+        ),
+        (
+            0 <= std < math.inf,
+            f"standard deviation of the {name}",
+            f"0 {unit} or more",
+            f"{std} {unit}",
+            f"give --{option}-std-{unit} 0 for an exact value, or more",
+        ),
+        (
+            value is not None or not std > 0,
+            name,
+            "a value that goes with its standard deviation",
+            f"only the standard deviation, {std} {unit}",
+            f"give --{option}-{unit} too, or leave out --{option}-std-{unit}",
+        ),
+    ]

@@ -91,6 +91,14 @@ def test_impossible_windows_are_refused(window):
         StrainSettings(window_points=window)
 
 
+def test_all_impossible_settings_are_reported_together():
+    with pytest.raises(CorrelationError) as caught:
+        StrainSettings("true", 4, "nodes")
+    assert caught.value.got == "true and 4 and nodes"
+    for option in ("--strain green-lagrange", "--strain-window 5", "--strain-from fit"):
+        assert option in caught.value.remedy
+
+
 def test_each_measure_follows_its_definition_under_stretch_and_turn():
     c, s = np.cos(0.3), np.sin(0.3)
     motion = moved(lambda x, y: (c * 1.2 * x - s * 0.9 * y, s * 1.2 * x + c * 0.9 * y))

@@ -1,5 +1,8 @@
 """Pinhole cameras fitted to points whose truth comes from the simulators' optics and from OpenCV."""
 
+import re
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -173,21 +176,29 @@ def test_images_of_the_tilted_grid_fix_the_focal_length_of_a_camera_that_looks_s
 
 
 @pytest.mark.parametrize(
-    "wrong",
+    ("wrong", "message"),
     [
-        {"focal_px": 0.0},
-        {"focal_px": np.nan},
-        {"distance_mm": -1.0},
-        {"distance_mm": 40.0, "distance_std_mm": -1.0},
-        {"focal_std_px": 10.0},
-        {"principal_px": (500.0,)},
-        {"principal_px": (500.0, np.inf)},
-        {"principal_std_px": -1.0},
+        ({"focal_px": 0.0}, "focal length: expected above 0 px, got 0.0 px; give --focal-px"),
+        ({"focal_px": np.nan}, "focal length: expected above 0 px, got nan px"),
+        ({"distance_mm": -1.0}, "working distance: expected above 0 mm, got -1.0 mm; give --distance-mm"),
+        ({"distance_mm": 40.0, "distance_std_mm": -1.0}, "got -1.0 mm; give --distance-std-mm 0"),
+        ({"focal_std_px": 10.0}, "only the standard deviation, 10.0 px; give --focal-px too"),
+        ({"principal_px": (500.0,)}, "principal point: expected two finite numbers"),
+        ({"principal_px": (500.0, np.inf)}, "principal point: expected two finite numbers"),
+        ({"principal_std_px": -1.0}, "got -1.0 px; give --principal-std-px 0"),
     ],
 )
-def test_what_no_camera_has_is_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(CalibrationError, match="what is known of the camera"):
+def test_impossible_values_of_a_camera_are_refused(wrong: dict[str, Any], message: str) -> None:
+    with pytest.raises(CalibrationError, match=re.escape(message)):
         Known(**wrong)
+
+
+def test_all_impossible_values_of_a_camera_are_reported_together() -> None:
+    with pytest.raises(CalibrationError) as caught:
+        Known(focal_px=-1.0, distance_std_mm=2.0, principal_std_px=-3.0)
+
+    for option in ("--focal-px", "--distance-mm", "--principal-std-px"):
+        assert option in caught.value.remedy
 
 
 def test_points_that_determine_no_camera_are_refused() -> None:
