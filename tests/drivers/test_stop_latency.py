@@ -30,16 +30,12 @@ from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServ
 from simulators.stage.device import StageDevice
 from simulators.stage.newport import NewportServer, NewportTcpServer
 from simulators.stage.zaber import StageServer, StageTcpServer
+from tests.spring import Spring
 
 BOUND_S = 0.005
 REPETITIONS = 15
 ANSWER_S = 0.1
 LIMITS = {"angle_min_deg": -5.0, "angle_max_deg": 365.0, "reply_timeout_s": ANSWER_S}
-
-
-class Spring:
-    def stretch_to(self, displacement_mm: float) -> float:
-        return 2000.0 * displacement_mm
 
 
 @dataclass(frozen=True)

@@ -18,14 +18,10 @@ from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServ
 from simulators.load_frame.registers import LoadFrameRegisters
 from simulators.wire.faults import LOAD_FRAME, FaultPanel
 from tests.drivers.load_frames import foreign_servers
+from tests.spring import Spring
 
 LIMITS = {"load_max_n": 5000.0, "load_min_n": -100.0, "displacement_max_mm": 5.0, "displacement_min_mm": -1.0}
 COMMANDS = {"hold", "displacement", "load", "tare"}
-
-
-class Spring:
-    def stretch_to(self, displacement_mm: float) -> float:
-        return 2000.0 * displacement_mm
 
 
 class Machine:

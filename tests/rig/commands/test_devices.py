@@ -29,11 +29,7 @@ from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServ
 from simulators.stage.device import StageDevice
 from simulators.stage.newport import NewportServer
 from simulators.stage.zaber import StageServer, StageTcpServer
-
-
-class Spring:
-    def stretch_to(self, displacement_mm: float) -> float:
-        return 2000.0 * displacement_mm
+from tests.spring import Spring
 
 
 @pytest.fixture

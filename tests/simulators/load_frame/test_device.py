@@ -4,13 +4,7 @@ import pytest
 from drivers.clock import VirtualClock
 from simulators.load_frame.device import CONTROL_PERIOD_S, LoadFrameDevice
 from simulators.load_frame.state import Fault, Limits, Refusal, RefusedError
-
-STIFFNESS_N_MM = 5000.0
-
-
-class Spring:
-    def stretch_to(self, displacement_mm: float) -> float:
-        return STIFFNESS_N_MM * displacement_mm
+from tests.spring import STIFFNESS_N_MM, Spring
 
 
 class Yielding:

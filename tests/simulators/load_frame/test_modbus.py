@@ -10,11 +10,7 @@ from drivers.clock import VirtualClock
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.layout import LAYOUTS
 from simulators.load_frame.modbus import LoadFrameServer
-
-
-class Spring:
-    def stretch_to(self, displacement_mm: float) -> float:
-        return 5000.0 * displacement_mm
+from tests.spring import Spring
 
 
 @pytest.fixture

@@ -13,16 +13,10 @@ from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.layout import GENERIC
 from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
 from tests.peers import program, run
+from tests.spring import Spring
 
 STATE_DISPLACEMENT, COMMAND, LIMIT_LOAD_MAX, WATCHDOG, HEARTBEAT = 10, 0, 34, 64, 66
 SERVERS = {"tcp": LoadFrameServer, "rtu": LoadFrameRtuServer, "rtu over tcp": LoadFrameRtuTcpServer}
-
-
-class Spring:
-    def stretch_to(self, displacement_mm: float) -> float:
-        return 5000.0 * displacement_mm
-
-    def break_now(self) -> None: ...
 
 
 @dataclass

@@ -11,13 +11,7 @@ from drivers.clock import VirtualClock
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer
 from simulators.load_frame.modbus_framing import crc, cut_rtu
-
-
-class Spring:
-    def stretch_to(self, displacement_mm: float) -> float:
-        return 5000.0 * displacement_mm
-
-    def break_now(self) -> None: ...
+from tests.spring import Spring
 
 
 @pytest.fixture

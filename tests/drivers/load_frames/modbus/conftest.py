@@ -8,7 +8,8 @@ from drivers.clock import VirtualClock
 from drivers.interfaces import OpenContext
 from drivers.load_frames.modbus.load_frame import ModbusLoadFrame, open_frame
 from simulators.load_frame.device import LoadFrameDevice
-from tests.drivers.load_frames.modbus.watched_port import Port, Spring, settings
+from tests.drivers.load_frames.modbus.watched_port import Port, settings
+from tests.spring import Spring
 
 
 @pytest.fixture

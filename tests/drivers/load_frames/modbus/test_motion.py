@@ -9,7 +9,8 @@ from drivers.errors import DeviceFault
 from drivers.load_frames.modbus.load_frame import open_frame
 from simulators.load_frame.layout import LAYOUTS
 from simulators.load_frame.modbus import LoadFrameServer
-from tests.drivers.load_frames.modbus.watched_port import STIFFNESS_N_MM, settings, wait
+from tests.drivers.load_frames.modbus.watched_port import settings, wait
+from tests.spring import STIFFNESS_N_MM
 
 
 def test_goes_to_a_load_along_the_ramp(frame, device, clock):

@@ -1,6 +1,5 @@
 """A load frame behind a port whose every message a test may see, change, lose or delay."""
 
-import math
 import struct
 from collections.abc import Callable
 
@@ -10,18 +9,8 @@ from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.modbus import LoadFrameServer
 
-STIFFNESS_N_MM = 5000.0
 COMMAND_ADDRESS = 0
 Answer = Callable[[], bytes | None]
-
-
-class Spring:
-    """A linear load string."""
-
-    broken_cell = False
-
-    def stretch_to(self, displacement_mm: float) -> float:
-        return math.nan if self.broken_cell else STIFFNESS_N_MM * displacement_mm
 
 
 class Port(LoadFrameServer):
