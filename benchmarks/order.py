@@ -158,10 +158,10 @@ def displacements(specimen: Specimen, settings: CorrelationSettings) -> dict[str
     found = {}
     for model in models:
         calibration = specimen.calibration.using(model)
-        found[f"map, {model}"] = [calibrated_displacement(f, calibration, settings) for f in fields]
+        found[f"map, {model}"] = [calibrated_displacement(f, calibration) for f in fields]
         reference, *turned = specimen.rectified(model)
         flat = correlated(reference, turned, rectified_homography(), settings)
-        found[f"rectify, {model}"] = [_in_mm(raw_displacement(f, settings)) for f in flat]
+        found[f"rectify, {model}"] = [_in_mm(raw_displacement(f)) for f in flat]
     return found
 
 

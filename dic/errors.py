@@ -1,6 +1,7 @@
 """Errors of a measurement: each is one sentence that ends with what to do."""
 
 from collections.abc import Iterable
+from typing import Any, get_args
 
 
 class MeasurementError(Exception):
@@ -72,3 +73,27 @@ def require_all(
             " and ".join(str(value) for value in got),
             "; ".join(remedies),
         )
+
+
+def require_kind(name: str, value: object, kind: Any, remedy: str) -> None:
+    """Refuse an argument of another kind than what a function takes.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument.
+    value : object
+    kind : type or union of types
+    remedy : str
+
+    Raises
+    ------
+    CorrelationError
+    """
+    if not isinstance(value, kind):
+        expected = " or ".join(_kind(part) for part in get_args(kind) or (kind,))
+        raise CorrelationError("arguments", name, expected, _kind(type(value)), remedy)
+
+
+def _kind(kind: type) -> str:
+    return "None" if kind is type(None) else f"a {kind.__name__}"

@@ -12,7 +12,6 @@ from dic.commands.strain_options import strain_options
 if TYPE_CHECKING:
     from dic.calibration.calibration import Calibration
     from dic.correlation.series import Series
-    from dic.correlation.settings import CorrelationSettings
     from dic.pipeline.series_corrections import CorrectedSeries
     from dic.pipeline.series_files import SeriesOutputs
     from dic.strain.strain import StrainSettings
@@ -144,7 +143,7 @@ def correlate(
     gauge_px = strain.gauge_px(settings)
     say(gauge_text(gauge_px, None if calibration is None else gauge_px * calibration.mm_per_px))
     with SeriesOutputs(image, settings, files) as results:
-        measured = _Measured(series, calibration, settings, strain, corrected, results)
+        measured = _Measured(series, calibration, strain, corrected, results)
         measured.all(deformed, hint)
         content = {"reference": str(reference), "settings": vars(settings), "images": measured.summaries}
         content |= corrected.finish()
@@ -176,13 +175,12 @@ class _Measured:
         self,
         series: "Series",
         calibration: "Calibration | None",
-        settings: "CorrelationSettings",
         strain: "StrainSettings",
         corrected: "CorrectedSeries",
         results: "SeriesOutputs",
     ) -> None:
         self._series, self._corrected, self._results = series, corrected, results
-        self._how = calibration, settings, strain
+        self._how = calibration, strain
         self.summaries: list[dict[str, Any]] = []
         self.failures: list[dict[str, str]] = []
         self.bad: list[str] = []
@@ -214,7 +212,7 @@ class _Measured:
         from dic.strain.measurement import measure
 
         field = self._series.correlate(read_image(path), hint=hint)
-        measurement = measure(str(path), field, *self._how)
+        measurement = measure(field, *self._how, label=str(path))
         self._results.write(number, measurement)
         summary = measurement.summary() | {"updates": self._series.updates, "good": measurement.good}
         self._corrected.add(summary, measurement)

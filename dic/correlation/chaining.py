@@ -51,7 +51,7 @@ def chain(first: Field, second: Field) -> Field:
     zncc[rows, columns], iterations[rows, columns] = moved.zncc, moved.iterations
     return Field(
         first.x_px, first.y_px, warps, std, zncc, iterations, status, first.active, second.start,
-        first.updates + 1 + second.updates,
+        first.settings, first.updates + 1 + second.updates,
     )  # fmt: skip
 
 

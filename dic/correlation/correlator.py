@@ -156,7 +156,7 @@ class Correlator:
         grid = self._reference.grid
         return Field(
             grid.x, grid.y, solution.warps, solution.std, solution.zncc, solution.iterations,
-            solution.status, grid.active, seeds.start,
+            solution.status, grid.active, seeds.start, self.settings,
         )  # fmt: skip
 
     def _first_guess(self, image: TurnableImage, previous: Field | None, hint: Float | None) -> _Seeds:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.correlation.settings import CorrelationSettings
 from dic.correlation.status import Status
-
-Float = NDArray[np.float64]
+from dic.typing import Float, Indices, Mask
 
 
 @dataclass(frozen=True)
@@ -31,20 +31,28 @@ class Field:
         Which points lie in the region of interest; the others were not tried.
     start : str
         Where the first guess came from: "previous", "hint", "search" or "features".
+    settings : CorrelationSettings
+        How the images were correlated.
     updates : int
-        Over how many new references the points were carried; each adds to `std`.
+        Over how many new references the points were chained; each adds to `std`.
     """
 
-    x_px: NDArray[np.int64]
-    y_px: NDArray[np.int64]
+    x_px: Indices
+    y_px: Indices
     warps: Float
     std: Float
     zncc: Float
     iterations: NDArray[np.int16]
     status: NDArray[np.int8]
-    active: NDArray[np.bool_]
+    active: Mask
     start: str
+    settings: CorrelationSettings
     updates: int = 0
+
+    def __repr__(self) -> str:
+        converged = f"{self.count(Status.CONVERGED)} of {self.in_view} points in view converged"
+        settings = f"subset {self.settings.subset_px} px, step {self.settings.step_px} px"
+        return f"Field({converged}, {settings}, start from {self.start})"
 
     @property
     def u_px(self) -> Float:
@@ -77,7 +85,7 @@ class Field:
         return self.std[..., [1, 2, 4, 5]]
 
     @property
-    def converged(self) -> NDArray[np.bool_]:
+    def converged(self) -> Mask:
         """Which points have a value, (rows, columns)."""
         return np.asarray(self.active & (self.status == Status.CONVERGED), np.bool_)
 

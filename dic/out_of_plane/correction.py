@@ -84,7 +84,7 @@ def points_of(measurement: Measurement, calibration: Calibration) -> Points:
     belong together.
     """
     best, field = calibration.using(_mapped_by(calibration)), measurement.field
-    displacement = calibrated_displacement(field, best, measurement.settings)
+    displacement = calibrated_displacement(field, best)
     use = displacement.valid
     before = field.points.reshape(*use.shape, 2)[use]
     moved = np.stack([field.u_px, field.v_px], axis=-1)[use]

@@ -124,7 +124,7 @@ def _process_camera(
         try:
             image = run.image(camera, step)
             found = series.correlate(image, hint=turn.hint(step))
-            measurements.append(measure(label, found, calibration, settings, strain))
+            measurements.append(measure(found, calibration, strain, label=label))
             steps.append(step)
         except CorrelationError as error:
             failures.append(f"{run.path}: {camera}, {label}: {error}")

@@ -102,13 +102,13 @@ def _read_camera(name: str, group: Any, settings: CorrelationSettings) -> Camera
             **{f.name: _plain(series.attrs[f"strain_{f.name}"]) for f in fields(StrainSettings)}
         )
         for k, label in enumerate(series["label"].asstr()[:]):
-            field = _read_field(series, k)
-            measurements.append(measure(str(label), field, calibration, settings, strain))
+            field = _read_field(series, k, settings)
+            measurements.append(measure(field, calibration, strain, label=str(label)))
     failures = [line for line in str(group.attrs["failures"]).split("\n") if line]
     return CameraResult(name, calibration, group["reference"][:], steps, measurements, failures)
 
 
-def _read_field(series: Any, k: int) -> Field:
+def _read_field(series: Any, k: int, settings: CorrelationSettings) -> Field:
     def joined(u: str, v: str, gradient: str) -> Any:
         slopes = np.moveaxis(series[gradient][k], -1, 0)
         return np.stack([series[u][k], *slopes[:2], series[v][k], *slopes[2:]], axis=-1)
@@ -123,6 +123,7 @@ def _read_field(series: Any, k: int) -> Field:
         status=series["status"][k].astype(np.int8),
         active=series["active"][:].astype(np.bool_),
         start=str(series["start"].asstr()[k]),
+        settings=settings,
         # Files of the time before runs were measured over new references have none.
         updates=int(series["updates"][k]) if "updates" in series else 0,
     )

@@ -7,13 +7,11 @@ their subsets overlap, because both come from the same pixels.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.calibration.calibration import Calibration
 from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
-
-Float = NDArray[np.float64]
+from dic.typing import Float, Mask
 
 _UPWARDS = np.diag([1.0, -1.0])
 
@@ -60,43 +58,30 @@ class Displacement:
 
     position: Float
     vector: Float
-    valid: NDArray[np.bool_]
+    valid: Mask
     unit: str
     gradient: Float | None = None
     noise: Noise | None = None
 
+    def __repr__(self) -> str:
+        return f"Displacement({int(self.valid.sum())} of {self.valid.size} points valid, {self.unit})"
 
-def raw_displacement(field: Field, settings: CorrelationSettings) -> Displacement:
-    """Return a field's displacements in pixels, with y up.
 
-    Parameters
-    ----------
-    field : Field
-    settings : CorrelationSettings
-        How it was correlated.
-    """
+def raw_displacement(field: Field) -> Displacement:
+    """Return a field's displacements in pixels, with y up."""
     shape = (*field.status.shape, 2)
     vector = np.stack([field.u_px, -field.v_px], axis=-1)
     position = (field.points * np.array([1.0, -1.0])).reshape(shape)
     everywhere = np.broadcast_to(_UPWARDS, (*shape, 2))
-    gradient, noise = _in_axes(field, settings, everywhere, everywhere)
+    gradient, noise = _in_axes(field, everywhere, everywhere)
     return Displacement(position, vector, field.converged, "px", gradient, noise)
 
 
-def calibrated_displacement(
-    field: Field, calibration: Calibration, settings: CorrelationSettings
-) -> Displacement:
+def calibrated_displacement(field: Field, calibration: Calibration) -> Displacement:
     """Return a field's displacements in millimetres of the grid.
 
     Both ends of a displacement are mapped. A point that was, or went, outside the calibrated area keeps its
     value, which is an extrapolation, but is not valid. The calibration itself counts as free of errors.
-
-    Parameters
-    ----------
-    field : Field
-    calibration : Calibration
-    settings : CorrelationSettings
-        How the field was correlated.
     """
     shape = (*field.status.shape, 2)
     before = field.points
@@ -104,7 +89,7 @@ def calibrated_displacement(
     position, moved = calibration.map(before), calibration.map(after)
     inside = calibration.inside(before) & calibration.inside(after)
     here, there = (calibration.jacobian(at).reshape(*shape, 2) for at in (before, after))
-    gradient, noise = _in_axes(field, settings, here, there)
+    gradient, noise = _in_axes(field, here, there)
     return Displacement(
         position.reshape(shape),
         (moved - position).reshape(shape),
@@ -115,7 +100,7 @@ def calibrated_displacement(
     )
 
 
-def _in_axes(field: Field, settings: CorrelationSettings, here: Float, there: Float) -> tuple[Float, Noise]:
+def _in_axes(field: Field, here: Float, there: Float) -> tuple[Float, Noise]:
     """Return the gradient and the errors in other axes than the image's.
 
     `here` and `there`, shape (rows, columns, 2, 2), are the derivatives of the new coordinates by the image's
@@ -129,7 +114,7 @@ def _in_axes(field: Field, settings: CorrelationSettings, here: Float, there: Fl
     by_gradient = both * field.std_gradient[..., None, :]
     spread = there * np.stack([field.std_u_px, field.std_v_px], axis=-1)[..., None, :]
     covariance = by_gradient @ np.swapaxes(by_gradient, -1, -2)
-    return gradient, Noise(spread, error_overlap(settings), covariance)
+    return gradient, Noise(spread, error_overlap(field.settings), covariance)
 
 
 def _inverse(matrices: Float) -> Float:

@@ -8,6 +8,7 @@ from dic.calibration.calibration import Calibration
 from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.status import Status
+from dic.errors import require_kind
 from dic.strain.displacement import Displacement, calibrated_displacement, raw_displacement
 from dic.strain.strain import MeanStrain, StrainField, StrainSettings, mean_strain, strain_field
 
@@ -23,8 +24,6 @@ class Measurement:
     label : str
         The image's file, or the step of its run.
     field : Field
-    settings : CorrelationSettings
-        How the field was correlated.
     raw : Displacement
         In pixels.
     calibrated : Displacement or None
@@ -39,12 +38,24 @@ class Measurement:
 
     label: str
     field: Field
-    settings: CorrelationSettings
     raw: Displacement
     calibrated: Displacement | None
     strain_settings: StrainSettings
     gauge_px: int
     gauge_mm: float | None
+
+    def __repr__(self) -> str:
+        return f"Measurement({self.label!r}, {self.field}, {self.mean})"
+
+    @property
+    def settings(self) -> CorrelationSettings:
+        """How the field was correlated."""
+        return self.field.settings
+
+    @property
+    def mean(self) -> MeanStrain:
+        """Mean strain, calibrated if there is a calibration, raw otherwise."""
+        return self.calibrated_mean or self.raw_mean
 
     @cached_property
     def raw_mean(self) -> MeanStrain:
@@ -100,28 +111,37 @@ class Measurement:
 
 
 def measure(
-    label: str,
     field: Field,
     calibration: Calibration | None = None,
-    settings: CorrelationSettings | None = None,
     strain: StrainSettings | None = None,
+    *,
+    label: str = "",
 ) -> Measurement:
-    """Return the measurement of a correlated image.
+    """Return displacements and strains of a correlated image.
 
     Parameters
     ----------
-    label : str
     field : Field
+        From `Correlator.correlate` or `Series.correlate`.
     calibration : Calibration, optional
-    settings : CorrelationSettings, optional
-        How the field was correlated.
+        Of the camera: gives millimetres. Without one everything is in pixels.
     strain : StrainSettings, optional
+    label : str
+        The image's file, or the step of its run.
+
+    Raises
+    ------
+    CorrelationError
+        If an argument is of another kind.
     """
-    settings, strain = settings or CorrelationSettings(), strain or StrainSettings()
-    gauge_px = strain.gauge_px(settings)
-    calibrated, gauge_mm = None, None
-    if calibration is not None:
-        calibrated = calibrated_displacement(field, calibration, settings)
-        gauge_mm = gauge_px * calibration.mm_per_px
-    raw = raw_displacement(field, settings)
-    return Measurement(label, field, settings, raw, calibrated, strain, gauge_px, gauge_mm)
+    require_kind("field", field, Field, "correlate first: dic.Correlator(reference).correlate(image)")
+    require_kind("calibration", calibration, Calibration | None, "read it with dic.load_calibration(path)")
+    require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=5)")
+    strain = strain or StrainSettings()
+    gauge_px = strain.gauge_px(field.settings)
+    raw = raw_displacement(field)
+    if calibration is None:
+        return Measurement(label, field, raw, None, strain, gauge_px, None)
+    calibrated = calibrated_displacement(field, calibration)
+    gauge_mm = gauge_px * calibration.mm_per_px
+    return Measurement(label, field, raw, calibrated, strain, gauge_px, gauge_mm)

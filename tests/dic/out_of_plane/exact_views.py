@@ -108,8 +108,9 @@ class View:
                 status=np.where(active, Status.CONVERGED, Status.NOT_REACHED).astype(np.int8),
                 active=active,
                 start="search",
+                settings=self.settings,
             )
-            results.append(measure(f"state {number}", result, calibration, self.settings))
+            results.append(measure(result, calibration, label=f"state {number}"))
         return results
 
     def true_strain(self, measurement, state):

@@ -82,7 +82,7 @@ class RenderedView:
             surface = Moved(self.speckle, pose, back)
         hint = None if turn_deg is None else self._homography(turn_deg)
         field = self._correlator.correlate(self._picture(surface), hint=hint)
-        return measure("rendered", field, self.calibration, self.settings)
+        return measure(field, self.calibration)
 
     def _picture(self, surface):
         light = render(self.optics, surface)

@@ -65,8 +65,9 @@ def affine(gradient: np.ndarray, label: str) -> Measurement:
     warps[..., 0], warps[..., 3] = u, -v_up
     ones, yes = np.ones((8, 8)), np.ones((8, 8), bool)
     iterations, status = ones.astype(np.int16), np.zeros((8, 8), np.int8)
-    field = Field(at, at, warps, np.full_like(warps, 0.01), ones, iterations, status, yes, "search")
-    return measure(label, field, calibration())
+    settings = CorrelationSettings(step_px=5)
+    field = Field(at, at, warps, np.full_like(warps, 0.01), ones, iterations, status, yes, "search", settings)
+    return measure(field, calibration(), label=label)
 
 
 def stretch(exx: float, eyy: float) -> np.ndarray:
@@ -268,7 +269,7 @@ def troubled_html(tmp_path_factory: pytest.TempPathFactory) -> str:
     lost = on_axis.measurements[0].field
     lost.status[:] = Status.NOT_CONVERGED
     lost.warps[:] = np.nan
-    on_axis.measurements[0] = measure("step 2", lost, on_axis.calibration)
+    on_axis.measurements[0] = measure(lost, on_axis.calibration, label="step 2")
     return written(tmp_path_factory.mktemp("troubled"), run)
 
 
