@@ -116,13 +116,14 @@ def devices(
     json_path: Path | None,
 ) -> None:
     """List cameras, serial ports and who answers at them. Nothing moves and no setting is changed."""
-    from rig.commands.devices import search, write_rig_file
+    from rig.commands.device_search import search
+    from rig.commands.devices import lines, table, write_rig_file
 
     require_places([], [output, json_path])
     found = search(list(ports), list(hosts), ask=not no_probe)
     if output is not None:
         write_rig_file(found, output)
-    _finish(found.lines(), found.table(), json_path, good=True)
+    _finish(lines(found), table(found), json_path, good=True)
 
 
 @cli.command()

@@ -7,10 +7,10 @@ from typing import Any
 from pydantic import Field, ValidationError
 
 from drivers.errors import ConfigurationError
-from drivers.registry import DriverSpec, Kind, find_driver
+from drivers.registry import DeviceKind, DriverSpec, find_driver
 from drivers.settings import Settings, mistakes_in, read_toml_text
 
-_SINGLE: dict[str, Kind] = {
+_SINGLE: dict[str, DeviceKind] = {
     "simulation": "environment",
     "stage": "stage",
     "load_frame": "load_frame",
@@ -127,7 +127,7 @@ def _read_cameras(table: object, mistakes: list[str]) -> dict[str, DeviceEntry]:
     return cameras
 
 
-def _read_device(where: str, table: object, kind: Kind, mistakes: list[str]) -> DeviceEntry | None:
+def _read_device(where: str, table: object, kind: DeviceKind, mistakes: list[str]) -> DeviceEntry | None:
     """Check one table against its driver's settings; add what is wrong to `mistakes`."""
     if not isinstance(table, dict) or not isinstance(table.get("driver"), str):
         mistakes.append(f'{where}: a table with driver = "NAME" is expected; add the driver')

@@ -1,4 +1,6 @@
-"""Addresses in a rig file: as written, or by name from the simulated rig."""
+"""Addresses in a rig file: as written, by name from the simulated rig, or lasting names of the system."""
+
+from pathlib import Path
 
 from drivers.errors import LinkLost
 from drivers.interfaces import OpenContext
@@ -24,3 +26,10 @@ def resolve_address(address: str, context: OpenContext) -> str:
             "add a [simulation] table to the rig file, or write the real address",
         )
     return str(known[address[1:]])
+
+
+def lasting_names(folder: Path) -> dict[str, str]:
+    """Return the links in a folder such as ``/dev/serial/by-id``, by the name of the node each leads to."""
+    if not folder.is_dir():
+        return {}
+    return {link.resolve().name: str(link) for link in sorted(folder.iterdir(), reverse=True)}

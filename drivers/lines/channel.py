@@ -151,7 +151,7 @@ class SerialChannel(Channel):
                 timeout=0,
                 exclusive=True,
             )
-        except (ValueError, OverflowError) as error:
+        except (ValueError, OverflowError, termios.error) as error:
             raise OSError(str(error)) from error
         self._timeout_s = timeout_s
         super().__init__(self._serial)

@@ -1,190 +1,138 @@
-"""What is plugged in, who answers, and a rig file to start from: the work of ``rig devices``."""
+"""What ``rig devices`` says of a search: lines to print, JSON, and a rig file to start from."""
 
-import re
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from drivers.cameras.aravis.find import vision_cameras
-from drivers.lines.channel import CHANNEL_ERRORS
-from drivers.lines.serial_ports import FoundCamera, SerialPort, serial_ports, video_nodes
-from drivers.probe import Found, probe_modbus_tcp, probe_serial
 from drivers.settings import toml_table
+from rig.commands.device_search import Device, Place, Search
 from rig.errors import RigError
 
-# `host`, `host:port`, and either behind `rtu://`; an IPv6 address stands in brackets
-_MODBUS = re.compile(r"((?:rtu://)?(?:\[[^\[\]\s]+\]|[^:\s\[\]/]+))(?::(\d{1,5}))?")
-MODBUS_PORT = 502
-
-# What a person has to decide: without it the rig file is refused, and the message names each.
+# What a person has to decide about a device of each kind, if its driver has such settings, and by what.
 _TO_DECIDE = {
-    "camera": "format, width_px, height_px, rate_hz, exposure_us: as the camera offers and the test needs",
-    "stage": "angle_min_deg, angle_max_deg: how far the stage may turn",
-    "load_frame": "load_max_n, displacement_max_mm: what the specimen and the machine may bear",
+    "camera": (
+        ("format", "width_px", "height_px", "rate_hz", "exposure_us"),
+        "as the camera offers and the test needs",
+    ),
+    "stage": (("angle_min_deg", "angle_max_deg"), "how far the stage may turn"),
+    "load_frame": (("load_max_n", "displacement_max_mm"), "what the specimen and the machine may bear"),
 }
 
-# What each driver of cameras calls the place of one.
-_PLACE = {"v4l2": "device", "aravis": "camera"}
+
+def lines(search: Search) -> list[str]:
+    """Return what was found, a line for each."""
+    cameras, others = _cameras_and_others(search.devices)
+    said = [] if cameras else ["no camera"]
+    for each in [*cameras, *others]:
+        kind = each.spec.kind.replace("_", " ")
+        said.append(f"{kind} {each.found.place}: {each.found.what or 'no name'}")
+    said += [f"{each.what}: {each.why}" for each in search.unsearched]
+    said += [f"left out: {why}" for why in search.unloaded]
+    for port in search.ports:
+        who = _who(port) or "nobody known answers"
+        said.append(f"serial port {port.address} ({port.description}): {who}")
+    if not search.ports:
+        said.append("no serial port")
+    said += [f"Modbus at {host.address}: {_who(host) or 'nobody answers'}" for host in search.modbus]
+    return said
 
 
-@dataclass
-class Search:
-    """What a search found.
-
-    Attributes
-    ----------
-    cameras : list of FoundCamera
-    no_vision : str
-        Why cameras on networks and USB3 Vision were not looked for; empty if they were.
-    ports : list of (SerialPort, list of Found, str)
-        The last is why a port could not be asked; empty if it was, or should not be.
-    hosts : list of (str, list of Found, str)
-        Modbus addresses, likewise.
-    """
-
-    cameras: list[FoundCamera] = field(default_factory=list)
-    no_vision: str = ""
-    ports: list[tuple[SerialPort, list[Found], str]] = field(default_factory=list)
-    hosts: list[tuple[str, list[Found], str]] = field(default_factory=list)
-
-    @property
-    def found(self) -> list[Found]:
-        """Every device that answered."""
-        lists = [found for _, found, _ in [*self.ports, *self.hosts]]
-        return [each for found in lists for each in found]
-
-    def lines(self) -> list[str]:
-        """Return what was found, a line for each."""
-        lines = [] if self.cameras else ["no camera"]
-        lines += [f"camera {camera.place}: {camera.name or 'no name'}" for camera in self.cameras]
-        if self.no_vision:
-            lines.append(f"GigE Vision and USB3 Vision cameras: {self.no_vision}")
-        for port, found, trouble in self.ports:
-            what = "; ".join(each.what for each in found) or trouble or "nobody known answers"
-            lines.append(f"serial port {port.path} ({port.description}): {what}")
-        if not self.ports:
-            lines.append("no serial port")
-        for host, found, trouble in self.hosts:
-            what = "; ".join(each.what for each in found) or trouble or "nobody answers"
-            lines.append(f"Modbus at {host}: {what}")
-        return lines
-
-    def table(self) -> dict[str, Any]:
-        """Return what was found as JSON."""
-        return {
-            "cameras": [vars(camera) for camera in self.cameras],
-            "cameras_not_looked_for": self.no_vision,
-            "serial_ports": [
-                {**vars(port), "found": [vars(each) for each in found], "trouble": trouble}
-                for port, found, trouble in self.ports
-            ],
-            "modbus": [
-                {"address": host, "found": [vars(each) for each in found], "trouble": trouble}
-                for host, found, trouble in self.hosts
-            ],
-        }
-
-    def rig_file(self) -> str:
-        """Return a rig file with all that was found; what a person has to decide is left out, and named."""
-        parts = [
-            "# Made by `rig devices`. Fill in what is left open: `rig check` names what is missing.",
-            '[rig]\nname = "my rig"',
-        ]
-        for number, camera in enumerate(self.cameras):
-            settings = {"driver": camera.driver, _PLACE[camera.driver]: camera.place}
-            parts.append(_table(["cameras", f"camera_{number}"], settings, camera.name, "camera"))
-        if not self.cameras:
-            parts.append("# No camera was found: add [cameras.NAME] for each.")
-        used: set[str] = set()
-        for each in self.found:
-            table = _table([each.kind], {"driver": each.driver, **each.settings}, each.what, each.kind)
-            # a rig has one stage and one load frame: further ones are offered as comments
-            if each.driver and each.kind not in used:
-                parts.append(table)
-                used.add(each.kind)
-            else:
-                parts.append(_commented(table))
-        parts.append('[operator]\ndriver = "console-operator"')
-        return "\n\n".join(parts) + "\n"
+def table(search: Search) -> dict[str, Any]:
+    """Return what was found as JSON."""
+    cameras, others = _cameras_and_others(search.devices)
+    cameras_unsearched = [each.why for each in search.unsearched if each.kind == "camera"]
+    return {
+        "cameras": [
+            {"driver": each.driver, "place": each.found.place, "name": each.found.what} for each in cameras
+        ],
+        "cameras_not_looked_for": "; ".join(cameras_unsearched),
+        "other_devices": [_device_table(each) for each in others],
+        "drivers_not_loaded": search.unloaded,
+        "serial_ports": [
+            {"path": port.address, "description": port.description, **_answer_table(port)}
+            for port in search.ports
+        ],
+        "modbus": [{"address": host.address, **_answer_table(host)} for host in search.modbus],
+    }
 
 
-def search(ports: list[str], hosts: list[str], *, ask: bool) -> Search:
-    """Look what is there.
-
-    Parameters
-    ----------
-    ports : list of str
-        Serial ports besides those that the system lists, and ``socket://host:port``.
-    hosts : list of str
-        Modbus addresses, ``host`` or ``host:port`` for Modbus TCP, ``rtu://host:port`` for RTU over TCP.
-    ask : bool
-        Whether anybody is asked who is there. The questions change nothing, but a device that is none
-        of those known gets bytes that it may not expect.
-
-    Raises
-    ------
-    RigError
-        If a Modbus address is none; nobody is asked then.
-    """
-    addresses = [_with_port(host) for host in hosts]
-    listed = {port.path: port for port in serial_ports()}
-    listed |= {path: SerialPort(path, "named") for path in ports if path not in listed}
-    vision, no_vision = _vision(ask)
-    return Search(
-        cameras=[*video_nodes(), *vision],
-        no_vision=no_vision,
-        ports=[(port, *_asked(probe_serial, path, ask)) for path, port in listed.items()],
-        hosts=[(address, *_asked(probe_modbus_tcp, address, ask)) for address in addresses],
-    )
+def rig_file(search: Search) -> str:
+    """Return a rig file with all that was found; what a person has to decide is left out, and named."""
+    parts = [
+        "# Made by `rig devices`. Fill in what is left open: `rig check` names what is missing.",
+        '[rig]\nname = "my rig"',
+    ]
+    answered = [each for place in [*search.ports, *search.modbus] for each in place.devices]
+    cameras, others = _cameras_and_others([*search.devices, *answered])
+    parts += [
+        _rig_table(["cameras", f"camera_{number}"], each, usable=each.found.usable)
+        for number, each in enumerate(cameras)
+    ]
+    if not cameras:
+        parts.append("# No camera was found: add [cameras.NAME] for each.")
+    used: set[str] = set()
+    for each in others:
+        # a rig has one stage and one load frame: further ones are offered as comments
+        usable = each.found.usable and each.spec.kind not in used
+        parts.append(_rig_table([each.spec.kind], each, usable=usable))
+        used |= {each.spec.kind} if usable else set()
+    parts.append('[operator]\ndriver = "console-operator"')
+    return "\n\n".join(parts) + "\n"
 
 
-def write_rig_file(found: Search, path: Path) -> None:
+def write_rig_file(search: Search, path: Path) -> None:
     """Write the rig file to start from; `RigError` if there is one already, or it cannot be written."""
     try:
         with path.open("x", encoding="utf-8") as file:
-            file.write(found.rig_file())
+            file.write(rig_file(search))
     except OSError as error:
         raise RigError(
             str(path), "a new file that can be written", error.strerror or str(error), "name another with -o"
         ) from error
 
 
-def _vision(ask: bool) -> tuple[list[FoundCamera], str]:
-    if not ask:
-        return [], "not asked"
-    try:
-        return vision_cameras(), ""
-    except OSError as error:
-        return [], f"not looked for without Aravis ({error}); apt install libaravis-0.8-0"
+def _cameras_and_others(devices: list[Device]) -> tuple[list[Device], list[Device]]:
+    cameras = [each for each in devices if each.spec.kind == "camera"]
+    return cameras, [each for each in devices if each.spec.kind != "camera"]
 
 
-def _asked(probe: Callable[[str], list[Found]], place: str, ask: bool) -> tuple[list[Found], str]:
-    if not ask:
-        return [], "not asked"
-    try:
-        return probe(place), ""
-    except CHANNEL_ERRORS as error:
-        return [], f"cannot be opened: {error}"
+def _who(place: Place) -> str:
+    return "; ".join(each.found.what for each in place.devices) or place.trouble
 
 
-def _with_port(address: str) -> str:
-    match = _MODBUS.fullmatch(address)
-    if match is None or int(match[2] or MODBUS_PORT) not in range(1, 2**16):
-        raise RigError(
-            "rig devices",
-            "--modbus HOST[:PORT] or rtu://HOST[:PORT]",
-            repr(address),
-            "correct it, or name a serial port with --port",
-        )
-    return f"{match[1]}:{match[2] or MODBUS_PORT}"
+def _answer_table(place: Place) -> dict[str, Any]:
+    return {"found": [_device_table(each) for each in place.devices], "trouble": place.trouble}
 
 
-def _table(names: list[str], settings: dict[str, Any], what: str, kind: str) -> str:
+def _device_table(device: Device) -> dict[str, Any]:
+    return {
+        "kind": device.spec.kind,
+        "driver": _driver(device),
+        "what": device.found.what,
+        "settings": dict(device.found.settings),
+    }
+
+
+def _driver(device: Device) -> str:
+    """Return the driver that can open a device; empty if none can."""
+    return device.driver if device.found.usable else ""
+
+
+def _rig_table(names: list[str], device: Device, *, usable: bool) -> str:
+    """Return a table of a rig file; one that is not usable as a comment."""
     # a comment must not end where a device's name has a line break
-    said = "".join(sign if sign.isprintable() else " " for sign in what)
-    return "\n".join([f"# {said}", toml_table(names, settings), f"# {_TO_DECIDE[kind]}"])
-
-
-def _commented(text: str) -> str:
+    what = "".join(sign if sign.isprintable() else " " for sign in device.found.what)
+    settings = {"driver": _driver(device), **device.found.settings}
+    text = "\n".join([f"# {what}", toml_table(names, settings), *_left_open(device)])
+    if usable:
+        return text
     return "\n".join(line if line.startswith("#") else f"# {line}" for line in text.split("\n"))
+
+
+def _left_open(device: Device) -> list[str]:
+    """Return a comment that names the settings a person has to decide."""
+    usual, reason = _TO_DECIDE.get(device.spec.kind, ((), "they have no default"))
+    fields = device.spec.settings.model_fields
+    names = [name for name in usual if name in fields]
+    names += [name for name, each in fields.items() if each.is_required() and name not in names]
+    names = [name for name in names if name not in device.found.settings]
+    return [f"# {', '.join(names)}: {reason}"] if names else []

@@ -4,6 +4,7 @@ import contextlib
 import threading
 from collections.abc import Callable
 
+from drivers.cameras.aravis.find import FINDER
 from drivers.cameras.aravis.library import Aravis, AravisError, load
 from drivers.cameras.aravis.session import Session
 from drivers.cameras.aravis.settings import AravisSettings
@@ -146,4 +147,4 @@ def open_camera(settings: AravisSettings, context: OpenContext) -> AravisCamera:
     return AravisCamera(settings, context, library)
 
 
-SPEC = DriverSpec(kind="camera", settings=AravisSettings, open=open_camera)
+SPEC = DriverSpec(kind="camera", settings=AravisSettings, open=open_camera, find=FINDER)

@@ -1,12 +1,12 @@
 """Which GigE Vision and USB3 Vision cameras there are: Aravis asks on every network and bus."""
 
 from drivers.cameras.aravis.library import Aravis, load
-from drivers.lines.serial_ports import FoundCamera
+from drivers.registry import Finder, Found
 
 PROTOCOLS = ("GigEVision", "USB3Vision")
 
 
-def vision_cameras(library: Aravis | None = None) -> list[FoundCamera]:
+def vision_cameras(library: Aravis | None = None) -> list[Found]:
     """Return the cameras that answer within the second that Aravis gives them; none is set or changed.
 
     Parameters
@@ -19,13 +19,23 @@ def vision_cameras(library: Aravis | None = None) -> list[FoundCamera]:
     OSError
         If the library is not installed.
     """
-    library = load() if library is None else library
+    library = _installed() if library is None else library
     library.call("update_device_list")
     cameras = []
     for index in range(library.call("get_n_devices")):
         protocol = library.text("get_device_protocol", index)
         if protocol in PROTOCOLS:
             facts = [library.text(f"get_device_{fact}", index) for fact in ("vendor", "model", "serial_nbr")]
-            name = f"{' '.join(facts)} ({protocol} at {library.text('get_device_address', index)})"
-            cameras.append(FoundCamera("aravis", library.text("get_device_id", index), name))
+            what = f"{' '.join(facts)} ({protocol} at {library.text('get_device_address', index)})"
+            cameras.append(Found(what, {"camera": library.text("get_device_id", index)}))
     return cameras
+
+
+def _installed() -> Aravis:
+    try:
+        return load()
+    except OSError as error:
+        raise OSError(f"not looked for without Aravis ({error}); apt install libaravis-0.8-0") from error
+
+
+FINDER = Finder("GigE Vision and USB3 Vision cameras", answering=vision_cameras)

@@ -5,7 +5,7 @@ in docs/cameras.md.
 """
 
 from drivers.cameras.filming import FilmingCamera, refuse_simulated_time
-from drivers.cameras.v4l2.find import Identity, open_node
+from drivers.cameras.v4l2.find import FINDER, Identity, open_node
 from drivers.cameras.v4l2.node import KernelSystem, System
 from drivers.cameras.v4l2.session import Session
 from drivers.cameras.v4l2.settings import V4l2Settings
@@ -80,4 +80,4 @@ def open_camera(settings: V4l2Settings, context: OpenContext, system: System | N
     return V4l2Camera(settings, context, system)
 
 
-SPEC = DriverSpec(kind="camera", settings=V4l2Settings, open=open_camera)
+SPEC = DriverSpec(kind="camera", settings=V4l2Settings, open=open_camera, find=FINDER)

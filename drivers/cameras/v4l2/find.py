@@ -1,11 +1,14 @@
-"""Finding a camera among the video nodes: by path, by bus or by serial number."""
+"""The video nodes of this machine, and the camera among them by path, by bus or by serial number."""
 
 import errno
 from dataclasses import dataclass
+from pathlib import Path
 
 from drivers.cameras.v4l2.abi import Capability, CapabilityInfo, Request
 from drivers.cameras.v4l2.node import Node, System, translate
 from drivers.errors import DeviceError, DeviceFault, LinkLost
+from drivers.lines.addresses import lasting_names
+from drivers.registry import Finder, Found
 
 BUS, SERIAL = "bus:", "serial:"
 _NO_CAMERA = (errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.ENOTTY)
@@ -29,6 +32,27 @@ class Identity:
         if self.serial or other.serial:
             return self.serial == other.serial
         return self.bus == other.bus
+
+
+def video_nodes(root: Path = Path("/")) -> list[Found]:
+    """Return the cameras' nodes; of a camera with several, the one for pictures.
+
+    The node's name is that of the socket or else of the camera, where the system keeps such a name: two
+    cameras of a kind may have one name between them, but never one socket.
+
+    Parameters
+    ----------
+    root : Path
+        Where the system's ``sys`` and ``dev`` are.
+    """
+    lasting = lasting_names(root / "dev/v4l/by-id") | lasting_names(root / "dev/v4l/by-path")
+    nodes = []
+    for folder in sorted((root / "sys/class/video4linux").glob("video*"), key=_number):
+        # a camera's further nodes give metadata
+        if _content(folder / "index") in ("", "0"):
+            node = lasting.get(folder.name, f"/dev/{folder.name}")
+            nodes.append(Found(_content(folder / "name"), {"device": node}))
+    return nodes
 
 
 def open_node(wanted: str, system: System, device: str) -> tuple[Node, Identity]:
@@ -121,3 +145,18 @@ def _identify(node: Node, path: str, system: System, device: str) -> Identity:
 
 def _text(raw: bytes) -> str:
     return raw.decode("utf-8", "replace")
+
+
+def _number(folder: Path) -> int:
+    digits = folder.name.removeprefix("video")
+    return int(digits) if digits.isdecimal() else 0
+
+
+def _content(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        return ""
+
+
+FINDER = Finder("V4L2 cameras", listed=video_nodes)

@@ -7,6 +7,7 @@ from drivers.interfaces import DeviceInfo, LoadFrameLimits, LoadFrameState, Open
 from drivers.lines.addresses import resolve_address
 from drivers.load_frames.modbus.bus.link import ModbusLink
 from drivers.load_frames.modbus.commands import LoadFrameCommands
+from drivers.load_frames.modbus.find import FINDER
 from drivers.load_frames.modbus.registers.map import RegisterMap, load_map
 from drivers.load_frames.modbus.registers.mapped_device import MappedDevice
 from drivers.load_frames.modbus.registers.registers import Number
@@ -176,4 +177,4 @@ def open_frame(settings: ModbusLoadFrameSettings, context: OpenContext) -> Modbu
         raise
 
 
-SPEC = DriverSpec(kind="load_frame", settings=ModbusLoadFrameSettings, open=open_frame)
+SPEC = DriverSpec(kind="load_frame", settings=ModbusLoadFrameSettings, open=open_frame, find=FINDER)

@@ -7,6 +7,7 @@ from drivers.interfaces import DeviceInfo, OpenContext, StageState
 from drivers.lines.addresses import resolve_address
 from drivers.registry import DriverSpec
 from drivers.stages.esp301.axis import EspAxis
+from drivers.stages.esp301.find import FINDER
 from drivers.stages.esp301.port import EspPort
 from drivers.stages.esp301.protocol import (
     DEGREES,
@@ -232,4 +233,4 @@ def open_stage(settings: EspSettings, context: OpenContext) -> EspStage:
     return stage
 
 
-SPEC = DriverSpec(kind="stage", settings=EspSettings, open=open_stage)
+SPEC = DriverSpec(kind="stage", settings=EspSettings, open=open_stage, find=FINDER)

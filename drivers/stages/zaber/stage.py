@@ -8,6 +8,7 @@ from drivers.lines.addresses import resolve_address
 from drivers.registry import DriverSpec
 from drivers.stages.guarded import STOP_ANSWER_S, GuardedStage
 from drivers.stages.settings import SPEED_GREATEST_DEG_S
+from drivers.stages.zaber.find import FINDER
 from drivers.stages.zaber.port import ZaberPort
 from drivers.stages.zaber.protocol import (
     FLAGS,
@@ -242,4 +243,4 @@ def open_stage(settings: ZaberSettings, context: OpenContext) -> ZaberStage:
     return stage
 
 
-SPEC = DriverSpec(kind="stage", settings=ZaberSettings, open=open_stage)
+SPEC = DriverSpec(kind="stage", settings=ZaberSettings, open=open_stage, find=FINDER)

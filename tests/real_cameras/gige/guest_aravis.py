@@ -89,7 +89,7 @@ def test_is_found_on_its_network_and_opened_by_the_name_found() -> None:
     with plugged():
         opened().close()  # it answers by now
         (found,) = vision_cameras()
-        assert (found.driver, found.name) == ("aravis", "Aravis Fake GV77 (GigEVision at 127.0.0.1)")
+        assert found.what == "Aravis Fake GV77 (GigEVision at 127.0.0.1)"
         camera = opened(camera=found.place)
         assert camera.info.serial == "GV77"
         camera.close()

@@ -1,35 +1,31 @@
 """`rig devices` with simulated devices at real ports, and a system folder made by hand."""
 
 import json
-import socket
 import sys
 import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import pytest
-import serial.tools.list_ports
-from serial.tools.list_ports_common import ListPortInfo
 
-import drivers.probe
-import rig.commands.devices
 from drivers.clock import VirtualClock
 from drivers.errors import ConfigurationError
-from drivers.lines.serial_ports import FoundCamera, serial_ports, video_nodes
-from drivers.load_frames.modbus.registers.map import RegisterMap
-from drivers.probe import probe_modbus_tcp, probe_serial
+from drivers.registry import DriverSpec, Finder, Found, SerialPort, find_driver
+from drivers.settings import Settings
 from rig.cli import main
-from rig.commands.devices import search
+from rig.commands import device_search
+from rig.commands.device_search import search
+from rig.commands.devices import lines, rig_file
 from rig.rigfile import read_rig
 from simulators.load_frame.device import LoadFrameDevice
-from simulators.load_frame.layout import LAYOUTS
-from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
+from simulators.load_frame.modbus import LoadFrameServer
 from simulators.stage.device import StageDevice
-from simulators.stage.newport import NewportServer
 from simulators.stage.zaber import StageServer, StageTcpServer
 from tests.spring import Spring
+
+VISION = "GigE Vision and USB3 Vision cameras"
 
 
 @pytest.fixture
@@ -49,12 +45,24 @@ def clock() -> VirtualClock:
 
 
 @pytest.fixture
-def call(monkeypatch, capsys):
-    camera = FoundCamera("v4l2", "/dev/video7", "a camera")
-    monkeypatch.setattr(rig.commands.devices, "video_nodes", lambda: [camera])
-    monkeypatch.setattr(rig.commands.devices, "vision_cameras", list)
-    monkeypatch.setattr(rig.commands.devices, "serial_ports", list)
+def finders(monkeypatch) -> dict[str, Finder | None]:
+    """What the drivers find on this machine: one camera, and no port by themselves."""
+    replaced: dict[str, Finder | None] = {
+        "v4l2": Finder("V4L2 cameras", listed=lambda: [Found("a camera", {"device": "/dev/video7"})]),
+        "aravis": Finder(VISION, answering=list),
+    }
 
+    def driver(name: str) -> DriverSpec:
+        spec = find_driver(name)
+        ours = None if spec.find is None else replace(spec.find, ports=None)
+        return replace(spec, find=replaced.get(name, ours))
+
+    monkeypatch.setattr(device_search, "find_driver", driver)
+    return replaced
+
+
+@pytest.fixture
+def call(monkeypatch, capsys, finders):
     def run(*arguments: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["rig", "devices", *map(str, arguments)])
         with pytest.raises(SystemExit) as ended:
@@ -63,68 +71,6 @@ def call(monkeypatch, capsys):
         return ended.value.code, out, err
 
     return run
-
-
-def test_devices_of_every_kind_are_found_and_nothing_moves(serve, clock):
-    stage, other = StageDevice(clock), StageDevice(clock)
-    zaber = serve(StageServer(stage, device_address=3, serial=4711))
-    (found,) = probe_serial(zaber.address)
-    assert (found.kind, found.driver) == ("stage", "zaber-ascii")
-    assert found.settings == {"port": zaber.address, "address": 3}
-    assert "4711" in found.what
-    newport = serve(NewportServer(other, clock))
-    (found,) = probe_serial(newport.address)
-    assert (found.driver, found.settings) == ("newport-esp301", {"port": newport.address, "baud": 921_600})
-    clock.sleep(10.0)
-    assert (stage.position, other.position) == (0, 0)
-
-
-@pytest.mark.parametrize("name", LAYOUTS)
-def test_a_load_frame_is_found_with_the_map_that_fits(serve, clock, name):
-    device = LoadFrameDevice(clock, Spring())
-    server = serve(LoadFrameServer(device, layout=LAYOUTS[name], unit=1))
-    (found,) = probe_modbus_tcp(server.address)
-    assert (found.driver, found.settings) == ("modbus-frame", {"address": server.address, "map": name})
-    assert device.limits == device.ratings
-
-
-def test_a_load_frame_on_a_serial_line_is_found_under_its_unit(serve, clock):
-    server = serve(LoadFrameRtuServer(LoadFrameDevice(clock, Spring()), unit=2))
-    (found,) = probe_serial(server.address)
-    assert found.settings["unit"] == 2
-    assert found.settings["map"] == "generic"
-
-
-def test_a_gateway_with_nobody_behind_it_is_nobody(serve, clock):
-    # it answers for every unit but 9 as one that cannot reach it
-    server = serve(LoadFrameServer(LoadFrameDevice(clock, Spring()), unit=9))
-    assert probe_modbus_tcp(server.address) == []
-
-
-def test_a_device_that_answers_to_every_unit_is_one(serve, clock):
-    server = serve(LoadFrameServer(LoadFrameDevice(clock, Spring())))
-    server.answer = lambda unit, request: server.registers.answer(request)
-    (found,) = probe_modbus_tcp(server.address)
-    assert "unit" not in found.settings
-
-
-def test_a_frame_whose_map_has_another_revision_is_not_taken_for_one_that_fits(serve, clock, monkeypatch):
-    server = serve(LoadFrameServer(LoadFrameDevice(clock, Spring())))
-    shipped = drivers.probe.load_map
-
-    def newer(name: str) -> RegisterMap:
-        register_map = shipped(name)
-        return register_map.model_copy(update={"revision": register_map.revision + 1})
-
-    monkeypatch.setattr(drivers.probe, "load_map", newer)
-    (found,) = probe_modbus_tcp(server.address)
-    assert (found.driver, found.settings) == ("", {"address": server.address})
-
-
-def test_nobody_at_an_address_is_nobody():
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port = listener.getsockname()[1]
-    assert probe_modbus_tcp(f"127.0.0.1:{port}") == []
 
 
 def test_the_rig_file_to_start_from_lacks_only_what_a_person_must_decide(serve, clock, call, tmp_path):
@@ -186,14 +132,6 @@ def test_a_stage_behind_tcp_is_found_and_named_once(serve, clock, call):
     assert "Connection refused" in out
 
 
-@pytest.mark.parametrize("unit", [1, 3])
-def test_a_frame_behind_a_gateway_is_found_as_rtu(serve, clock, unit):
-    server = serve(LoadFrameRtuTcpServer(LoadFrameDevice(clock, Spring()), unit=unit))
-    (found,) = probe_modbus_tcp(f"rtu://{server.address}")
-    assert found.settings["address"] == f"rtu://{server.address}"
-    assert found.settings.get("unit", 1) == unit
-
-
 def test_a_modbus_device_of_no_known_map_does_not_stand_for_the_load_frame(serve, clock, call, tmp_path):
     thermometer = serve(LoadFrameServer(LoadFrameDevice(clock, Spring()), serial=1))
     registers = thermometer.registers.answer
@@ -213,7 +151,7 @@ def test_a_modbus_device_of_no_known_map_does_not_stand_for_the_load_frame(serve
     "address", ["", "::1", "a:b", "host:", "host:0", "host:65536", "/dev/ttyS0", "rtu://", "a b"]
 )
 def test_an_address_that_is_none_is_refused_before_anybody_is_asked(call, monkeypatch, address):
-    monkeypatch.setattr(rig.commands.devices, "serial_ports", lambda: pytest.fail("was asked"))
+    monkeypatch.setattr(device_search, "find_driver", lambda name: pytest.fail("was asked"))
     status, out, err = call("--modbus", address)
     assert (status, out) == (2, "")
     assert f"expected --modbus HOST[:PORT] or rtu://HOST[:PORT], got {address!r}" in err
@@ -228,12 +166,13 @@ def test_an_address_that_is_none_is_refused_before_anybody_is_asked(call, monkey
         ("rtu://gate:4001", "rtu://gate:4001"),
     ],
 )
-def test_an_address_without_a_port_gets_that_of_the_standard(written, asked):
-    assert search([], [written], ask=False).hosts == [(asked, [], "not asked")]
+def test_an_address_without_a_port_gets_that_of_the_standard(finders, written, asked):
+    (place,) = search([], [written], ask=False).modbus
+    assert (place.address, place.devices, place.trouble) == (asked, [], "not asked")
 
 
-def test_a_rig_file_without_cameras_says_that_they_are_missing(call, monkeypatch, tmp_path):
-    monkeypatch.setattr(rig.commands.devices, "video_nodes", list)
+def test_a_rig_file_without_cameras_says_that_they_are_missing(call, finders, tmp_path):
+    finders["v4l2"] = None
     call("-o", tmp_path / "rig.toml")
     assert "# No camera was found: add [cameras.NAME]" in (tmp_path / "rig.toml").read_text()
 
@@ -244,50 +183,124 @@ def test_a_port_that_is_not_there_is_told(call):
     assert "/dev/ttyNone (named): cannot be opened" in out
 
 
-def test_serial_ports_are_named_by_what_lasts(tmp_path, monkeypatch):
-    links = {
-        "by-id/usb-FTDI_A1-if00": "ttyUSB0",
-        "by-id/usb-1a86_USB_Serial-if00": "ttyUSB2",
-        "by-path/pci-usb-0:1": "ttyUSB0",
-        "by-path/pci-usb-0:2": "ttyUSB1",
-        "by-path/pci-usb-0:3": "ttyUSB2",
-    }
-    for name, node in links.items():
-        link = tmp_path / "dev/serial" / name
-        link.parent.mkdir(parents=True, exist_ok=True)
-        link.symlink_to(f"../../{node}")
-    # two adapters of a kind without a serial number share one name in by-id
-    plugged = {"ttyUSB0": "A1", "ttyUSB1": None, "ttyUSB2": None}
-    ports = [ListPortInfo(f"/dev/{name}") for name in plugged]
-    for port, number in zip(ports, plugged.values(), strict=True):
-        port.serial_number = number
-    monkeypatch.setattr(serial.tools.list_ports, "comports", lambda: ports)
-    found = [port.path.removeprefix(f"{tmp_path}/dev/serial/") for port in serial_ports(tmp_path)]
-    assert found == ["by-id/usb-FTDI_A1-if00", "by-path/pci-usb-0:2", "by-path/pci-usb-0:3"]
+def test_cameras_that_answer_on_networks_stand_in_the_rig_file_with_their_driver(finders, tmp_path):
+    finders["v4l2"] = None
+    cameras = [Found("Maker Mono 7", {"camera": "Maker-7"}), Found("Other Usb 8", {"camera": "Other-8"})]
+    finders["aravis"] = Finder(VISION, answering=lambda: cameras)
+    found = search([], [], ask=True)
+    assert lines(found)[:2] == ["camera Maker-7: Maker Mono 7", "camera Other-8: Other Usb 8"]
+    path = tmp_path / "rig.toml"
+    decided = "width_px = 640\nheight_px = 480\nrate_hz = 25.0\nexposure_us = 5000.0\n# format"
+    path.write_text(rig_file(found).replace("# format", decided))
+    read = read_rig(path).cameras
+    assert [camera.driver for camera in read.values()] == ["aravis", "aravis"]
+    assert read["camera_0"].setting("camera") == "Maker-7"
 
 
-def test_of_a_cameras_names_its_sockets_is_taken(tmp_path):
-    folder = tmp_path / "sys/class/video4linux/video0"
-    folder.mkdir(parents=True)
-    for kind in ("by-id", "by-path"):
-        links = tmp_path / "dev/v4l" / kind
-        links.mkdir(parents=True)
-        (links / "camera").symlink_to("../../video0")
-    assert [node.place for node in video_nodes(tmp_path)] == [str(tmp_path / "dev/v4l/by-path/camera")]
+def test_what_was_not_looked_for_is_said(finders, call, tmp_path):
+    def missing() -> list[Found]:
+        raise OSError("no library; install it")
+
+    finders["aravis"] = Finder(VISION, answering=missing)
+    assert f"{VISION}: no library; install it" in lines(search([], [], ask=True))
+    assert f"{VISION}: not asked" in lines(search([], [], ask=False))
+    call("--json", tmp_path / "found.json")
+    table = json.loads((tmp_path / "found.json").read_text())
+    assert table["cameras_not_looked_for"] == "no library; install it"
 
 
-def test_video_nodes_are_named_by_what_lasts(tmp_path):
-    nodes = {"video0": ("0", "USB camera"), "video1": ("1", "USB camera"), "video10": ("0", "second")}
-    for name, (index, label) in nodes.items():
-        folder = tmp_path / "sys/class/video4linux" / name
-        folder.mkdir(parents=True)
-        (folder / "index").write_text(index + "\n")
-        (folder / "name").write_text(label + "\n")
-    links = tmp_path / "dev/v4l/by-id"
-    links.mkdir(parents=True)
-    (links / "usb-Camera_1234-video-index0").symlink_to("../../video0")
-    assert video_nodes(tmp_path) == [
-        FoundCamera("v4l2", str(links / "usb-Camera_1234-video-index0"), "USB camera"),
-        FoundCamera("v4l2", "/dev/video10", "second"),
+def test_a_camera_cannot_write_into_the_rig_file_by_its_name(finders):
+    spiteful = Found("Maker\n[stage]\x1b[2J", {"camera": "Maker-7"})
+    finders["aravis"] = Finder(VISION, answering=lambda: [spiteful])
+    content = tomllib.loads(rig_file(search([], [], ask=True)))
+    assert set(content) == {"rig", "cameras", "operator"}
+
+
+class TheirSettings(Settings):
+    """What a rig file says about a third party's stage."""
+
+    port: str
+    gear: int
+
+
+class Asked:
+    """Drivers of stages that note in `order` who asks at which port."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.order: list[tuple[str, str]] = []
+        self.specs: dict[str, DriverSpec] = {}
+        monkeypatch.setattr(device_search, "driver_names", lambda: sorted(self.specs))
+        monkeypatch.setattr(device_search, "find_driver", self.find_driver)
+
+    def find_driver(self, name: str) -> DriverSpec:
+        if name not in self.specs:
+            raise LookupError(f"driver {name!r} is broken")
+        return self.specs[name]
+
+    def add(self, name: str, asks_for_s: float, answer: Callable[[str], list[Found]], *listed: str) -> None:
+        def ask(port: str) -> list[Found]:
+            self.order.append((name, port))
+            return answer(port)
+
+        finder = Finder(
+            f"{name}s",
+            ports=lambda: [SerialPort(path, "an adapter") for path in listed],
+            at_port=ask,
+            asks_for_s=asks_for_s,
+        )
+        self.specs[name] = DriverSpec("stage", TheirSettings, lambda *_: None, find=finder)
+
+
+@pytest.fixture
+def asked(monkeypatch) -> Asked:
+    return Asked(monkeypatch)
+
+
+def nobody(port: str) -> list[Found]:
+    return []
+
+
+def test_quick_drivers_ask_first_and_nobody_asks_a_device_that_is_recognised(asked):
+    asked.add("slow", 3.0, nobody, "/dev/a", "/dev/b")
+    asked.add("middle", 2.0, lambda port: [Found("it", {"port": port})] if port == "/dev/a" else [])
+    asked.add("quick", 1.0, nobody, "/dev/a")
+    found = search(["/dev/b", "/dev/c"], [], ask=True)
+    assert asked.order == [
+        *[("quick", "/dev/a"), ("middle", "/dev/a")],
+        *[("quick", "/dev/b"), ("middle", "/dev/b"), ("slow", "/dev/b")],
+        *[("quick", "/dev/c"), ("middle", "/dev/c"), ("slow", "/dev/c")],
     ]
-    assert video_nodes(Path("/nowhere")) == []
+    assert lines(found) == [
+        "no camera",
+        "serial port /dev/a (an adapter): it",
+        "serial port /dev/b (an adapter): nobody known answers",
+        "serial port /dev/c (named): nobody known answers",
+    ]
+
+
+def test_a_driver_that_fails_keeps_no_other_from_its_device(asked):
+    def broken(port: str) -> list[Found]:
+        raise KeyError("gear")
+
+    def shut(port: str) -> list[Found]:
+        raise OSError("busy")
+
+    asked.add("broken", 1.0, broken)
+    asked.add("shut", 2.0, shut)
+    failed = "driver 'broken' failed: KeyError: 'gear'; cannot be opened: busy"
+    assert f"serial port /dev/a (named): {failed}" in lines(search(["/dev/a"], [], ask=True))
+    asked.add("good", 3.0, lambda port: [Found("it", {"port": port})])
+    assert "serial port /dev/a (named): it" in lines(search(["/dev/a"], [], ask=True))
+
+
+def test_a_driver_that_does_not_load_is_said_and_the_others_search(asked, monkeypatch):
+    asked.add("good", 1.0, lambda port: [Found("it", {"port": port})], "/dev/a")
+    monkeypatch.setattr(device_search, "driver_names", lambda: ["bad", "good"])
+    said = lines(search([], [], ask=True))
+    assert said[1:] == ["left out: driver 'bad' is broken", "serial port /dev/a (an adapter): it"]
+
+
+def test_what_a_person_must_decide_is_named_by_the_settings_the_driver_has(asked):
+    asked.add("good", 1.0, lambda port: [Found("it", {"port": port})], "/dev/a")
+    written = rig_file(search([], [], ask=True))
+    assert '[stage]\ndriver = "good"\nport = "/dev/a"\n# gear: how far the stage may turn' in written

@@ -1,0 +1,204 @@
+"""Who is there: every installed driver looks for its devices, at each port one driver after the other."""
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from drivers.errors import DeviceError
+from drivers.registry import DriverSpec, Finder, Found, SerialPort, driver_names, find_driver
+from rig.errors import RigError
+
+# `host`, `host:port`, and either behind `rtu://`; an IPv6 address stands in brackets
+_MODBUS = re.compile(r"((?:rtu://)?(?:\[[^\[\]\s]+\]|[^:\s\[\]/]+))(?::(\d{1,5}))?")
+MODBUS_PORT = 502
+NOT_ASKED = "not asked"
+
+
+@dataclass(frozen=True)
+class Device:
+    """A device, and the driver that found it."""
+
+    driver: str
+    spec: DriverSpec
+    found: Found
+
+
+@dataclass(frozen=True)
+class Place:
+    """A serial port or a Modbus address, and who answers there.
+
+    Attributes
+    ----------
+    address : str
+    description : str
+        As the adapter of a serial port says.
+    devices : list of Device
+    trouble : str
+        Why the place was not asked; empty if it was.
+    """
+
+    address: str
+    description: str
+    devices: list[Device]
+    trouble: str
+
+
+@dataclass(frozen=True)
+class Unsearched:
+    """Devices that were not looked for: of which kind, in words, and why not."""
+
+    kind: str
+    what: str
+    why: str
+
+
+@dataclass
+class Search:
+    """What a search found.
+
+    Attributes
+    ----------
+    devices : list of Device
+        Those that the system lists, and those that answer on networks and buses.
+    unsearched : list of Unsearched
+    unloaded : list of str
+        Which drivers cannot be loaded, and why.
+    ports, modbus : list of Place
+    """
+
+    devices: list[Device] = field(default_factory=list)
+    unsearched: list[Unsearched] = field(default_factory=list)
+    unloaded: list[str] = field(default_factory=list)
+    ports: list[Place] = field(default_factory=list)
+    modbus: list[Place] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class _Seeker:
+    """A driver that can look for its devices."""
+
+    driver: str
+    spec: DriverSpec
+    finder: Finder
+
+    def devices(self, found: Sequence[Found]) -> list[Device]:
+        return [Device(self.driver, self.spec, each) for each in found]
+
+    def reason(self, error: Exception, before: str = "") -> str:
+        """Return why a search failed; a third party's driver may fail in any way."""
+        if isinstance(error, (OSError, DeviceError)):
+            return f"{before}{error}"
+        return f"driver {self.driver!r} failed: {type(error).__name__}: {error}"
+
+
+def search(ports: Sequence[str], hosts: Sequence[str], *, ask: bool) -> Search:
+    """Look what is there.
+
+    Parameters
+    ----------
+    ports : sequence of str
+        Serial ports besides those that the system lists, and ``socket://host:port``.
+    hosts : sequence of str
+        Modbus addresses, ``host`` or ``host:port`` for Modbus TCP, ``rtu://host:port`` for RTU over TCP.
+    ask : bool
+        Whether anybody is asked who is there. The questions change nothing, but a device that is none
+        of those known gets bytes that it may not expect.
+
+    Raises
+    ------
+    RigError
+        If a Modbus address is none; nobody is asked then.
+    """
+    addresses = [_with_port(host) for host in hosts]
+    found = Search()
+    seekers = _seekers(found)
+    for seeker in seekers:
+        _look(seeker, seeker.finder.listed, found)
+        _look(seeker, seeker.finder.answering, found, ask=ask)
+    at_port = [(each, each.finder.at_port) for each in seekers]
+    for port in _serial_ports(seekers, ports, found):
+        found.ports.append(_asked(port, at_port, ask=ask))
+    at_modbus = [(each, each.finder.at_modbus) for each in seekers]
+    for address in addresses:
+        found.modbus.append(_asked(SerialPort(address, ""), at_modbus, ask=ask))
+    return found
+
+
+def _seekers(search: Search) -> list[_Seeker]:
+    """Return every driver that can look for its devices, quick ones first; note those that do not load."""
+    seekers = []
+    for name in driver_names():
+        try:
+            spec = find_driver(name)
+        except LookupError as error:
+            search.unloaded.append(str(error))
+            continue
+        if spec.find is not None:
+            seekers.append(_Seeker(name, spec, spec.find))
+    return sorted(seekers, key=lambda seeker: seeker.finder.asks_for_s)
+
+
+def _look(
+    seeker: _Seeker, look: Callable[[], Sequence[Found]] | None, search: Search, *, ask: bool = True
+) -> None:
+    """Add the devices that a driver finds by itself, or why it does not look for them."""
+    if look is None:
+        return
+    why = NOT_ASKED
+    if ask:
+        try:
+            search.devices += seeker.devices(look())
+            return
+        except Exception as error:
+            why = seeker.reason(error)
+    search.unsearched.append(Unsearched(seeker.spec.kind, seeker.finder.what, why))
+
+
+def _serial_ports(seekers: list[_Seeker], named: Sequence[str], search: Search) -> list[SerialPort]:
+    """Return the ports that the drivers list and those named, each once."""
+    ports: dict[str, SerialPort] = {}
+    for seeker in seekers:
+        try:
+            listed = seeker.finder.ports() if seeker.finder.ports is not None else ()
+        except Exception as error:
+            why = seeker.reason(error)
+            search.unsearched.append(Unsearched(seeker.spec.kind, f"ports of {seeker.finder.what}", why))
+            continue
+        ports |= {port.path: port for port in listed if port.path not in ports}
+    return [
+        *ports.values(),
+        *(SerialPort(path, "named") for path in dict.fromkeys(named) if path not in ports),
+    ]
+
+
+def _asked(
+    port: SerialPort,
+    questions: Sequence[tuple[_Seeker, Callable[[str], Sequence[Found]] | None]],
+    *,
+    ask: bool,
+) -> Place:
+    """Let one driver after the other ask at a place, until one finds its devices there."""
+    if not ask:
+        return Place(port.path, port.description, [], NOT_ASKED)
+    troubles: dict[str, None] = {}
+    for seeker, question in questions:
+        try:
+            found = question(port.path) if question is not None else ()
+        except Exception as error:
+            troubles[seeker.reason(error, "cannot be opened: ")] = None
+            continue
+        if found:
+            return Place(port.path, port.description, seeker.devices(found), "")
+    return Place(port.path, port.description, [], "; ".join(troubles))
+
+
+def _with_port(address: str) -> str:
+    match = _MODBUS.fullmatch(address)
+    if match is None or int(match[2] or MODBUS_PORT) not in range(1, 2**16):
+        raise RigError(
+            "rig devices",
+            "--modbus HOST[:PORT] or rtu://HOST[:PORT]",
+            repr(address),
+            "correct it, or name a serial port with --port",
+        )
+    return f"{match[1]}:{match[2] or MODBUS_PORT}"
