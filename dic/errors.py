@@ -49,9 +49,11 @@ class RunFileError(MeasurementError):
     """A run file or result file is missing, damaged or incomplete."""
 
 
-def require_all(
-    error: type[MeasurementError], source: str, checks: Iterable[tuple[bool, str, str, object, str]]
-) -> None:
+Check = tuple[bool, str, str, object, str]
+"""Whether a value is good, the value's name, what is expected, what was got, and the remedy."""
+
+
+def require_all(error: type[MeasurementError], source: str, checks: Iterable[Check]) -> None:
     """Raise one error that reports all failed checks together.
 
     Parameters
@@ -60,8 +62,7 @@ def require_all(
         Class of the error.
     source : str
         What the checked values belong to, such as "settings".
-    checks : iterable of tuple
-        For each check: whether it passed, the name of the value, what is expected, what was got, the remedy.
+    checks : iterable of Check
     """
     failed = [check[1:] for check in checks if not check[0]]
     if failed:

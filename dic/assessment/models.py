@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.assessment.paper import BASE, FINE, Points
+from dic.assessment.paper import BASE, FINE
 from dic.calibration.bicubic import BicubicMap
 from dic.calibration.pinhole.camera import Pinhole
 from dic.calibration.pinhole.fit import fit_pinhole
@@ -65,6 +65,6 @@ def _errors(camera: Pinhole, noise_px: float, repetitions: int) -> dict[str, flo
 
 
 def _mean_square(camera: Pinhole, fitted: BicubicMap | Pinhole) -> float:
-    image_px: Points = camera.project(FINE.points_mm())
+    image_px: NDArray[np.float64] = camera.project(FINE.points_mm())
     off_px: NDArray[np.float64] = camera.project(fitted.map(image_px)) - image_px
     return float((off_px**2).sum(axis=1).mean())

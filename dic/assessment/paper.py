@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dic.calibration.bicubic import BicubicMap
 from dic.calibration.pinhole.camera import Pinhole
 
-Points = NDArray[np.float64]
+Float = NDArray[np.float64]
 
 CLAIM_PX = 0.02
 """The paper's claim: base and fine grid stay below this at every angle up to 30°."""
@@ -31,7 +31,7 @@ class PointSet:
     half_mm: float
     count: int
 
-    def points_mm(self) -> Points:
+    def points_mm(self) -> Float:
         """Return the points, shape (count², 2), row by row."""
         line = np.linspace(-self.half_mm, self.half_mm, self.count)
         return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)

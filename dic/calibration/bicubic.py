@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
 
-Points = NDArray[np.float64]
+Float = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class BicubicMap:
     coefficient_errors: NDArray[np.float64] = field(default_factory=lambda: np.zeros((16, 2, 0)))
 
     @classmethod
-    def fit(cls, points_px: Points, points_mm: Points) -> "BicubicMap":
+    def fit(cls, points_px: Float, points_mm: Float) -> "BicubicMap":
         """Fit both surfaces by least squares.
 
         Parameters
@@ -64,7 +64,7 @@ class BicubicMap:
         errors = fitted._coefficient_errors(design, points_px, points_mm)
         return cls(fitted.coefficients, centre_px, scale_px, errors)
 
-    def map(self, px: Points) -> Points:
+    def map(self, px: Float) -> Float:
         """Return the grid coordinates of image points.
 
         Parameters
@@ -76,10 +76,10 @@ class BicubicMap:
         ndarray, shape (n, 2)
             X and Y in mm; NaN where `px` is NaN.
         """
-        result: Points = _monomials(self._normalised(px)) @ self.coefficients.reshape(16, 2)
+        result: Float = _monomials(self._normalised(px)) @ self.coefficients.reshape(16, 2)
         return result
 
-    def jacobian(self, px: Points) -> NDArray[np.float64]:
+    def jacobian(self, px: Float) -> NDArray[np.float64]:
         """Return ``∂(X, Y)/∂(x, y)`` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
         powers = _powers(self._normalised(px))
         slopes = np.zeros_like(powers)
@@ -88,7 +88,7 @@ class BicubicMap:
         by_y = np.einsum("ni,nj,ijc->nc", powers[:, 0], slopes[:, 1], self.coefficients)
         return np.stack([by_x, by_y], axis=-1)
 
-    def error_factors(self, px: Points) -> NDArray[np.float64]:
+    def error_factors(self, px: Float) -> NDArray[np.float64]:
         """Return F, shape (n, 2, q), mm: errors of mapped points (n, 2) have the covariance F Fᵀ.
 
         They come from the scatter of the points that the map was fitted to; what the surfaces cannot follow
@@ -98,7 +98,7 @@ class BicubicMap:
         return np.asarray(np.einsum("nk,kcq->ncq", design, self.coefficient_errors))
 
     def _coefficient_errors(
-        self, design: NDArray[np.float64], points_px: Points, points_mm: Points
+        self, design: NDArray[np.float64], points_px: Float, points_mm: Float
     ) -> NDArray[np.float64]:
         """Return how errors of the points in the image, as large as what the fit leaves, move the fit."""
         jacobian = self.jacobian(points_px)
@@ -113,16 +113,16 @@ class BicubicMap:
         root = np.linalg.cholesky(covariance).reshape(16, -1)
         return np.asarray(noise_px * np.linalg.solve(r, root).reshape(16, 2, -1))
 
-    def _normalised(self, px: Points) -> Points:
+    def _normalised(self, px: Float) -> Float:
         return (np.asarray(px, np.float64).reshape(-1, 2) - self.centre_px) / self.scale_px
 
 
-def _powers(points: Points) -> NDArray[np.float64]:
+def _powers(points: Float) -> NDArray[np.float64]:
     square = points * points
     return np.stack([np.ones_like(points), points, square, square * points], axis=-1)
 
 
-def _monomials(points: Points) -> NDArray[np.float64]:
+def _monomials(points: Float) -> NDArray[np.float64]:
     powers = _powers(points)
     return (powers[:, 0, :, None] * powers[:, 1, None, :]).reshape(-1, 16)
 

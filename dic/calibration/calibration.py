@@ -17,7 +17,7 @@ from dic.calibration.residuals import PlaneMap, Residuals
 from dic.errors import CalibrationError
 from dic.targets.points import GridPoints
 
-Points = NDArray[np.float64]
+Float = NDArray[np.float64]
 Model = Literal["bicubic", "pinhole"]
 
 _CLEARLY_BETTER = 0.95
@@ -147,18 +147,18 @@ class Calibration:
         clear = bicubic < _CLEARLY_BETTER * pinhole - _NEGLIGIBLE_PX
         return figures if clear else f"{figures}: without a clear difference it is the paper's"
 
-    def map(self, px: Points) -> Points:
+    def map(self, px: Float) -> Float:
         """Return grid coordinates (n, 2) in mm of image points (n, 2) in px; NaN stays NaN.
 
         The map holds only where `inside` is true.
         """
         return self._in_use.map(px)
 
-    def jacobian(self, px: Points) -> NDArray[np.float64]:
+    def jacobian(self, px: Float) -> NDArray[np.float64]:
         """Return ``∂(X, Y)/∂(x, y)`` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
         return self._in_use.jacobian(px)
 
-    def error_factors(self, px: Points) -> NDArray[np.float64]:
+    def error_factors(self, px: Float) -> NDArray[np.float64]:
         """Return F, shape (n, 2, q), mm: the map's errors at image points (n, 2) have the covariance F Fᵀ.
 
         They come from the scatter of the grid points in the image. The same column belongs to the same error
@@ -166,7 +166,7 @@ class Calibration:
         """
         return self._in_use.error_factors(px)
 
-    def inside(self, px: Points) -> NDArray[np.bool_]:
+    def inside(self, px: Float) -> NDArray[np.bool_]:
         """Tell which image points (n, 2) lie within the calibrated area; NaN is outside.
 
         The area is the polygon of the outermost grid points, whichever model is in use. Outside it the
@@ -185,7 +185,7 @@ class Calibration:
         return inside
 
     @cached_property
-    def outline_px(self) -> Points:
+    def outline_px(self) -> Float:
         """The calibrated area's corners in the image, in order, shape (m, 2), px."""
         return self.grid.outline_px()
 
@@ -198,12 +198,12 @@ class Calibration:
         return residuals
 
     @property
-    def residual_mm(self) -> Points:
+    def residual_mm(self) -> Float:
         """Mapped minus true position of every grid point by the model in use, shape (n, 2), mm."""
         return self.residuals[self.model].mm
 
     @property
-    def residual_px(self) -> Points:
+    def residual_px(self) -> Float:
         """The same residual as it appears in the image, shape (n, 2), px."""
         return self.residuals[self.model].px
 
@@ -241,7 +241,7 @@ class Calibration:
 
 
 def _bicubic_cross_validation_px(grid: GridPoints) -> float:
-    def misses(left_out: NDArray[np.bool_]) -> Points:
+    def misses(left_out: NDArray[np.bool_]) -> Float:
         kept = BicubicMap.fit(grid.uv_px[~left_out], grid.xy_mm[~left_out])
         at = grid.uv_px[left_out]
         off_mm = kept.map(at) - grid.xy_mm[left_out]

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dic.targets.points import GridPoints
 
-Floats = NDArray[np.float64]
+Float = NDArray[np.float64]
 
 FOLDS = 5
 
@@ -25,7 +25,7 @@ def folds(grid: GridPoints) -> Iterator[NDArray[np.bool_]]:
             yield left_out
 
 
-def missed_by(grid: GridPoints, misses: Callable[[NDArray[np.bool_]], Floats]) -> float:
+def missed_by(grid: GridPoints, misses: Callable[[NDArray[np.bool_]], Float]) -> float:
     """Return the root mean square length of the misses of all points, each while it was left out.
 
     Parameters

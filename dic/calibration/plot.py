@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dic.calibration.calibration import Calibration
 from dic.calibration.residuals import Residuals
 
-Floats = NDArray[np.float64]
+Float = NDArray[np.float64]
 
 
 def draw_calibration(calibration: Calibration, image: NDArray[np.float32]) -> Any:

@@ -8,19 +8,19 @@ from numpy.typing import NDArray
 
 from dic.targets.points import GridPoints
 
-Points = NDArray[np.float64]
+Float = NDArray[np.float64]
 
 
 class PlaneMap(Protocol):
     """A map from image px to mm on the grid's plane."""
 
-    def map(self, px: Points) -> Points:
+    def map(self, px: Float) -> Float:
         """Return grid coordinates (n, 2) in mm of image points (n, 2) in px."""
 
-    def jacobian(self, px: Points) -> NDArray[np.float64]:
+    def jacobian(self, px: Float) -> NDArray[np.float64]:
         """Return ``∂(X, Y)/∂(x, y)`` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
 
-    def error_factors(self, px: Points) -> NDArray[np.float64]:
+    def error_factors(self, px: Float) -> NDArray[np.float64]:
         """Return F (n, 2, q): the errors of mapped points in mm have the covariance F Fᵀ."""
 
 
@@ -33,8 +33,8 @@ class Residuals:
     mm, px : ndarray, shape (n, 2)
     """
 
-    mm: Points
-    px: Points
+    mm: Float
+    px: Float
 
     @classmethod
     def of(cls, plane_map: PlaneMap, grid: GridPoints) -> "Residuals":

@@ -1,1 +1,1 @@
-"""Calibration targets: found in an image, as points in pixels and millimetres."""
+"""Find calibration targets in an image: their points in pixels and in millimetres."""

@@ -1,4 +1,4 @@
-"""Which way X and Y point on a lattice: by a mark on the target, by an option, or by the image."""
+"""The directions of X and Y on a target: from a mark on it, from an option, or from the image."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
 
-Floats = NDArray[np.float64]
+Float = NDArray[np.float64]
 XAxis = str | float | None
 
 _AMBIGUOUS_DEG = 5.0
@@ -18,17 +18,18 @@ _DIRECTIONS_DEG = {"right": 0.0, "up": 90.0, "left": 180.0, "down": 270.0}
 
 @dataclass(frozen=True)
 class Axes:
-    """How a lattice's axes are named.
+    """The lattice axes that X and Y follow, and their directions.
 
     Attributes
     ----------
     swap : bool
-        Whether X runs along the lattice's second axis.
+        True if X follows the lattice's second axis.
     flip : tuple of bool
-        Whether X and Y run against the lattice axis that they follow.
+        For X and for Y: True if it points against the lattice axis that it follows.
     orientation : str
-        What says so: ``"mark"``, ``"option"`` or ``"assumed"``.
+        Source of this choice: ``"mark"``, ``"option"`` or ``"assumed"``.
     warnings : tuple of str
+        Sentences for the user.
     """
 
     swap: bool
@@ -38,11 +39,11 @@ class Axes:
 
     @property
     def lattice_axes(self) -> tuple[int, int]:
-        """The lattice's axes that X and Y follow."""
+        """Numbers, 0 or 1, of the lattice axes that X and Y follow."""
         return (1, 0) if self.swap else (0, 1)
 
     def named(self, index: NDArray[np.int64], spans: tuple[range, range]) -> NDArray[np.int64]:
-        """Return column and row (n, 2) of lattice indices (n, 2) within the lattice's extents."""
+        """Return columns and rows (n, 2), from 0, of lattice indices (n, 2) within `spans`."""
         result = np.empty_like(index)
         for which, axis in enumerate(self.lattice_axes):
             span = spans[axis]
@@ -51,11 +52,20 @@ class Axes:
         return result
 
 
-def axes_towards(quarter: tuple[int, int], vectors: Floats, orientation: str) -> Axes:
-    """Return axes such that X + Y points along `quarter`, (±1, ±1), of lattice vectors (2, 2) in px.
+def axes_towards(quarter: tuple[int, int], vectors: Float, orientation: str) -> Axes:
+    """Return the axes whose sum X + Y points into the given quarter of the lattice.
 
-    Of the two ways the one counts that is right-handed with Y up; in the image, whose y points down, the
-    cross product of X and Y is then negative.
+    Two pairs of axes do so. The returned pair is right-handed with Y up: in the image, whose y points down,
+    the cross product of X and Y is negative.
+
+    Parameters
+    ----------
+    quarter : tuple of int
+        Signs, ±1, along the two lattice vectors.
+    vectors : ndarray, shape (2, 2)
+        The two lattice vectors, px.
+    orientation : str
+        For `Axes.orientation`.
     """
     first, second = quarter[0] * vectors[0], quarter[1] * vectors[1]
     swap = bool(first[0] * second[1] - first[1] * second[0] > 0)
@@ -64,26 +74,26 @@ def axes_towards(quarter: tuple[int, int], vectors: Floats, orientation: str) ->
 
 
 def axes_in_image(
-    vectors: Floats, x_axis: XAxis, source: str, possible: Callable[[Axes], bool] | None = None
+    vectors: Float, x_axis: XAxis, source: str, possible: Callable[[Axes], bool] | None = None
 ) -> Axes:
-    """Return axes such that X is the lattice direction closest to what `x_axis` says.
+    """Return the axes whose X is the lattice direction closest to `x_axis`.
 
     Parameters
     ----------
     vectors : ndarray, shape (2, 2)
-        The lattice's two vectors at the middle of the target, px.
+        The two lattice vectors at the middle of the target, px.
     x_axis : str or float, optional
         ``"right"``, ``"up"``, ``"left"``, ``"down"``, or an angle in degrees, anticlockwise from the image's
-        right. Without it X is taken closest to the right.
+        right. Default: the image's right.
     source : str
         The image's file, for messages.
     possible : callable, optional
-        What the target itself, if it is not symmetric, allows; it must allow one at least.
+        Tells whether an asymmetric target allows the given axes; it must allow at least one choice.
 
     Raises
     ------
     CalibrationError
-        If `x_axis` is no direction, or lies halfway between two directions of the lattice, within 5°.
+        If `x_axis` is not a direction, or is within 5° of the middle between two lattice directions.
     """
     wanted_deg = _direction_deg(x_axis, source)
     orientation = "assumed" if x_axis is None else "option"
@@ -104,9 +114,9 @@ def axes_in_image(
     raise CalibrationError(
         source,
         "name the axes",
-        "X close to one direction of the target",
-        f"x_axis {x_axis}, {off_deg[best]:.0f}° from one and {off_deg[second]:.0f}° from another",
-        f"give the angle of X in the image in degrees, such as {angle_deg[best]:.0f}",
+        "an X axis close to one direction of the target",
+        f"{x_axis}, {off_deg[best]:.0f}° from one and {off_deg[second]:.0f}° from another",
+        f"give the angle of X in the image in degrees, such as --x-axis {angle_deg[best]:.0f}",
     )
 
 
@@ -121,14 +131,14 @@ def _direction_deg(x_axis: XAxis, source: str) -> float:
     raise CalibrationError(
         source,
         "name the axes",
-        f"{', '.join(_DIRECTIONS_DEG)} or an angle in degrees",
-        f"x_axis {x_axis}",
-        "say which way X points in the image",
+        f"an X axis of {', '.join(_DIRECTIONS_DEG)} or an angle in degrees",
+        str(x_axis),
+        "give --x-axis right, or the angle of X in the image, such as --x-axis 30",
     )
 
 
 def _halfway(angle_deg: float) -> str:
     return (
-        f"the grid is turned by about {angle_deg:.0f}° in the image, so that X and Y could be named "
-        "the other way round; X was taken along the direction closest to the image's right"
+        f"the grid is turned by about {angle_deg:.0f}° in the image, so X and Y could also be chosen "
+        "the other way round; X is the direction closest to the image's right, unless --x-axis is given"
     )

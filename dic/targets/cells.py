@@ -1,4 +1,4 @@
-"""The cells of a line grid, found in an image and put on a lattice; the rough start of grid finding."""
+"""The cells of a line grid and their lattice indices: the rough first step of finding the grid."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,21 +8,22 @@ from numpy.typing import NDArray
 
 _MIN_CELL_AREA_PX = 12
 _SEEDS = 12
-# A neighbour lies where it is predicted to within this fraction of the lattice vector.
+# Largest distance of a neighbour from its predicted place, as a fraction of the lattice vector.
 _LATTICE_TOLERANCE = 0.3
 
 
 @dataclass(frozen=True)
 class CellLattice:
-    """Cells that form one lattice.
+    """The cells of one lattice.
 
     Attributes
     ----------
     index : ndarray of int64, shape (n, 2)
-        Position on the lattice; origin and directions are arbitrary.
+        Lattice indices; the origin and the directions are arbitrary.
     centre_px : ndarray, shape (n, 2)
+        Centres of the cells.
     dark_lines : bool
-        Whether the lines between the cells are darker than the cells.
+        True if the lines between the cells are darker than the cells.
     """
 
     index: NDArray[np.int64]
@@ -33,15 +34,15 @@ class CellLattice:
 def find_cells(grey: NDArray[np.float32], expected: int) -> CellLattice:
     """Return the largest lattice of cells that the image shows.
 
-    Lines are what a morphological closing fills (a black top-hat): that ignores slow changes of light and
-    steps at the grid's rim. What they enclose are the cells. Line widths from 1 px to a few tens of px are
-    tried in turn, dark and bright lines, until at least 90 % of the `expected` cells agree.
+    A black top-hat (the morphological closing minus the image) shows dark lines; it ignores slow changes of
+    light and the brightness step at the grid's rim. Regions enclosed by lines are cells. Several line widths,
+    from 1 px to a few tens of px, and dark and bright lines are tried in turn.
 
     Parameters
     ----------
     grey : ndarray, shape (height, width)
     expected : int
-        Number of cells of the whole grid; the search ends early when it finds about as many.
+        Number of cells of the whole grid. The search ends as soon as a lattice has 90 % of them.
     """
     best = CellLattice(np.empty((0, 2), np.int64), np.empty((0, 2)), True)
     for width_px in (21, 11, 41, 81):
@@ -81,7 +82,15 @@ def _enclosed_regions(
 def lattice_of_regions(
     centres: NDArray[np.float64], areas: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return index (m, 2) and numbers (m,) of the regions (n,) that form the largest lattice."""
+    """Return the largest lattice that regions with centres (n, 2) and areas (n,) form.
+
+    Returns
+    -------
+    index : ndarray of int64, shape (m, 2)
+        Lattice indices.
+    placed : ndarray of int64, shape (m,)
+        For each of them, the number of its region.
+    """
     from scipy.spatial import KDTree
 
     none = np.empty((0, 2), np.int64), np.empty(0, np.int64)
@@ -115,7 +124,10 @@ def lattice_of_regions(
 def _local_basis(
     centres: NDArray[np.float64], areas: NDArray[np.float64], neighbours: NDArray[Any]
 ) -> NDArray[np.float64] | None:
-    """Return two lattice vectors (2, 2) if like neighbours lie on opposite sides in two directions."""
+    """Return two lattice vectors (2, 2), or None if there are none.
+
+    A lattice vector leads to a neighbour of similar area that has another such neighbour opposite to it.
+    """
     cell = neighbours[0]
     alike = [other for other in neighbours[1:] if 0.5 < areas[other] / areas[cell] < 2]
     steps = centres[alike] - centres[cell]
@@ -132,9 +144,9 @@ def _local_basis(
 
 
 def along_short_vectors(index: NDArray[np.int64], centres: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the index along the lattice's shortest vectors (Gauss's reduction).
+    """Return lattice indices (n, 2) along the shortest lattice vectors (Gauss's lattice reduction).
 
-    Growth that began beside a missing cell may have taken a diagonal for a lattice vector.
+    Where a cell is missing, `_local_basis` may have taken a diagonal as a lattice vector.
     """
     index = index.copy()
     for _ in range(4):
@@ -155,7 +167,10 @@ def _grow(
     seed: int,
     basis: NDArray[np.float64],
 ) -> dict[tuple[int, int], int]:
-    """Walk from neighbour to neighbour, each predicted by the lattice vectors of the cell before."""
+    """Return the number of the region at each lattice index that is reached from region `seed`.
+
+    Each step predicts a neighbour with the lattice vectors of its predecessor and then updates the vectors.
+    """
     placed = {(0, 0): seed}
     taken = {seed}
     front = [((0, 0), basis)]

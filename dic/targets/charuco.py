@@ -1,4 +1,4 @@
-"""Corners of a ChArUco board: its markers number them, so much of the board may be hidden."""
+"""Corners of a ChArUco board: its markers identify each corner, so part of the board may be hidden."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,8 +8,11 @@ from dic.targets.checkerboard import as_bytes, refine
 from dic.targets.lattice import in_line
 from dic.targets.points import GridPoints
 
+# Smallest share of the corners that must be visible.
 _SUFFICIENT = 0.5
+# Radius of the disc in which a corner is refined, as a fraction of the margin around a marker.
 _WINDOW_OF_MARGIN = 0.9
+_REMEDY = "check that the board is sharp and evenly lit, and that --squares and --dictionary describe it"
 
 
 def find_charuco(
@@ -20,35 +23,36 @@ def find_charuco(
     dictionary: str,
     source: str,
 ) -> GridPoints:
-    """Return the corners of a ChArUco board that are seen; see `dic.targets.find.CharucoTarget`.
+    """Return the visible corners of a ChArUco board; see `dic.targets.find.CharucoTarget`.
 
-    `marker_side` is a marker's side in pitches. A calibration holds only between its points, so at least half
-    of the corners must be seen, and some in the outer third on every side.
+    A calibration holds only between its points, so at least half of the corners must be visible, some of them
+    in the outer third on every side. `marker_side` is the side of a marker divided by the pitch.
 
     Raises
     ------
     CalibrationError
-        If the dictionary is unknown, or too little of the board is seen.
+        If the dictionary is unknown, or too few corners are visible.
     """
     import cv2
 
     number = getattr(cv2.aruco, dictionary, None) if dictionary.startswith("DICT_") else None
     lines = (squares[0] - 1, squares[1] - 1)
     if number is None:
-        raise _refusal(source, "a dictionary of OpenCV, such as DICT_5X5_100", dictionary)
+        raise _refusal(source, "a dictionary of OpenCV", dictionary, "give --dictionary DICT_5X5_100")
     board = cv2.aruco.CharucoBoard(squares, 1.0, marker_side, cv2.aruco.getPredefinedDictionary(number))
     corners, ids, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(as_bytes(grey))
     found = 0 if ids is None else len(ids)
     if found < _SUFFICIENT * lines[0] * lines[1]:
-        raise _refusal(
-            source, f"a ChArUco board of {squares[0]} × {squares[1]} squares, half of its corners", str(found)
-        )
+        of_board = f"corners of a board of {squares[0]} × {squares[1]} squares with markers of {dictionary}"
+        expected = f"at least half of the {lines[0] * lines[1]} {of_board}"
+        raise _refusal(source, expected, f"{found} corners")
     number_of = np.asarray(ids, np.int64).ravel()
-    # OpenCV numbers corners from the top left, row by row downwards
+    # OpenCV numbers the corners row by row, from the top left
     index = np.column_stack([number_of % lines[0], lines[1] - 1 - number_of // lines[0]])
     thirds = (np.array(lines) - 1) / 3
     if (index.min(axis=0) > thirds).any() or (index.max(axis=0) < 2 * thirds).any():
-        raise _refusal(source, "corners in the outer third on every side", "a side that is hidden")
+        expected = "visible corners in the outer third on every side"
+        raise _refusal(source, expected, "a side without any", "uncover the board, or turn it into view")
     px = np.asarray(corners, np.float64).reshape(-1, 2)
     margin_px = (1 - marker_side) / 2 * _pitch_px(index, px)
     refined = refine(grey, px, _WINDOW_OF_MARGIN * margin_px)
@@ -59,16 +63,10 @@ def find_charuco(
 
 
 def _pitch_px(index: NDArray[np.int64], px: NDArray[np.float64]) -> float:
-    """Return the shorter of the two lattice vectors, by an affine map through all corners."""
+    """Return the length of the shorter lattice vector, from an affine map fitted to all corners."""
     affine = np.linalg.lstsq(np.column_stack([index, np.ones(len(index))]), px, rcond=None)[0]
     return float(np.linalg.norm(affine[:2], axis=1).min())
 
 
-def _refusal(source: str, expected: str, got: str) -> CalibrationError:
-    return CalibrationError(
-        source,
-        "find ChArUco board",
-        expected,
-        got,
-        "see that the board is sharp and evenly lit, and that its description is right",
-    )
+def _refusal(source: str, expected: str, got: str, remedy: str = _REMEDY) -> CalibrationError:
+    return CalibrationError(source, "find ChArUco board", expected, got, remedy)

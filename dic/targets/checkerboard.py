@@ -1,4 +1,4 @@
-"""Corners of a checkerboard: found by OpenCV's detector, refined by their symmetry."""
+"""Corners of a checkerboard: found by OpenCV's detector, refined with their point symmetry."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,9 +9,10 @@ from dic.targets.lattice import in_line
 from dic.targets.points import GridPoints
 from dic.targets.sampled_image import GridImage
 
-Floats = NDArray[np.float64]
-# Radius of the disc in which a corner is refined, in pitches: it must not reach the next corner.
+Float = NDArray[np.float64]
+# Radius of the disc in which a corner is refined, in pitches: the disc must not reach the next corner.
 _WINDOW = 0.4
+# Smallest share of the corners that must pass the refinement.
 _SUFFICIENT = 0.9
 _SMALLEST_PX, _LARGEST_PX = 3.0, 16.0
 _STEPS = 6
@@ -37,7 +38,7 @@ def find_checkerboard(
     found, corners = cv2.findChessboardCornersSB(as_bytes(grey), lines, flags=flags)
     if not found:
         raise _refusal(source, squares, "no such board")
-    # the detector runs along rows: second index first
+    # the detector returns row by row; here the first index is the column
     px = np.asarray(corners, np.float64).reshape(lines[1], lines[0], 2).transpose(1, 0, 2)
     vectors = np.stack([(px[-1] - px[0]).mean(axis=0), (px[:, -1] - px[:, 0]).mean(axis=0)])
     vectors /= np.array(lines)[:, None] - 1.0
@@ -47,7 +48,7 @@ def find_checkerboard(
     def possible(axes: Axes) -> bool:
         if tuple(len(spans[axis]) for axis in axes.lattice_axes) != lines:
             return False
-        # colours alternate: the first square of the lattice tells that of the board as it would be named
+        # colours alternate, so the known colour of one square gives the colour of the lower left one
         square = axes.named(np.zeros((1, 2), np.int64), spans)[0] - np.array(axes.flip)
         return sum(squares) % 2 == 0 or dark_first == (int(square.sum()) % 2 == 0)
 
@@ -73,16 +74,25 @@ def _refusal(source: str, squares: tuple[int, int], got: str) -> CalibrationErro
         "find checkerboard",
         f"a checkerboard of {squares[0]} × {squares[1]} squares, all of it in view",
         got,
-        "see that it is sharp, evenly lit and not covered, and that its squares are counted right",
+        "check that it is sharp, evenly lit and not covered, and that --squares counts all its squares",
     )
 
 
-def refine(grey: NDArray[np.float32], px: Floats, half_window_px: float) -> Floats:
-    """Return corners (n, 2) at the points about which the image is its own mirror, px.
+def refine(grey: NDArray[np.float32], px: Float, half_window_px: float) -> Float:
+    """Return refined corners (n, 2), px: the centres of point symmetry of the image.
 
-    Two straight edges that cross look the same turned by 180° about their crossing, in perspective too. So
-    the corner c makes ``Σ (I(c + d) − I(c − d) − g·d)²`` least over a disc of offsets d, by Gauss-Newton
-    steps; g is what uneven light adds. A corner that leaves its window is NaN.
+    Two crossing straight edges look the same after a rotation by 180° about their crossing, also in
+    perspective. So the corner c minimises ``Σ (I(c + d) − I(c − d) − g·d)²`` over a disc of offsets d. The
+    gradient g stands for uneven light. c and g are found by Gauss-Newton steps. A corner whose disc reaches
+    beyond the image, or that moves too far, is NaN.
+
+    Parameters
+    ----------
+    grey : ndarray, shape (height, width)
+    px : ndarray, shape (n, 2)
+        Corners to start from.
+    half_window_px : float
+        Radius of the disc; it is limited to 3 … 16 px.
     """
     image = GridImage(grey, dark_lines=False)
     reach = float(np.clip(half_window_px, _SMALLEST_PX, _LARGEST_PX))
@@ -104,7 +114,7 @@ def refine(grey: NDArray[np.float32], px: Floats, half_window_px: float) -> Floa
     return corner
 
 
-def _gradient(image: GridImage, points: Floats) -> Floats:
+def _gradient(image: GridImage, points: Float) -> Float:
     """Return the gradient of grey levels at points (…, 2), per px."""
     half = 0.5
     steps = [np.array([half, 0.0]), np.array([0.0, half])]
@@ -112,17 +122,17 @@ def _gradient(image: GridImage, points: Floats) -> Floats:
 
 
 def as_bytes(grey: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Return grey levels stretched to 0 … 255, for detectors that know bytes only."""
+    """Return grey levels stretched to 0 … 255, for detectors that take only 8-bit images."""
     low, high = (float(value) for value in np.percentile(grey, (0.1, 99.9)))
     stretched = np.rint((grey - low) * (255.0 / max(high - low, 1e-6)))
     return np.asarray(np.clip(stretched, 0, 255), np.uint8)
 
 
-def _dark_beside_the_first(grey: NDArray[np.float32], px: Floats) -> bool:
-    """Tell whether the square beyond the lattice's first corner, diagonally, is dark, by all squares."""
+def _dark_beside_the_first(grey: NDArray[np.float32], px: Float) -> bool:
+    """Tell whether the square outside the first corner, diagonally, is dark; all squares vote."""
     centre = (px[:-1, :-1] + px[1:, :-1] + px[:-1, 1:] + px[1:, 1:]) / 4
     column, row = np.rint(centre).astype(int).transpose(2, 0, 1)
     level = grey[row, column]
     even = np.add.outer(np.arange(level.shape[0]), np.arange(level.shape[1])) % 2 == 0
-    # the square beyond a corner has the colour of the square diagonally opposite
+    # diagonally opposite squares at a corner have the same colour
     return bool(level[even].mean() < level[~even].mean())

@@ -1,4 +1,4 @@
-"""Centres of round dots, corrected for perspective: the middle of an ellipse is not the dot's middle."""
+"""Centres of round dots: centroids, corrected for the shift that perspective causes."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +9,12 @@ from dic.targets.cells import along_short_vectors, lattice_of_regions
 from dic.targets.lattice import LatticeShape, in_line
 from dic.targets.points import GridPoints
 
-Floats = NDArray[np.float64]
+Float = NDArray[np.float64]
+# Smallest share of the dots that must be found.
 _SUFFICIENT = 0.9
-# How far a blurred edge reaches beyond the dot.
+# Reach of a blurred edge beyond the dot.
 _EDGE_PX = 2.5
+# Elements of a disc over which the shift by perspective is integrated.
 _RINGS, _SPOKES = 6, 24
 
 
@@ -24,7 +26,7 @@ def find_dots(
     Raises
     ------
     CalibrationError
-        If fewer than 90 % of the dots are found, or another number in either direction.
+        If fewer than 90 % of the dots are found, or if their number differs from `dots` in a direction.
     """
     index, centre_px, boxes, signed = _lattice(grey, dots[0] * dots[1])
     if len(index) < max(16, _SUFFICIENT * dots[0] * dots[1]):
@@ -45,7 +47,7 @@ def find_dots(
         return tuple(len(spans[axis]) for axis in axes.lattice_axes) == tuple(dots)
 
     axes = axes_in_image(vectors, x_axis, source, possible)
-    # a dot that is hidden in part is smaller than the others and has its centroid elsewhere
+    # a partly hidden dot is smaller than the others, and its centroid is shifted
     size = area_px2 / _cell_px2(shape, index.astype(float))
     off = np.abs(size / np.median(size) - 1)
     sound = in_line(index.astype(float), centroid) & (off < 6 * np.median(off) + 0.02)
@@ -60,8 +62,12 @@ def find_dots(
 
 def _lattice(
     grey: NDArray[np.float32], expected: int
-) -> tuple[NDArray[np.int64], Floats, NDArray[np.int64], NDArray[np.float32]]:
-    """Return index, centres and boxes of the largest lattice of blobs, and the image with bright dots."""
+) -> tuple[NDArray[np.int64], Float, NDArray[np.int64], NDArray[np.float32]]:
+    """Return the largest lattice of blobs and the image, negated if needed so that dots are bright.
+
+    The lattice is given by indices (n, 2), centres (n, 2) in px and bounding boxes (n, 4): left, top, width,
+    height.
+    """
     best_index, best_centre = np.empty((0, 2), np.int64), np.empty((0, 2))
     best_boxes, best_image = np.empty((0, 4), np.int64), grey
     for width_px in (31, 15, 61, 121):
@@ -78,7 +84,7 @@ def _lattice(
     return best_index, best_centre, best_boxes, best_image
 
 
-def _blobs(signed: NDArray[np.float32], width_px: int) -> tuple[Floats, Floats, NDArray[np.int64]]:
+def _blobs(signed: NDArray[np.float32], width_px: int) -> tuple[Float, Float, NDArray[np.int64]]:
     """Return centres (n, 2), areas (n,) and boxes (n, 4) of bright blobs narrower than `width_px`."""
     import cv2
 
@@ -92,15 +98,15 @@ def _blobs(signed: NDArray[np.float32], width_px: int) -> tuple[Floats, Floats, 
     stats, centres = stats[1:].astype(np.int64), centres[1:]
     area = stats[:, cv2.CC_STAT_AREA]
     filled = area / (stats[:, cv2.CC_STAT_WIDTH] * stats[:, cv2.CC_STAT_HEIGHT])
-    # an ellipse along the axes fills pi/4 of its box, one on its diagonal less
+    # an ellipse along the axes fills pi/4 of its bounding box, an inclined ellipse less
     like = (area >= 12) & (filled > 0.45) & (filled < 0.9)
     return centres[like].astype(np.float64), area[like].astype(np.float64), stats[like, :4]
 
 
 def _centroids(
-    signed: NDArray[np.float32], centre_px: Floats, boxes: NDArray[np.int64]
-) -> tuple[Floats, Floats]:
-    """Return the centroid of each dot's light above its ground, px, and its area, px²."""
+    signed: NDArray[np.float32], centre_px: Float, boxes: NDArray[np.int64]
+) -> tuple[Float, Float]:
+    """Return centroids (n, 2), px, and areas (n,), px², of dots; the local background is subtracted."""
     result, area = np.empty_like(centre_px), np.empty(len(centre_px))
     rows, columns = signed.shape
     for k, (left, top, width, height) in enumerate(boxes):
@@ -116,10 +122,11 @@ def _centroids(
     return result, area
 
 
-def _around_ellipse(patch: Floats) -> NDArray[np.bool_]:
-    """Tell which pixels belong to the dot or its blurred edge, by the moments of what is above half height.
+def _around_ellipse(patch: Float) -> NDArray[np.bool_]:
+    """Tell which pixels belong to the dot or to its blurred edge; the other pixels only add noise.
 
-    An ellipse reaches to twice its standard deviation in every direction. Pixels beyond only add noise.
+    The ellipse has the second moments of the pixels above half height. A filled ellipse reaches to twice its
+    standard deviation in every direction.
     """
     above = patch > (np.percentile(patch, 5) + np.percentile(patch, 95)) / 2
     places = np.argwhere(above).astype(np.float64)
@@ -131,10 +138,10 @@ def _around_ellipse(patch: Floats) -> NDArray[np.bool_]:
     return np.asarray(reach < 1 + _EDGE_PX / shortest_px)
 
 
-def _ground(patch: Floats, beside: NDArray[np.bool_]) -> Floats:
-    """Return the plane through the pixels beside the dot: what light falls there, and how it fades.
+def _ground(patch: Float, beside: NDArray[np.bool_]) -> Float:
+    """Return the background of a dot: a plane through the grey levels of the pixels `beside` it.
 
-    Pixels of something else in view, such as what hides a neighbour, are left out in turn.
+    Outliers, such as the pixels of an object that hides a neighbouring dot, are rejected.
     """
     y, x = np.mgrid[: patch.shape[0], : patch.shape[1]]
     design = np.column_stack([np.ones(patch.size), x.ravel(), y.ravel()])
@@ -144,14 +151,14 @@ def _ground(patch: Floats, beside: NDArray[np.bool_]) -> Floats:
         away = np.abs(level - design @ plane)
         # 4.5 times the median deviation is about three standard deviations
         used = beside.ravel() & (away <= 4.5 * np.median(away[beside.ravel()]) + 1e-6)
-    ground: Floats = (design @ plane).reshape(patch.shape)
+    ground: Float = (design @ plane).reshape(patch.shape)
     return ground
 
 
-def _eccentricity(shape: LatticeShape, index: Floats, area_px2: Floats) -> Floats:
-    """Return how far the centroid of each dot's image lies from the image of its centre, (n, 2), px.
+def _eccentricity(shape: LatticeShape, index: Float, area_px2: Float) -> Float:
+    """Return the shift (n, 2), px, of the centroid of each dot's image from the image of the dot's centre.
 
-    Summed over rings and spokes of a disc on the target: each element counts as large as it appears.
+    The shift is integrated over elements of a disc on the target, weighted by their area in the image.
     """
     pixels_per_cell = _cell_px2(shape, index)
     radius = float(np.sqrt(np.median(area_px2 / pixels_per_cell) / np.pi))
@@ -160,13 +167,14 @@ def _eccentricity(shape: LatticeShape, index: Floats, area_px2: Floats) -> Float
     disc = np.stack([np.outer(ring, np.cos(angle)), np.outer(ring, np.sin(angle))], axis=-1).reshape(-1, 2)
     places = index[:, None] + disc
     weight = _cell_px2(shape, places)[..., None]
-    seen: Floats = (shape.map(places) * weight).sum(axis=1) / weight.sum(axis=1) - shape.map(index)
+    seen: Float = (shape.map(places) * weight).sum(axis=1) / weight.sum(axis=1) - shape.map(index)
     return seen
 
 
-def _cell_px2(shape: LatticeShape, index: Floats) -> Floats:
+def _cell_px2(shape: LatticeShape, index: Float) -> Float:
+    """Return the area in the image of one lattice cell at lattice indices (…, 2), shape (…,), px²."""
     first, second = shape.step(index, 0), shape.step(index, 1)
-    area: Floats = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
+    area: Float = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
     return area
 
 
@@ -176,5 +184,5 @@ def _refusal(source: str, dots: tuple[int, int], got: str) -> CalibrationError:
         "find dots",
         f"{dots[0]} × {dots[1]} dots, at least {_SUFFICIENT:.0%} of them",
         got,
-        "see that all dots are in view, sharp and evenly lit, and that their number is right",
+        "check that all dots are in view, sharp and evenly lit, and that --dots gives their numbers",
     )

@@ -1,18 +1,20 @@
-"""Calibration targets of several kinds, found through one function: `find_target(image, spec)`."""
+"""One function finds all kinds of calibration targets: `find_target(image, spec)`."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.errors import CalibrationError
+from dic.errors import CalibrationError, Check, require_all
 from dic.targets.axes import XAxis
 from dic.targets.points import GridPoints
+
+_FEWEST = 5
 
 
 @dataclass(frozen=True)
 class LineGridTarget:
-    """Lines at equal distances in two directions, perhaps with a mark (`dic.targets.line_grid.mark`).
+    """Equidistant lines in two directions, with or without a mark (`dic.targets.line_grid.mark`).
 
     Attributes
     ----------
@@ -28,13 +30,13 @@ class LineGridTarget:
 
 @dataclass(frozen=True)
 class CheckerboardTarget:
-    """Dark and bright squares; its points are the corners at which four squares meet.
+    """Dark and bright squares. The points are the corners at which four squares meet.
 
     Attributes
     ----------
     squares : tuple of int
-        Number of squares along X and along Y, whole ones, those at the rim included. If one is even and the
-        other odd, the board's colours fix the axes: the square at its lower left is dark.
+        Number of whole squares along X and along Y, those at the rim included. If one number is even and
+        the other is odd, the colours fix the axes: the lower left square is dark.
     pitch_mm : float
         Side of a square.
     """
@@ -45,7 +47,7 @@ class CheckerboardTarget:
 
 @dataclass(frozen=True)
 class CharucoTarget:
-    """A checkerboard with ArUco markers in its bright squares, as OpenCV draws it, its top edge towards +Y.
+    """A checkerboard with ArUco markers in its bright squares, as OpenCV draws it; Y points to its top edge.
 
     Attributes
     ----------
@@ -65,14 +67,14 @@ class CharucoTarget:
 
 @dataclass(frozen=True)
 class DotTarget:
-    """Round dots at the points of a square lattice, darker than the ground or brighter.
+    """Round dots on a square lattice, darker or brighter than the background.
 
     Attributes
     ----------
     dots : tuple of int
         Number of dots along X and along Y.
     pitch_mm : float
-        Distance of neighbouring dots' centres.
+        Distance between the centres of neighbouring dots.
     """
 
     dots: tuple[int, int]
@@ -97,25 +99,26 @@ def find_target(
     image : ndarray, shape (height, width)
         Grey levels.
     spec : Target
-        What the image shows.
+        Kind and size of the target.
     source : str
         The image's file, for messages.
     x_axis : str or float, optional
-        Which way X points in the image, as for `dic.targets.line_grid.find.find_grid`. A ChArUco board says
-        so itself.
+        Direction of X in the image, as for `dic.targets.line_grid.find.find_grid`. It is ignored for
+        targets whose markers or colours fix the axes.
     origin_px : tuple of float, optional
-        About where a line grid's middle intersection is in the image, if an outer line is hidden.
+        Approximate position of a line grid's middle intersection in the image. Needed if an outer line is
+        hidden.
 
     Returns
     -------
     GridPoints
-        Where a target does not fix its axes and `x_axis` is not given, `orientation` is ``"assumed"``.
+        `orientation` is ``"assumed"`` if neither the target nor `x_axis` fixes the axes.
 
     Raises
     ------
     CalibrationError
-        If the image does not show the target, or too little of it: 90 % of the points of lines and dots, all
-        corners of a checkerboard, half of those of a ChArUco board.
+        If the target is not found, or too few of its points are: 90 % are needed for a line grid and for
+        dots, all corners for a checkerboard, half of the corners for a ChArUco board.
     """
     grey = np.asarray(image, np.float32)
     _require_possible(spec, source)
@@ -123,8 +126,8 @@ def find_target(
         raise CalibrationError(
             source,
             "find target",
-            "the place of the middle for a line grid only",
-            "another target",
+            "--origin-px only with a line grid",
+            f"--origin-px with {type(spec).__name__}",
             "leave out --origin-px",
         )
     if isinstance(spec, LineGridTarget):
@@ -146,16 +149,35 @@ def find_target(
 
 
 def _require_possible(spec: Target, source: str) -> None:
-    """Refuse targets that cannot be; what a line grid may be `find_grid` says itself."""
+    """Refuse impossible targets, all mistakes together; `find_grid` checks line grids itself."""
     if isinstance(spec, LineGridTarget):
         return
-    count = spec.dots if isinstance(spec, DotTarget) else spec.squares
-    marker_fits = not isinstance(spec, CharucoTarget) or 0 < spec.marker_mm < spec.pitch_mm
-    if min(count) < 5 or not 0 < spec.pitch_mm < float("inf") or not marker_fits:
-        raise CalibrationError(
-            source,
-            "find target",
-            "at least 5 squares or dots each way, a positive pitch, and markers smaller than it",
-            str(spec),
-            "correct the target's description",
+    name, count = ("dots", spec.dots) if isinstance(spec, DotTarget) else ("squares", spec.squares)
+    pitch_possible = 0 < spec.pitch_mm < float("inf")
+    checks: list[Check] = [
+        (
+            min(count) >= _FEWEST,
+            f"number of {name}",
+            f"at least {_FEWEST} along X and along Y",
+            f"{count[0]} × {count[1]}",
+            f"give --{name} {max(count[0], _FEWEST)}x{max(count[1], _FEWEST)}",
+        ),
+        (
+            pitch_possible,
+            "pitch",
+            "above 0 mm",
+            f"{spec.pitch_mm:g} mm",
+            "give --pitch-mm 0.5",
+        ),
+    ]
+    if isinstance(spec, CharucoTarget):
+        checks.append(
+            (
+                not pitch_possible or 0 < spec.marker_mm < spec.pitch_mm,
+                "side of a marker",
+                f"between 0 and the pitch, {spec.pitch_mm:g} mm",
+                f"{spec.marker_mm:g} mm",
+                f"give --marker-mm {0.7 * spec.pitch_mm:g}",
+            )
         )
+    require_all(CalibrationError, source, checks)

@@ -1,23 +1,23 @@
-"""A smooth map from lattice index to image px: predicts where intersections lie."""
+"""A smooth map from lattice index to image px, which predicts where intersections lie."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-Points = NDArray[np.float64]
+Float = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class LatticeShape:
-    """A homography, which perspective asks for, plus a cubic polynomial for what the lens adds.
+    """A homography for the perspective plus a cubic polynomial for the lens distortion.
 
     Attributes
     ----------
     homography : ndarray, shape (3, 3)
-        From normalised index to px.
+        Maps the normalised index to px.
     correction : ndarray, shape (10, 2)
-        Coefficients of the polynomial in the normalised index, px.
+        Coefficients of the polynomial of the normalised index, px.
     centre, scale : ndarray, shape (2,)
         Normalised index = (index − centre)/scale.
     """
@@ -28,8 +28,8 @@ class LatticeShape:
     scale: NDArray[np.float64]
 
     @classmethod
-    def fit(cls, index: Points, px: Points) -> "LatticeShape":
-        """Fit to index (n, 2) and px (n, 2), n ≥ 9, leaving out points off by a third of the pitch."""
+    def fit(cls, index: Float, px: Float) -> "LatticeShape":
+        """Fit to indices (n, 2) and px (n, 2), n ≥ 9; points about 0.3 pitches off are rejected."""
         import cv2
 
         centre = (index.min(axis=0) + index.max(axis=0)) / 2
@@ -48,24 +48,24 @@ class LatticeShape:
             correction[:] = np.linalg.lstsq(_cubics(unit[good]), residual[good], rcond=None)[0]
         return shape
 
-    def map(self, index: Points) -> Points:
-        """Return px (…, 2) of lattice indices (…, 2), which need not be whole."""
+    def map(self, index: Float) -> Float:
+        """Return px (…, 2) of lattice indices (…, 2), which may be fractions."""
         unit = (index - self.centre) / self.scale
         ideal = np.concatenate([unit, np.ones_like(unit[..., :1])], axis=-1) @ self.homography.T
-        result: Points = ideal[..., :2] / ideal[..., 2:] + _cubics(unit) @ self.correction
+        result: Float = ideal[..., :2] / ideal[..., 2:] + _cubics(unit) @ self.correction
         return result
 
-    def step(self, index: Points, axis: int) -> Points:
-        """Return the image px (…, 2) per unit of index `axis`: the lattice vector at `index`."""
+    def step(self, index: Float, axis: int) -> Float:
+        """Return the lattice vector along `axis` at lattice indices (…, 2), shape (…, 2), px."""
         half = np.zeros(2)
         half[axis] = 0.05
         return (self.map(index + half) - self.map(index - half)) * 10.0
 
 
-def in_line(index: Points, px: Points) -> NDArray[np.bool_]:
-    """Tell which points (n,) lie where the others say, within eight times the usual: dirt bends lines.
+def in_line(index: Float, px: Float) -> NDArray[np.bool_]:
+    """Tell which points (n,) fit the map through all points; dirt, for example, moves points.
 
-    Points that are NaN do not.
+    A point may deviate by eight times the median deviation. Points that are NaN do not fit.
     """
     result: NDArray[np.bool_] = np.asarray(np.isfinite(px).all(axis=-1))
     if np.count_nonzero(result) < 16:
@@ -76,6 +76,6 @@ def in_line(index: Points, px: Points) -> NDArray[np.bool_]:
     return result
 
 
-def _cubics(unit: Points) -> NDArray[np.float64]:
+def _cubics(unit: Float) -> NDArray[np.float64]:
     x, y = unit[..., 0], unit[..., 1]
     return np.stack([x**i * y**j for i in range(4) for j in range(4 - i)], axis=-1)

@@ -1,4 +1,4 @@
-"""Grid points: the intersections of a line grid, on the grid and in the image."""
+"""Grid points: the points of a calibration target, on the target and in the image."""
 
 from dataclasses import dataclass, field
 
@@ -8,25 +8,26 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class GridPoints:
-    """The intersections of a calibration grid that were found in an image.
+    """The points of a calibration target that were found in an image.
 
     Attributes
     ----------
     index : ndarray of int64, shape (n, 2)
-        Column and row of each intersection on the grid, ``0 … lines − 1``, growing with X and Y.
+        Column and row of each point on the target, ``0 … lines − 1``; they increase with X and Y.
     xy_mm : ndarray, shape (n, 2)
-        Where they are on the grid: X right and Y up as the upright camera sees it, origin at its centre.
+        X and Y of each point on the target. The origin is the target's centre.
     uv_px : ndarray, shape (n, 2)
-        Where they are in the image: x right, y down, pixel centres at integers.
+        x and y of each point in the image: x right, y down, pixel centres at integers.
     lines : tuple of int
-        How many lines the grid has along X and along Y (the number of vertical, then of horizontal lines).
+        Number of points along X and along Y. For a line grid these are the numbers of vertical and of
+        horizontal lines.
     pitch_mm : float
-        Distance of neighbouring lines.
+        Distance between neighbouring points of a row.
     warnings : tuple of str
-        What a user should know, such as axes that could be named otherwise.
+        Sentences for the user, such as that the axes are ambiguous.
     orientation : str
-        What says which way X points: ``"mark"``, a mark on the target; ``"option"``, the user; ``"assumed"``,
-        by the image's directions.
+        How the direction of X is known: ``"mark"`` (the target shows it), ``"option"`` (the user gave it) or
+        ``"assumed"`` (the direction closest to the image's right).
     """
 
     index: NDArray[np.int64]
@@ -47,22 +48,22 @@ class GridPoints:
         warnings: tuple[str, ...] = (),
         orientation: str = "assumed",
     ) -> "GridPoints":
-        """Return grid points whose millimetres follow from their index: ``(index − (lines − 1)/2)·pitch``."""
+        """Return grid points with ``xy_mm = (index − (lines − 1)/2)·pitch_mm``."""
         xy_mm = (index - (np.array(lines) - 1) / 2) * pitch_mm
         return cls(index, xy_mm, uv_px, lines, pitch_mm, warnings, orientation)
 
     @property
     def expected(self) -> int:
-        """How many intersections the whole grid has."""
+        """Number of points of the whole target."""
         return self.lines[0] * self.lines[1]
 
     @property
     def found(self) -> int:
-        """How many were found."""
+        """Number of points that were found."""
         return len(self.index)
 
     def outline_px(self) -> NDArray[np.float64]:
-        """Return the outermost points that were found, in order around the grid, in px, shape (m, 2)."""
+        """Return the points found in the outermost rows and columns, ordered around the rim; (m, 2), px."""
         column, row = self.index[:, 0], self.index[:, 1]
         right, top = self.lines[0] - 1, self.lines[1] - 1
         sides = [

@@ -1,21 +1,21 @@
-"""Where the lines of a grid are: grey levels between pixels, and evidence that a line is there."""
+"""Grey levels between pixels, profiles across grid lines, and a measure of whether a line is there."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.targets.lattice import LatticeShape
 
-Floats = NDArray[np.float64]
+Float = NDArray[np.float64]
 
 
 PROFILE_OFFSETS = np.linspace(-0.45, 0.45, 37)
 
 
 class GridImage:
-    """An image to sample between pixels, signed so that lines are bright.
+    """An image that is sampled between pixels; it is negated if lines are dark, so that lines are bright.
 
-    Cubic B-spline interpolation in floating point: OpenCV's remap rounds coordinates to 1/32 px,
-    which is more than the accuracy sought.
+    It interpolates with cubic B-splines in floating point. OpenCV's `remap` rounds coordinates to 1/32 px,
+    which is too coarse here.
     """
 
     def __init__(self, grey: NDArray[np.float32], dark_lines: bool) -> None:
@@ -26,7 +26,7 @@ class GridImage:
         )
         self._shape = grey.shape
 
-    def sample(self, points_px: Floats) -> Floats:
+    def sample(self, points_px: Float) -> Float:
         """Return grey levels at points (…, 2) as (x, y); NaN outside the image."""
         from scipy.ndimage import map_coordinates
 
@@ -44,15 +44,13 @@ class GridImage:
         return values
 
 
-def profiles_across(
-    image: GridImage, shape: LatticeShape, axis: int, numbers: range, across: range
-) -> Floats:
-    """Return profiles across the predicted lines at three stations of every segment.
+def profiles_across(image: GridImage, shape: LatticeShape, axis: int, numbers: range, across: range) -> Float:
+    """Return grey level profiles across the predicted lines at three stations of every segment.
 
     Parameters
     ----------
     image, shape
-        The image and where the lattice lies in it.
+        The image, and the map that predicts where the lattice lies in it.
     axis : int
         0 for the lines of constant first index, 1 for those of constant second index.
     numbers : range
@@ -63,33 +61,33 @@ def profiles_across(
     Returns
     -------
     ndarray, shape (lines, segments, 3, 37)
-        Grey levels, lines bright; NaN outside the image. The stations are before, in and after the middle
-        of the segment, the samples at `PROFILE_OFFSETS` pitches from the line.
+        Grey levels with bright lines; NaN outside the image. The stations are at 0.38, 0.5 and 0.62 of the
+        segment. The 37 samples lie `PROFILE_OFFSETS` pitches from the line.
     """
     index = station_index(axis, numbers, across, np.array([0.38, 0.5, 0.62]))
     step = shape.step(index, axis)
     return image.sample(shape.map(index)[..., None, :] + PROFILE_OFFSETS[:, None] * step[..., None, :])
 
 
-def line_evidence(profiles: Floats) -> Floats:
-    """Return how much each segment looks like a line, in grey levels, shape (lines, segments).
+def line_evidence(profiles: Float) -> Float:
+    """Return the height of the line in each segment, in grey levels, shape (lines, segments).
 
-    A line is brighter in the middle than on *both* sides; the edge of a region is not. The median over the
-    three stations counts, so that dirt and speckle do not pass for a line.
+    A line is brighter in the middle than on *both* sides; the edge of a region is not. The median of the
+    three stations is taken, so that dirt and speckles are not mistaken for a line.
     """
     middle = profiles[..., np.abs(PROFILE_OFFSETS) < 0.2]
     core = np.lib.stride_tricks.sliding_window_view(middle, 3, axis=-1).mean(axis=-1).max(axis=-1)
     before, after = PROFILE_OFFSETS < -0.3, PROFILE_OFFSETS > 0.3
     sides = np.maximum(profiles[..., before].mean(axis=-1), profiles[..., after].mean(axis=-1))
-    evidence: Floats = np.nan_to_num(np.median(core - sides, axis=-1), nan=0.0)
+    evidence: Float = np.nan_to_num(np.median(core - sides, axis=-1), nan=0.0)
     return evidence
 
 
-def line_irregularity(profiles: Floats) -> float:
-    """Return how much profiles (n, 3, 37) change along their segments, relative to their height.
+def line_irregularity(profiles: Float) -> float:
+    """Return the change of profiles (n, 3, 37) along their segments, relative to the profiles' height.
 
-    A line looks the same in the middle of a segment and beside it. The diagonals of a checkerboard, which
-    enclose cells just as lines do, shrink to a point there.
+    A line has the same profile at all three stations of a segment. A checkerboard has apparent lines along
+    the diagonals of its squares; they shrink to a point in the middle of a segment.
     """
     whole = profiles[np.isfinite(profiles).all(axis=(1, 2))]
     if not len(whole):
@@ -99,7 +97,7 @@ def line_irregularity(profiles: Floats) -> float:
     return float(np.sqrt(np.mean(change**2)) / max(float(np.ptp(usual)), 1e-9))
 
 
-def station_index(axis: int, numbers: range, across: range, fractions: Floats) -> Floats:
+def station_index(axis: int, numbers: range, across: range, fractions: Float) -> Float:
     """Return lattice indices (lines, segments, stations, 2) of stations at `fractions` of each segment."""
     along = np.array(across[:-1])[:, None] + fractions
     lines = np.broadcast_to(np.array(numbers, float)[:, None, None], (len(numbers), *along.shape))

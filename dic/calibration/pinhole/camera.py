@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dic.calibration.pinhole.lens import distort, distortion_basis, distortion_jacobian, folded, undistort
 
-Points = NDArray[np.float64]
+Float = NDArray[np.float64]
 
 PARAMETERS = ("focal_px", "x_px", "y_px", "k1", "k2", "p1", "p2", "rx", "ry", "rz", "Cx_mm", "Cy_mm", "Cz_mm")
 """Rows and columns of `Pinhole.covariance`; rx, ry, rz are a small turn of the camera's axes."""
@@ -107,7 +107,7 @@ class Pinhole:
         slope = np.array([x * z / across, y * z / across, -across]) / (across**2 + z**2)
         return float(np.degrees(np.sqrt(slope @ self.centre_covariance_mm2 @ slope)))
 
-    def project(self, points_mm: Points) -> Points:
+    def project(self, points_mm: Float) -> Float:
         """Return where points appear in the image.
 
         Parameters
@@ -128,17 +128,17 @@ class Pinhole:
         projected[folded(ideal, self.distortion)] = np.nan
         return projected
 
-    def map(self, px: Points) -> Points:
+    def map(self, px: Float) -> Float:
         """Return where the rays of image points (n, 2) in px meet the grid's plane, (n, 2) in mm.
 
         NaN for NaN, for rays that never meet it, and where the lens shows nothing.
         """
         direction = self._directions(self._ideal(px))
         depth = np.where(direction[:, 2:] < 0, direction[:, 2:], np.nan)
-        hit: Points = self.centre_mm[:2] - self.centre_mm[2] * direction[:, :2] / depth
+        hit: Float = self.centre_mm[:2] - self.centre_mm[2] * direction[:, :2] / depth
         return hit
 
-    def jacobian(self, px: Points) -> NDArray[np.float64]:
+    def jacobian(self, px: Float) -> NDArray[np.float64]:
         """Return ``∂(X, Y)/∂(x, y)`` of `map` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
         ideal = self._ideal(px)
         direction = self._directions(ideal)
@@ -152,7 +152,7 @@ class Pinhole:
         jacobian[~np.isfinite(ideal).all(axis=1)] = np.nan
         return jacobian
 
-    def rays(self, px: Points) -> Points:
+    def rays(self, px: Float) -> Float:
         """Return the unit vectors (n, 3), in grid axes, from the pinhole through image points (n, 2) in px.
 
         They point from the camera into the scene: towards the grid, their Z is negative.
@@ -160,7 +160,7 @@ class Pinhole:
         direction = self._directions(self._ideal(px))
         return np.asarray(direction / np.linalg.norm(direction, axis=1, keepdims=True))
 
-    def error_factors(self, px: Points) -> NDArray[np.float64]:
+    def error_factors(self, px: Float) -> NDArray[np.float64]:
         """Return F, shape (n, 2, q), mm: errors of mapped points (n, 2) have the covariance F Fᵀ.
 
         They come from `covariance`. What that leaves open together, such as focal length and distance, hardly
@@ -188,7 +188,7 @@ class Pinhole:
         factors[fitted] = std[fitted, None] * directions * np.sqrt(np.maximum(variances, 0.0))
         return factors
 
-    def _slopes_by_parameters(self, points_mm: Points) -> NDArray[np.float64]:
+    def _slopes_by_parameters(self, points_mm: Float) -> NDArray[np.float64]:
         """Return how the images of points (n, 2) of the plane move with each of `PARAMETERS`, (n, 2, 13)."""
         seen = points_mm @ self.rotation[:, :2].T - self.rotation @ self.centre_mm
         ideal = self.focal_px * seen[:, :2] * np.array([-1.0, 1.0]) / seen[:, 2:]
@@ -205,17 +205,17 @@ class Pinhole:
         by_pose = bend @ np.concatenate([by_turn, -by_seen @ self.rotation], axis=2)
         return np.concatenate([by_focal, by_principal, distortion_basis(ideal), by_pose], axis=2)
 
-    def _ideal(self, px: Points) -> Points:
+    def _ideal(self, px: Float) -> Float:
         return undistort(np.asarray(px, np.float64).reshape(-1, 2) - self.principal_px, self.distortion)
 
-    def _directions(self, ideal_px: Points) -> Points:
+    def _directions(self, ideal_px: Float) -> Float:
         """Return directions (n, 3) in grid axes, of length 1 along the optical axis."""
         in_camera = np.column_stack([ideal_px * [1.0, -1.0] / self.focal_px, -np.ones(len(ideal_px))])
-        directions: Points = in_camera @ self.rotation
+        directions: Float = in_camera @ self.rotation
         return directions
 
 
-def _crossed(axis: Points, vectors: Points) -> Points:
+def _crossed(axis: Float, vectors: Float) -> Float:
     return np.asarray(np.cross(axis, vectors), np.float64)
 
 

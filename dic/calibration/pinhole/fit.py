@@ -19,7 +19,7 @@ from dic.calibration.pinhole.prior import Known, Prior
 from dic.errors import CalibrationError
 from dic.targets.points import GridPoints
 
-Floats = NDArray[np.float64]
+Float = NDArray[np.float64]
 
 _FEWEST_POINTS = 10
 _K2 = 4
@@ -36,8 +36,8 @@ _FOCAL_SHARES = (0.03, 100.0)
 class _Views:
     """Grid points of all images, with what is known of the camera."""
 
-    xy_mm: list[Floats]
-    uv_px: list[Floats]
+    xy_mm: list[Float]
+    uv_px: list[Float]
     prior: Prior
 
     def without(self, left_out: NDArray[np.bool_]) -> "_Views":
@@ -49,8 +49,8 @@ class _Views:
 @dataclass(frozen=True)
 class _Solution:
     model: CameraModel
-    parameters: Floats
-    covariance: Floats
+    parameters: Float
+    covariance: Float
     noise_px: float
 
 
@@ -142,7 +142,7 @@ def _first_solution(views: _Views) -> "_Solution":
 
 
 def _missed(views: _Views, whole: "_Solution", first: GridPoints, *, k2: bool) -> float:
-    def misses(left_out: NDArray[np.bool_]) -> Floats:
+    def misses(left_out: NDArray[np.bool_]) -> Float:
         kept = views.without(left_out)
         model = replace(whole.model, xy_mm=kept.xy_mm)
         least = _LeastSquares(kept, model, whole.noise_px, k2=k2)
@@ -153,7 +153,7 @@ def _missed(views: _Views, whole: "_Solution", first: GridPoints, *, k2: bool) -
     return missed_by(first, misses)
 
 
-def _solution(views: _Views, model: CameraModel, start: Floats, *, k2: bool) -> "_Solution":
+def _solution(views: _Views, model: CameraModel, start: Float, *, k2: bool) -> "_Solution":
     """Return the least-squares solution; found twice, because the first tells how the points scatter."""
     parameters, noise_px = start, _FIRST_NOISE_PX
     for _ in range(2):
@@ -172,14 +172,14 @@ class _LeastSquares:
         self._seen = np.concatenate([uv.ravel() for uv in views.uv_px])
         self._k2 = k2
 
-    def solve(self, start: Floats) -> Floats:
+    def solve(self, start: Float) -> Float:
         """Return the parameters that minimise the deviations' squares (Levenberg–Marquardt)."""
         from scipy.optimize import least_squares
 
         free = self._free(start)
-        last: list[tuple[Floats, Floats, Floats]] = []
+        last: list[tuple[Float, Float, Float]] = []
 
-        def both(values: Floats) -> tuple[Floats, Floats, Floats]:
+        def both(values: Float) -> tuple[Float, Float, Float]:
             # asked first for the deviations and then, mostly at the same place, for the slopes
             if not last or not np.array_equal(last[0][0], values):
                 every = start.copy()
@@ -187,10 +187,10 @@ class _LeastSquares:
                 last[:] = [(values.copy(), *self._equations(every))]
             return last[0]
 
-        def deviations(values: Floats) -> Floats:
+        def deviations(values: Float) -> Float:
             return both(values)[1]
 
-        def slopes(values: Floats) -> Floats:
+        def slopes(values: Float) -> Float:
             return both(values)[2][:, free]
 
         with np.errstate(all="ignore"):
@@ -204,32 +204,32 @@ class _LeastSquares:
         parameters[free] = found.x
         return parameters
 
-    def scatter_px(self, parameters: Floats) -> float:
+    def scatter_px(self, parameters: Float) -> float:
         """Return the standard deviation of a coordinate of the points, from what is left of it."""
         left = self._model.project(parameters)[0] - self._seen
         surplus = len(left) - np.count_nonzero(self._free(parameters))
         return max(float(np.sqrt(left @ left / surplus)), _FINEST_NOISE_PX)
 
-    def covariance(self, parameters: Floats) -> Floats:
+    def covariance(self, parameters: Float) -> Float:
         """Return the covariance (parameters, parameters); 0 for k2 where it is not fitted."""
         free = self._free(parameters)
         covariance = np.zeros((len(parameters), len(parameters)))
         covariance[np.ix_(free, free)] = _inverse_square(self._equations(parameters)[1][:, free])
         return covariance
 
-    def _free(self, parameters: Floats) -> NDArray[np.bool_]:
+    def _free(self, parameters: Float) -> NDArray[np.bool_]:
         free = np.ones(len(parameters), bool)
         free[_K2] = self._k2
         return free
 
-    def _equations(self, parameters: Floats) -> tuple[Floats, Floats]:
+    def _equations(self, parameters: Float) -> tuple[Float, Float]:
         px, slopes = self._model.project(parameters)
         off, prior_slopes = self._prior.equations(parameters)
         deviations = np.concatenate([(px - self._seen) / self._noise_px, off])
         return deviations, np.vstack([slopes / self._noise_px, prior_slopes])
 
 
-def _inverse_square(slopes: Floats) -> Floats:
+def _inverse_square(slopes: Float) -> Float:
     """Return (SᵀS)⁻¹ without squaring what is nearly undetermined."""
     size = np.linalg.norm(slopes, axis=0)
     _, singular, directions = np.linalg.svd(slopes / size, full_matrices=False)
@@ -255,7 +255,7 @@ def _camera(solution: "_Solution", view: int, missed_px: float) -> Pinhole:
     )
 
 
-def _start(views: _Views, focal: float) -> tuple[CameraModel, Floats]:
+def _start(views: _Views, focal: float) -> tuple[CameraModel, Float]:
     """Return the model and where its parameters start: an ideal lens, poses from homographies."""
     poses, rotations = [], []
     for plane in _homographies(views):
@@ -291,12 +291,12 @@ def _start_focals(views: _Views) -> list[float]:
     return [usual]
 
 
-def _homographies(views: _Views) -> list[Floats]:
+def _homographies(views: _Views) -> list[Float]:
     principal = views.prior.principal_px
     return [_homography(xy, uv - principal) for xy, uv in zip(views.xy_mm, views.uv_px, strict=True)]
 
 
-def _homography(xy_mm: Floats, uv_px: Floats) -> Floats:
+def _homography(xy_mm: Float, uv_px: Float) -> Float:
     """Return the homography (3, 3) from mm to px that misses least, by the linear method, normalised."""
     to_unit, from_unit = _unit_square(xy_mm), _unit_square(uv_px)
     xy = np.column_stack([xy_mm, np.ones(len(xy_mm))]) @ to_unit.T
@@ -307,7 +307,7 @@ def _homography(xy_mm: Floats, uv_px: Floats) -> Floats:
     return np.asarray(np.linalg.inv(from_unit) @ least @ to_unit)
 
 
-def _unit_square(points: Floats) -> Floats:
+def _unit_square(points: Float) -> Float:
     """Return the matrix (3, 3) that moves points to the origin and scales them to about 1."""
     middle, size = points.mean(axis=0), float(points.std(axis=0).max())
     return np.array([[1 / size, 0, -middle[0] / size], [0, 1 / size, -middle[1] / size], [0, 0, 1]])

@@ -8,13 +8,13 @@ length: k1 in px⁻², k2 in px⁻⁴, p1 and p2 in px⁻¹. Positive k1 is pinc
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+Float = NDArray[np.float64]
 
 _MOST_STEPS = 50
 _EXACT_PX = 1e-10
 
 
-def distortion_basis(ideal_px: Floats) -> Floats:
+def distortion_basis(ideal_px: Float) -> Float:
     """Return what k1, k2, p1 and p2 add per unit, shape (n, 2, 4), at ideal points (n, 2)."""
     x, y = ideal_px[:, 0], ideal_px[:, 1]
     square = x * x + y * y
@@ -24,7 +24,7 @@ def distortion_basis(ideal_px: Floats) -> Floats:
     return np.ascontiguousarray(np.moveaxis(np.array([along_x, along_y]), 2, 0))
 
 
-def distort(ideal_px: Floats, distortion: Floats) -> Floats:
+def distort(ideal_px: Float, distortion: Float) -> Float:
     """Return where points (n, 2) of an ideal pinhole appear, shape (n, 2).
 
     Parameters
@@ -34,11 +34,11 @@ def distort(ideal_px: Floats, distortion: Floats) -> Floats:
     distortion : ndarray, shape (4,)
         k1, k2, p1, p2.
     """
-    moved: Floats = ideal_px + distortion_basis(ideal_px) @ distortion
+    moved: Float = ideal_px + distortion_basis(ideal_px) @ distortion
     return moved
 
 
-def distortion_jacobian(ideal_px: Floats, distortion: Floats) -> Floats:
+def distortion_jacobian(ideal_px: Float, distortion: Float) -> Float:
     """Return ∂ distorted / ∂ ideal, shape (n, 2, 2), at ideal points (n, 2)."""
     k1, k2, p1, p2 = distortion
     x, y = ideal_px[:, 0], ideal_px[:, 1]
@@ -54,7 +54,7 @@ def distortion_jacobian(ideal_px: Floats, distortion: Floats) -> Floats:
     return jacobian
 
 
-def undistort(seen_px: Floats, distortion: Floats) -> Floats:
+def undistort(seen_px: Float, distortion: Float) -> Float:
     """Return the ideal points (n, 2) of points (n, 2) that are seen; NaN where no ideal point is seen.
 
     Newton's method from the point itself. Barrel distortion has a largest radius beyond which nothing is
@@ -75,7 +75,7 @@ def undistort(seen_px: Floats, distortion: Floats) -> Floats:
     return ideal
 
 
-def folded(ideal_px: Floats, distortion: Floats) -> NDArray[np.bool_]:
+def folded(ideal_px: Float, distortion: Float) -> NDArray[np.bool_]:
     """Tell at which ideal points (n, 2) the distortion turns the image inside out; NaN is not."""
     jacobian = distortion_jacobian(ideal_px, distortion)
     determinant = jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] ** 2
@@ -84,7 +84,7 @@ def folded(ideal_px: Floats, distortion: Floats) -> NDArray[np.bool_]:
     return reversed_
 
 
-def _solved(matrices: Floats, vectors: Floats) -> Floats:
+def _solved(matrices: Float, vectors: Float) -> Float:
     """Return matrices⁻¹ · vectors, (n, 2); not finite where a matrix is singular."""
     a, b, c, d = (matrices[:, i, j] for i in (0, 1) for j in (0, 1))
     determinant = a * d - b * c

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from dic.calibration.pinhole.lens import distort, distortion_basis, distortion_jacobian
 
-Floats = NDArray[np.float64]
+Float = NDArray[np.float64]
 
 LENS = 7
 POSE = 6
@@ -41,11 +41,11 @@ class CameraModel:
         s above.
     """
 
-    xy_mm: Sequence[Floats]
-    starts: Sequence[Floats]
+    xy_mm: Sequence[Float]
+    starts: Sequence[Float]
     scale_px: float
 
-    def project(self, parameters: Floats) -> tuple[Floats, Floats]:
+    def project(self, parameters: Float) -> tuple[Float, Float]:
         """Return where all points are seen, (2·n,) in px, and the derivatives, (2·n, parameters)."""
         seen, slopes = [], []
         for view, (xy, start) in enumerate(zip(self.xy_mm, self.starts, strict=True)):
@@ -58,14 +58,12 @@ class CameraModel:
             slopes.append(rows)
         return np.concatenate(seen), np.vstack(slopes)
 
-    def distortion(self, parameters: Floats) -> Floats:
+    def distortion(self, parameters: Float) -> Float:
         """Return k1, k2, p1, p2 in powers of px."""
-        coefficients: Floats = parameters[3:LENS] / self.scale_px**_POWERS
+        coefficients: Float = parameters[3:LENS] / self.scale_px**_POWERS
         return coefficients
 
-    def _view(
-        self, lens: Floats, pose: Floats, xy_mm: Floats, start: Floats
-    ) -> tuple[Floats, Floats, Floats]:
+    def _view(self, lens: Float, pose: Float, xy_mm: Float, start: Float) -> tuple[Float, Float, Float]:
         focal, scale = np.exp(lens[0]), np.exp(pose[5])
         turn, turn_slope = small_turn(pose[:3])
         q = xy_mm @ (turn @ start)[:, :2].T
@@ -90,7 +88,7 @@ class CameraModel:
         by_lens = np.concatenate([bend @ ideal_by_focal[:, :, None], by_place, basis], axis=2)
         return distort(ideal, coefficients) + lens[1:3], by_lens, bend @ ideal_by_pose
 
-    def camera(self, parameters: Floats, view: int) -> tuple[Floats, Floats, Floats, Floats]:
+    def camera(self, parameters: Float, view: int) -> tuple[Float, Float, Float, Float]:
         """Return rotation (3, 3), centre (3,) in mm, and the camera's parameters as users know them.
 
         The latter are those of `dic.calibration.pinhole.camera.PARAMETERS`, shape (13,), the turn being 0,
@@ -118,7 +116,7 @@ class CameraModel:
         return rotation, centre, values, slopes
 
 
-def small_turn(vector: Floats) -> tuple[Floats, Floats]:
+def small_turn(vector: Float) -> tuple[Float, Float]:
     """Return the rotation exp([v]×) (3, 3) and its slope J: a change dv turns by a further J·dv.
 
     Rodrigues' formula and the left Jacobian of the rotation group.
@@ -134,7 +132,7 @@ def small_turn(vector: Floats) -> tuple[Floats, Floats]:
     return np.eye(3) + first * cross + second * square, np.eye(3) + second * cross + third * square
 
 
-def _cross(vectors: Floats) -> Floats:
+def _cross(vectors: Float) -> Float:
     """Return the matrices (n, 3, 3) that turn a vector into its cross product with vectors (n, 3)."""
     matrices = np.zeros((len(vectors), 3, 3))
     for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):

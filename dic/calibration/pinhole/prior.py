@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.errors import CalibrationError, require_all
+from dic.errors import CalibrationError, Check, require_all
 
-Floats = NDArray[np.float64]
+Float = NDArray[np.float64]
 
 PRINCIPAL_SHARE = 0.01
 """Standard deviation of a principal point that was not given, as a share of the image's width."""
@@ -96,11 +96,11 @@ class Prior:
     """
 
     known: Known
-    principal_px: Floats
+    principal_px: Float
     principal_std_px: float
     usual_focal_px: float
 
-    def contradiction(self, parameters: Floats) -> str:
+    def contradiction(self, parameters: Float) -> str:
         """Return which of the known values is off by how much, if by more than chance explains; else ""."""
         names = ["principal point's x", "principal point's y"]
         # what is usual is no promise
@@ -111,7 +111,7 @@ class Prior:
                 return f"a {name} that is {abs(off):.0f} standard deviations off"
         return ""
 
-    def equations(self, parameters: Floats) -> tuple[Floats, Floats]:
+    def equations(self, parameters: Float) -> tuple[Float, Float]:
         """Return deviations (m,) and their derivatives (m, parameters).
 
         The parameters are those of `dic.calibration.pinhole.model`.
@@ -155,9 +155,7 @@ class Prior:
 _PLACES = {"log_focal": 0, "x": 1, "y": 2, "a": 10, "b": 11, "log_scale": 12}
 
 
-def _length_checks(
-    option: str, name: str, value: float | None, std: float, unit: str
-) -> list[tuple[bool, str, str, object, str]]:
+def _length_checks(option: str, name: str, value: float | None, std: float, unit: str) -> list[Check]:
     """Return the checks of a length and its standard deviation, for `require_all`."""
     return [
         (

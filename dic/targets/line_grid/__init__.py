@@ -1,1 +1,1 @@
-"""The paper's target: a grid of lines, found and measured at its crossings."""
+"""Find a line grid in an image and measure the intersections of its lines."""

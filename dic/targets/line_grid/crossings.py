@@ -1,4 +1,4 @@
-"""Intersections of traced lines: a local parabola through each line, and where the two cross."""
+"""Intersections of traced lines: two parabolas, each fitted locally to one line, are intersected."""
 
 from dataclasses import dataclass
 
@@ -7,9 +7,11 @@ from numpy.typing import NDArray
 
 from dic.targets.line_grid.trace import LineTrace, median_where
 
-Floats = NDArray[np.float64]
+Float = NDArray[np.float64]
+# Number of segments to which a parabola is fitted.
 _SEGMENTS = 4
-# A window moves off centre for stations of at least this part of a segment more, per segment.
+# The window of these segments may be shifted by `_MOST_SHIFT` segments from the intersection. Each segment of
+# shift must gain valid stations worth `_SHIFT_COSTS` segments.
 _MOST_SHIFT = 2
 _SHIFT_COSTS = 0.4
 _NEWTON_STEPS = 4
@@ -18,17 +20,21 @@ _REJECTIONS = 4
 
 @dataclass(frozen=True)
 class _LocalCurve:
-    """``normal·(p − origin) = q0 + q1·s + q2·s²``, ``s = tangent·(p − origin)/scale``, per intersection."""
+    """The parabola of a line near each intersection (n0, n1), in local axes.
 
-    origin: Floats
-    tangent: Floats
-    normal: Floats
-    scale: Floats
-    coefficients: Floats
+    ``normal·(p − origin) = q0 + q1·s + q2·s²`` with ``s = tangent·(p − origin)/scale``; the coefficients are
+    q0, q1, q2.
+    """
+
+    origin: Float
+    tangent: Float
+    normal: Float
+    scale: Float
+    coefficients: Float
     sound: NDArray[np.bool_]
 
-    def miss(self, points: Floats) -> tuple[Floats, Floats]:
-        """Return the distance of points (n, 2) from the curve (n,) and its gradient (n, 2)."""
+    def miss(self, points: Float) -> tuple[Float, Float]:
+        """Return the distances (…,) of points (…, 2) from the curves, px, and their gradients (…, 2)."""
         relative = points - self.origin
         s = (relative * self.tangent).sum(axis=-1) / self.scale
         q0, q1, q2 = np.moveaxis(self.coefficients, -1, 0)
@@ -37,21 +43,21 @@ class _LocalCurve:
         return distance, gradient
 
 
-def intersect(first: LineTrace, second: LineTrace, predicted: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return where the lines of two directions cross.
+def intersect(first: LineTrace, second: LineTrace, predicted: Float) -> tuple[Float, NDArray[np.bool_]]:
+    """Return the intersections of the lines of two directions.
 
     Parameters
     ----------
     first, second : LineTrace
-        (n0 lines, n1 − 1 segments, …) and (n1 lines, n0 − 1 segments, …).
+        n0 lines with n1 − 1 segments, and n1 lines with n0 − 1 segments.
     predicted : ndarray, shape (n0, n1, 2)
-        Roughly where, px.
+        Approximate intersections, px.
 
     Returns
     -------
     crossing_px : ndarray, shape (n0, n1, 2)
     sound : ndarray of bool, shape (n0, n1)
-        Whether most stations on the nearest segments of both lines were seen and lie on a smooth curve.
+        True if most stations near the intersection, on both lines, are valid and lie on a parabola.
     """
     along = _local_curves(first, predicted)
     transposed = _local_curves(second, predicted.transpose(1, 0, 2))
@@ -67,7 +73,7 @@ def intersect(first: LineTrace, second: LineTrace, predicted: Floats) -> tuple[F
     return points, along.sound & crossing.sound
 
 
-def _local_curves(trace: LineTrace, predicted: Floats) -> _LocalCurve:
+def _local_curves(trace: LineTrace, predicted: Float) -> _LocalCurve:
     lines, segments = trace.valid.shape[:2]
     nearby = _windows(trace.valid.mean(axis=-1))
     line = np.arange(lines)[:, None, None]
@@ -85,10 +91,12 @@ def _local_curves(trace: LineTrace, predicted: Floats) -> _LocalCurve:
     return _LocalCurve(predicted, tangent, normal, scale, coefficients, sound)
 
 
-def _windows(seen: Floats) -> NDArray[np.int64]:
-    """Return the segments whose stations describe each line at each intersection, (lines, segments + 1, 4).
+def _windows(seen: Float) -> NDArray[np.int64]:
+    """Return the numbers of the four segments used at each intersection, (lines, segments + 1, 4).
 
-    Two on either side; where something hides those of one side, more of the other, as at the grid's rim.
+    Usually these are two segments on either side of the intersection. At the grid's rim, and where something
+    hides one side, more segments of the other side are used. `seen` (lines, segments) is the share of valid
+    stations.
     """
     segments = seen.shape[1]
     used = min(_SEGMENTS, segments)
@@ -104,7 +112,7 @@ def _windows(seen: Floats) -> NDArray[np.int64]:
 
 
 def _touched(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell at which intersections a line is seen close by on at least one side, (lines, segments + 1)."""
+    """Tell at which intersections (lines, segments + 1) the nearest half segment on a side is valid."""
     half = valid.shape[-1] // 2
     none = np.zeros((len(valid), 1), bool)
     before = valid[..., -half:].mean(axis=-1) > 0.5
@@ -112,8 +120,8 @@ def _touched(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(np.hstack([none, before]) | np.hstack([after, none]))
 
 
-def _robust_parabolas(s: Floats, h: Floats, valid: NDArray[np.bool_]) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return least-squares parabolas (…, 3) and the stations kept, those within four standard deviations."""
+def _robust_parabolas(s: Float, h: Float, valid: NDArray[np.bool_]) -> tuple[Float, NDArray[np.bool_]]:
+    """Return least-squares parabolas (…, 3) and the stations (…, n) within four standard deviations."""
     design = np.stack([np.ones_like(s), s, s * s], axis=-1)
     kept = valid
     for rejection in range(_REJECTIONS + 1):

@@ -1,4 +1,4 @@
-"""How many lines a grid has: which of the lines that a lattice predicts are really there."""
+"""Which of the lines that a lattice predicts are really in the image: this gives the number of lines."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,28 +8,31 @@ from dic.targets.lattice import LatticeShape
 from dic.targets.line_grid.trace import median_where
 from dic.targets.sampled_image import GridImage, line_evidence, line_irregularity, profiles_across
 
-# Fractions of what is usual between the cells that were found, set between the grid's own outer lines (0.9
-# and more) and speckle one pitch beside them (up to 0.7 of the segments by chance).
+# Least height of a segment and of a whole line, as fractions of the usual height of the lines between cells.
 _SEGMENT_SEEN = 0.4
 _LINE_SEEN = 0.3
+# Least number of such segments in a line, as a fraction of that in complete lines. The grid's outer lines
+# reach 0.9; speckles one pitch beside them reach up to 0.7 by chance.
 _MOST_SEGMENTS = 0.75
+# Largest `line_irregularity` of lines.
 _IRREGULAR = 0.25
-# A line that is hidden in part has this share of its segments seen, and so many in a row. Speckle beside a
-# grid gives a tenth by chance.
+# A partly hidden line has at least this share of visible segments, and this many in a row. Speckles beside a
+# grid reach a share of 0.1 by chance.
 _PARTLY_SEEN = 0.25
 _RUN = 3
+# Least share of a profile's variance that the typical profile explains, shifted by up to `_SHIFT` samples.
 _AGREEMENT = 0.6
 _SHIFT = 3
-# How many rows of cells may have been missed at the rim.
+# Rows of cells at the rim that `find_cells` may have missed.
 _BEYOND = 2
 
 
 def line_extents(image: GridImage, shape: LatticeShape, cells: CellLattice) -> tuple[range, range]:
-    """Return the indices of the lines that are really there, in both directions.
+    """Return the indices of the lines that are really in the image, for both directions.
 
-    Cells at the rim may be missing or, beyond it, spurious: a line counts if most of its segments look like
-    one, and if they do so at the same place, which speckle beside the grid does not.
-    Both ranges are empty if what lies between the cells does not look like lines at all.
+    Cells at the rim may be missing, and there may be false cells beyond it. So a line must show in most of
+    its segments, and at the same offset in all of them. Speckles beside the grid do not.
+    Both ranges are empty if there are no lines between the cells.
     """
     low = cells.index.min(axis=0) - _BEYOND
     high = cells.index.max(axis=0) + 2 + _BEYOND
@@ -49,7 +52,7 @@ def line_extents(image: GridImage, shape: LatticeShape, cells: CellLattice) -> t
 def _between_cells(
     cells: CellLattice, axis: int, low: NDArray[np.int64], shape: tuple[int, ...]
 ) -> NDArray[np.bool_]:
-    """Tell which segments (lines, segments) lie between two cells that were found."""
+    """Tell which segments (lines, segments) lie between two found cells."""
     known = {(int(i), int(j)) for i, j in cells.index}
     between = np.zeros(shape, bool)
     for i, j in known:
@@ -60,9 +63,9 @@ def _between_cells(
 
 
 def _present(profiles: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell which lines are there, (lines,), from profiles (lines, segments, stations, offsets)."""
+    """Tell which lines (lines,) are in the image, from profiles (lines, segments, stations, offsets)."""
     usual = _usual_evidence(line_evidence(profiles), between)
-    # the grid's own segments: most of a small grid's would lie beyond it
+    # only segments within the grid: for a small grid, most of the others lie beyond its rim
     within = between.any(axis=0)
     relative = (profiles / usual[..., None, None])[:, within]
     segments = (line_evidence(relative) > _SEGMENT_SEEN).sum(axis=1)
@@ -74,14 +77,14 @@ def _present(profiles: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArr
 
 
 def _widened(alike: NDArray[np.bool_], first: int, last: int) -> tuple[int, int]:
-    """Return the first and last line, with those beyond that something hides in part.
+    """Return the numbers of the first and the last line, partly hidden outer lines included.
 
     Parameters
     ----------
     alike : ndarray of bool, shape (lines, segments)
-        Which segments have the very profile of the grid's lines.
+        From `_alike`.
     first, last : int
-        The outermost lines of which most is seen.
+        The outermost lines that are mostly visible.
     """
     share = alike.mean(axis=1)
     run = np.lib.stride_tricks.sliding_window_view(alike, min(_RUN, alike.shape[1]), axis=1)
@@ -94,9 +97,10 @@ def _widened(alike: NDArray[np.bool_], first: int, last: int) -> tuple[int, int]
 
 
 def _alike(profiles: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell which segments look like those between known cells in shape and height, (lines, segments).
+    """Tell which segments (lines, segments) have the profile of the segments between known cells.
 
-    Speckle may be as dark as a line somewhere in a segment; it is not so at all three stations alike.
+    All three stations of a segment must have that shape and height. Speckles may look like a line at one
+    station, but not at all three.
     """
     from scipy.ndimage import gaussian_filter1d
 
@@ -119,10 +123,10 @@ def _alike(profiles: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArray
 
 
 def _usual_evidence(evidence: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return for every segment what is usual among the nearest segments that lie between known cells."""
+    """Return for every segment the median evidence of the nearest segments between known cells."""
     from scipy.ndimage import distance_transform_edt, median_filter
 
     nearest = distance_transform_edt(~between, return_distances=False, return_indices=True)
     usual = median_filter(evidence[tuple(nearest)], size=5, mode="nearest")
-    # without contrast between cells there is no line to compare with
+    # infinity where there is no contrast, so that nothing there counts as a line
     return np.where(usual > 0, usual, np.inf)

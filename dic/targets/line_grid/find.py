@@ -1,9 +1,13 @@
-"""Finding a calibration grid in an image without help.
+"""Find a line grid in an image automatically.
 
-The way: enclosed cells, on a lattice (`dic.targets.cells`); a smooth map from lattice index to px
-(`dic.targets.lattice`); how many lines there are (`dic.targets.line_grid.extent`); line centres, measured
-across the lines (`dic.targets.line_grid.trace`); intersections (`dic.targets.line_grid.crossings`); which way
-is X (`dic.targets.axes`, `dic.targets.line_grid.mark`).
+The steps:
+
+1. Find enclosed cells and arrange them on a lattice (`dic.targets.cells`).
+2. Fit a smooth map from lattice index to px (`dic.targets.lattice`).
+3. Find which lines are in the image (`dic.targets.line_grid.extent`).
+4. Measure line centres across the lines (`dic.targets.line_grid.trace`).
+5. Intersect the lines (`dic.targets.line_grid.crossings`).
+6. Choose the directions of X and Y (`dic.targets.line_grid.mark`, `dic.targets.axes`).
 """
 
 import numpy as np
@@ -25,7 +29,7 @@ __all__ = ["GridPoints", "find_grid"]
 _FEWEST_LINES = 4
 _SUFFICIENT = 0.9
 _REMEDY = (
-    "see that the whole grid is in view, sharp and evenly lit, and that --lines says how many lines it has"
+    "check that the whole grid is in view, sharp and evenly lit, and that --lines gives its numbers of lines"
 )
 
 
@@ -38,37 +42,39 @@ def find_grid(
     x_axis: XAxis = None,
     origin_px: tuple[float, float] | None = None,
 ) -> GridPoints:
-    """Find the intersections of a line grid, seen from anywhere, to about a hundredth of a pixel.
+    """Find the intersections of a line grid in any view, to about a hundredth of a pixel.
 
     Parameters
     ----------
     image : ndarray, shape (height, width)
-        Grey levels; dark lines on bright ground or the reverse.
+        Grey levels; dark lines on a bright background or the reverse.
     lines : tuple of int
         Number of lines along X and along Y, at least 4.
     pitch_mm : float
-        Distance of neighbouring lines.
+        Distance between neighbouring lines.
     source : str
         The image's file, for messages.
     x_axis : str or float, optional
-        Which way X points in the image: ``"right"``, ``"up"``, ``"left"``, ``"down"``, or an angle in
-        degrees, anticlockwise from the right. The grid direction closest to it is taken.
+        Direction of X in the image: ``"right"``, ``"up"``, ``"left"``, ``"down"``, or an angle in degrees,
+        anticlockwise from the right. X becomes the grid direction closest to it.
     origin_px : tuple of float, optional
-        About where, to 0.4 pitches, intersection ``(lines // 2, lines // 2)`` appears: the middle one of odd
-        numbers. Needed only where an outer line is hidden whole and the grid has no mark.
+        Position, to 0.4 pitches, of intersection ``(lines // 2, lines // 2)`` in the image. For odd numbers
+        of lines it is the middle intersection. Needed only if an outer line is hidden completely and the
+        grid has no mark.
 
     Returns
     -------
     GridPoints
-        At least 90 % of the intersections. A mark (`dic.targets.line_grid.mark`) or `x_axis` says which way X
-        points. Without, X is the grid direction closest to the image's right, Y the one closest to its top,
-        `orientation` is ``"assumed"``, and if that is ambiguous (near 45°), `warnings` says so.
+        At least 90 % of the intersections. The direction of X comes from a mark
+        (`dic.targets.line_grid.mark`) or from `x_axis`. If there is neither, X is the grid direction closest
+        to the image's right, Y is the one closest to its top, and `orientation` is ``"assumed"``. If this
+        choice is ambiguous (near 45°), `warnings` says so.
 
     Raises
     ------
     CalibrationError
-        If the image shows no line grid, another number of lines, or fewer than 90 % of the intersections; if
-        mark and options contradict each other; if `x_axis` lies halfway between two directions.
+        If the image shows no line grid, a different number of lines, or fewer than 90 % of the intersections;
+        if the mark and the options contradict each other; if `x_axis` lies halfway between two directions.
     """
     lines = (int(lines[0]), int(lines[1]))
     _require_possible(lines, pitch_mm, source)
@@ -103,14 +109,14 @@ def _require_possible(lines: tuple[int, int], pitch_mm: float, source: str) -> N
             "find grid",
             f"at least {_FEWEST_LINES} lines in each direction and a positive pitch",
             f"{lines[0]} × {lines[1]} lines of pitch {pitch_mm:g} mm",
-            "correct --lines and --pitch-mm",
+            "give the grid's own values, such as --lines 21x21 and --pitch-mm 0.5",
         )
 
 
 def _crossings(
     image: GridImage, shape: LatticeShape, extents: tuple[range, range]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return the intersections (n0, n1, 2) in px and which of them were measured well, (n0, n1)."""
+    """Return the intersections (n0, n1, 2) in px, and which of them (n0, n1) are reliable."""
     predicted = shape.map(np.stack(np.meshgrid(*extents, indexing="ij"), axis=-1).astype(float))
     first, second = (trace_lines(image, shape, axis, extents[axis], extents[1 - axis]) for axis in (0, 1))
     crossing, sound = intersect(first, second, predicted)
@@ -135,7 +141,10 @@ def _named(
     origin_px: tuple[float, float] | None,
     source: str,
 ) -> tuple[Axes, tuple[range, range]]:
-    """Return the axes and the lattice indices of all lines: those seen, or what a mark or origin says."""
+    """Return the axes and the lattice indices of all lines of the grid.
+
+    A mark or `origin_px` tells where hidden outer lines are. Without them, the grid ends at the lines `seen`.
+    """
     vectors = _lattice_vectors(shape, seen)
     mark = find_mark(image, shape, seen, vectors, lines)
     if mark is None:
@@ -145,18 +154,24 @@ def _named(
         if x_axis is not None:
             wanted = axes_in_image(vectors, x_axis, source)
             if (wanted.swap, wanted.flip) != (axes.swap, axes.flip):
-                raise _contradiction(source, f"a mark by which X does not point {x_axis}")
+                raise _contradiction(source, f"a mark with X in another direction than --x-axis {x_axis}")
     if origin_px is not None:
         near = np.stack(np.meshgrid(*seen, indexing="ij"), axis=-1).reshape(-1, 2)
         away_px = np.linalg.norm(shape.map(near.astype(float)) - np.array(origin_px), axis=1)
         if away_px.min() > 0.4 * np.linalg.norm(vectors, axis=1).min():
-            raise _contradiction(source, f"no intersection near ({origin_px[0]:g}, {origin_px[1]:g})")
+            raise _contradiction(
+                source, f"no intersection near --origin-px {origin_px[0]:g} {origin_px[1]:g}"
+            )
         origin = near[np.argmin(away_px)]
         named = whole_spans(axes, (int(origin[0]), int(origin[1])), lines)
         if mark is not None and named != spans:
-            raise _contradiction(source, f"a mark elsewhere than ({origin_px[0]:g}, {origin_px[1]:g})")
+            raise _contradiction(
+                source, f"a mark at another intersection than --origin-px {origin_px[0]:g} {origin_px[1]:g}"
+            )
         if not within(seen, named):
-            raise _contradiction(source, f"lines beyond {lines[0]} × {lines[1]} around that origin")
+            raise _contradiction(
+                source, f"lines beyond a grid of {lines[0]} × {lines[1]} lines around --origin-px"
+            )
         spans = named
     return axes, spans
 
@@ -165,9 +180,9 @@ def _contradiction(source: str, got: str) -> CalibrationError:
     return CalibrationError(
         source,
         "name the axes",
-        "a mark, an origin and a direction of X that agree",
+        "a mark, --origin-px and --x-axis that agree with the image",
         got,
-        "leave the option out, or correct it",
+        "leave the option out, or give the value that the image shows",
     )
 
 

@@ -1,7 +1,8 @@
 """The mark that fixes a line grid's origin and axes: dots in three of the four cells around its middle.
 
-The rule: intersection ``(lines along X // 2, lines along Y // 2)``, the middle one of odd numbers, has a
-dot as dark as the lines in the middle of three of its four cells; the one without lies towards +X and +Y.
+The marked intersection is ``(lines along X // 2, lines along Y // 2)``; for odd numbers of lines it is the
+middle one. Three of the four cells around it have a dot in their middle, as dark as the lines. The cell
+without a dot lies towards +X and +Y.
 """
 
 from dataclasses import dataclass
@@ -13,24 +14,24 @@ from dic.targets.axes import Axes, axes_towards
 from dic.targets.lattice import LatticeShape
 from dic.targets.sampled_image import GridImage
 
-Floats = NDArray[np.float64]
+Float = NDArray[np.float64]
 
-# In pitches: well within a dot of radius 0.15, and between it and the lines.
+# Radii in pitches at which grey levels are sampled: within a dot, whose radius is 0.15, and just outside it.
 _DOT, _RING = 0.07, 0.26
-# A dot is as dark as the lines; what is half as dark is dirt or blur.
+# Least darkness of a dot relative to the lines, and of the faintest dot relative to the darkest.
 _DARK = 0.5
 _ALIKE = 0.5
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A mark that was found.
+    """A mark found in an image.
 
     Attributes
     ----------
     axes : Axes
     spans : tuple of range
-        The lattice indices of all lines of the target, hidden ones included.
+        Lattice indices of all lines of the grid, hidden lines included.
     """
 
     axes: Axes
@@ -38,18 +39,18 @@ class Mark:
 
 
 def find_mark(
-    image: GridImage, shape: LatticeShape, spans: tuple[range, range], vectors: Floats, lines: tuple[int, int]
+    image: GridImage, shape: LatticeShape, spans: tuple[range, range], vectors: Float, lines: tuple[int, int]
 ) -> Mark | None:
-    """Return the mark, if there is just one that agrees with the lines seen.
+    """Return the mark, or None if there is not exactly one that agrees with the visible lines.
 
     Parameters
     ----------
     image, shape
-        The image and where the lattice lies in it.
+        The image, and the map that predicts where the lattice lies in it.
     spans : tuple of range
-        Lattice indices of the lines that are seen.
+        Lattice indices of the visible lines.
     vectors : ndarray, shape (2, 2)
-        The lattice's two vectors at the middle of the grid, px.
+        The two lattice vectors at the middle of the grid, px.
     lines : tuple of int
         Number of lines along X and along Y.
     """
@@ -67,7 +68,7 @@ def find_mark(
 
 
 def whole_spans(axes: Axes, origin: tuple[int, int], lines: tuple[int, int]) -> tuple[range, range]:
-    """Return the lattice indices of all lines, if the middle intersection lies at `origin`."""
+    """Return the lattice indices of all lines of a grid whose middle intersection has the index `origin`."""
     spans = [range(0), range(0)]
     for which, axis in enumerate(axes.lattice_axes):
         count = lines[which]
@@ -77,12 +78,15 @@ def whole_spans(axes: Axes, origin: tuple[int, int], lines: tuple[int, int]) -> 
 
 
 def within(seen: tuple[range, range], whole: tuple[range, range]) -> bool:
-    """Tell whether all lines seen are among all lines there are."""
+    """Tell whether the lines `seen` are all among the lines of the `whole` grid."""
     return all(every[0] <= some[0] and some[-1] <= every[-1] for some, every in zip(seen, whole, strict=True))
 
 
-def _darkness(image: GridImage, shape: LatticeShape, spans: tuple[range, range]) -> Floats:
-    """Return how dark the middle of each cell is against its surroundings, of a line's darkness, (n0, n1)."""
+def _darkness(image: GridImage, shape: LatticeShape, spans: tuple[range, range]) -> Float:
+    """Return the darkness of the middle of each cell, shape (n0 − 1, n1 − 1).
+
+    It is measured against the cell's own background, in units of the darkness of the lines.
+    """
     cells = np.stack(np.meshgrid(spans[0][:-1], spans[1][:-1], indexing="ij"), axis=-1) + 0.5
     angle = np.arange(12) * (np.pi / 6)
     around = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
@@ -91,12 +95,12 @@ def _darkness(image: GridImage, shape: LatticeShape, spans: tuple[range, range])
         for radius in (_DOT, _RING)
     )
     line = np.median(image.sample(shape.map(cells + np.array([0.5, 0.0]))) - ring)
-    result: Floats = np.nan_to_num((middle - ring) / line) if line > 0 else np.zeros_like(middle)
+    result: Float = np.nan_to_num((middle - ring) / line) if line > 0 else np.zeros_like(middle)
     return result
 
 
-def _empty_quarter(block: Floats) -> tuple[int, int] | None:
-    """Return where in 2 × 2 cells the one without a dot lies, (±1, ±1), if the other three have like ones."""
+def _empty_quarter(block: Float) -> tuple[int, int] | None:
+    """Return the direction (±1, ±1) of the cell without a dot among 2 × 2 cells; None if they are no mark."""
     marked = block > _DARK
     if np.count_nonzero(marked) != 3 or block[marked].min() < _ALIKE * block[marked].max():
         return None

@@ -8,40 +8,42 @@ from numpy.typing import NDArray
 from dic.targets.lattice import LatticeShape
 from dic.targets.sampled_image import GridImage, station_index
 
-Floats = NDArray[np.float64]
+Float = NDArray[np.float64]
 _SAMPLE_PX = 0.5
 _PASSES = 3
-# Without noise, what interpolation and grey levels leave over differs from station to station.
+# A misfit below this fraction of a line's depth is always accepted: interpolation and rounding of grey levels
+# cause it in images without noise.
 _MISFIT_OF_ROUNDING = 0.03
-# How many times brighter than the ground a line is taken to be, at most: beyond, the ground says nothing.
+# Upper limit of the brightness of a line relative to the background. A larger ratio means that the background
+# is too dark to be measured.
 _BRIGHTEST_LINE = 4.0
 
 
 @dataclass(frozen=True)
 class LineTrace:
-    """All lines of one direction, cut into segments between neighbouring intersections.
+    """All lines of one direction, divided into segments between neighbouring intersections.
 
     Attributes
     ----------
     station_px : ndarray, shape (lines, segments, stations, 2)
-        Points on the lines' centres.
+        Measured points on the centre lines, px.
     valid : ndarray of bool, shape (lines, segments, stations)
-        Whether a line of the usual contrast and shape was seen there.
+        True where the profile has the usual contrast and shape of a line.
     """
 
-    station_px: Floats
+    station_px: Float
     valid: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class _Template:
-    """The mean profile of all lines of one direction: symmetric, 0 beside the line and 1 on it."""
+    """The mean profile of all lines of one direction, made symmetric; 0 beside the line and 1 on it."""
 
-    offsets_px: Floats
-    level: Floats
+    offsets_px: Float
+    level: Float
 
     @classmethod
-    def of(cls, profiles: Floats, offsets_px: Floats) -> "_Template":
+    def of(cls, profiles: Float, offsets_px: Float) -> "_Template":
         mean = np.nanmean(profiles.reshape(-1, len(offsets_px)), axis=0)
         symmetric = (mean + mean[::-1]) / 2
         beside = min(symmetric[0], symmetric[1])
@@ -49,28 +51,29 @@ class _Template:
 
     @property
     def half_width_px(self) -> float:
-        """Distance from the middle beyond which the line does not reach."""
+        """Half of the full width of the line."""
         return float(np.abs(self.offsets_px[self.level > 0.05]).max())
 
     @property
     def width_px(self) -> float:
-        """Width at half height."""
+        """Width of the line at half height."""
         return float(np.count_nonzero(self.level > 0.5) * _SAMPLE_PX)
 
     @property
-    def _shapes(self) -> Floats:
+    def _shapes(self) -> Float:
         slope = np.gradient(self.level, self.offsets_px)
         step = np.cumsum(np.abs(slope)) * _SAMPLE_PX
         widening = self.offsets_px * slope
         return np.column_stack([np.ones_like(step), step - step.mean(), self.level, slope, widening])
 
-    def shading(self, profiles: Floats) -> tuple[Floats, Floats]:
-        """Return how steeply the light rises across each segment, beside the line and on it.
+    def shading(self, profiles: Float) -> tuple[Float, Float]:
+        """Return the gradient of the light across each segment: on the background and on the line.
 
-        Both (lines, segments, 1), grey levels per px. Light multiplies what is printed, so it rises on a dark
-        line as much less as the line is darker than the ground. It changes slowly: neighbours share it, and
-        one station alone could not tell it from an offset. The outermost lines, beside which the ground
-        may differ, take it from the lines next to them.
+        Both have the shape (lines, segments, 1), in grey levels per px. Light multiplies the reflectance, so
+        the gradient on a dark line is smaller, in proportion to the line's grey level. One station alone
+        cannot tell a gradient from an offset of the line. So the gradient is smoothed over neighbouring
+        segments and lines. The outermost lines use the gradient of the lines next to them, because the
+        background may change beyond the grid's rim.
         """
         from scipy.ndimage import median_filter
 
@@ -84,18 +87,18 @@ class _Template:
         line_to_ground = 1 + depth / np.where(ground == 0, np.inf, ground)
         return beside, beside * np.clip(line_to_ground, 0.0, _BRIGHTEST_LINE)
 
-    def shaded(self, shading: tuple[Floats, Floats]) -> Floats:
-        """Return what such shading adds to profiles, (lines, segments, 1, offsets)."""
+    def shaded(self, shading: tuple[Float, Float]) -> Float:
+        """Return the grey levels (lines, segments, 1, offsets) that `shading` adds to profiles."""
         beside, on_line = (slope[..., None] for slope in shading)
-        result: Floats = self.offsets_px * (beside + (on_line - beside) * self.level)
+        result: Float = self.offsets_px * (beside + (on_line - beside) * self.level)
         return result
 
-    def offsets(self, profiles: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-        """Return the lines' offsets c in px and which of them count, both (lines, segments, stations).
+    def offsets(self, profiles: Float) -> tuple[Float, NDArray[np.bool_]]:
+        """Return the lines' offsets c in px, and which of them are valid, both (lines, segments, stations).
 
-        ``I(s) ≈ b + e·S(s) + d·T(s) − d·c·T'(s) − w·s·T'(s)`` by least squares. T is the template; S, the
-        running integral of |T'|, is a step for different brightness on the two sides of the outermost lines;
-        s·T' takes up that perspective makes lines wider here and narrower there.
+        ``I(s) ≈ b + e·S(s) + d·T(s) − d·c·T'(s) − w·s·T'(s)`` is fitted by least squares. T is the template.
+        S, the running integral of |T'|, is a step: the brightness may differ on the two sides of an outermost
+        line. The term w·s·T' allows for the width of the line, which varies with perspective.
         """
         design = self._shapes
         coefficients = profiles @ np.linalg.pinv(design).T
@@ -104,41 +107,41 @@ class _Template:
         usual_depth = regional_median(depth)
         usual_misfit = np.maximum(4 * regional_median(misfit), _MISFIT_OF_ROUNDING * usual_depth)
         valid = (depth > 0.3 * usual_depth) & (usual_depth > 0) & (misfit < usual_misfit)
-        # one station's depth is noisy, and dividing by it would skew its offset
+        # the median over the segment, because the depth d of one station is noisy
         segment_depth = median_where(valid, depth, fallback=np.inf)
         offsets = -coefficients[..., 3] / segment_depth
         valid &= np.abs(offsets) < self.half_width_px
         return np.where(valid, offsets, 0.0), valid
 
 
-def median_where(mask: NDArray[np.bool_], values: Floats, fallback: float) -> Floats:
-    """Return medians over the last axis, kept, of `values` where `mask`; `fallback` where there are none."""
+def median_where(mask: NDArray[np.bool_], values: Float, fallback: float) -> Float:
+    """Return the medians of `values` where `mask`, over the last axis, which is kept; `fallback` if none."""
     some = mask.any(axis=-1, keepdims=True)
-    medians: Floats = np.nanmedian(
+    medians: Float = np.nanmedian(
         np.where(some, np.where(mask, values, np.nan), fallback), axis=-1, keepdims=True
     )
     return medians
 
 
-def regional_median(values: Floats) -> Floats:
-    """Return what is usual around each segment, (lines, segments, 1): light differs across an image."""
+def regional_median(values: Float) -> Float:
+    """Return the median over stations and over 7 × 7 lines and segments, (lines, segments, 1)."""
     from scipy.ndimage import median_filter
 
     finite = np.isfinite(values)
     segments = median_where(
         finite, values, fallback=np.nan if not finite.any() else float(np.median(values[finite]))
     )
-    usual: Floats = median_filter(segments, size=(7, 7, 1), mode="nearest")
+    usual: Float = median_filter(segments, size=(7, 7, 1), mode="nearest")
     return usual
 
 
 def trace_lines(image: GridImage, shape: LatticeShape, axis: int, numbers: range, across: range) -> LineTrace:
-    """Measure the centres of all lines of one direction.
+    """Measure points on the centres of all lines of one direction.
 
     Parameters
     ----------
     image, shape
-        The image and where the lattice lies in it, to about a quarter of the pitch.
+        The image, and the map that predicts where the lattice lies in it, to about a quarter of the pitch.
     axis : int
         0 for the lines of constant first index, 1 for those of constant second index.
     numbers : range
@@ -148,8 +151,8 @@ def trace_lines(image: GridImage, shape: LatticeShape, axis: int, numbers: range
 
     Notes
     -----
-    Profiles across the predicted lines are compared with the mean profile of all of them; the stations are
-    moved by what the comparison says and measured again until the rest is small against a line's width.
+    Profiles are sampled across the predicted lines. Their offsets from the mean profile of all lines are
+    fitted, and the stations are moved by them. This is done three times.
     """
     middle = station_index(axis, numbers, across, np.array([0.5]))
     pitch_px = float(np.median(np.linalg.norm(_across(shape, axis, middle), axis=-1)))
@@ -182,37 +185,38 @@ def trace_lines(image: GridImage, shape: LatticeShape, axis: int, numbers: range
     return LineTrace(base + measured[..., None] * normal, valid)
 
 
-def _offsets_px(reach_px: float) -> Floats:
+def _offsets_px(reach_px: float) -> Float:
     count = max(4, int(reach_px / _SAMPLE_PX))
     return np.arange(-count, count + 1, dtype=np.float64) * _SAMPLE_PX
 
 
-def _across(shape: LatticeShape, axis: int, index: Floats) -> Floats:
-    """Return the vectors perpendicular to the lines at `index`, as long as the distance of the lines, px."""
+def _across(shape: LatticeShape, axis: int, index: Float) -> Float:
+    """Return vectors perpendicular to the lines at `index`; their length is the line spacing there, px."""
     tangent = shape.step(index, 1 - axis)
     normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    distance: Floats = np.abs((normal * shape.step(index, axis)).sum(axis=-1, keepdims=True))
+    distance: Float = np.abs((normal * shape.step(index, axis)).sum(axis=-1, keepdims=True))
     return normal * distance
 
 
 def _stations(
-    shape: LatticeShape, axis: int, numbers: range, across: range, fractions: Floats, pitch_px: float
-) -> tuple[Floats, Floats]:
+    shape: LatticeShape, axis: int, numbers: range, across: range, fractions: Float, pitch_px: float
+) -> tuple[Float, Float]:
     """Return predicted stations and normals, both (lines, segments, stations, 2), in px.
 
-    Where perspective shows the grid larger than its usual `pitch_px`, normals are longer than 1, so that one
-    template fits lines that are wider there.
+    The length of a normal is the local line spacing divided by `pitch_px`. So profiles are stretched where
+    perspective makes lines wider, and one template fits all of them.
     """
     index = station_index(axis, numbers, across, fractions)
     return shape.map(index), _across(shape, axis, index) / pitch_px
 
 
-def _eccentricity(shape: LatticeShape, axis: int, index: Floats, width: float) -> Floats:
-    """Return how far the middle between a line's edges lies from the image of the line's middle.
+def _eccentricity(shape: LatticeShape, axis: int, index: Float, width: float) -> Float:
+    """Return the distance of the middle between a line's edges from the image of the line's centre.
 
-    In perspective the near half of a line looks wider than the far half. Both edges, `width`/2 on either side
-    in pitches, are carried to the image and met along the normal; the result is in pitches as well.
+    In perspective the near half of a line looks wider than the far half. Both edges, ± `width`/2 from the
+    centre, are projected into the image and intersected with the normal. `width` and the result are in
+    pitches.
     """
     centre, normal = shape.map(index), _across(shape, axis, index)
     met = []
@@ -221,35 +225,35 @@ def _eccentricity(shape: LatticeShape, axis: int, index: Floats, width: float) -
         edge[..., axis] += side * width
         beside, tangent = shape.map(edge) - centre, shape.step(edge, 1 - axis)
         turned = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
-        # the edge, straight on this scale, meets the normal where turned · (s·normal − beside) = 0
+        # the edge is straight on this scale: it meets the normal where turned · (s·normal − beside) = 0
         met.append((turned * beside).sum(axis=-1) / (turned * normal).sum(axis=-1))
-    middle: Floats = (met[0] + met[1]) / 2
+    middle: Float = (met[0] + met[1]) / 2
     return middle
 
 
-def _profiles(image: GridImage, base: Floats, normal: Floats, offsets_px: Floats) -> Floats:
+def _profiles(image: GridImage, base: Float, normal: Float, offsets_px: Float) -> Float:
     return image.sample(base[..., None, :] + offsets_px[:, None] * normal[..., None, :])
 
 
-def _coarse_offsets(profiles: Floats, offsets_px: Floats) -> Floats:
-    """Return for each segment the middle of its bright streak, (lines, segments, 1), px."""
+def _coarse_offsets(profiles: Float, offsets_px: Float) -> Float:
+    """Return the approximate offset of the line in each segment, (lines, segments, 1), px."""
     from scipy.ndimage import median_filter, uniform_filter1d
 
     inside = np.isfinite(profiles)
     filled = np.where(inside, profiles, profiles[inside].min())
-    # the same streak at all stations of a segment: their mean hides noise and dirt
+    # the line is the same at all stations of a segment, so averages suppress noise and dirt
     together = uniform_filter1d(np.median(filled, axis=-2), size=5, axis=-1)
-    # wide lines are flat on top: the middle of what rises above half height, not the highest sample
+    # wide lines have a flat top, so take the centroid above half height and not the highest sample
     low, high = together.min(axis=-1, keepdims=True), together.max(axis=-1, keepdims=True)
     above = np.maximum(together - (low + high) / 2, 0.0)
     streak = (above * offsets_px).sum(axis=-1) / np.maximum(above.sum(axis=-1), 1e-9)
-    # the prediction errs smoothly along a line, dirt does not
-    usual: Floats = median_filter(streak, size=(1, 7), mode="nearest")[..., None]
+    # the error of the prediction changes smoothly along a line, dirt does not: a median removes dirt
+    usual: Float = median_filter(streak, size=(1, 7), mode="nearest")[..., None]
     return usual
 
 
-def _straightened(measured: Floats, valid: NDArray[np.bool_], fractions: Floats, fallback: Floats) -> Floats:
-    """Return a straight line through the offsets of each segment; with few stations, `fallback`."""
+def _straightened(measured: Float, valid: NDArray[np.bool_], fractions: Float, fallback: Float) -> Float:
+    """Return the offsets on a straight line fitted to each segment; `fallback` if few stations are valid."""
     t = fractions - fractions.mean()
     weight = valid.astype(float)
     count = weight.sum(axis=-1, keepdims=True)
@@ -257,6 +261,6 @@ def _straightened(measured: Floats, valid: NDArray[np.bool_], fractions: Floats,
     count = np.maximum(count, 1)
     mean_t = (weight * t).sum(axis=-1, keepdims=True) / count
     mean = (weight * measured).sum(axis=-1, keepdims=True) / count
-    spread = (weight * (t - mean_t) ** 2).sum(axis=-1, keepdims=True)
-    slope = (weight * (t - mean_t) * measured).sum(axis=-1, keepdims=True) / np.maximum(spread, 1e-9)
+    variance = (weight * (t - mean_t) ** 2).sum(axis=-1, keepdims=True)
+    slope = (weight * (t - mean_t) * measured).sum(axis=-1, keepdims=True) / np.maximum(variance, 1e-9)
     return np.where(enough, mean + slope * (t - mean_t), fallback)

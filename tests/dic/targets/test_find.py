@@ -160,7 +160,7 @@ def test_a_board_with_markers_may_be_covered_to_a_half() -> None:
     assert 36 <= grid.found <= 50
     assert _rms(grid, camera, surface) < 0.06
     cv2.fillPoly(covered, [camera.project(surface.world(hidden * [1, 1.0] - [7, 0])).astype(np.int32)], 120.0)
-    with pytest.raises(CalibrationError, match="half of its corners"):
+    with pytest.raises(CalibrationError, match="at least half of the 72 corners"):
         find_target(covered, CHARUCO)
 
 

@@ -204,5 +204,5 @@ def test_what_is_no_line_grid_is_refused(picture: np.ndarray, lines: tuple[int, 
 
 @pytest.mark.parametrize(("lines", "pitch_mm"), [((3, 21), 0.5), ((21, 21), 0.0), ((21, 21), float("nan"))])
 def test_an_impossible_grid_is_refused_before_looking(lines: tuple[int, int], pitch_mm: float) -> None:
-    with pytest.raises(CalibrationError, match="correct --lines and --pitch-mm"):
+    with pytest.raises(CalibrationError, match=r"such as --lines 21x21 and --pitch-mm 0\.5"):
         find_grid(np.zeros((100, 100), np.float32), lines, pitch_mm)
