@@ -38,7 +38,7 @@ def save_run_result(result: RunResult, path: Path) -> None:
         for camera in result.cameras:
             name = f"cameras/{camera.camera}"
             for measurement in camera.measurements:
-                writer.add(f"{name}/series", measurement, result.settings)
+                writer.add(f"{name}/series", measurement)
             group = writer.group(name)
             group.attrs["failures"] = "\n".join(camera.failures)
             group.create_dataset("reference", data=camera.reference).attrs["units"] = "grey level"

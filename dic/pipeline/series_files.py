@@ -63,9 +63,9 @@ class SeriesOutputs:
         from dic.results.maps import write_maps
 
         if self._writer is not None:
-            self._writer.add("series", measurement, self._settings)
+            self._writer.add("series", measurement)
         if self._files.csv:
-            write_csv(self._files.csv[number], measurement.field, measurement.calibrated)
+            write_csv(self._files.csv[number], measurement)
         if self._files.maps:
             name = Path(measurement.label).name
             title = f"{name}, subset {self._settings.subset_px} px, step {self._settings.step_px} px"

@@ -1,39 +1,41 @@
-"""Displacement fields as CSV, one file per image, a line per point of interest."""
+"""Points of interest as CSV, one file per image, a line per point."""
 
 import csv
 from pathlib import Path
 
 import numpy as np
 
-from dic.correlation.field import Field
 from dic.correlation.status import Status
-from dic.strain.displacement import Displacement
+from dic.strain.measurement import Measurement
+from dic.strain.strain import STRAIN_KEYS
 
 _PIXELS = ["x_px", "y_px", "u_px", "v_px", "zncc", "status"]
 _MILLIMETRES = ["X_mm", "Y_mm", "U_mm", "V_mm", "calibration"]
 
 
-def write_csv(path: Path, field: Field, calibrated: Displacement | None) -> None:
-    """Write the points of a field.
+def write_csv(path: Path, measurement: Measurement) -> None:
+    """Write the points of a measurement.
 
-    Columns are x_px, y_px, u_px, v_px (image axes: x right, y down), zncc, status and, when calibrated, X_mm,
+    Columns are x_px, y_px, u_px, v_px (image axes: x right, y down), zncc, status; when calibrated X_mm,
     Y_mm, U_mm, V_mm (grid axes: X right, Y up) and calibration: "inside", or "outside" where a value is an
-    extrapolation. A point that failed has nan and the reason as its status.
+    extrapolation; then local strain, without a unit, its direction in degrees, and their standard
+    deviations. A point that failed has nan and the reason as its status.
     """
-    active = field.active.ravel()
-    rows = np.flatnonzero(active)
+    field, calibrated, strain = measurement.field, measurement.calibrated, measurement.strain
     points, u, v = field.points, field.u_px.ravel(), field.v_px.ravel()
     zncc, status = field.zncc.ravel(), field.status.ravel()
+    strains = np.stack([getattr(strain, name).ravel() for name in STRAIN_KEYS], axis=-1)
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(_PIXELS + (_MILLIMETRES if calibrated else []))
+        writer.writerow([*_PIXELS, *(_MILLIMETRES if calibrated else []), *STRAIN_KEYS])
         if calibrated:
             position, vector = calibrated.position.reshape(-1, 2), calibrated.vector.reshape(-1, 2)
             valid = calibrated.valid.ravel()
-        for k in rows:
+        for k in np.flatnonzero(field.active):
             line = [f"{points[k, 0]:.0f}", f"{points[k, 1]:.0f}", f"{u[k]:.6f}", f"{v[k]:.6f}"]
             line += [f"{zncc[k]:.6f}", Status(status[k]).text]
             if calibrated:
                 line += [f"{value:.7f}" for value in (*position[k], *vector[k])]
                 line.append("inside" if valid[k] else "outside" if status[k] == Status.CONVERGED else "")
+            line += [f"{value:.9f}" for value in strains[k]]
             writer.writerow(line)

@@ -8,7 +8,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from dic.correlation.settings import CorrelationSettings
 from dic.errors import RunFileError
 from dic.out_of_plane.correction import Correction
 from dic.strain.measurement import Measurement
@@ -64,11 +63,11 @@ class ResultWriter:
         else:
             self._partial.unlink(missing_ok=True)
 
-    def add(self, series: str, measurement: Measurement, settings: CorrelationSettings) -> None:
+    def add(self, series: str, measurement: Measurement) -> None:
         """Append a measurement to a series, which its first measurement creates."""
         group = self._file.get(series)
         if group is None:
-            group = self._create(series, measurement, settings)
+            group = self._create(series, measurement)
         n = len(group["label"])
         field = measurement.field
         rows: dict[str, Any] = {
@@ -119,11 +118,11 @@ class ResultWriter:
         """Return the group `name` of the open file, made if it does not exist."""
         return self._file.require_group(name)
 
-    def _create(self, series: str, measurement: Measurement, settings: CorrelationSettings) -> Any:
+    def _create(self, series: str, measurement: Measurement) -> Any:
         import h5py
 
         group = self._file.create_group(series)
-        group.attrs.update(vars(settings))
+        group.attrs.update(vars(measurement.settings))
         strain = measurement.strain_settings
         group.attrs.update({f"strain_{name}": value for name, value in vars(strain).items()})
         group.attrs["strain_gauge_px"] = measurement.gauge_px

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from dic.cli import main
 from dic.commands.correlate import correlate
 from dic.errors import CorrelationError, OutputError
+from dic.strain.strain import STRAIN_KEYS
 
 P = (2.4, 0.010, 0.0, -1.3, 0.0, -0.004)
 
@@ -47,7 +48,7 @@ def test_every_output_tells_the_same(folder, tmp_path):
 
     with (tmp_path / "csv" / "moved.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert list(rows[0]) == ["x_px", "y_px", "u_px", "v_px", "zncc", "status"]
+    assert list(rows[0]) == ["x_px", "y_px", "u_px", "v_px", "zncc", "status", *STRAIN_KEYS]
     good = [row for row in rows if row["status"] == "converged"]
     assert len(good) == summary["converged"]
     for row in good:

@@ -1,0 +1,104 @@
+"""Points as CSV: fields whose local strain and its standard deviations are known in closed form."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dic.calibration.calibration import Calibration
+from dic.correlation.field import Field
+from dic.correlation.settings import CorrelationSettings
+from dic.correlation.status import Status
+from dic.results.csv import write_csv
+from dic.strain.measurement import measure
+from dic.strain.strain import STRAIN_KEYS
+from dic.targets.points import GridPoints
+
+BEFORE = ["x_px", "y_px", "u_px", "v_px", "zncc", "status"]
+CALIBRATED = ["X_mm", "Y_mm", "U_mm", "V_mm", "calibration"]
+
+STEP_PX = 11
+STD_PX = 0.02
+EXX, EYY, EXY = 0.012, -0.004, 0.003
+"""Green-Lagrange, x right and y up."""
+
+
+def calibration() -> Calibration:
+    """0.1 mm per px, seen upright, the calibrated area from pixel 10 to pixel 110."""
+    index = np.stack(np.meshgrid(np.arange(11), np.arange(11)), axis=-1).reshape(-1, 2)
+    uv_px = np.column_stack([10.0 + 10.0 * index[:, 0], 110.0 - 10.0 * index[:, 1]])
+    return Calibration.fit(GridPoints.on_lattice(index, uv_px, (11, 11), 1.0), (120, 120))
+
+
+def stretched() -> np.ndarray:
+    """The symmetric deformation gradient F = C^½ of these strains, C = I + 2E."""
+    C = np.eye(2) + 2.0 * np.array([[EXX, EXY], [EXY, EYY]])
+    squares, axes = np.linalg.eigh(C)
+    return axes @ np.diag(np.sqrt(squares)) @ axes.T
+
+
+def field() -> Field:
+    """7 × 7 points around the middle, moved by exactly `stretched`, the first one lost.
+
+    Subsets are as wide as the step, so that no two share a pixel and errors are independent.
+    """
+    at = 60 + STEP_PX * np.arange(-3, 4)
+    x, y = np.meshgrid(at - 60.0, 60.0 - at)
+    u, v_up = np.einsum("ij,jrc->irc", stretched() - np.eye(2), np.stack([x, y]))
+    warps = np.zeros((7, 7, 6))
+    warps[..., 0], warps[..., 3] = u, -v_up
+    status = np.zeros((7, 7), np.int8)
+    status[0, 0], warps[0, 0] = Status.LOW_CORRELATION, np.nan
+    ones, yes = np.ones((7, 7)), np.ones((7, 7), bool)
+    settings = CorrelationSettings(subset_px=STEP_PX, step_px=STEP_PX)
+    std = np.full_like(warps, STD_PX)
+    return Field(at, at, warps, std, ones, ones.astype(np.int16), status, yes, "search", settings)
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["raw", "calibrated"])
+def rows(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, str]]:
+    path: Path = tmp_path_factory.mktemp("csv") / "points.csv"
+    write_csv(path, measure(field(), calibration() if request.param else None))
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_columns_of_strain_follow_those_of_the_displacements(rows: list[dict[str, str]]) -> None:
+    names = list(rows[0])
+    assert names[:6] == BEFORE
+    assert names[6:] in ([*STRAIN_KEYS], [*CALIBRATED, *STRAIN_KEYS])
+    assert len(rows) == 49
+
+
+def test_local_strain_is_that_of_the_motion_at_every_inner_point(rows: list[dict[str, str]]) -> None:
+    """Principal strains by Mohr's circle: middle ± radius, turned by ½ atan(2 εxy / (εxx - εyy))."""
+    middle, radius = (EXX + EYY) / 2, np.hypot((EXX - EYY) / 2, EXY)
+    direction_deg = np.degrees(np.arctan2(EXY, (EXX - EYY) / 2)) / 2
+    truth = {"exx": EXX, "eyy": EYY, "exy": EXY, "e1": middle + radius, "e2": middle - radius}
+    inner = [row for row in rows if max(abs(int(row[axis]) - 60) for axis in ("x_px", "y_px")) <= 2 * STEP_PX]
+    assert len(inner) == 25
+    for row in inner:
+        assert {name: float(row[name]) for name in truth} == pytest.approx(truth, abs=2e-9)
+        assert float(row["direction_deg"]) == pytest.approx(direction_deg, abs=2e-5)
+
+
+def test_local_strain_has_the_standard_deviation_of_a_plane_fitted_to_its_window(
+    rows: list[dict[str, str]],
+) -> None:
+    """A slope over 5 × 5 points h apart has σ / (h √50); dE = sym(Fᵀ dF), the four errors independent."""
+    slope_std = STD_PX / (STEP_PX * np.sqrt(50.0))
+    F = stretched()
+    middle = next(row for row in rows if row["x_px"] == row["y_px"] == "60")
+    truth = {
+        "exx_std": slope_std * np.hypot(F[0, 0], F[1, 0]),
+        "eyy_std": slope_std * np.hypot(F[0, 1], F[1, 1]),
+        "exy_std": slope_std * np.linalg.norm(F) / 2,
+    }
+    # Nine digits behind the point; the bicubic map is exact to rounding, its derivative nearly so.
+    assert {name: float(middle[name]) for name in truth} == pytest.approx(truth, rel=1e-5, abs=1e-9)
+
+
+def test_point_that_failed_has_its_reason_and_no_strain(rows: list[dict[str, str]]) -> None:
+    assert rows[0]["status"] == "low correlation"
+    assert {rows[0][name] for name in ("u_px", "v_px", *STRAIN_KEYS)} == {"nan"}
