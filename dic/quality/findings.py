@@ -6,6 +6,7 @@ Guide for Digital Image Correlation", 2018, DOI 10.32720/idics/gpg.ed1.
 
 import numpy as np
 
+from dic.quality.picture import Picture
 from dic.quality.quality import SPECKLES_PER_SUBSET, Quality
 
 FINEST_SPECKLE_PX = 3.0
@@ -21,7 +22,17 @@ LEAST_WHITENESS = 0.7
 
 def findings(quality: Quality) -> list[str]:
     """Return what is not good about an image, a sentence each with what to do; none if it is good."""
-    return [*_pattern_findings(quality), *_light_findings(quality), *_focus_findings(quality)]
+    return [
+        *_pattern_findings(quality),
+        *_light_findings(quality),
+        *_noise_findings(quality),
+        *_focus_findings(quality),
+    ]
+
+
+def picture_findings(picture: Picture) -> list[str]:
+    """Return what is not good about the light and focus of a picture, whatever it shows."""
+    return [*_light_findings(picture), *_focus_findings(picture)]
 
 
 def _pattern_findings(quality: Quality) -> list[str]:
@@ -53,36 +64,40 @@ def _pattern_findings(quality: Quality) -> list[str]:
     return sentences
 
 
-def _light_findings(quality: Quality) -> list[str]:
+def _light_findings(picture: Picture) -> list[str]:
     sentences = []
     for share, what, remedy in (
-        (quality.dark_share, "darkest", "use more light or a lower black level"),
-        (quality.bright_share, "brightest", "use less light, gain or exposure"),
+        (picture.dark_share, "darkest", "use more light or a lower black level"),
+        (picture.bright_share, "brightest", "use less light, gain or exposure"),
     ):
         if share > CLIPPED_SHARE:
             sentences.append(f"{share:.1%} of the pixels are clipped at the {what} grey level; {remedy}")
-    if quality.contrast < LEAST_CONTRAST:
+    if picture.contrast < LEAST_CONTRAST:
         sentences.append(
-            f"contrast is {quality.contrast:.2f}, below {LEAST_CONTRAST:g}; use a darker or brighter"
+            f"contrast is {picture.contrast:.2f}, below {LEAST_CONTRAST:g}; use a darker or brighter"
             " paint, diffuse light and no reflections"
-        )
-    if quality.whiteness < LEAST_WHITENESS:
-        sentences.append(
-            "the noise of neighbouring pixels is alike, so the camera or the file has smoothed the image, and"
-            " the noise floor is higher than stated; take raw images"
         )
     return sentences
 
 
-def _focus_findings(quality: Quality) -> list[str]:
-    known = quality.blur_px[np.isfinite(quality.blur_px)]
+def _noise_findings(quality: Quality) -> list[str]:
+    if quality.whiteness < LEAST_WHITENESS:
+        return [
+            "the noise of neighbouring pixels is alike, so the camera or the file has smoothed the image, and"
+            " the noise floor is higher than stated; take raw images"
+        ]
+    return []
+
+
+def _focus_findings(picture: Picture) -> list[str]:
+    known = picture.blur_px[np.isfinite(picture.blur_px)]
     if not known.size:
         return []
     median, worst = float(np.median(known)), float(known.max())
     if median > WORST_BLUR_PX:
         return [f"edges are blurred by {median:.1f} px, more than {WORST_BLUR_PX:g} px; focus"]
     if worst > WORST_BLUR_PX and worst > UNEVEN_BLUR * median:
-        row, column = np.argwhere(quality.blur_px == worst)[0]
+        row, column = np.argwhere(picture.blur_px == worst)[0]
         where = f"{('top', 'middle', 'bottom')[row]} {('left', 'middle', 'right')[column]}"
         return [
             f"edges are blurred by {worst:.1f} px at the {where} and by {median:.1f} px elsewhere;"

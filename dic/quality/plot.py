@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.quality.findings import FINEST_SPECKLE_PX
-from dic.quality.quality import TILES, Quality
+from dic.quality.picture import TILES
+from dic.quality.quality import Quality
 
 
 def draw_quality(quality: Quality, image: NDArray[np.float32]) -> Any:

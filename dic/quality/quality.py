@@ -18,7 +18,8 @@ from dic.quality.noise_floor import (
     smallest_subset,
     squared_gradients,
 )
-from dic.quality.speckle import autocovariance, edge_blur, even_light, speckle_size
+from dic.quality.picture import Picture, assess_picture
+from dic.quality.speckle import autocovariance, even_light, speckle_size
 
 Float = NDArray[np.float64]
 Grey = NDArray[np.float32]
@@ -27,13 +28,10 @@ Mask = NDArray[np.bool_]
 SPECKLES_PER_SUBSET = 3.0
 """Fewer in a row are too few for a subset to be unlike its neighbours."""
 
-TILES = 3
-"""Focus is looked at in so many parts across and down."""
 
-
-@dataclass(frozen=True)
-class Quality:
-    """What an image promises.
+@dataclass(frozen=True, kw_only=True)
+class Quality(Picture):
+    """What an image promises, besides the light and focus of any `Picture`.
 
     Attributes
     ----------
@@ -59,14 +57,8 @@ class Quality:
         Noise floor of u and v there.
     subset_for_wanted_px : int or None
         Smallest subset that resolves `wanted_px` at 95 % of the points with texture; None if there is none.
-    dark_share, bright_share : float
-        Shares of pixels at the image's lowest and at its highest grey level.
-    contrast : float
-        (bright - dark) / (bright + dark) of the 98th and 2nd percentiles.
     mean_gradient : float
         Mean length of the grey level's gradient, per px.
-    blur_px : ndarray, shape (3, 3)
-        Standard deviation of the blur at edges, in each ninth of the region; NaN where there are too few.
     """
 
     settings: CorrelationSettings
@@ -82,11 +74,7 @@ class Quality:
     points: NDArray[np.int64]
     std_px: Float
     subset_for_wanted_px: int | None
-    dark_share: float
-    bright_share: float
-    contrast: float
     mean_gradient: float
-    blur_px: Float
 
     @property
     def floor_px(self) -> float:
@@ -106,34 +94,32 @@ class Quality:
             return None
         return max(self.subset_for_wanted_px, int(np.ceil(SPECKLES_PER_SUBSET * speckle)) | 1)
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the figures by name, JSON-ready: see `docs/quality.md`."""
-        median = [float(v) for v in (*np.median(self.std_px, axis=0), *np.median(self.sssig, axis=0))]
-        blur = self.blur_px[np.isfinite(self.blur_px)]
-        figures = {
+    def figures(self) -> dict[str, float]:
+        """Return the figures by name, NaN where one is not known: see `docs/quality.md`."""
+        std_px, sssig = np.median(self.std_px, axis=0), np.median(self.sssig, axis=0)
+        return {
             "noise": self.noise,
             "whiteness": self.whiteness,
             "speckle_x_px": self.speckle_x_px,
             "speckle_y_px": self.speckle_y_px,
-            "sssig_x": median[2],
-            "sssig_y": median[3],
-            "std_u_px": median[0],
-            "std_v_px": median[1],
+            "sssig_x": float(sssig[0]),
+            "sssig_y": float(sssig[1]),
+            "std_u_px": float(std_px[0]),
+            "std_v_px": float(std_px[1]),
             "floor_px": self.floor_px,
             "bare_share": self.bare_share,
-            "dark_share": self.dark_share,
-            "bright_share": self.bright_share,
-            "contrast": self.contrast,
             "mean_gradient": self.mean_gradient,
-            "blur_px": float(np.median(blur)) if blur.size else np.nan,
-            "worst_blur_px": float(blur.max()) if blur.size else np.nan,
+            **super().figures(),
         }
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return settings and figures by name, JSON-ready."""
         return {
             "subset_px": self.settings.subset_px,
             "shape": self.settings.shape,
             "wanted_px": self.wanted_px,
             "recommended_subset_px": self.recommended_subset_px,
-            **{name: value if np.isfinite(value) else None for name, value in figures.items()},
+            **super().as_dict(),
         }
 
 
@@ -144,6 +130,7 @@ def assess_quality(
     *,
     second: Grey | None = None,
     wanted_px: float = 0.01,
+    full_level: float | None = None,
 ) -> Quality:
     """Return what a reference image promises.
 
@@ -157,6 +144,8 @@ def assess_quality(
         Another image of the specimen at rest, from which the noise is known better.
     wanted_px : float
         Displacement that is to be resolved: standard deviation of one point.
+    full_level : float, optional
+        The highest grey level that the sensor can give; the image's own without one.
 
     Raises
     ------
@@ -184,9 +173,9 @@ def assess_quality(
     points = _points(centres, settings.subset_px)
     std_px = predicted_std(spline, noise, points, region, settings)
     share = _kept_share(std_px)
-    levels = grey[region]
-    dark, bright = np.percentile(levels, (2, 98))
+    picture = assess_picture(grey, region, noise=noise, full_level=full_level)
     return Quality(
+        **vars(picture),
         settings=settings,
         wanted_px=wanted_px,
         region=region,
@@ -200,11 +189,7 @@ def assess_quality(
         points=points,
         std_px=std_px,
         subset_for_wanted_px=smallest_subset(spline, noise, centres, region, settings, wanted_px, share),
-        dark_share=float(np.mean(levels == grey.min())),
-        bright_share=float(np.mean(levels == grey.max())),
-        contrast=float((bright - dark) / max(abs(bright + dark), 1e-9)),
         mean_gradient=float(np.hypot(*slopes)[region].mean()),
-        blur_px=_blur_in_tiles(grey, region, noise),
     )
 
 
@@ -235,18 +220,6 @@ def _points(centres: Mask, subset_px: int) -> NDArray[np.int64]:
     if not len(points):
         raise _no_room(subset_px, "a region along the image's edge")
     return points
-
-
-def _blur_in_tiles(grey: Grey, region: Mask, noise: float) -> Float:
-    rows, columns = np.nonzero(region)
-    down = np.linspace(rows.min(), rows.max() + 1, TILES + 1).astype(int)
-    across = np.linspace(columns.min(), columns.max() + 1, TILES + 1).astype(int)
-    blur = np.full((TILES, TILES), np.nan)
-    for i in range(TILES):
-        for j in range(TILES):
-            tile = (slice(down[i], down[i + 1]), slice(across[j], across[j + 1]))
-            blur[i, j] = edge_blur(grey[tile], region[tile], noise)
-    return blur
 
 
 def _no_room(subset_px: int, got: str) -> CorrelationError:

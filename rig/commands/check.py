@@ -1,4 +1,7 @@
-"""A look at the rig before a run: who the devices are, what they allow, what cameras see; nothing moves."""
+"""A look at the rig before a run: who the devices are, what they allow, what cameras see; nothing moves.
+
+What a camera sees is judged as `dic quality` judges an image file: by `dic.quality`.
+"""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -6,17 +9,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.errors import MeasurementError
+from dic.quality.findings import findings, picture_findings
+from dic.quality.picture import assess_picture
+from dic.quality.quality import assess_quality
 from rig.devices import Rig
 
-SATURATED_MAX = 0.001
-"""Fraction of saturated pixels that an image may have: they carry no texture."""
-
-_CONTRAST_MIN = 0.05
+NO_PATTERN = (
+    "shows no speckle pattern that can be measured; put the specimen into view, look at light and focus"
+)
 _TIMEOUT_S = 5.0
+_PRINTED = ("speckle_x_px", "speckle_y_px", "noise", "floor_px", "contrast", "blur_px")
+
+Image = NDArray[np.uint8] | NDArray[np.uint16]
 
 
 @dataclass(frozen=True)
-class ImageQuality:
+class GreyLevels:
     """Grey levels of one image; `saturated` is the fraction of pixels at the highest level."""
 
     minimum: int
@@ -35,15 +44,29 @@ class RigCheck:
     problems: list[str]
 
 
-def image_quality(image: NDArray[np.uint8] | NDArray[np.uint16], bits: int) -> ImageQuality:
+def grey_levels(image: Image, bits: int) -> GreyLevels:
     """Measure the grey levels of an image of `bits` significant bits."""
-    return ImageQuality(
+    return GreyLevels(
         minimum=int(image.min()),
         mean=float(image.mean()),
         maximum=int(image.max()),
         standard_deviation=float(image.std()),
-        saturated=float(np.mean(image >= 2**bits - 1)),
+        saturated=float(np.mean(image >= _full_level(bits))),
     )
+
+
+def judge(image: Image, bits: int) -> tuple[dict[str, Any], list[str]]:
+    """Return the figures of an image's quality, and a sentence for each that is not good.
+
+    Without a speckle pattern only light and focus are judged.
+    """
+    grey, full_level = image.astype(np.float32), _full_level(bits)
+    try:
+        quality = assess_quality(grey, full_level=full_level)
+    except MeasurementError:
+        picture = assess_picture(grey, full_level=full_level)
+        return picture.as_dict(), [*picture_findings(picture), NO_PATTERN]
+    return quality.as_dict(), findings(quality)
 
 
 def check_rig(rig: Rig) -> RigCheck:
@@ -67,22 +90,20 @@ def check_rig(rig: Rig) -> RigCheck:
         found.devices["load_frame"]["limits"] = limits
         found.lines.append("  limits: " + ", ".join(f"{name} {value:g}" for name, value in limits.items()))
         found.problems.extend(f"load_frame: fault {fault}" for fault in frame.faults)
-    for name, camera in rig.cameras.items():
-        quality = image_quality(camera.grab(_TIMEOUT_S).image, camera.info.bits)
-        _add(found, f"cameras.{name}", camera.info, quality)
-        found.problems.extend(f"cameras.{name}: {problem}" for problem in _judge(quality, camera.info.bits))
+    for camera_name, camera in rig.cameras.items():
+        name, bits = f"cameras.{camera_name}", camera.info.bits
+        image = camera.grab(_TIMEOUT_S).image
+        _add(found, name, camera.info, grey_levels(image, bits))
+        figures, sentences = judge(image, bits)
+        found.devices[name] |= {"quality": figures, "findings": sentences}
+        printed = [f"{key} {_shown(figures[key])}" for key in _PRINTED if figures.get(key) is not None]
+        found.lines.append("  quality: " + ", ".join(printed))
+        found.problems.extend(f"{name}: {sentence}" for sentence in sentences)
     return found
 
 
-def _judge(quality: ImageQuality, bits: int) -> list[str]:
-    problems = []
-    if quality.saturated > SATURATED_MAX:
-        problems.append(f"{quality.saturated:.1%} of the pixels are saturated; shorten the exposure")
-    if quality.standard_deviation < _CONTRAST_MIN * 2**bits:
-        problems.append(
-            f"grey levels spread by {quality.standard_deviation:.1f} only; look at focus, light and exposure"
-        )
-    return problems
+def _full_level(bits: int) -> int:
+    return (1 << bits) - 1
 
 
 def _add(found: RigCheck, name: str, info: Any, state: Any) -> None:

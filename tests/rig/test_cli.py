@@ -161,24 +161,6 @@ def test_missing_file_is_one_sentence(rig, tmp_path, command):
     assert "Traceback" not in err
 
 
-def test_check_shows_devices_and_images_and_moves_nothing(rig, tmp_path):
-    report = tmp_path / "check.json"
-    status, out, _ = rig("check", small_rig(tmp_path, "rotation-30"), "--json", report)
-    devices = json.loads(report.read_text())["devices"]
-    assert status == 0
-    assert devices["stage"]["state"]["homed"] is False
-    assert set(devices) == {"stage", "cameras.on_axis", "cameras.off_axis"}
-    assert 0 < devices["cameras.on_axis"]["state"]["mean"] < 255
-    assert "cameras.off_axis" in out
-
-
-def test_check_says_when_an_image_is_saturated(rig, tmp_path):
-    bright = small_rig(tmp_path, "rotation-30", ("width_px = 32", "width_px = 32\nexposure_us = 100000.0"))
-    status, out, _ = rig("check", bright)
-    assert status == 1
-    assert "of the pixels are saturated; shorten the exposure" in out
-
-
 LONG = {
     "rotation": ("rotation-30", "increment_deg = 22.5", "increment_deg = 0.1"),
     "tension": ("tension", "increment_mm = 0.3", "increment_mm = 0.005"),

@@ -1,0 +1,91 @@
+"""Light and focus of a picture, whatever it shows."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.quality.noise import noise_of_one
+from dic.quality.speckle import edge_blur
+
+Float = NDArray[np.float64]
+Grey = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+TILES = 3
+"""Focus is looked at in so many parts across and down."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """Light and focus of a picture.
+
+    Attributes
+    ----------
+    dark_share, bright_share : float
+        Shares of pixels at the image's lowest grey level, and at its highest or the sensor's.
+    contrast : float
+        (bright - dark) / (bright + dark) of the 98th and 2nd percentiles.
+    blur_px : ndarray, shape (3, 3)
+        Standard deviation of the blur at edges, in each ninth of the region; NaN where there are too few.
+    """
+
+    dark_share: float
+    bright_share: float
+    contrast: float
+    blur_px: Float
+
+    def figures(self) -> dict[str, float]:
+        """Return the figures by name, NaN where one is not known: see `docs/quality.md`."""
+        blur = self.blur_px[np.isfinite(self.blur_px)]
+        return {
+            "dark_share": self.dark_share,
+            "bright_share": self.bright_share,
+            "contrast": self.contrast,
+            "blur_px": float(np.median(blur)) if blur.size else np.nan,
+            "worst_blur_px": float(blur.max()) if blur.size else np.nan,
+        }
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the figures by name, JSON-ready."""
+        return {name: value if np.isfinite(value) else None for name, value in self.figures().items()}
+
+
+def assess_picture(
+    grey: Grey, region: Mask | None = None, *, noise: float | None = None, full_level: float | None = None
+) -> Picture:
+    """Return light and focus of a picture that need not show any pattern.
+
+    Parameters
+    ----------
+    grey : ndarray of float32, shape (height, width)
+    region : ndarray of bool, shape (height, width), optional
+        The pixels to look at; all without one.
+    noise : float, optional
+        Standard deviation of its noise, grey levels; estimated without one.
+    full_level : float, optional
+        The highest grey level that the sensor can give; the image's own without one.
+    """
+    region = np.ones(grey.shape, np.bool_) if region is None else region
+    noise = noise_of_one(grey, region) if noise is None else noise
+    levels = grey[region]
+    dark, bright = np.percentile(levels, (2, 98))
+    return Picture(
+        dark_share=float(np.mean(levels == grey.min())),
+        bright_share=float(np.mean(levels >= (grey.max() if full_level is None else full_level))),
+        contrast=float((bright - dark) / max(abs(bright + dark), 1e-9)),
+        blur_px=_blur_in_tiles(grey, region, noise),
+    )
+
+
+def _blur_in_tiles(grey: Grey, region: Mask, noise: float) -> Float:
+    rows, columns = np.nonzero(region)
+    down = np.linspace(rows.min(), rows.max() + 1, TILES + 1).astype(int)
+    across = np.linspace(columns.min(), columns.max() + 1, TILES + 1).astype(int)
+    blur = np.full((TILES, TILES), np.nan)
+    for i in range(TILES):
+        for j in range(TILES):
+            tile = (slice(down[i], down[i + 1]), slice(across[j], across[j + 1]))
+            blur[i, j] = edge_blur(grey[tile], region[tile], noise)
+    return blur

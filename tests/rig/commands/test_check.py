@@ -1,0 +1,105 @@
+"""`rig check` on pictures whose speckles, light and focus are known, and on the virtual rig."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from dic.quality.findings import findings
+from dic.quality.quality import assess_quality
+from rig.cli import main
+from rig.commands.check import NO_PATTERN, judge
+from tests.places import EXAMPLES
+
+SIGMA_PX = 1.5
+
+
+def speckles(mean: float, std: float, sigma_px: float = SIGMA_PX) -> np.ndarray:
+    """Gaussian blobs: 3.33 sigma wide, edges blurred by no more than sigma."""
+    rng = np.random.default_rng(1)
+    texture = gaussian_filter(rng.normal(size=(200, 220)), sigma_px)
+    return np.clip(mean + std * texture / texture.std() + rng.normal(size=texture.shape), 0, 255).astype(
+        np.uint8
+    )
+
+
+def test_a_good_picture_has_the_figures_of_dic_quality_and_nothing_to_say():
+    image = speckles(120.0, 35.0)
+    figures, sentences = judge(image, 8)
+    assert sentences == []
+    assert figures == assess_quality(image.astype(np.float32)).as_dict()
+    assert figures["speckle_x_px"] == pytest.approx(4 * np.sqrt(np.log(2)) * SIGMA_PX, rel=0.05)
+
+
+def test_a_speckle_picture_is_judged_by_the_findings_of_dic_quality():
+    image = speckles(120.0, 60.0, 0.6)
+    _, sentences = judge(image, 8)
+    assert sentences == findings(assess_quality(image.astype(np.float32)))
+    assert any("finer than 3 px" in sentence for sentence in sentences)
+
+
+def test_the_sensors_highest_level_counts_and_not_the_pictures():
+    dark = np.minimum(speckles(120.0, 35.0) * 0.03, 4).astype(np.uint8)
+    assert any("brightest" in sentence for sentence in findings(assess_quality(dark.astype(np.float32))))
+    _, sentences = judge(dark, 8)
+    assert sentences
+    assert not any("brightest" in sentence for sentence in sentences)
+    _, sentences = judge(np.minimum(speckles(200.0, 60.0), 254), 8)
+    assert not any("brightest" in sentence for sentence in sentences)
+    _, sentences = judge(speckles(200.0, 60.0), 8)
+    assert any("clipped at the brightest" in sentence for sentence in sentences)
+
+
+def test_a_picture_without_a_pattern_is_judged_by_light_and_focus():
+    white = np.full((200, 220), 4095, np.uint16)
+    figures, sentences = judge(white, 12)
+    assert (figures["bright_share"], figures["contrast"], figures["blur_px"]) == (1.0, 0.0, None)
+    assert sentences[-1] == NO_PATTERN
+    assert any("100.0% of the pixels are clipped at the brightest" in sentence for sentence in sentences)
+    assert any("contrast is 0.00, below 0.2" in sentence for sentence in sentences)
+    # one edge, far from focus: a step that is blurred by 6 px
+    step = gaussian_filter(np.where(np.arange(220) < 110, 40.0, 200.0) * np.ones((200, 1)), 6.0)
+    figures, sentences = judge(step.astype(np.uint8), 8)
+    assert sentences[-1] == NO_PATTERN
+    assert any("edges are blurred by 6." in sentence for sentence in sentences)
+
+
+@pytest.fixture
+def check(monkeypatch, capsys, tmp_path):
+    def call(camera: str) -> tuple[int, str, dict]:
+        text = (EXAMPLES / "rig-virtual-rotation-30.toml").read_text()
+        driver = 'driver = "simulated-camera"'
+        rig_file, report = tmp_path / "rig.toml", tmp_path / "check.json"
+        rig_file.write_text(text.replace(driver, f"{driver}\n{camera}"))
+        monkeypatch.setattr(sys, "argv", ["rig", "check", str(rig_file), "--json", str(report)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return ended.value.code, capsys.readouterr().out, json.loads(Path(report).read_text())
+
+    return call
+
+
+def test_shows_devices_and_images_and_moves_nothing(check):
+    status, out, table = check("width_px = 160\nheight_px = 120")
+    devices = table["devices"]
+    assert (status, table["problems"]) == (0, [])
+    assert devices["stage"]["state"]["homed"] is False
+    assert set(devices) == {"stage", "cameras.on_axis", "cameras.off_axis"}
+    camera = devices["cameras.on_axis"]
+    assert 0 < camera["state"]["minimum"] < camera["state"]["mean"] < camera["state"]["maximum"] < 255
+    assert camera["state"]["saturated"] == 0.0
+    assert camera["quality"]["contrast"] > 0.2
+    assert camera["findings"] == []
+    assert "cameras.off_axis" in out
+    assert "  quality: speckle_x_px " in out
+
+
+def test_says_when_an_image_is_saturated(check):
+    status, out, table = check("width_px = 160\nheight_px = 120\nexposure_us = 100000.0")
+    assert status == 1
+    assert "not good: cameras.on_axis: " in out
+    assert "clipped at the brightest grey level; use less light, gain or exposure" in out
+    assert table["devices"]["cameras.on_axis"]["findings"]
