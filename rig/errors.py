@@ -38,8 +38,8 @@ class SettleTimeout(RigError):
     """Load, displacement or angle did not settle before the deadline."""
 
 
-class RunFileError(RigError):
-    """A run file cannot be created, written or read."""
+class RecordingError(RigError):
+    """A run file cannot be created or written."""
 
 
 class Aborted(RigError):

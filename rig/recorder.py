@@ -6,47 +6,17 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import h5py
 import numpy as np
 
+from dic.runfile import schema
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame, LoadFrameState, StageState
-from rig.errors import RunFileError
+from rig.errors import RecordingError
 from rig.protocol.protocol import Grid, ProtocolStep, Reading, Sample
 
-FORMAT_VERSION = 1
-RunStatus = Literal["running", "completed", "aborted", "failed"]
-Level = Literal["info", "warning", "error"]
-
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_REASON_BYTES = 480
-_MESSAGE_BYTES = 240
-
-# Per column: type (or bytes of text) and unit; the last column of a table says that the row is complete.
-_FRAME_COLUMNS: dict[str, tuple[Any, str]] = {
-    "exposed_s": (np.float64, "s"),
-    "received_s": (np.float64, "s"),
-    "utc_ns": (np.int64, "ns"),
-    "sequence": (np.int64, "1"),
-    "flags": (np.int64, "1"),
-    "exposure_us": (np.float64, "us"),
-    "gain": (np.float64, "1"),
-    "step": (np.int64, "1"),
-    "valid": (np.uint8, "1"),
-}
-_STAGE_COLUMNS: dict[str, tuple[Any, str]] = {"angle_deg": (np.float64, "deg"), "time_s": (np.float64, "s")}
-_LOAD_FRAME_COLUMNS: dict[str, tuple[Any, str]] = {
-    "load_n": (np.float64, "N"),
-    "displacement_mm": (np.float64, "mm"),
-    "time_s": (np.float64, "s"),
-}
-_EVENT_COLUMNS: dict[str, tuple[Any, str]] = {
-    "level": (8, ""),
-    "source": (32, ""),
-    "message": (_MESSAGE_BYTES, ""),
-    "time_s": (np.float64, "s"),
-}
 
 
 @dataclass(frozen=True)
@@ -74,7 +44,7 @@ class StepRecord:
 
 
 class Recorder:
-    """Appends to one run file; all methods raise `RunFileError` when the file cannot be written.
+    """Appends to one run file; all methods raise `RecordingError` when the file cannot be written.
 
     Parameters
     ----------
@@ -102,14 +72,13 @@ class Recorder:
             self._file = h5py.File(path, "x", libver="latest")
         with self._writing("creating the run file"):
             self._entry = _create_entry(self._file, header)
-            instrument = _group(self._entry, "instrument", "NXinstrument")
+            instrument = _create_group(self._entry, "instrument", schema.INSTRUMENT)
             self._cameras = {name: _CameraTable(instrument, name, info) for name, info in cameras.items()}
-            self._stage = _device_table(instrument, "stage", "NXpositioner", stage, _STAGE_COLUMNS)
-            self._load_frame = _device_table(
-                instrument, "load_frame", "NXsensor", load_frame, _LOAD_FRAME_COLUMNS
-            )
-            self._steps = _Table(_group(self._entry, "steps", "NXcollection"), _step_columns(cameras))
-            self._events = _Table(_group(self._entry, "events", "NXcollection"), _EVENT_COLUMNS)
+            self._stage = _device_table(instrument, "stage", schema.STAGE, stage)
+            self._load_frame = _device_table(instrument, "load_frame", schema.LOAD_FRAME, load_frame)
+            steps = schema.steps(cameras)
+            self._steps = _Table(_create_group(self._entry, "steps", steps), steps)
+            self._events = _Table(_create_group(self._entry, "events", schema.EVENTS), schema.EVENTS)
             # Readers that open the file from here on never see what is created later: everything exists now.
             self._file.swmr_mode = True
             self._sync()
@@ -135,8 +104,8 @@ class Recorder:
 
     def step(self, record: StepRecord) -> None:
         """Append a finished step and have the disk keep everything up to here."""
-        frames = {f"frames_{name}": first for name, (first, _) in record.frames.items()}
-        counts = {f"count_{name}": count for name, (_, count) in record.frames.items()}
+        firsts = {schema.first_row(name): first for name, (first, _) in record.frames.items()}
+        counts = {schema.row_count(name): count for name, (_, count) in record.frames.items()}
         with self._writing(f"recording {record.step}"):
             self._steps.append(
                 index=record.step.index,
@@ -146,18 +115,18 @@ class Recorder:
                 displacement_mm=record.reading.displacement_mm,
                 angle_deg=record.reading.angle_deg,
                 time_s=record.reading.time_s,
-                **frames,
+                **firsts,
                 **counts,
                 complete=1,
             )
             self._sync()
 
-    def event(self, time_s: float, level: Level, source: str, message: str) -> None:
+    def event(self, time_s: float, level: schema.Level, source: str, message: str) -> None:
         """Append what happened; a message is cut at 240 bytes."""
         with self._writing("recording an event"):
             self._events.append(level=level, source=source, message=message, time_s=time_s)
 
-    def close(self, status: RunStatus, reason: str, end: datetime) -> None:
+    def close(self, status: schema.RunStatus, reason: str, end: datetime) -> None:
         """Write how the run ended and close the file; harmless when repeated."""
         if not self._file:
             return
@@ -189,7 +158,7 @@ class Recorder:
         except (OSError, RuntimeError, ValueError) as error:
             # h5py reports a full disk as one of the first two, by the call in which it is noticed, and a
             # closed file as the last.
-            raise RunFileError(
+            raise RecordingError(
                 str(self.path),
                 f"{what} to succeed",
                 " ".join(str(error).split()),
@@ -197,9 +166,9 @@ class Recorder:
             ) from error
 
 
-def run_file_exists(path: Path) -> RunFileError:
+def run_file_exists(path: Path) -> RecordingError:
     """Return the error that says why an existing file is left alone."""
-    return RunFileError(
+    return RecordingError(
         str(path),
         "a new file",
         "one that exists",
@@ -210,15 +179,12 @@ def run_file_exists(path: Path) -> RunFileError:
 class _Table:
     """Columns that grow together by one row; the last one is flushed after all others."""
 
-    def __init__(self, group: Any, columns: Mapping[str, tuple[Any, str]]) -> None:
+    def __init__(self, group: Any, layout: schema.Group) -> None:
         self.length = 0
-        self._columns = {}
-        for name, (kind, units) in columns.items():
-            dtype = h5py.string_dtype("utf-8", kind) if isinstance(kind, int) else kind
-            column = group.create_dataset(name, shape=(0,), maxshape=(None,), dtype=dtype, chunks=(256,))
-            if not isinstance(kind, int):
-                column.attrs["units"] = units
-            self._columns[name] = column
+        self._columns = {
+            item.name: _create_dataset(group, item, shape=(0,), maxshape=(None,), chunks=(256,))
+            for item in layout.items
+        }
 
     def append(self, **values: Any) -> None:
         *columns, last = self._columns.items()
@@ -238,21 +204,18 @@ class _CameraTable:
     """Images of one camera, one chunk each, and the table that says which of them count."""
 
     def __init__(self, instrument: Any, name: str, info: CameraInfo) -> None:
-        group = _group(instrument, name, "NXdetector")
-        _identify(group, info)
-        group.attrs["bits"] = info.bits
+        group = _create_group(instrument, name, schema.DETECTOR, info)
         shape = (info.height_px, info.width_px)
         self._data = group.create_dataset(
-            "data",
+            schema.PIXELS,
             shape=(0, *shape),
             maxshape=(None, *shape),
             chunks=(1, *shape),
             dtype=np.uint8 if info.bits <= 8 else np.uint16,
             fletcher32=True,
         )
-        self._data.attrs["units"] = "1"
-        self._data.attrs["interpretation"] = "image"
-        self._table = _Table(group, _FRAME_COLUMNS)
+        self._data.attrs.update(schema.PIXELS_ATTRIBUTES)
+        self._table = _Table(group, schema.DETECTOR)
 
     def append(self, frame: Frame, step: int) -> int:
         row = self._table.length
@@ -274,9 +237,8 @@ class _CameraTable:
 
 
 def _create_entry(file: Any, header: RunHeader) -> Any:
-    file.attrs.update(default="entry", file_format="offaxis-run", file_format_version=FORMAT_VERSION)
-    entry = _group(file, "entry", "NXentry")
-    entry.attrs["simulated"] = header.simulated
+    file.attrs.update(schema.ROOT_ATTRIBUTES)
+    entry = _create_group(file, "entry", schema.ENTRY, header)
     texts = {
         "title": header.title,
         "run_id": header.run_id,
@@ -284,57 +246,49 @@ def _create_entry(file: Any, header: RunHeader) -> Any:
         "configuration": header.configuration,
         "start_time": header.start.isoformat(),
         "versions": header.versions,
+        "end_time": "",
+        "status": "running",
+        "status_reason": "",
     }
-    for name, text in texts.items():
-        _text(entry, name, text, len(text.encode()))
-    _text(entry, "end_time", "", 40)
-    _text(entry, "status", "running", 16)
-    _text(entry, "status_reason", "", _REASON_BYTES)
-    sample = _group(entry, "sample", "NXsample")
-    _text(sample, "name", header.sample.name, len(header.sample.name.encode()))
-    for name in ("thickness_mm", "width_mm", "gauge_length_mm"):
-        sample.create_dataset(name, data=getattr(header.sample, name)).attrs["units"] = "mm"
-    grid = _group(entry, "grid", "NXcollection")
-    grid.create_dataset("lines", data=(header.grid.lines_x, header.grid.lines_y)).attrs["units"] = "1"
-    grid.create_dataset("pitch_mm", data=header.grid.pitch_mm).attrs["units"] = "mm"
+    _fill(entry, schema.ENTRY, texts)
+    _fill(_create_group(entry, "sample", schema.SAMPLE), schema.SAMPLE, header.sample.model_dump())
+    grid = {"lines": (header.grid.lines_x, header.grid.lines_y), "pitch_mm": header.grid.pitch_mm}
+    _fill(_create_group(entry, "grid", schema.GRID), schema.GRID, grid)
     return entry
 
 
-def _step_columns(cameras: Mapping[str, CameraInfo]) -> dict[str, tuple[Any, str]]:
-    readings = {"load_n": "N", "displacement_mm": "mm", "angle_deg": "deg", "time_s": "s"}
-    rows = [f"{column}_{name}" for name in cameras for column in ("frames", "count")]
-    return {
-        "index": (np.int64, "1"),
-        "kind": (16, ""),
-        "target": (np.float64, "by kind: N, mm or deg"),
-        **{name: (np.float64, units) for name, units in readings.items()},
-        **dict.fromkeys(rows, (np.int64, "1")),
-        "complete": (np.uint8, "1"),
-    }
+def _device_table(instrument: Any, name: str, layout: schema.Group, info: DeviceInfo | None) -> _Table | None:
+    return None if info is None else _Table(_create_group(instrument, name, layout, info), layout)
 
 
-def _device_table(
-    instrument: Any, name: str, nx_class: str, info: DeviceInfo | None, columns: Mapping[str, tuple[Any, str]]
-) -> _Table | None:
-    if info is None:
-        return None
-    group = _group(instrument, name, nx_class)
-    _identify(group, info)
-    return _Table(group, columns)
-
-
-def _group(parent: Any, name: str, nx_class: str) -> Any:
+def _create_group(parent: Any, name: str, layout: schema.Group, described: object = None) -> Any:
+    """Create a group; what its attributes say is taken from `described` by their names."""
     group = parent.create_group(name)
-    group.attrs["NX_class"] = nx_class
+    group.attrs["NX_class"] = layout.nx_class
+    group.attrs.update({attribute: getattr(described, attribute) for attribute in layout.attributes})
     return group
 
 
-def _identify(group: Any, info: DeviceInfo) -> None:
-    group.attrs.update(vendor=info.vendor, model=info.model, serial=info.serial, firmware=info.firmware)
+def _fill(group: Any, layout: schema.Group, values: Mapping[str, Any]) -> None:
+    """Create every dataset of a group with its value."""
+    for item in layout.items:
+        value = values[item.name]
+        if isinstance(value, str):
+            text = _fit(value, item.text_bytes or len(value.encode()))
+            _create_dataset(group, item, text_bytes=len(text), data=text)
+        else:
+            _create_dataset(group, item, data=value)
 
 
-def _text(group: Any, name: str, text: str, size: int) -> None:
-    group.create_dataset(name, data=_fit(text, size), dtype=h5py.string_dtype("utf-8", max(size, 1)))
+def _create_dataset(group: Any, item: schema.Item, text_bytes: int = 0, **options: Any) -> Any:
+    """Create a dataset of the declared type; a text whose size the schema leaves open has `text_bytes`."""
+    if item.text_bytes is None:
+        dataset = group.create_dataset(item.name, dtype=item.dtype, **options)
+        dataset.attrs["units"] = item.units
+        return dataset
+    # HDF5 knows no text of no bytes.
+    dtype = h5py.string_dtype("utf-8", max(item.text_bytes or text_bytes, 1))
+    return group.create_dataset(item.name, dtype=dtype, **options)
 
 
 def _fit(text: str, size: int) -> bytes:

@@ -42,7 +42,7 @@ def run_protocol(
     ------
     ConfigurationError
         If one of the two files has mistakes; those of both are listed.
-    ProtocolError, RunFileError, DeviceError
+    ProtocolError, RecordingError, DeviceError
         If the run cannot begin. Nothing has moved then.
     """
     protocol, rig_file = read_both(protocol_path, rig_path)

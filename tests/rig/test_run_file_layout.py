@@ -1,0 +1,101 @@
+"""The recorded run file holds exactly what docs/run-file.md lists: no name, type, unit or attribute else."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from drivers.interfaces import CameraInfo, DeviceInfo, Frame, LoadFrameState, StageState
+from rig.protocol.protocol import ProtocolStep, Reading
+from rig.recorder import Recorder, StepRecord
+from tests.places import DOCS
+from tests.rig.test_recorder import HEADER, START
+
+CAMERAS = {
+    "front": CameraInfo("v", "m", "s", width_px=5, height_px=4, bits=12),
+    "side": CameraInfo("v", "m", "s", width_px=7, height_px=6, bits=8),
+}
+DEVICE = DeviceInfo("v", "m", "s")
+FRAMES, READINGS, STEPS, EVENTS = 6, 5, 3, 4
+LENGTHS = {"n": FRAMES, "m": READINGS, "k": STEPS, "e": EVENTS, "2": 2}
+
+
+@pytest.fixture
+def recorded(tmp_path) -> Path:
+    """A run with two cameras, a stage and a load frame; each kind of table has a length of its own."""
+    path = tmp_path / "run.h5"
+    recorder = Recorder(path, HEADER, CAMERAS, stage=DEVICE, load_frame=DEVICE)
+    for _ in range(READINGS):
+        recorder.stage_state(StageState(1.0, False, True, (), 2.0))
+        recorder.frame_state(LoadFrameState(1.0, 2.0, False, True, True, 1, (), 3.0))
+    for index in range(STEPS):
+        frames = {}
+        for name, camera in CAMERAS.items():
+            image = np.zeros((camera.height_px, camera.width_px), np.uint16 if camera.bits > 8 else np.uint8)
+            frame = Frame(image, 1.0, 2.0, START, 0, 0, 900.0, 1.0)
+            rows = [recorder.frame(name, replace(frame, sequence=i)) for i in range(FRAMES // STEPS)]
+            frames[name] = (rows[0], len(rows))
+        recorder.step(StepRecord(ProtocolStep(index, "load", 1.0), Reading(2.0), frames))
+    for _ in range(EVENTS):
+        recorder.event(3.0, "info", "engine", "something")
+    recorder.close("completed", "", START)
+    return path
+
+
+def documented() -> dict[str, tuple[str, set[str]]]:
+    """Type and attributes by path, as the page's table states them for the cameras of this test."""
+    rows = re.findall(r"^\| `(/.*?)` \| (.*?) \| (.*?) ?\| .*\|$", (DOCS / "run-file.md").read_text(), re.M)
+    assert len(rows) > 50
+    stated = {}
+    for path, kind, attributes in rows:
+        for camera in CAMERAS:
+            stated[path.replace("<camera>", camera)] = (kind, set(attributes.replace("`", "").split(", ")))
+    return stated
+
+
+def kind_of(item: h5py.Group | h5py.Dataset, stated: str) -> str:
+    """The type of an object, in the words of the page; of a text without stated size any is right."""
+    if isinstance(item, h5py.Group):
+        return "group"
+    if item.name.endswith("/data"):
+        camera = CAMERAS[item.name.split("/")[-2]]
+        assert item.dtype == (np.uint16 if camera.bits > 8 else np.uint8)
+        assert item.shape == (FRAMES, camera.height_px, camera.width_px)
+        assert item.chunks == (1, camera.height_px, camera.width_px)
+        assert item.fletcher32
+        return "uint8 or uint16 (n, height, width)"
+    name = item.dtype.name
+    if item.dtype.kind == "S":
+        assert h5py.check_string_dtype(item.dtype).encoding == "utf-8"
+        name = f"text of {item.dtype.itemsize} bytes" if "bytes" in stated else "text"
+    letter = re.search(r"\((.)\)$", stated)
+    if letter is None:
+        assert item.shape == ()
+        return name
+    assert item.shape == (LENGTHS[letter[1]],)
+    assert item.maxshape == ((2,) if letter[1] == "2" else (None,))
+    return f"{name} ({letter[1]})"
+
+
+def attributes_of(item: h5py.Group | h5py.Dataset, stated: set[str]) -> set[str]:
+    """The attributes of an object, with their values where the page states them."""
+    valued = {part.partition(" = ")[0] for part in stated if " = " in part}
+    found = (f"{key} = {value}" if key in valued else key for key, value in item.attrs.items())
+    return set(", ".join(found).split(", "))
+
+
+def test_a_recorded_file_holds_what_the_page_lists_and_nothing_else(recorded):
+    stated = documented()
+    found = {}
+
+    def look(path: str, item: h5py.Group | h5py.Dataset) -> None:
+        kind, attributes = stated.get(path, ("", set()))
+        found[path] = (kind_of(item, kind), attributes_of(item, attributes))
+
+    with h5py.File(recorded) as file:
+        look("/", file)
+        file.visititems(lambda name, item: look(f"/{name}", item))
+    assert found == stated
