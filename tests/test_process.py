@@ -1,7 +1,5 @@
 """From a run file to results: whole runs, killed ones, and files that are no runs."""
 
-import json
-import os
 import signal
 import subprocess
 import sys
@@ -11,7 +9,6 @@ import h5py
 import numpy as np
 import pytest
 
-from dic.cli import main
 from dic.commands.run_table import as_dict, table
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import RunFileError
@@ -21,6 +18,7 @@ from dic.pipeline.run_result_file import load_run_result, save_run_result
 from dic.results.maps import panels
 from dic.runfile.reader import RunFile
 from rig.run import run_protocol
+from tests.command_line import refusal, run_dic
 from tests.places import EXAMPLES
 
 COARSE = CorrelationSettings(step_px=40)
@@ -47,13 +45,6 @@ def result(run_file):
     return process_run(run_file, COARSE)
 
 
-def dic(monkeypatch, *arguments):
-    monkeypatch.setattr("sys.argv", ["dic", *map(str, arguments)])
-    with pytest.raises(SystemExit) as end:
-        main()
-    return end.value.code
-
-
 def test_a_result_file_gives_back_what_was_measured(result, tmp_path):
     save_run_result(result, tmp_path / "r.h5")
     again = load_run_result(tmp_path / "r.h5")
@@ -69,23 +60,22 @@ def test_a_result_file_gives_back_what_was_measured(result, tmp_path):
             np.testing.assert_array_equal(b.strain.exx, a.strain.exx)
 
 
-def test_the_command_prints_the_table_and_writes_what_it_printed(run_file, tmp_path, monkeypatch, capsys):
+def test_the_command_prints_the_table_and_writes_what_it_printed(run_file, tmp_path):
     files = {name: tmp_path / name for name in ("r.h5", "r.json", "r.html", "again.html")}
-    status = dic(
-        monkeypatch, "process", run_file, "--step", 40, "-o", files["r.h5"], "--json", files["r.json"],
+    done = run_dic(
+        "process", run_file, "--step", 40, "-o", files["r.h5"], "--json", files["r.json"],
         "--report", files["r.html"],
     )  # fmt: skip
-    assert status == 0
-    printed = capsys.readouterr().out
-    assert "SIMULATED" in printed
-    content = json.loads(files["r.json"].read_text())
+    assert done.status == 0
+    assert "SIMULATED" in done.out
+    content = done.report
     for camera in ("on_axis", "off_axis"):
         steps = content["cameras"][camera]["steps"]
         assert [round(step["angle_deg"], 1) for step in steps] == [22.5, 45.0]
         assert steps[0]["load_n"] is None
         shown = f"{1e6 * steps[1]['calibrated']['eyy']:8.0f}"
-        assert shown in printed
-    assert dic(monkeypatch, "report", files["r.h5"], "-o", files["again.html"]) == 0
+        assert shown in done.out
+    assert run_dic("report", files["r.h5"], "-o", files["again.html"]).status == 0
     assert files["again.html"].read_bytes() == files["r.html"].read_bytes()
 
 
@@ -103,7 +93,7 @@ folder = Path({str(tmp_path)!r})
 rig = Path({str(EXAMPLES)!r}) / "rig-virtual-rotation-30.toml"
 run_protocol(Path({str(short_protocol(tmp_path))!r}), rig, folder / "killed.h5", on_step=on_step)
 """
-    ended = subprocess.run([sys.executable, "-c", script], env=os.environ, check=False, timeout=300)
+    ended = subprocess.run([sys.executable, "-c", script], check=False)
     assert ended.returncode == -signal.SIGKILL
     result = process_run(tmp_path / "killed.h5", COARSE)
     assert result.info.status == "running"
@@ -218,12 +208,10 @@ def test_a_run_takes_new_references_as_it_is_told(run_file, tmp_path):
     assert [step["updates"] for step in steps] == [0, 1]
 
 
-def test_the_command_passes_on_when_to_take_a_new_reference(run_file, tmp_path, monkeypatch, capsys):
+def test_the_command_passes_on_when_to_take_a_new_reference(run_file, tmp_path):
     arguments = ("process", run_file, "--step", 40, "-o", tmp_path / "r.h5", "--incremental")
-    assert dic(monkeypatch, *arguments, "always") == 0
-    assert "over 1 new references" in capsys.readouterr().out
-    assert dic(monkeypatch, *arguments, "sometimes") == 2
-    assert "auto or never or always, got sometimes" in capsys.readouterr().err
+    assert "over 1 new references" in run_dic(*arguments, "always").out
+    assert "auto or never or always, got sometimes" in refusal(*arguments, "sometimes")
 
 
 def test_maps_show_corrected_strain_where_there_is_one_and_calibrated_else(result):

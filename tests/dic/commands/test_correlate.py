@@ -1,19 +1,18 @@
 """`dic correlate` as a person or a script uses it."""
 
 import csv
-import json
+import io
 import signal
+from pathlib import Path
 
 import cv2
 import h5py
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from dic.cli import main
-from dic.commands.correlate import correlate
-from dic.errors import CorrelationError, OutputError
 from dic.strain.strain import STRAIN_KEYS
+from tests.command_line import refusal, run_dic
+from tests.image_files import write_image
 
 P = (2.4, 0.010, 0.0, -1.3, 0.0, -0.004)
 
@@ -28,21 +27,18 @@ def folder(speckle, tmp_path_factory):
         return (x - P[0]) / (1 + P[1]), (y - P[3]) / (1 + P[5])
 
     for name, image in (("ref", pattern.draw()), ("moved", pattern.draw(back)), ("still", pattern.draw())):
-        cv2.imwrite(str(folder / f"{name}.png"), np.rint(image).astype(np.uint8))
+        write_image(folder / f"{name}.png", image)
     return folder
 
 
-def run(*arguments):
-    return CliRunner().invoke(correlate, [str(a) for a in arguments])
-
-
 def test_every_output_tells_the_same(folder, tmp_path):
-    result = run(
+    result = run_dic(
+        "correlate",
         folder / "ref.png", folder / "moved.png", "--subset", 21, "--step", 12, "-o", tmp_path / "r.h5",
         "--csv", tmp_path / "csv", "--maps", tmp_path / "maps", "--json", tmp_path / "r.json",
     )  # fmt: skip
-    assert result.exit_code == 0, result.output
-    summary = json.loads((tmp_path / "r.json").read_text())["images"][0]
+    assert result.status == 0, result
+    summary = result.report["images"][0]
     assert summary["raw"]["exx"] == pytest.approx((1.010**2 - 1) / 2, abs=50e-6)
     assert summary["raw"]["eyy"] == pytest.approx((0.996**2 - 1) / 2, abs=50e-6)
 
@@ -67,27 +63,32 @@ def test_every_output_tells_the_same(folder, tmp_path):
 def test_a_truncated_image_is_named_and_the_others_are_kept(folder, tmp_path):
     cut = tmp_path / "cut.png"
     cut.write_bytes((folder / "moved.png").read_bytes()[:-2000])
-    result = run(
-        folder / "ref.png", cut, folder / "still.png", tmp_path / "none.png", "--json", tmp_path / "r.json"
+    result = run_dic(
+        "correlate",
+        folder / "ref.png",
+        cut,
+        folder / "still.png",
+        tmp_path / "none.png",
+        "--json",
+        tmp_path / "r.json",
     )
-    assert result.exit_code == 2
-    complaints = [line for line in result.stderr.splitlines() if line]
+    assert result.status == 2
+    complaints = [line for line in result.err.splitlines() if line]
     assert len(complaints) == 2
     assert "cut.png" in complaints[0]
     assert "cut off" in complaints[0]
     assert "none.png" in complaints[1]
-    content = json.loads((tmp_path / "r.json").read_text())
+    content = result.report
     assert [image["file"] for image in content["images"]] == [str(folder / "still.png")]
     assert len(content["failures"]) == 2
 
 
 def test_an_image_of_another_size_is_refused(folder, tmp_path):
-    small = tmp_path / "small.png"
-    cv2.imwrite(str(small), np.zeros((100, 120), np.uint8))
-    result = run(folder / "ref.png", small)
-    assert result.exit_code == 2
-    assert "small.png" in result.stderr
-    assert "expected 180 x 160 px, got 120 x 100 px" in result.stderr
+    small = write_image(tmp_path / "small.png", np.zeros((100, 120)))
+    result = run_dic("correlate", folder / "ref.png", small)
+    assert result.status == 2
+    assert "small.png" in result.err
+    assert "expected 180 x 160 px, got 120 x 100 px" in result.err
 
 
 @pytest.mark.parametrize(
@@ -103,45 +104,40 @@ def test_an_image_of_another_size_is_refused(folder, tmp_path):
         (["ref.png", "moved.png", "--calibration", "ref.png"], "calibration"),
     ],
 )
-def test_bad_input_ends_with_one_sentence_and_status_2(folder, monkeypatch, capsys, arguments, sentence):
+def test_bad_input_ends_with_one_sentence_and_status_2(folder, monkeypatch, arguments, sentence):
     monkeypatch.chdir(folder)
-    cv2.imwrite("black.png", np.zeros((160, 180), np.uint8))
-    cv2.imwrite("flat.png", np.full((160, 180), 77, np.uint8))
-    monkeypatch.setattr("sys.argv", ["dic", "correlate", *arguments])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 2
-    printed = capsys.readouterr().err
-    assert sentence in printed
-    assert len(printed.strip().splitlines()) == 1
-    assert "Traceback" not in printed
+    write_image(Path("black.png"), np.zeros((160, 180)))
+    write_image(Path("flat.png"), np.full((160, 180), 77))
+    assert sentence in refusal("correlate", *arguments)
 
 
 def test_a_badly_measured_image_gives_status_1(folder, speckle, tmp_path):
     image = cv2.imread(str(folder / "moved.png"), cv2.IMREAD_GRAYSCALE)
     # Most of the surface has changed beyond recognition.
-    image[:, 70:] = np.rint(speckle(seed=99).draw()).astype(np.uint8)[:, 70:]
-    cv2.imwrite(str(tmp_path / "bad.png"), image)
-    result = run(folder / "ref.png", tmp_path / "bad.png", "--subset", 21, "--step", 8)
-    assert result.exit_code == 1, result.output
-    assert "fewer than half" in result.stderr
+    image[:, 70:] = np.rint(speckle(seed=99).draw())[:, 70:]
+    bad = write_image(tmp_path / "bad.png", image)
+    result = run_dic("correlate", folder / "ref.png", bad, "--subset", 21, "--step", 8)
+    assert result.status == 1, result
+    assert "fewer than half" in result.err
 
 
-def test_a_stopped_series_keeps_what_it_has_measured(folder, tmp_path, monkeypatch):
-    def interrupted_line(summary):
-        signal.raise_signal(signal.SIGINT)
-        return summary["file"]
+def test_a_stopped_series_keeps_what_it_has_measured(folder, tmp_path):
+    class InterruptingReader(io.StringIO):
+        def write(self, text):
+            if "moved.png" in text:
+                signal.raise_signal(signal.SIGINT)
+            return super().write(text)
 
-    monkeypatch.setattr("dic.commands.correlate._line", interrupted_line)
-    result = run(
+    result = run_dic(
+        "correlate",
         folder / "ref.png", folder / "moved.png", folder / "still.png", "--subset", 21, "--step", 20,
-        "-o", tmp_path / "r.h5", "--json", tmp_path / "r.json",
+        "-o", tmp_path / "r.h5", "--json", tmp_path / "r.json", out=InterruptingReader(),
     )  # fmt: skip
-    assert result.exit_code == 2, result.output
-    assert "1 of 2 images not measured" in result.stderr
+    assert result.status == 2, result
+    assert "1 of 2 images not measured" in result.err
     with h5py.File(tmp_path / "r.h5") as file:
         assert [label.rsplit("/")[-1] for label in file["series/label"].asstr()] == ["moved.png"]
-    content = json.loads((tmp_path / "r.json").read_text())
+    content = result.report
     assert [len(content[key]) for key in ("images", "failures")] == [1, 1]
 
 
@@ -151,30 +147,39 @@ def test_an_image_is_never_overwritten_by_results(folder, tmp_path, monkeypatch,
     for name in ("ref.png", "still.png"):
         (tmp_path / name).write_bytes(content)
     monkeypatch.chdir(tmp_path)
-    result = run("ref.png", "still.png", option, "." if option == "--maps" else "still.png")
-    assert isinstance(result.exception, OutputError)
+    place = "." if option == "--maps" else "still.png"
+    assert "one that is read" in refusal("correlate", "ref.png", "still.png", option, place)
     assert (tmp_path / "still.png").read_bytes() == content
 
 
 def test_an_image_given_twice_gives_a_table_each(folder, tmp_path):
     still = folder / "still.png"
-    assert run(folder / "ref.png", still, still, "--step", 40, "--csv", tmp_path).exit_code == 0
+    assert run_dic("correlate", folder / "ref.png", still, still, "--step", 40, "--csv", tmp_path).status == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["0001_still.csv", "0002_still.csv"]
 
 
 def test_too_few_points_for_a_strain_are_called_that(folder):
-    result = run(folder / "ref.png", folder / "still.png", "--step", 1000)
-    assert result.exit_code == 1
-    assert "too few for a mean strain" in result.stderr
+    result = run_dic("correlate", folder / "ref.png", folder / "still.png", "--step", 1000)
+    assert result.status == 1
+    assert "too few for a mean strain" in result.err
 
 
 class TestRegionsAndMotion:
     def converged(self, folder, tmp_path, *options):
         table = tmp_path / "csv"
-        result = run(
-            folder / "ref.png", folder / "moved.png", "--subset", 21, "--step", 6, "--csv", table, *options
+        result = run_dic(
+            "correlate",
+            folder / "ref.png",
+            folder / "moved.png",
+            "--subset",
+            21,
+            "--step",
+            6,
+            "--csv",
+            table,
+            *options,
         )
-        assert result.exit_code == 0, result.output
+        assert result.status == 0, result
         with (table / "moved.csv").open() as file:
             rows = [row for row in csv.DictReader(file) if row["status"] == "converged"]
         return np.array([[float(row["x_px"]), float(row["y_px"])] for row in rows])
@@ -191,23 +196,22 @@ class TestRegionsAndMotion:
         assert not in_hole.any()
 
     def test_mask_and_polygon_together_mean_what_lies_in_both(self, folder, tmp_path):
-        mask = np.zeros((160, 180), np.uint8)
+        mask = np.zeros((160, 180))
         mask[:, 80:] = 255
-        cv2.imwrite(str(tmp_path / "mask.png"), mask)
-        outer = "40,30 140,30 140,130 40,130"
-        at = self.converged(folder, tmp_path, "--polygon", outer, "--roi", tmp_path / "mask.png")
+        roi = write_image(tmp_path / "mask.png", mask)
+        at = self.converged(folder, tmp_path, "--polygon", "40,30 140,30 140,130 40,130", "--roi", roi)
         assert at[:, 0].min() >= 80
         assert at[:, 0].max() < 140
 
     def test_a_given_motion_is_used_as_a_hint(self, speckle, turn, tmp_path):
         pattern, centre = speckle(seed=22, shape=(200, 200)), (99.5, 99.5)
-        for name, angle in (("still", 0.0), ("turned", 100.0)):
-            picture = np.rint(pattern.draw(turn(angle, centre))).astype(np.uint8)
-            cv2.imwrite(str(tmp_path / f"{name}.png"), picture)
-        files, report = (tmp_path / "still.png", tmp_path / "turned.png"), tmp_path / "r.json"
-        result = run(*files, "--subset", 21, "--hint", "98", "--json", report)
-        assert result.exit_code == 0, result.output
-        image = json.loads(report.read_text())["images"][0]
+        files = [
+            write_image(tmp_path / f"{angle}.png", pattern.draw(turn(angle, centre))) for angle in (0, 100)
+        ]
+        options = ["--subset", 21, "--hint", "98", "--json", tmp_path / "r.json"]
+        result = run_dic("correlate", *files, *options)
+        assert result.status == 0, result
+        image = result.report["images"][0]
         assert image["start"] == "hint"
         assert image["raw"]["rotation_deg"] == pytest.approx(100.0, abs=0.01)
 
@@ -224,6 +228,4 @@ class TestRegionsAndMotion:
         ],
     )
     def test_what_makes_no_sense_is_refused(self, folder, option, value, sentence):
-        result = run(folder / "ref.png", folder / "moved.png", option, value)
-        assert isinstance(result.exception, CorrelationError)
-        assert sentence in str(result.exception)
+        assert sentence in refusal("correlate", folder / "ref.png", folder / "moved.png", option, value)

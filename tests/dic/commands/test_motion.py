@@ -2,30 +2,23 @@
 
 import json
 
-import cv2
+import h5py
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from dic.cli import dic
-from dic.errors import MeasurementError
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
 from simulators.scene.render import render
 from simulators.scene.scene import Misalignment, Surface
 from simulators.scene.sensor import Sensor
 from simulators.scene.texture import LineGrid, Speckle
+from tests.command_line import refusal, run_dic
+from tests.image_files import write_image
 
 MICRO = 1e6
 SENSOR = Sensor(8, 32_500.0, 20.0, 12_000.0)
 # One grey level of noise; the camera stands 30° aside and sees 5 mm of speckle on 420 px.
 SIDE_PX, FOCAL_PX = 420, 2000.0
-
-
-def run(*arguments):
-    result = CliRunner().invoke(dic, [str(argument) for argument in arguments])
-    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
-    return result
 
 
 class Studio:
@@ -38,14 +31,12 @@ class Studio:
         # A finer grid than the paper's, as the view is smaller.
         grid = self.shoot("grid.png", Surface(LineGrid(pitch_mm=0.35, overhang_mm=0.05, plate_half_mm=4.2)))
         self.calibration = folder / "cal.h5"
-        done = run("calibrate", grid, "--pitch-mm", 0.35, "-o", self.calibration)
-        assert done.exit_code == 0, done.output
+        done = run_dic("calibrate", grid, "--pitch-mm", 0.35, "-o", self.calibration)
+        assert done.status == 0, done
 
     def shoot(self, name, surface):
-        path = self.folder / name
         image = SENSOR.expose(render(self.camera, surface), 10_000.0, 1.0, self.rng)
-        assert cv2.imwrite(str(path), image)
-        return path
+        return write_image(self.folder / name, image)
 
     def specimen(self, name, pose, F=None):
         return self.shoot(name, Surface(self.speckle, pose, np.eye(2) if F is None else F))
@@ -53,8 +44,9 @@ class Studio:
     def correlate(self, reference, deformed, *options):
         report = self.folder / "report.json"
         files = [reference, *deformed, "--calibration", self.calibration, "--json", report]
-        done = run("correlate", *files, "--subset", 31, "--step", 12, "--shape", "quadratic", *options)
-        return done, json.loads(report.read_text()) if done.exit_code == 0 else None
+        done = run_dic("correlate", *files, "--subset", 31, "--step", 12, "--shape", "quadratic", *options)
+        assert done.status == 0, done
+        return done.out, done.report
 
 
 @pytest.fixture(scope="module")
@@ -81,10 +73,9 @@ def means(image, kind):
 def test_rigid_motion_loses_its_false_strain_and_tells_the_misalignment(turned, tmp_path):
     studio, reference, images = turned
     kept, results = tmp_path / "alignment.json", tmp_path / "results.h5"
-    done, report = studio.correlate(
+    printed, report = studio.correlate(
         reference, images, "--motion", "rigid", "--save-alignment", kept, "-o", results
     )
-    assert done.exit_code == 0, done.output
     false = np.array([means(image, "calibrated") for image in report["images"]])
     left = np.array([means(image, "corrected") for image in report["images"]])
     assert np.abs(false).max() > 3500
@@ -93,15 +84,12 @@ def test_rigid_motion_loses_its_false_strain_and_tells_the_misalignment(turned, 
     assert report["alignment"]["wobble_x_deg"] == pytest.approx(0.2, abs=0.005)
     assert report["alignment"]["wobble_y_deg"] == pytest.approx(0.0, abs=0.005)
     assert report["sensitivity"]["off_axis_deg"] == pytest.approx(30.0, abs=0.05)
-    assert "corrected exx" in done.output
-
-    import h5py
-
+    assert "corrected exx" in printed
     with h5py.File(results) as file:
         stored = MICRO * file["series/corrected_mean/exx"][:]
         np.testing.assert_allclose(stored, left[:, 0], atol=1e-6)
     # The same alignment serves a single image, which alone would not tell it.
-    done, report = studio.correlate(reference, images[2:3], "--motion", "rigid", "--alignment", kept)
+    printed, report = studio.correlate(reference, images[2:3], "--motion", "rigid", "--alignment", kept)
     assert report["images"][0]["corrected"]["method"] == "alignment"
     assert np.abs(means(report["images"][0], "corrected")).max() < 40
 
@@ -116,12 +104,12 @@ def test_figures_are_kept_although_there_is_no_alignment_to_save(turned, tmp_pat
 
 def test_one_image_of_a_rotation_is_left_alone(turned):
     studio, reference, images = turned
-    done, report = studio.correlate(reference, images[:1], "--motion", "rigid")
+    printed, report = studio.correlate(reference, images[:1], "--motion", "rigid")
     corrected = report["images"][0]["corrected"]
     assert not corrected["applied"]
     assert "at least 2 images" in corrected["reason"]
     assert corrected["exx"] == report["images"][0]["calibrated"]["exx"]
-    assert "not corrected" in done.output
+    assert "not corrected" in printed
 
 
 def test_tension_loses_the_tilt_and_keeps_the_strain(pulled):
@@ -143,14 +131,6 @@ def test_free_motion_is_not_corrected(pulled):
     corrected = report["images"][0]["corrected"]
     assert not corrected["applied"]
     assert corrected["eyy"] == report["images"][0]["calibrated"]["eyy"]
-
-
-def refusal(*arguments):
-    with pytest.raises(MeasurementError) as error:
-        CliRunner().invoke(
-            dic, [str(argument) for argument in arguments], catch_exceptions=False, standalone_mode=False
-        )
-    return str(error.value)
 
 
 def test_settings_that_make_no_sense_are_refused(pulled, tmp_path):

@@ -1,16 +1,12 @@
 """Strain as `dic correlate` is asked for it, and its deviations as the files state them."""
 
-import json
-
-import cv2
 import h5py
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from dic.commands.correlate import correlate
-from dic.errors import CorrelationError
 from dic.strain.strain import STRAIN_KEYS
+from tests.command_line import refusal, run_dic
+from tests.image_files import write_image
 
 
 @pytest.fixture(scope="module")
@@ -22,13 +18,12 @@ def folder(speckle, tmp_path_factory):
         ("ref", pattern.draw(noise_seed=1)),
         ("moved", pattern.draw(lambda x, y: (x / 1.02, y), noise_seed=2)),
     ):
-        cv2.imwrite(str(folder / f"{name}.png"), np.rint(image).astype(np.uint8))
+        write_image(folder / f"{name}.png", image)
     return folder
 
 
-def run(folder, *arguments):
-    pictures = [str(folder / "ref.png"), str(folder / "moved.png")]
-    return CliRunner().invoke(correlate, [*pictures, "--subset", "21", "--step", "10", *map(str, arguments)])
+def command(folder, *options):
+    return ["correlate", folder / "ref.png", folder / "moved.png", "--subset", 21, "--step", 10, *options]
 
 
 @pytest.mark.parametrize(
@@ -39,10 +34,11 @@ def test_the_strain_that_was_asked_for_comes_with_its_deviation_and_gauge(
     folder, tmp_path, measure, exx, source, gauge_px
 ):
     options = ["--strain", measure, "--strain-from", source, "--strain-window", 3]
-    result = run(folder, *options, "--json", tmp_path / "r.json", "-o", tmp_path / "r.h5")
-    assert result.exit_code == 0, result.output
-    assert f"virtual strain gauge {gauge_px} px" in result.output
-    summary = json.loads((tmp_path / "r.json").read_text())["images"][0]
+    outputs = ["--json", tmp_path / "r.json", "-o", tmp_path / "r.h5"]
+    result = run_dic(*command(folder, *options, *outputs))
+    assert result.status == 0, result
+    assert f"virtual strain gauge {gauge_px} px" in result.out
+    summary = result.report["images"][0]
     assert summary["strain"] == {
         "measure": measure, "window_points": 3, "source": source, "gauge_px": gauge_px, "gauge_mm": None,
     }  # fmt: skip
@@ -72,6 +68,4 @@ def test_the_strain_that_was_asked_for_comes_with_its_deviation_and_gauge(
     ],
 )
 def test_a_strain_that_does_not_exist_is_refused_with_what_does(folder, option, value, words):
-    result = run(folder, option, value)
-    assert isinstance(result.exception, CorrelationError)
-    assert words in str(result.exception)
+    assert words in refusal(*command(folder, option, value))

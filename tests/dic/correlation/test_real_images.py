@@ -1,19 +1,15 @@
 """Other laboratories' images: a hole in a plate, a necking specimen, a turn by 170 degrees."""
 
-import json
-
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from dic.commands.correlate import correlate
+from tests.command_line import run_dic
 
 
 def run(tmp_path, *arguments):
-    report = tmp_path / "report.json"
-    result = CliRunner().invoke(correlate, [*map(str, arguments), "--json", str(report)])
-    assert result.exit_code == 0, result.output
-    return json.loads(report.read_text())["images"]
+    result = run_dic("correlate", *arguments, "--json", tmp_path / "report.json")
+    assert result.status == 0, result
+    return result.report["images"]
 
 
 def check_converged(images, share):

@@ -1,18 +1,13 @@
 """Quality of pictures whose speckles, noise, blur and clipping are known in closed form."""
 
-import json
-
-import cv2
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from scipy.ndimage import gaussian_filter, uniform_filter
 from scipy.special import erf
 
-from dic.cli import dic
 from dic.correlation.correlator import Correlator
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import CorrelationError, MeasurementError
+from dic.errors import CorrelationError
 from dic.image.spline import spline_image
 from dic.quality.findings import findings
 from dic.quality.noise import noise_of_one, noise_of_two
@@ -250,49 +245,3 @@ class TestRefusals:
     def test_of_an_impossible_resolution(self, wanted_px):
         with pytest.raises(CorrelationError, match="wanted resolution"):
             assess_quality(blobs(2.0), None, SMALL, wanted_px=wanted_px)
-
-
-@pytest.fixture(scope="module")
-def folder(speckle, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("quality")
-    pattern = speckle(seed=3, noise=1.0)
-    mask = np.zeros(pattern.shape, np.uint8)
-    mask[20:140, 20:160] = 255
-    pictures = {"good": pattern.draw(noise_seed=1), "again": pattern.draw(noise_seed=2), "mask": mask}
-    pictures["dull"] = 100 + 0.1 * pictures["good"]
-    for name, picture in pictures.items():
-        cv2.imwrite(str(folder / f"{name}.png"), np.rint(picture).astype(np.uint8))
-    return folder
-
-
-class TestCommand:
-    def test_a_good_image_ends_with_0_and_tells_programs_what_it_tells_people(self, folder, tmp_path):
-        pictures = [folder / "good.png", "--second", folder / "again.png", "--roi", folder / "mask.png"]
-        outputs = ["--json", tmp_path / "q.json", "--plot", tmp_path / "q.png"]
-        arguments = ["quality", *pictures, "--subset", 25, *outputs]
-        result = CliRunner().invoke(dic, [str(a) for a in arguments])
-        assert result.exit_code == 0, result.output
-        content = json.loads((tmp_path / "q.json").read_text())
-        assert content["good"]
-        assert content["noise"] == pytest.approx(np.sqrt(1 + 1 / 12), rel=0.05)
-        assert f"{content['floor_px']:.4f} px at 95 %" in result.output
-        assert f"a subset of {content['recommended_subset_px']} px" in result.output
-        assert cv2.imread(str(tmp_path / "q.png")).shape == (800, 1400, 3)
-
-    def test_a_bad_image_ends_with_1_and_says_why(self, folder, tmp_path):
-        result = CliRunner().invoke(
-            dic, ["quality", str(folder / "dull.png"), "--subset", "21", "--json", str(tmp_path / "q.json")]
-        )
-        assert result.exit_code == 1
-        assert "contrast" in result.stderr
-        content = json.loads((tmp_path / "q.json").read_text())
-        assert content["findings"]
-        assert not content["good"]
-
-    @pytest.mark.parametrize(
-        "arguments", [["none.png"], ["good.png", "--subset", "20"], ["good.png", "--wanted-px", "0"],
-                      ["good.png", "--shape", "cubic"]],
-    )  # fmt: skip
-    def test_what_cannot_be_judged_is_refused(self, folder, arguments):
-        result = CliRunner().invoke(dic, ["quality", str(folder / arguments[0]), *arguments[1:]])
-        assert isinstance(result.exception, MeasurementError)

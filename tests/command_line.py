@@ -1,0 +1,103 @@
+"""Our commands as a person runs them, in this process or as programs of their own."""
+
+import io
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TextIO
+from unittest.mock import patch
+
+import pytest
+
+import dic.cli
+import rig.cli
+
+RIG = [sys.executable, "-c", "from rig.cli import main; main()"]
+DEADLINE_S = 100.0
+"""When a program is given up that does not end, below the limit of a test."""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a command ended: its status, and what it printed on both streams."""
+
+    arguments: list[str]
+    status: int
+    out: str
+    err: str
+
+    @property
+    def report(self) -> Any:
+        """What it wrote to the file that `--json` names."""
+        return json.loads(Path(self.arguments[self.arguments.index("--json") + 1]).read_text())
+
+
+def run_dic(*arguments: object, out: TextIO | None = None) -> Ended:
+    """Run `dic` in this process; what it prints goes to `out` if one is given."""
+    return _run(dic.cli.main, ["dic", *map(str, arguments)], out)
+
+
+def refusal(*arguments: object) -> str:
+    """Run `dic`, which must end with status 2 and one sentence; return that sentence."""
+    done = run_dic(*arguments)
+    # click puts two lines about the usage before its own sentences
+    said = [line for line in done.err.splitlines() if line and not line.startswith(("Usage: ", "Try "))]
+    assert (done.status, len(said)) == (2, 1), done
+    assert said[0].lower().startswith("error: ")
+    return said[0]
+
+
+def run_rig(*arguments: object, out: TextIO | None = None) -> Ended:
+    """Run `rig` in the same way."""
+    return _run(rig.cli.main, ["rig", *map(str, arguments)], out)
+
+
+def _run(main: Callable[[], None], arguments: list[str], out: TextIO | None) -> Ended:
+    printed, complaints = io.StringIO(), io.StringIO()
+    with (
+        patch.object(sys, "argv", arguments),
+        redirect_stdout(out or printed),
+        redirect_stderr(complaints),
+        pytest.raises(SystemExit) as ended,
+    ):
+        main()
+    return Ended(arguments, int(ended.value.code or 0), printed.getvalue(), complaints.getvalue())
+
+
+class Program:
+    """`rig` in a process of its own."""
+
+    def __init__(self, *arguments: object, command: list[str] = RIG) -> None:
+        self.process = subprocess.Popen(
+            [*command, *map(str, arguments)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            bufsize=1,
+        )
+
+    def wait_for(self, beginning: str) -> list[str]:
+        """Read what it prints up to a line that begins so."""
+        assert self.process.stdout is not None
+        assert self.process.stderr is not None
+        lines = []
+        for line in self.process.stdout:
+            lines.append(line.strip())
+            if line.startswith(beginning):
+                return lines
+        raise AssertionError(f"{lines}, {self.process.stderr.read()}")
+
+    def type(self, line: str) -> None:
+        """Type a line into it."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(f"{line}\n")
+
+    def end(self, typed: str = "") -> tuple[int, str]:
+        """Wait for its end, close its streams; return its status and what it complained of."""
+        _, complaints = self.process.communicate(typed, timeout=DEADLINE_S)
+        return self.process.returncode, complaints

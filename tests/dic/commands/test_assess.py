@@ -1,0 +1,27 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.command_line import run_dic
+
+
+def test_assess_prints_the_paper_s_numbers_and_where_its_claim_fails(tmp_path: Path) -> None:
+    done = run_dic("assess", "-o", tmp_path / "out", "--json", tmp_path / "assess.json")
+    assert done.status == 0
+    printed = done.out
+    rows = done.report["rows"]
+    base = next(r for r in rows if (r["sweep"], r["value"], r["grid"]) == ("pan", 30, "base"))
+    assert base["maximum_px"] == pytest.approx(1.49e-2, abs=0.005e-2)
+    assert base["figure"] == 2
+    assert printed.count("does not hold") == 3
+    assert "holds throughout" in printed
+    models = done.report["models"]
+    # exact points of a pinhole leave nothing to a pinhole; noise leaves it 12 of its 882 degrees of freedom
+    assert all(row["exact_px"]["pinhole"] < 1e-6 for row in models)
+    assert all(row["noisy_px"]["pinhole"] < 0.01 * np.sqrt(2 * 12 / 882) * 1.3 for row in models)
+    assert models[-1]["exact_px"]["bicubic"] > 0.02
+    assert f"{models[-1]['noisy_px']['bicubic']:.2e}" in printed
+    figures = [f"figure_{number:02d}.png" for number in range(2, 15)]
+    assert sorted(path.name for path in (tmp_path / "out").glob("*.png")) == [*figures, "overview.png"]
+    assert len((tmp_path / "out" / "assessment.csv").read_text().splitlines()) == len(rows) + 1
