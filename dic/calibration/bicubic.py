@@ -12,21 +12,22 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class BicubicMap:
-    """Image px to grid mm, ``X = Σ a_ij ξ^i η^j`` and ``Y = Σ b_ij ξ^i η^j`` with i, j = 0 … 3.
+    """The map from image px to grid mm: ``X = Σ a_ij ξ^i η^j``, ``Y = Σ b_ij ξ^i η^j``, i, j = 0 … 3.
 
-    ξ and η are the pixel coordinates centred and scaled to about ±1. That changes the coefficients but not
-    the surface, and keeps the least squares well conditioned (raw pixels to the sixth power would not be).
+    ξ and η are the pixel coordinates, centred and scaled to about ±1. Scaling changes the coefficients but
+    not the surface. Without it the least-squares problem would be badly conditioned.
 
     Attributes
     ----------
     coefficients : ndarray, shape (4, 4, 2)
-        mm; first index i (power of ξ), second j (power of η), last X or Y.
+        mm; the first index is i (power of ξ), the second j (power of η), the last X or Y.
     centre_px : ndarray, shape (2,)
         Pixel at ξ = η = 0.
     scale_px : float
         Pixels per unit of ξ and η.
     coefficient_errors : ndarray, shape (16, 2, q)
-        mm; times independent errors of unit variance, the coefficients' errors; q = 0 if nothing is known.
+        mm; the product with q independent errors of unit variance is the errors of the coefficients. q = 0
+        if the errors are not known.
 
     References
     ----------
@@ -50,7 +51,7 @@ class BicubicMap:
         Raises
         ------
         CalibrationError
-            If the points do not determine sixteen parameters: fewer than 16, or on fewer than four lines.
+            If there are fewer than 16 points, or if they lie on fewer than four lines in one direction.
         """
         if len(points_px) < 16:
             raise _undetermined(f"{len(points_px)} points")
@@ -89,10 +90,9 @@ class BicubicMap:
         return np.stack([by_x, by_y], axis=-1)
 
     def error_factors(self, px: Float) -> NDArray[np.float64]:
-        """Return F, shape (n, 2, q), mm: errors of mapped points (n, 2) have the covariance F Fᵀ.
+        """Return F, shape (n, 2, q), mm: the errors of mapped points (n, 2) have the covariance F Fᵀ.
 
-        They come from the scatter of the points that the map was fitted to; what the surfaces cannot follow
-        counts as scatter.
+        F follows from the residuals of the fit. A systematic misfit of the surfaces counts as scatter, too.
         """
         design = _monomials(self._normalised(px))
         return np.asarray(np.einsum("nk,kcq->ncq", design, self.coefficient_errors))
@@ -100,12 +100,12 @@ class BicubicMap:
     def _coefficient_errors(
         self, design: NDArray[np.float64], points_px: Float, points_mm: Float
     ) -> NDArray[np.float64]:
-        """Return how errors of the points in the image, as large as what the fit leaves, move the fit."""
+        """Return `coefficient_errors` for errors of the image points that are as large as the residuals."""
         jacobian = self.jacobian(points_px)
-        left_mm = self.map(points_px) - points_mm
-        left_px = np.linalg.solve(jacobian, left_mm[:, :, None])
-        surplus = left_px.size - 32
-        noise_px = np.sqrt((left_px**2).sum() / surplus) if surplus else np.nan
+        residual_mm = self.map(points_px) - points_mm
+        residual_px = np.linalg.solve(jacobian, residual_mm[:, :, None])
+        freedom = residual_px.size - 32
+        noise_px = np.sqrt((residual_px**2).sum() / freedom) if freedom else np.nan
         # design = Q·R: errors e of the points in mm move the coefficients by R⁻¹·Qᵀ·e
         q, r = np.linalg.qr(design)
         along = np.einsum("nka,nla->nkl", jacobian, jacobian)
@@ -133,5 +133,5 @@ def _undetermined(got: str) -> CalibrationError:
         "fit sixteen parameters",
         "at least 4 × 4 grid points in general position",
         got,
-        "use a grid with more lines in view",
+        "use a grid with at least four lines in view in each direction",
     )

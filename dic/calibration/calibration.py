@@ -1,4 +1,4 @@
-"""A camera's calibration: image px to grid mm, valid within the grid it was made with."""
+"""A camera's calibration: maps from image px to grid mm, valid within the area of the grid points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.calibration.bicubic import BicubicMap
-from dic.calibration.cross_validation import missed_by
+from dic.calibration.cross_validation import cross_validation_rms
 from dic.calibration.pinhole.camera import Pinhole
 from dic.calibration.pinhole.fit import fit_pinholes
 from dic.calibration.pinhole.prior import Known
@@ -26,29 +26,30 @@ _NEGLIGIBLE_PX = 1e-4
 
 @dataclass(frozen=True)
 class Calibration:
-    """Two calibrations of one camera, of which `model` says the one that is used.
+    """A bicubic map and a pinhole model of one camera; `model` names the one in use.
 
     Attributes
     ----------
     bicubic : BicubicMap
-        The paper's: image px to grid mm.
+        The paper's map from image px to grid mm.
     grid : GridPoints
-        The intersections it was fitted to.
+        The grid points of the first image, to which the bicubic map was fitted.
     image_shape : tuple of int
         Height and width of the grid image, px.
     source : str
-        The grid image's file, or the camera and run it came from.
+        The grid image's file, or the camera and the run that it came from.
     pinhole : Pinhole or None
-        The camera as geometry describes it.
+        The pinhole model; None if it could not be fitted.
     pinhole_problem : str
-        Why there is no `pinhole`.
+        The reason why `pinhole` is None.
     bicubic_cross_validation_px : float
-        Root mean square distance by which the bicubic map misses points left out of its fit; NaN if the grid
-        is too small to leave any out. The pinhole's is its own `cross_validation_px`.
+        Root mean square distance of left-out points from their prediction by the bicubic map; NaN if the grid
+        is too small for cross-validation. For the pinhole model see `Pinhole.cross_validation_px`.
     images : int
-        How many images of the grid there were. The first defines the plane; the others serve the pinhole.
+        Number of grid images. The first one defines the plane; the others serve only the pinhole model.
     model : str
-        "bicubic" or "pinhole": what `map`, `jacobian`, residuals and scale are those of.
+        The model in use, "bicubic" or "pinhole". `map`, `jacobian`, residuals and scale are those of this
+        model.
     """
 
     bicubic: BicubicMap
@@ -75,11 +76,14 @@ class Calibration:
         Parameters
         ----------
         grid : GridPoints or sequence of GridPoints
-            The first image's define the plane; more images, with the grid tilted, help the pinhole model.
+            The points of the first image define the plane. More images, with the grid tilted, improve the
+            pinhole model.
         image_shape : tuple of int
+            Height and width of the images, px.
         source : str
+            See `Calibration.source`.
         known : Known, optional
-            What is known of the camera, for the pinhole model.
+            Prior knowledge of the camera, for the pinhole model.
 
         Raises
         ------
@@ -111,24 +115,24 @@ class Calibration:
         Raises
         ------
         CalibrationError
-            If there is no such model.
+            If the pinhole model could not be fitted.
         """
         if model == "pinhole" and self.pinhole is None:
             raise CalibrationError(
                 self.source or "calibration",
                 "use the pinhole model",
-                "a camera that could be fitted",
-                self.pinhole_problem,
-                "use the bicubic map, or calibrate anew",
+                "a fitted pinhole model",
+                f"none, because {self.pinhole_problem}",
+                "use --model bicubic, or calibrate again with more lines or more images of the grid",
             )
         return replace(self, model=model)
 
     @property
     def recommended(self) -> Model:
-        """The model that predicts left-out points better; the paper's where the difference is not clear."""
+        """The model with the better cross-validation; the bicubic map if the difference is not clear."""
         if self.pinhole is None:
             return "bicubic"
-        # what could not be tested is worse than anything that was
+        # a map that could not be cross-validated is never recommended
         bicubic_px = np.nan_to_num(self.bicubic_cross_validation_px, nan=np.inf)
         limit_px = _CLEARLY_BETTER * bicubic_px - _NEGLIGIBLE_PX
         return "pinhole" if self.pinhole.cross_validation_px < limit_px else "bicubic"
@@ -161,17 +165,17 @@ class Calibration:
     def error_factors(self, px: Float) -> NDArray[np.float64]:
         """Return F, shape (n, 2, q), mm: the map's errors at image points (n, 2) have the covariance F Fᵀ.
 
-        They come from the scatter of the grid points in the image. The same column belongs to the same error
-        at all points, so that errors of differences are those of the differences of F.
+        F follows from the scatter of the grid points in the image. Each column belongs to one error that acts
+        at all points. So the factors of the difference of two points are the difference of their factors.
         """
         return self._in_use.error_factors(px)
 
     def inside(self, px: Float) -> NDArray[np.bool_]:
         """Tell which image points (n, 2) lie within the calibrated area; NaN is outside.
 
-        The area is the polygon of the outermost grid points, whichever model is in use. Outside it the
-        bicubic map "quickly deviates from the desired values" (Helm and Deaner), and no point tests the
-        pinhole model, so such points are flagged wherever they occur.
+        The area is the polygon of the outermost grid points, for both models. Outside it the bicubic map
+        "quickly deviates from the desired values" (Helm and Deaner), and no grid point tests the pinhole
+        model. So points outside are flagged wherever they occur.
         """
         points = np.asarray(px, np.float64).reshape(-1, 2)
         outline = self.outline_px
@@ -186,12 +190,12 @@ class Calibration:
 
     @cached_property
     def outline_px(self) -> Float:
-        """The calibrated area's corners in the image, in order, shape (m, 2), px."""
+        """Corners of the polygon around the calibrated area, in order, shape (m, 2), px."""
         return self.grid.outline_px()
 
     @cached_property
     def residuals(self) -> dict[Model, Residuals]:
-        """What each model leaves of the grid points."""
+        """The residuals of each model at the grid points."""
         residuals: dict[Model, Residuals] = {"bicubic": Residuals.of(self.bicubic, self.grid)}
         if self.pinhole is not None:
             residuals["pinhole"] = Residuals.of(self.pinhole, self.grid)
@@ -199,12 +203,12 @@ class Calibration:
 
     @property
     def residual_mm(self) -> Float:
-        """Mapped minus true position of every grid point by the model in use, shape (n, 2), mm."""
+        """Mapped minus true position of every grid point, for the model in use, shape (n, 2), mm."""
         return self.residuals[self.model].mm
 
     @property
     def residual_px(self) -> Float:
-        """The same residual as it appears in the image, shape (n, 2), px."""
+        """The same residuals in the image, shape (n, 2), px."""
         return self.residuals[self.model].px
 
     @property
@@ -229,7 +233,7 @@ class Calibration:
 
     @property
     def mm_per_px(self) -> float:
-        """Scale at the middle of the grid: the square root of the area that one pixel sees."""
+        """Scale at the middle of the grid: the square root of the area on the grid that one pixel covers."""
         middle = self.grid.uv_px.mean(axis=0, keepdims=True)
         return float(np.sqrt(abs(np.linalg.det(self.jacobian(middle)[0]))))
 
@@ -241,13 +245,13 @@ class Calibration:
 
 
 def _bicubic_cross_validation_px(grid: GridPoints) -> float:
-    def misses(left_out: NDArray[np.bool_]) -> Float:
+    def prediction_errors(left_out: NDArray[np.bool_]) -> Float:
         kept = BicubicMap.fit(grid.uv_px[~left_out], grid.xy_mm[~left_out])
         at = grid.uv_px[left_out]
         off_mm = kept.map(at) - grid.xy_mm[left_out]
         return np.asarray(np.linalg.solve(kept.jacobian(at), off_mm[:, :, None])[:, :, 0], np.float64)
 
     try:
-        return missed_by(grid, misses)
+        return cross_validation_rms(grid, prediction_errors)
     except CalibrationError:
         return float("nan")

@@ -1,4 +1,4 @@
-"""Cross-validation on a grid: how well a map predicts points that it was not fitted to."""
+"""Cross-validation on a grid: how well a map predicts points that were left out of its fit."""
 
 from collections.abc import Callable, Iterator
 
@@ -13,10 +13,10 @@ FOLDS = 5
 
 
 def folds(grid: GridPoints) -> Iterator[NDArray[np.bool_]]:
-    """Yield which points (n,) to leave out, a fifth at a time: every fifth of each line, staggered.
+    """Yield boolean arrays (n,) that are True for the points to leave out, a fifth of all points at a time.
 
-    Each point is left out once, and no line loses neighbours, so that every part of the grid is predicted
-    from points close by, and its edges from within.
+    Each array leaves out every fifth point of each line, staggered from line to line. Each point is left out
+    once. Neighbours on a line are never left out together, so every prediction has points close by.
     """
     fold = (grid.index[:, 0] + 2 * grid.index[:, 1]) % FOLDS
     for number in range(FOLDS):
@@ -25,14 +25,15 @@ def folds(grid: GridPoints) -> Iterator[NDArray[np.bool_]]:
             yield left_out
 
 
-def missed_by(grid: GridPoints, misses: Callable[[NDArray[np.bool_]], Float]) -> float:
-    """Return the root mean square length of the misses of all points, each while it was left out.
+def cross_validation_rms(grid: GridPoints, prediction_errors: Callable[[NDArray[np.bool_]], Float]) -> float:
+    """Return the root mean square length of the prediction errors of all points.
 
     Parameters
     ----------
     grid : GridPoints
-    misses : callable
-        Takes which points (n,) to leave out; returns by how much these are missed, shape (left out, 2).
+    prediction_errors : callable
+        Takes a boolean array (n,), fits without the points that are True there, and returns the prediction
+        errors of these points, shape (left out, 2).
     """
-    squares = np.concatenate([(misses(left_out) ** 2).sum(axis=1) for left_out in folds(grid)])
+    squares = np.concatenate([(prediction_errors(left_out) ** 2).sum(axis=1) for left_out in folds(grid)])
     return float(np.sqrt(squares.mean()))

@@ -27,12 +27,15 @@ _PINHOLE_UNITS = {
     "noise_px": "px",
     "cross_validation_px": "px",
 }
-# The file keeps the name under which it was first written.
+# Names in the file that differ from the attribute's name: older files must stay readable.
 _KEYS = {"cross_validation_px": "left_out_px"}
 
 
 def save_calibration(calibration: Calibration, path: str | Path) -> None:
-    """Write `calibration` beside `path` first and then move it there, so that a crash leaves no half file.
+    """Write a calibration file.
+
+    The file is written under another name beside `path` and then renamed, so that a crash leaves no
+    incomplete file.
 
     Raises
     ------
@@ -52,7 +55,7 @@ def save_calibration(calibration: Calibration, path: str | Path) -> None:
             "write calibration",
             "a file that can be written",
             os.strerror(error.errno) if error.errno else "an error of the file system",
-            "choose another folder or make room",
+            "choose another folder with -o, or free disk space",
         ) from error
 
 
@@ -62,7 +65,7 @@ def load_calibration(path: str | Path) -> Calibration:
     Raises
     ------
     CalibrationError
-        If the file is missing, cut off, or no calibration.
+        If the file is missing, truncated or not a calibration.
     """
     path = Path(path)
     if not path.is_file():
@@ -77,11 +80,11 @@ def load_calibration(path: str | Path) -> Calibration:
     except KeyError as error:
         raise _refusal(path, "a calibration that lacks some of its data") from error
     except OSError as error:
-        raise _refusal(path, "a file that was cut off or is no HDF5") from error
+        raise _refusal(path, "a file that is truncated or not HDF5") from error
 
 
 def write_calibration(group: h5py.Group, calibration: Calibration) -> None:
-    """Write a calibration into an open HDF5 group; layout in `docs/calibration.md`."""
+    """Write a calibration into an open HDF5 group; `docs/calibration.md` describes the layout."""
     grid, bicubic = calibration.grid, calibration.bicubic
     datasets = {
         "grid/index": (grid.index, "1"),
@@ -118,7 +121,7 @@ def write_calibration(group: h5py.Group, calibration: Calibration) -> None:
 
 
 def read_calibration(group: h5py.Group) -> Calibration:
-    """Read a calibration from an open HDF5 group; `KeyError` if it lacks something."""
+    """Read a calibration from an open HDF5 group; raise `KeyError` if data are missing."""
     shape = group["image_shape"][:]
     image_shape = (int(shape[0]), int(shape[1]))
     bicubic = group["bicubic"]
@@ -168,5 +171,5 @@ def _refusal(path: Path, got: str) -> CalibrationError:
         "read calibration",
         f"a calibration file of version {_READABLE[0]} to {_READABLE[-1]}",
         got,
-        "make it anew with `dic calibrate`",
+        "write it again with `dic calibrate IMAGE -o FILE`",
     )

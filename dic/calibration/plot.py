@@ -1,4 +1,4 @@
-"""A picture of a calibration: the points over the grid image, and what each map leaves of them."""
+"""A picture of a calibration: the grid points over the image, and the residuals of each model."""
 
 from pathlib import Path
 from typing import Any
@@ -13,15 +13,15 @@ Float = NDArray[np.float64]
 
 
 def draw_calibration(calibration: Calibration, image: NDArray[np.float32]) -> Any:
-    """Return a matplotlib figure: the points found and the axes, then each model's residuals, magnified.
+    """Return a matplotlib figure: first the grid points and the axes, then the residuals of each model.
 
-    Arrows are magnified as each model needs it; their colours share one scale.
+    The arrows of each model have their own magnification. Their colours have one scale for all models.
 
     Parameters
     ----------
     calibration : Calibration
     image : ndarray, shape (height, width)
-        The grid image it was made from.
+        The first grid image.
     """
     from matplotlib.figure import Figure
 
@@ -38,7 +38,7 @@ def draw_calibration(calibration: Calibration, image: NDArray[np.float32]) -> An
     longest = max(residual.max_px for residual in residuals.values())
     arrows: Any = None
     for axes, (model, residual) in zip(others, residuals.items(), strict=True):
-        # residuals are read against a pale image
+        # a pale image, so that the arrows stand out
         _draw_image(axes, calibration, image, (low - 6 * (high - low), high))
         arrows = _draw_residual(axes, calibration, residual, longest)
         in_use = " (in use)" if model == calibration.model and len(residuals) > 1 else ""

@@ -1,4 +1,4 @@
-"""What a map from image to grid leaves of the grid points it was fitted to."""
+"""Residuals of a map from image to grid, at the grid points that it was fitted to."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -21,12 +21,12 @@ class PlaneMap(Protocol):
         """Return ``∂(X, Y)/∂(x, y)`` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
 
     def error_factors(self, px: Float) -> NDArray[np.float64]:
-        """Return F (n, 2, q): the errors of mapped points in mm have the covariance F Fᵀ."""
+        """Return F, shape (n, 2, q), mm: the errors of mapped points (n, 2) have the covariance F Fᵀ."""
 
 
 @dataclass(frozen=True)
 class Residuals:
-    """Mapped minus true positions of points, on the grid and as they appear in the image.
+    """Mapped minus true positions of points, on the grid in mm and in the image in px.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Residuals:
 
     @classmethod
     def of(cls, plane_map: PlaneMap, grid: GridPoints) -> "Residuals":
-        """Return what a map leaves of grid points; pixels follow from millimetres by the map's slope."""
+        """Return the residuals of a map at grid points; the map's Jacobian converts mm to px."""
         mm = plane_map.map(grid.uv_px) - grid.xy_mm
         px = np.linalg.solve(plane_map.jacobian(grid.uv_px), mm[:, :, None])[:, :, 0]
         return cls(mm, px.astype(np.float64))

@@ -1,4 +1,4 @@
-"""A pinhole camera with lens distortion and a pose before the grid: the map that geometry gives."""
+"""A pinhole camera with lens distortion and a pose relative to the grid."""
 
 from dataclasses import dataclass, field
 
@@ -10,19 +10,19 @@ from dic.calibration.pinhole.lens import distort, distortion_basis, distortion_j
 Float = NDArray[np.float64]
 
 PARAMETERS = ("focal_px", "x_px", "y_px", "k1", "k2", "p1", "p2", "rx", "ry", "rz", "Cx_mm", "Cy_mm", "Cz_mm")
-"""Rows and columns of `Pinhole.covariance`; rx, ry, rz are a small turn of the camera's axes."""
+"""Rows and columns of `Pinhole.covariance`; rx, ry, rz are a small rotation of the camera's axes."""
 
 
 @dataclass(frozen=True)
 class Pinhole:
-    """A camera as geometry describes it: every pixel is a ray through one point, bent by the lens.
+    """A pinhole camera with a distorting lens: each pixel corresponds to a ray through one point C.
 
     Grid axes and camera axes are both X right, Y up, Z towards the camera; image axes x right, y down.
 
     Attributes
     ----------
     focal_px : float
-        Pinhole distance; pixels are square.
+        Focal length; pixels are square.
     principal_px : ndarray, shape (2,)
         Where the optical axis meets the sensor.
     distortion : ndarray, shape (4,)
@@ -32,12 +32,13 @@ class Pinhole:
     centre_mm : ndarray, shape (3,)
         The pinhole C in grid coordinates; Cz > 0.
     covariance : ndarray, shape (13, 13)
-        Of the parameters named in `PARAMETERS`, in their units, radians for the turn. It is as large as what
-        the images and the given values leave open; 0 for a camera that was not fitted.
+        Covariance of the parameters named in `PARAMETERS`, in their units; rx, ry, rz in radians. Parameters
+        that neither the images nor the given values determine have large variances. 0 for a camera that was
+        not fitted.
     noise_px : float
-        Standard deviation of a coordinate of the points it was fitted to, as the residuals tell.
+        Standard deviation of one image coordinate of a grid point, from the residuals.
     cross_validation_px : float
-        Root mean square distance by which points left out of the fit were missed; NaN if none were.
+        Root mean square distance of left-out points from their prediction; NaN without cross-validation.
     """
 
     focal_px: float
@@ -45,7 +46,7 @@ class Pinhole:
     distortion: NDArray[np.float64]
     rotation: NDArray[np.float64]
     centre_mm: NDArray[np.float64]
-    covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((13, 13)))
+    covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((len(PARAMETERS),) * 2))
     noise_px: float = 0.0
     cross_validation_px: float = float("nan")
 
@@ -61,9 +62,10 @@ class Pinhole:
     ) -> "Pinhole":
         """Return the camera of the paper's numerical assessment, looking at the grid's centre.
 
-        At rest it looks straight, from `distance_mm` along Z. Pan turns the scene in front of it about the
-        vertical axis, then tilt about the horizontal one, ``R = Rx(tilt)·Ry(pan)``, which is the same as
-        swinging the camera round the grid's centre. Distortion is ``x_d = x_u·(1 + k1·r_u²)`` in px.
+        Without pan and tilt it stands on the grid's normal, at `distance_mm`. Pan turns the scene about the
+        vertical axis, then tilt turns it about the horizontal axis: ``R = Rx(tilt)·Ry(pan)``. This is
+        equivalent to swinging the camera around the grid's centre. Distortion is
+        ``x_d = x_u·(1 + k1·r_u²)`` in px.
         """
         pan, tilt = np.radians([pan_deg, tilt_deg])
         about_y = np.array([[np.cos(pan), 0, np.sin(pan)], [0, 1, 0], [-np.sin(pan), 0, np.cos(pan)]])
@@ -99,7 +101,7 @@ class Pinhole:
 
     @property
     def off_axis_std_deg(self) -> float:
-        """Standard deviation of `off_axis_deg`, to first order; nearly straight on, an upper bound of it."""
+        """Standard deviation of `off_axis_deg`, to first order; at 0° an upper bound of it."""
         x, y, z = self.centre_mm
         across = float(np.hypot(x, y))
         if across < 1e-12:
@@ -108,17 +110,17 @@ class Pinhole:
         return float(np.degrees(np.sqrt(slope @ self.centre_covariance_mm2 @ slope)))
 
     def project(self, points_mm: Float) -> Float:
-        """Return where points appear in the image.
+        """Return the image points of points in space.
 
         Parameters
         ----------
         points_mm : ndarray, shape (n, 2) or (n, 3)
-            Grid coordinates; without Z they lie in the grid's plane.
+            Grid coordinates X, Y and Z; with two columns, Z is 0.
 
         Returns
         -------
         ndarray, shape (n, 2)
-            px; NaN behind the camera and where the lens shows nothing.
+            px; NaN for points behind the camera and where the distortion folds the image over.
         """
         points = np.asarray(points_mm, np.float64)
         seen = points @ self.rotation[:, : points.shape[1]].T - self.rotation @ self.centre_mm
@@ -129,9 +131,9 @@ class Pinhole:
         return projected
 
     def map(self, px: Float) -> Float:
-        """Return where the rays of image points (n, 2) in px meet the grid's plane, (n, 2) in mm.
+        """Return the points (n, 2), mm, in which the rays of image points (n, 2), px, meet the grid's plane.
 
-        NaN for NaN, for rays that never meet it, and where the lens shows nothing.
+        NaN for NaN, for rays that do not meet the plane, and for image points that the lens cannot show.
         """
         direction = self._directions(self._ideal(px))
         depth = np.where(direction[:, 2:] < 0, direction[:, 2:], np.nan)
@@ -143,7 +145,7 @@ class Pinhole:
         ideal = self._ideal(px)
         direction = self._directions(ideal)
         across, depth = direction[:, :2, None], direction[:, 2, None, None]
-        # slopes of the direction by x and by y of the ideal point: (2, 2) across and (1, 2) in depth
+        # derivatives of the direction by x and y of the ideal point: rows 0 and 1 are X and Y, row 2 is Z
         slopes = (self.rotation[:2] * np.array([[1.0], [-1.0]]) / self.focal_px).T
         by_ideal = -self.centre_mm[2] * (slopes[:2] * depth - across * slopes[2:]) / depth**2
         with np.errstate(invalid="ignore"):
@@ -155,26 +157,26 @@ class Pinhole:
     def rays(self, px: Float) -> Float:
         """Return the unit vectors (n, 3), in grid axes, from the pinhole through image points (n, 2) in px.
 
-        They point from the camera into the scene: towards the grid, their Z is negative.
+        They point from the camera into the scene, so rays towards the grid have a negative Z.
         """
         direction = self._directions(self._ideal(px))
         return np.asarray(direction / np.linalg.norm(direction, axis=1, keepdims=True))
 
     def error_factors(self, px: Float) -> NDArray[np.float64]:
-        """Return F, shape (n, 2, q), mm: errors of mapped points (n, 2) have the covariance F Fᵀ.
+        """Return F, shape (n, 2, q), mm: the errors of mapped points (n, 2) have the covariance F Fᵀ.
 
-        They come from `covariance`. What that leaves open together, such as focal length and distance, hardly
-        moves points of the plane.
+        F follows from `covariance`. Errors of strongly correlated parameters, such as focal length and
+        distance, nearly cancel in the mapped points.
         """
-        # where the image of a plane's point moves by s, the ray of its old place meets the plane J·s before
+        # an error that moves the image of a grid point by s moves the mapped point by −J·s
         moved = self._slopes_by_parameters(self.map(px)) @ self._parameter_factors()
         return np.asarray(-self.jacobian(px) @ moved)
 
     def centre_factors(self) -> NDArray[np.float64]:
-        """Return F, shape (3, q), mm: errors of `centre_mm` have the covariance F Fᵀ.
+        """Return F, shape (3, q), mm: the errors of `centre_mm` have the covariance F Fᵀ.
 
-        The same column belongs to the same error as in `error_factors`: who uses both map and centre must not
-        take their errors as independent.
+        Each column belongs to the same error as in `error_factors`. So the errors of the map and of the
+        centre are not independent.
         """
         return self._parameter_factors()[10:]
 
@@ -189,13 +191,13 @@ class Pinhole:
         return factors
 
     def _slopes_by_parameters(self, points_mm: Float) -> NDArray[np.float64]:
-        """Return how the images of points (n, 2) of the plane move with each of `PARAMETERS`, (n, 2, 13)."""
+        """Return the derivatives (n, 2, 13) of the image points of grid points (n, 2) by `PARAMETERS`."""
         seen = points_mm @ self.rotation[:, :2].T - self.rotation @ self.centre_mm
         ideal = self.focal_px * seen[:, :2] * np.array([-1.0, 1.0]) / seen[:, 2:]
         by_seen = np.zeros((len(seen), 2, 3))
         by_seen[:, 0, 0], by_seen[:, 1, 1] = -self.focal_px / seen[:, 2], self.focal_px / seen[:, 2]
         by_seen[:, :, 2] = -ideal / seen[:, 2:]
-        # a turn w of the camera's axes moves a point seen at s by w × s
+        # a small rotation w of the camera's axes moves a point s in camera axes by w × s
         by_turn = np.stack([by_seen @ _crossed(axis, seen)[:, :, None] for axis in np.eye(3)], axis=-1)[
             :, :, 0
         ]
@@ -209,7 +211,7 @@ class Pinhole:
         return undistort(np.asarray(px, np.float64).reshape(-1, 2) - self.principal_px, self.distortion)
 
     def _directions(self, ideal_px: Float) -> Float:
-        """Return directions (n, 3) in grid axes, of length 1 along the optical axis."""
+        """Return ray directions (n, 3) in grid axes; their component along the optical axis is 1 long."""
         in_camera = np.column_stack([ideal_px * [1.0, -1.0] / self.focal_px, -np.ones(len(ideal_px))])
         directions: Float = in_camera @ self.rotation
         return directions

@@ -1,9 +1,12 @@
-"""Fitting a pinhole camera to the grid points of one or several images.
+"""Fit a pinhole camera to the grid points of one or several images.
 
-The way: a homography for each image; from these the focal length and the poses (Zhang, *A flexible new
-technique for camera calibration*, 2000); from there least squares in the image together with what is known
-of the camera. Each equation is weighted by its standard deviation; that of the points follows from what the
-fit leaves of them.
+The steps:
+
+1. Find a homography for each image.
+2. Compute start values of the focal length and the poses from the homographies (Zhang, *A flexible new
+   technique for camera calibration*, 2000).
+3. Minimise the residuals in the image, together with the equations of the prior knowledge. Each equation is
+   divided by its standard deviation. The standard deviation of the points follows from their residuals.
 """
 
 from collections.abc import Sequence
@@ -12,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.calibration.cross_validation import missed_by
+from dic.calibration.cross_validation import cross_validation_rms
 from dic.calibration.pinhole.camera import Pinhole
 from dic.calibration.pinhole.model import CameraModel
 from dic.calibration.pinhole.prior import Known, Prior
@@ -24,24 +27,25 @@ Float = NDArray[np.float64]
 _FEWEST_POINTS = 10
 _K2 = 4
 """Place of k2 among the parameters."""
-_EARNED = 0.99
-"""k2 is worth it if with it points that were left out are missed by less than this share."""
-# Where to start, and the finest that any points can be: below it what is known would lose its weight.
+_K2_LIMIT = 0.99
+"""k2 is fitted if it lowers the cross-validation below this fraction of the value without k2."""
+# Noise of the points: start value and lower limit. With less noise the prior knowledge would have no weight.
 _FIRST_NOISE_PX = 0.05
 _FINEST_NOISE_PX = 1e-4
+# Limits of a start value of the focal length, as fractions of the usual focal length.
 _FOCAL_SHARES = (0.03, 100.0)
 
 
 @dataclass(frozen=True)
 class _Views:
-    """Grid points of all images, with what is known of the camera."""
+    """Grid points of all images, and the prior knowledge of the camera."""
 
     xy_mm: list[Float]
     uv_px: list[Float]
     prior: Prior
 
     def without(self, left_out: NDArray[np.bool_]) -> "_Views":
-        """Return all but some points of the first image."""
+        """Return the views without the points `left_out` (n,) of the first image."""
         xy, uv = self.xy_mm[0][~left_out], self.uv_px[0][~left_out]
         return replace(self, xy_mm=[xy, *self.xy_mm[1:]], uv_px=[uv, *self.uv_px[1:]])
 
@@ -59,8 +63,8 @@ def fit_pinhole(
 ) -> Pinhole:
     """Fit a camera to the grid points of one image, by least squares in the image.
 
-    One image tells the focal length by its perspective alone: well at 30° off-axis, poorly at 10°, not at all
-    when the camera looks straight. What is left open shows in `Pinhole.covariance`.
+    One image determines the focal length only through its perspective: well at 30° off-axis, poorly at 10°,
+    not at all at 0°. `Pinhole.covariance` shows how well each parameter is determined.
 
     Parameters
     ----------
@@ -68,15 +72,14 @@ def fit_pinhole(
     image_shape : tuple of int
         Height and width, px.
     known : Known, optional
-        What is known of the camera.
+        Prior knowledge of the camera.
     k2 : bool, optional
-        Whether to fit k2. Default: if it predicts points better that are left out of the fit; only then some
-        are left out.
+        Whether to fit k2. Default: cross-validation decides. If it is given, no cross-validation is done.
 
     Raises
     ------
     CalibrationError
-        If given values are out of range, or the points do not determine a camera.
+        If the points do not determine a camera, or contradict the prior knowledge.
     """
     return fit_pinholes([grid], image_shape, known, k2)[0]
 
@@ -90,12 +93,12 @@ def fit_pinholes(
     """Fit one camera to several images of the grid: one lens, and a pose for each image.
 
     Images with the grid at different tilts determine the focal length even of a camera that looks straight.
-    Parameters and errors are those of `fit_pinhole`; a known distance is that of the first image.
+    Parameters and errors are those of `fit_pinhole`. A known distance belongs to the first image.
 
     Returns
     -------
     tuple of Pinhole
-        One for each image, in the axes of the grid as it was in that image.
+        One for each image, in the axes of the grid in that image.
     """
     prior = (known or Known()).prior(image_shape)
     views = _Views([g.xy_mm for g in grids], [g.uv_px for g in grids], prior)
@@ -105,7 +108,7 @@ def fit_pinholes(
 
 
 def _with_or_without_k2(views: _Views, first: GridPoints, k2: bool | None) -> tuple["_Solution", float]:
-    """Return the solution and by how much it misses points of the first image when they are left out, px."""
+    """Return the solution and its cross-validation over the points of the first image, px."""
     without = _first_solution(views)
     contradiction = views.prior.contradiction(without.parameters)
     if contradiction:
@@ -114,7 +117,8 @@ def _with_or_without_k2(views: _Views, first: GridPoints, k2: bool | None) -> tu
             "fit lens and pose",
             "images that agree with what is known of the camera",
             contradiction,
-            "correct the given values, or give them larger standard deviations",
+            "correct --focal-px, --distance-mm or --principal-px, or give them a standard deviation, such as "
+            "--focal-std-px 50",
         )
     model = without.model
     if k2 is False:
@@ -123,26 +127,26 @@ def _with_or_without_k2(views: _Views, first: GridPoints, k2: bool | None) -> tu
     if k2:
         return with_k2, float("nan")
     missed_px, missed_with_px = (
-        _missed(views, whole, first, k2=whole is with_k2) for whole in (without, with_k2)
+        _cross_validation_px(views, whole, first, k2=whole is with_k2) for whole in (without, with_k2)
     )
-    if missed_px > _FINEST_NOISE_PX and missed_with_px < _EARNED * missed_px:
+    if missed_px > _FINEST_NOISE_PX and missed_with_px < _K2_LIMIT * missed_px:
         return with_k2, missed_with_px
     return without, missed_px
 
 
 def _first_solution(views: _Views) -> "_Solution":
-    """Return the solution without k2, from the first start that leads to one."""
+    """Return the solution without k2, from the first start value that converges."""
     problem = None
     for focal in _start_focals(views):
         try:
             return _solution(views, *_start(views, focal), k2=False)
         except CalibrationError as error:
             problem = problem or error
-    raise problem or _undetermined("nothing to start from")
+    raise problem or _undetermined("no start value")
 
 
-def _missed(views: _Views, whole: "_Solution", first: GridPoints, *, k2: bool) -> float:
-    def misses(left_out: NDArray[np.bool_]) -> Float:
+def _cross_validation_px(views: _Views, whole: "_Solution", first: GridPoints, *, k2: bool) -> float:
+    def prediction_errors(left_out: NDArray[np.bool_]) -> Float:
         kept = views.without(left_out)
         model = replace(whole.model, xy_mm=kept.xy_mm)
         least = _LeastSquares(kept, model, whole.noise_px, k2=k2)
@@ -150,11 +154,11 @@ def _missed(views: _Views, whole: "_Solution", first: GridPoints, *, k2: bool) -
         camera = _camera(fitted, 0, float("nan"))
         return first.uv_px[left_out] - camera.project(first.xy_mm[left_out])
 
-    return missed_by(first, misses)
+    return cross_validation_rms(first, prediction_errors)
 
 
 def _solution(views: _Views, model: CameraModel, start: Float, *, k2: bool) -> "_Solution":
-    """Return the least-squares solution; found twice, because the first tells how the points scatter."""
+    """Return the least-squares solution; it is computed twice, because the first gives the points' noise."""
     parameters, noise_px = start, _FIRST_NOISE_PX
     for _ in range(2):
         least = _LeastSquares(views, model, noise_px, k2=k2)
@@ -165,7 +169,10 @@ def _solution(views: _Views, model: CameraModel, start: Float, *, k2: bool) -> "
 
 
 class _LeastSquares:
-    """Deviations of points and of known values, each divided by its standard deviation, and their slopes."""
+    """Equations of the points and of the prior knowledge, with their derivatives.
+
+    Each equation is a deviation divided by its standard deviation.
+    """
 
     def __init__(self, views: _Views, model: CameraModel, noise_px: float, *, k2: bool) -> None:
         self._prior, self._model, self._noise_px = views.prior, model, noise_px
@@ -173,14 +180,14 @@ class _LeastSquares:
         self._k2 = k2
 
     def solve(self, start: Float) -> Float:
-        """Return the parameters that minimise the deviations' squares (Levenberg–Marquardt)."""
+        """Return the parameters that minimise the sum of squared deviations (Levenberg–Marquardt)."""
         from scipy.optimize import least_squares
 
         free = self._free(start)
         last: list[tuple[Float, Float, Float]] = []
 
         def both(values: Float) -> tuple[Float, Float, Float]:
-            # asked first for the deviations and then, mostly at the same place, for the slopes
+            # `least_squares` asks for deviations and then, mostly at the same values, for derivatives
             if not last or not np.array_equal(last[0][0], values):
                 every = start.copy()
                 every[free] = values
@@ -197,21 +204,21 @@ class _LeastSquares:
             try:
                 found = least_squares(deviations, start[free], slopes, method="lm", x_scale="jac")
             except ValueError as error:
-                raise _undetermined("points that no camera shows like this") from error
+                raise _undetermined("points that do not fit a pinhole camera") from error
         if not (found.success and np.isfinite(found.x).all()):
-            raise _undetermined("a search that did not end")
+            raise _undetermined("an iteration that did not converge")
         parameters = start.copy()
         parameters[free] = found.x
         return parameters
 
     def scatter_px(self, parameters: Float) -> float:
-        """Return the standard deviation of a coordinate of the points, from what is left of it."""
-        left = self._model.project(parameters)[0] - self._seen
-        surplus = len(left) - np.count_nonzero(self._free(parameters))
-        return max(float(np.sqrt(left @ left / surplus)), _FINEST_NOISE_PX)
+        """Return the standard deviation of one image coordinate of the points, from their residuals."""
+        residual = self._model.project(parameters)[0] - self._seen
+        freedom = len(residual) - np.count_nonzero(self._free(parameters))
+        return max(float(np.sqrt(residual @ residual / freedom)), _FINEST_NOISE_PX)
 
     def covariance(self, parameters: Float) -> Float:
-        """Return the covariance (parameters, parameters); 0 for k2 where it is not fitted."""
+        """Return the covariance (parameters, parameters); 0 for k2 if it is not fitted."""
         free = self._free(parameters)
         covariance = np.zeros((len(parameters), len(parameters)))
         covariance[np.ix_(free, free)] = _inverse_square(self._equations(parameters)[1][:, free])
@@ -230,11 +237,11 @@ class _LeastSquares:
 
 
 def _inverse_square(slopes: Float) -> Float:
-    """Return (SᵀS)⁻¹ without squaring what is nearly undetermined."""
+    """Return (SᵀS)⁻¹ of the derivatives S, by singular values: SᵀS itself would lose digits."""
     size = np.linalg.norm(slopes, axis=0)
     _, singular, directions = np.linalg.svd(slopes / size, full_matrices=False)
     if not singular[-1] > 1e-13 * singular[0]:
-        raise _undetermined("points that leave a direction open")
+        raise _undetermined("points that leave a parameter undetermined")
     root = directions.T / singular / size[:, None]
     return np.asarray(root @ root.T)
 
@@ -256,7 +263,7 @@ def _camera(solution: "_Solution", view: int, missed_px: float) -> Pinhole:
 
 
 def _start(views: _Views, focal: float) -> tuple[CameraModel, Float]:
-    """Return the model and where its parameters start: an ideal lens, poses from homographies."""
+    """Return the model and start values of its parameters: no distortion, and poses from homographies."""
     poses, rotations = [], []
     for plane in _homographies(views):
         # camera axes: x right, y up, looking along −z
@@ -272,9 +279,10 @@ def _start(views: _Views, focal: float) -> tuple[CameraModel, Float]:
 
 
 def _start_focals(views: _Views) -> list[float]:
-    """Return focal lengths to start from: what is given, or else what homographies tell, and what is usual.
+    """Return start values of the focal length: the given one, or else those to try in turn.
 
-    A plane's homography must show its right angles and equal scales (Zhang).
+    These are the focal length that the homographies determine, if they do, and the usual one. A homography
+    determines it because the two axes of the grid are orthogonal and have the same scale (Zhang).
     """
     prior = views.prior
     if prior.known.focal_px is not None:
@@ -297,7 +305,7 @@ def _homographies(views: _Views) -> list[Float]:
 
 
 def _homography(xy_mm: Float, uv_px: Float) -> Float:
-    """Return the homography (3, 3) from mm to px that misses least, by the linear method, normalised."""
+    """Return the homography (3, 3) from mm to px, by the normalised direct linear transformation."""
     to_unit, from_unit = _unit_square(xy_mm), _unit_square(uv_px)
     xy = np.column_stack([xy_mm, np.ones(len(xy_mm))]) @ to_unit.T
     uv = np.column_stack([uv_px, np.ones(len(uv_px))]) @ from_unit.T
@@ -326,7 +334,7 @@ def _undetermined(got: str) -> CalibrationError:
     return CalibrationError(
         "pinhole camera",
         "fit lens and pose",
-        f"at least {_FEWEST_POINTS} points of a grid in every image, as a camera shows them",
+        f"at least {_FEWEST_POINTS} points in every image, as a pinhole camera shows a plane grid",
         got,
-        "use a grid with more lines in view, or leave this image out",
+        "use a grid with at least four lines in view in each direction, or leave this image out",
     )

@@ -1,8 +1,9 @@
-"""Lens distortion on the sensor: where a lens moves the points that a pinhole would show, and back.
+"""Lens distortion on the sensor: from the ideal points of a pinhole to distorted points, and back.
 
-Radial and decentring distortion of Brown, *Close-range camera calibration* (1971), in the order that is usual
-since. Everything is in px from the principal point, so that the coefficients do not depend on the focal
-length: k1 in px⁻², k2 in px⁻⁴, p1 and p2 in px⁻¹. Positive k1 is pincushion, negative barrel.
+Radial and decentring distortion after Brown, *Close-range camera calibration* (1971), with coefficients in
+the usual order k1, k2, p1, p2. All coordinates are in px from the principal point, so the coefficients do not
+depend on the focal length: k1 in px⁻², k2 in px⁻⁴, p1 and p2 in px⁻¹. Positive k1 is pincushion, negative k1
+is barrel distortion.
 """
 
 import numpy as np
@@ -15,7 +16,7 @@ _EXACT_PX = 1e-10
 
 
 def distortion_basis(ideal_px: Float) -> Float:
-    """Return what k1, k2, p1 and p2 add per unit, shape (n, 2, 4), at ideal points (n, 2)."""
+    """Return the shift per unit of k1, k2, p1 and p2, shape (n, 2, 4), at ideal points (n, 2)."""
     x, y = ideal_px[:, 0], ideal_px[:, 1]
     square = x * x + y * y
     fourth, across = square * square, 2 * x * y
@@ -25,7 +26,7 @@ def distortion_basis(ideal_px: Float) -> Float:
 
 
 def distort(ideal_px: Float, distortion: Float) -> Float:
-    """Return where points (n, 2) of an ideal pinhole appear, shape (n, 2).
+    """Return the distorted points (n, 2), px, of ideal points (n, 2).
 
     Parameters
     ----------
@@ -44,7 +45,7 @@ def distortion_jacobian(ideal_px: Float, distortion: Float) -> Float:
     x, y = ideal_px[:, 0], ideal_px[:, 1]
     square = x * x + y * y
     radial = 1 + k1 * square + k2 * square**2
-    # half the slope of the radial factor by the squared radius
+    # twice the derivative of the radial factor by the squared radius
     slope = 2 * (k1 + 2 * k2 * square)
     across = slope * x * y + 2 * (p1 * x + p2 * y)
     jacobian = np.empty((len(x), 2, 2))
@@ -54,29 +55,30 @@ def distortion_jacobian(ideal_px: Float, distortion: Float) -> Float:
     return jacobian
 
 
-def undistort(seen_px: Float, distortion: Float) -> Float:
-    """Return the ideal points (n, 2) of points (n, 2) that are seen; NaN where no ideal point is seen.
+def undistort(distorted_px: Float, distortion: Float) -> Float:
+    """Return the ideal points (n, 2), px, of distorted points (n, 2); NaN where there is none.
 
-    Newton's method from the point itself. Barrel distortion has a largest radius beyond which nothing is
-    seen; there, and where the lens would show the scene folded over, there is no answer.
+    Newton's method starts from the distorted point. With barrel distortion the lens shows nothing beyond a
+    largest radius: points there give NaN. Solutions where the distortion folds the image over give NaN, too.
     """
-    ideal = np.array(seen_px, np.float64)
+    ideal = np.array(distorted_px, np.float64)
     if not np.any(distortion):
         return ideal
     with np.errstate(all="ignore"):
         for _ in range(_MOST_STEPS):
-            step = _solved(distortion_jacobian(ideal, distortion), distort(ideal, distortion) - seen_px)
+            off = distort(ideal, distortion) - distorted_px
+            step = _solved(distortion_jacobian(ideal, distortion), off)
             ideal -= step
             if not np.any(np.abs(step) > _EXACT_PX):
                 break
-        left = np.abs(distort(ideal, distortion) - seen_px).max(axis=1)
-        lost = ~(left < 1e-6) | folded(ideal, distortion)
+        off_px = np.abs(distort(ideal, distortion) - distorted_px).max(axis=1)
+        lost = ~(off_px < 1e-6) | folded(ideal, distortion)
     ideal[lost] = np.nan
     return ideal
 
 
 def folded(ideal_px: Float, distortion: Float) -> NDArray[np.bool_]:
-    """Tell at which ideal points (n, 2) the distortion turns the image inside out; NaN is not."""
+    """Tell at which ideal points (n, 2) the distortion folds the image over; False for NaN."""
     jacobian = distortion_jacobian(ideal_px, distortion)
     determinant = jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] ** 2
     # past two folds the determinant is positive again, but both directions are reversed

@@ -1,15 +1,15 @@
-"""The pinhole camera as a function of the parameters that are fitted, with all derivatives.
+"""The pinhole camera as a function of its fitted parameters, with all derivatives.
 
-The parameters are chosen so that images determine them as independently as can be, and so that a camera far
-away is no special case. First those of the lens: the logarithm of the focal length f, the principal point,
-and k1·s², k2·s⁴, p1·s, p2·s with s the half-width of the grid in the image. Then six for each image: a small
-turn of the camera's axes from a start, the grid's centre in the image without distortion (a, b) from the
-principal point, and the logarithm of the scale m there, px/mm. With q = R·X in camera axes, a grid point is
-seen at
+The parameters are chosen to be nearly independent of each other, and to stay regular for a camera that is far
+away. Seven parameters describe the lens: the logarithm of the focal length f, the principal point, and k1·s²,
+k2·s⁴, p1·s, p2·s, where s is the half-width of the grid in the image. Six parameters describe the pose in
+each image: a small rotation of the camera's axes from a start rotation, the grid's centre (a, b) in the
+undistorted image relative to the principal point, and the logarithm of the scale m there, px/mm. With q = R·X
+in camera axes, the undistorted image of a grid point is
 
     x = (m·q_x + a) / (1 − m·q_z/f),    y = (b − m·q_y) / (1 − m·q_z/f)
 
-before distortion: perspective is what depends on f.
+So f affects only the perspective.
 """
 
 from collections.abc import Sequence
@@ -29,16 +29,16 @@ _POWERS = np.array([2, 4, 1, 1])
 
 @dataclass(frozen=True)
 class CameraModel:
-    """What the parameters leave open: the points, where rotations start, and the scale of distortion.
+    """The constants of the model: grid points, start rotations and the scale of distortion.
 
     Attributes
     ----------
     xy_mm : sequence of ndarray, shape (n, 2)
         Grid points of each image.
     starts : sequence of ndarray, shape (3, 3)
-        Rotation of each image before the small turn.
+        Start rotation of each image, from grid to camera axes.
     scale_px : float
-        s above.
+        Half-width s of the grid in the image.
     """
 
     xy_mm: Sequence[Float]
@@ -46,7 +46,7 @@ class CameraModel:
     scale_px: float
 
     def project(self, parameters: Float) -> tuple[Float, Float]:
-        """Return where all points are seen, (2·n,) in px, and the derivatives, (2·n, parameters)."""
+        """Return the image coordinates (2·n,), px, of n points, and their derivatives (2·n, parameters)."""
         seen, slopes = [], []
         for view, (xy, start) in enumerate(zip(self.xy_mm, self.starts, strict=True)):
             own = slice(LENS + POSE * view, LENS + POSE * (view + 1))
@@ -74,7 +74,7 @@ class CameraModel:
         by_q = np.zeros((len(q), 2, 3))
         by_q[:, 0, 0], by_q[:, 1, 1] = scale, -scale
         by_q[:, :, 2] = ideal * scale / focal
-        # a turn moves q by turn × q
+        # a small rotation w moves q by w × q
         by_turn = -by_q @ _cross(q) @ turn_slope
         by_place = np.broadcast_to(np.eye(2), (len(q), 2, 2))
         by_scale = flat + ideal * nearer
@@ -89,10 +89,18 @@ class CameraModel:
         return distort(ideal, coefficients) + lens[1:3], by_lens, bend @ ideal_by_pose
 
     def camera(self, parameters: Float, view: int) -> tuple[Float, Float, Float, Float]:
-        """Return rotation (3, 3), centre (3,) in mm, and the camera's parameters as users know them.
+        """Return the camera of the image number `view`.
 
-        The latter are those of `dic.calibration.pinhole.camera.PARAMETERS`, shape (13,), the turn being 0,
-        and their derivatives by this model's parameters, shape (13, parameters).
+        Returns
+        -------
+        rotation : ndarray, shape (3, 3)
+            From grid to camera axes.
+        centre : ndarray, shape (3,)
+            The pinhole in grid axes, mm.
+        values : ndarray, shape (13,)
+            In the order of `dic.calibration.pinhole.camera.PARAMETERS`; the small rotation is 0.
+        derivatives : ndarray, shape (13, parameters)
+            Derivatives of the values by the parameters of this model.
         """
         own = LENS + POSE * view
         pose = parameters[own : own + POSE]
@@ -107,7 +115,7 @@ class CameraModel:
         slopes[1, 1] = slopes[2, 2] = 1.0
         slopes[range(3, 7), range(3, 7)] = 1 / self.scale_px**_POWERS
         slopes[7:10, own : own + 3] = turn_slope
-        # C = −Rᵀ·t: turning R by w moves C by Rᵀ·(w × t)
+        # C = −Rᵀ·t: a small rotation w of R moves C by Rᵀ·(w × t)
         slopes[10:, own : own + 3] = -rotation.T @ _cross(origin[None])[0] @ turn_slope
         slopes[10:, own + 3 : own + 5] = -rotation.T[:, :2] * [1 / scale, -1 / scale]
         slopes[10:, own + 5] = -centre
@@ -117,9 +125,9 @@ class CameraModel:
 
 
 def small_turn(vector: Float) -> tuple[Float, Float]:
-    """Return the rotation exp([v]×) (3, 3) and its slope J: a change dv turns by a further J·dv.
+    """Return the rotation exp([v]×) and its left Jacobian J, both (3, 3).
 
-    Rodrigues' formula and the left Jacobian of the rotation group.
+    A change dv of v adds the rotation J·dv. The first is Rodrigues' formula.
     """
     angle = float(np.linalg.norm(vector))
     cross = _cross(vector[None])[0]
@@ -133,7 +141,7 @@ def small_turn(vector: Float) -> tuple[Float, Float]:
 
 
 def _cross(vectors: Float) -> Float:
-    """Return the matrices (n, 3, 3) that turn a vector into its cross product with vectors (n, 3)."""
+    """Return the matrices [v]×, shape (n, 3, 3), of vectors v (n, 3): [v]×·w is v × w."""
     matrices = np.zeros((len(vectors), 3, 3))
     for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
         matrices[:, k, j], matrices[:, j, k] = vectors[:, i], -vectors[:, i]

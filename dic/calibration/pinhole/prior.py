@@ -1,4 +1,4 @@
-"""What is known of a camera before its grid images are looked at, as equations beside those of the images."""
+"""Prior knowledge of a camera, as equations that are solved together with those of the images."""
 
 import math
 from collections.abc import Sequence
@@ -12,35 +12,40 @@ from dic.errors import CalibrationError, Check, require_all
 Float = NDArray[np.float64]
 
 PRINCIPAL_SHARE = 0.01
-"""Standard deviation of a principal point that was not given, as a share of the image's width."""
+"""Standard deviation of the principal point if it is not given, as a fraction of the image's width."""
 
-# Lenses of machine vision are about 1 to 10 image widths long. So weak a statement matters only where nothing
-# else tells the focal length; without it the fit would walk off to infinity there.
+# Machine vision lenses have focal lengths of about 1 to 10 image widths. This weak prior matters only if
+# nothing else determines the focal length. Without it, the fit would diverge to infinity in that case.
 _USUAL_WIDTHS = 3.0
 _USUAL_LOG_STD = math.log(3.0)
+# Standard deviation of an exact value: in px for the principal point, as a fraction for the lengths.
 _EXACTLY = 1e-6
+# Deviation from a known value, in standard deviations, that counts as a contradiction.
 _TOO_FAR = 5.0
 
 
 @dataclass(frozen=True)
 class Known:
-    """What the user knows of a camera; a standard deviation of 0 stands for exactly.
+    """What the user knows of a camera. A standard deviation of 0 means an exact value.
 
     Attributes
     ----------
     focal_px, focal_std_px : float
-        Focal length, if known.
+        Focal length, if known, and its standard deviation.
     distance_mm, distance_std_mm : float
-        Distance of the pinhole from the centre of the first image's grid, if known.
+        Distance of the pinhole from the grid's centre in the first image, if known, and its standard
+        deviation.
     principal_px : sequence of float
         Principal point. Default: the middle of the image.
     principal_std_px : float
-        Of both its coordinates. Default: 0 if it is given, else 1 % of the image's width.
+        Standard deviation of each of its coordinates. Default: 0 if the principal point is given, else 1 % of
+        the image's width.
 
     Raises
     ------
     CalibrationError
-        If a value is out of range, or a standard deviation goes with no value.
+        If values are out of range, or a standard deviation is given without its value. The message reports
+        all mistakes together.
     """
 
     focal_px: float | None = None
@@ -84,7 +89,7 @@ class Known:
 
 @dataclass(frozen=True)
 class Prior:
-    """The equations: deviations from what is known, each divided by its standard deviation.
+    """Equations of the prior knowledge: deviations from known values, divided by their standard deviations.
 
     Attributes
     ----------
@@ -92,7 +97,7 @@ class Prior:
     principal_px : ndarray, shape (2,)
     principal_std_px : float
     usual_focal_px : float
-        Where to look for a focal length that is not given.
+        Expected focal length if none is given.
     """
 
     known: Known
@@ -101,9 +106,9 @@ class Prior:
     usual_focal_px: float
 
     def contradiction(self, parameters: Float) -> str:
-        """Return which of the known values is off by how much, if by more than chance explains; else ""."""
+        """Return a text on the first known value more than five standard deviations off, or ""."""
         names = ["principal point's x", "principal point's y"]
-        # what is usual is no promise
+        # the usual focal length is not a value that the user gave
         names.append("usual focal length" if self.known.focal_px is None else "given focal length")
         names.append("given distance")
         for name, off in zip(names, self.equations(parameters)[0], strict=False):
