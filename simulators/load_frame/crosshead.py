@@ -1,4 +1,4 @@
-"""The crosshead of a load frame and its servo: in every control period it goes a little of its way."""
+"""The crosshead of a load frame and its servo, advanced by one control period at a time."""
 
 from enum import Enum
 from typing import Protocol
@@ -8,7 +8,7 @@ from simulators.load_frame.state import Fault, Limits
 CONTROL_PERIOD_S = 0.02
 LOAD_TOLERANCE_N = 1.0
 TRAVEL_TOLERANCE_MM = 1e-4
-# What the load controller believes before it has seen the specimen answer, and what it never falls below:
+# The stiffness that the load controller assumes before it has seen the specimen respond, and its lower bound:
 # too soft a belief makes the crosshead jump when a slack string tightens.
 STIFFNESS_GUESS_N_MM = 10_000.0
 STIFFNESS_MIN_N_MM = 1_000.0
@@ -45,7 +45,7 @@ class Crosshead:
     target : float
         In mm or N, from the zero.
     at_target : bool
-        Whether it got there, and stands.
+        Whether the crosshead reached the target and stands still.
     speed_mm_s : float
         Of the last period.
     jammed : bool
@@ -60,7 +60,7 @@ class Crosshead:
         self.reset()
 
     def reset(self) -> None:
-        """Stand where it is, and forget targets, zeros and what was learnt of the string."""
+        """Stop here, and forget targets, zeros and the measured stiffness of the string."""
         self._zero_mm = 0.0
         self._zero_n = 0.0
         self._stiffness_n_mm = STIFFNESS_GUESS_N_MM
@@ -81,7 +81,7 @@ class Crosshead:
 
     @property
     def moving(self) -> bool:
-        """Whether there is still a way to go."""
+        """Whether the crosshead has not reached its target yet."""
         return self.control is not Control.HOLD and not self.at_target
 
     def begin(self, control: Control, target: float, rate: float) -> None:
@@ -107,9 +107,9 @@ class Crosshead:
         self._force_n = self._string.stretch_to(self._position_mm)
 
     def follow(self, limits: Limits, ratings: Limits) -> Fault:
-        """Let one control period pass, and say what went wrong in it.
+        """Advance by one control period, and return what went wrong in it.
 
-        The limits count from the zero set by `tare`; the ratings are the machine's own and know of none.
+        Limits are measured from the zero set by `tare`; the machine's ratings from its own zero.
         """
         if self.jammed:
             return Fault.STALL
@@ -149,7 +149,7 @@ class Crosshead:
 
 
 def _beyond(limits: Limits, load_n: float, displacement_mm: float, out: bool) -> Fault:
-    """Whether a limit was passed on the way out; the way back is free."""
+    """Whether the motion passed a limit outwards; moving back inwards is always allowed."""
     if out:
         overload = load_n > limits.load_max_n + LOAD_TOLERANCE_N
         overtravel = displacement_mm > limits.displacement_max_mm + TRAVEL_TOLERANCE_MM

@@ -1,4 +1,4 @@
-"""The load frame as a thing: a crosshead, and a controller with limits, a watchdog and an emergency stop.
+"""The mechanics and the controller of a load frame: crosshead, limits, watchdog and emergency stop.
 
 It knows nothing of registers; `simulators.load_frame.modbus` puts it on a network.
 """
@@ -27,7 +27,8 @@ class LoadFrameDevice:
     load_string : LoadString
     load_min_n, load_max_n, displacement_min_mm, displacement_max_mm : float
     speed_max_mm_s, load_rate_max_n_s : float
-        The machine's ratings: the widest limits that can be set, and what trips it whatever its zero is.
+        The machine's ratings: the widest limits that can be set. Beyond them the machine stops with a fault,
+        measured from its own zero.
     rng : numpy.random.Generator, optional
         Source of the measurement noise (2 N and 0.2 µm); without one there is none.
 
@@ -73,7 +74,7 @@ class LoadFrameDevice:
         self._switch_on()
 
     def _switch_on(self) -> None:
-        """Forget what a controller forgets: its zeros, limits, watchdog and count of samples."""
+        """Reset what a real controller loses without power: zeros, limits, watchdog and sample counter."""
         self.power_ups += 1
         self._start_s = self._clock.now_s()
         self._tick = 0
@@ -139,7 +140,7 @@ class LoadFrameDevice:
                 self._beat_tick = self._tick
 
     def read(self) -> Readings:
-        """Indicate the state; within one control period always the same."""
+        """Return the readings; within one control period they do not change."""
         with self._lock:
             self._advance()
             if self._noise_tick != self._tick:
@@ -201,7 +202,7 @@ class LoadFrameDevice:
             self._crosshead.tare()
 
     def press_estop(self) -> None:
-        """Open the emergency stop chain: the crosshead stands until it is closed and a new command comes."""
+        """Open the emergency stop chain: the crosshead stands until a command after the chain was closed."""
         with self._lock:
             self._advance()
             self._estop = True
@@ -212,7 +213,7 @@ class LoadFrameDevice:
         self._estop = False
 
     def hit_limit_switch(self) -> None:
-        """Trip as a limit switch does that the crosshead runs into."""
+        """Stop with a fault, as when the crosshead runs into a limit switch."""
         with self._lock:
             self._advance()
             self._trip(Fault.DISPLACEMENT_LIMIT)
@@ -230,16 +231,16 @@ class LoadFrameDevice:
             self._crosshead.jammed = False
 
     def break_load_cell(self, broken: bool) -> None:
-        """Let the load be no number, or a number again."""
+        """Make the load reading NaN, or a number again."""
         self._cell_broken = broken
 
     def freeze(self) -> None:
-        """Let the readings and their counter stand still; the machine goes on."""
+        """Freeze the readings and their counter, while the machine goes on."""
         with self._lock:
             self._frozen = self.read()
 
     def thaw(self) -> None:
-        """Let the readings follow the machine again."""
+        """Let the readings follow the machine again after `freeze`."""
         self._frozen = None
 
     def lose_watchdog(self, lost: bool) -> None:
@@ -278,7 +279,7 @@ class LoadFrameDevice:
         self._beat_tick = self._tick
 
     def _advance(self) -> None:
-        """Let every control period happen that was due until now."""
+        """Carry out every control period that was due until now."""
         due = math.floor((self._clock.now_s() - self._start_s) / CONTROL_PERIOD_S)
         while self._tick < due and self._crosshead.moving:
             self._tick += 1

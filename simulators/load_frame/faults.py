@@ -1,11 +1,11 @@
-"""Faults that are in the load frame itself, not on its line."""
+"""Faults of the load frame itself, as opposed to faults of its line."""
 
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.wire.faults import FaultPanel
 
 
 def load_frame_faults(panel: FaultPanel, device: LoadFrameDevice) -> FaultPanel:
-    """Let the faults of a load frame act on `device`; return the panel."""
+    """Connect the faults of a load frame to `device`; return the panel."""
     panel.when("e-stop", device.press_estop, device.release_estop)
     panel.when("limit", device.hit_limit_switch)
     panel.when("reset", device.power_cycle)

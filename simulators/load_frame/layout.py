@@ -1,7 +1,7 @@
-"""Where a load frame keeps what in its registers, written down from the devices' own manuals.
+"""Register layouts of load frames: which value stands where, as the devices' manuals say.
 
-This is the simulators' side of a register map. The drivers have theirs, as TOML; neither reads the other, so
-that a mistake in one shows.
+The drivers have register maps of their own, as TOML. Neither side reads the other's, so a mistake in one
+fails the tests.
 """
 
 import math
@@ -14,12 +14,12 @@ Number = int | float
 _FORMATS = {"u16": ">H", "i16": ">h", "u32": ">I", "i32": ">i", "f32": ">f"}
 WORD_ORDERS = {"ABCD": (0, 1, 2, 3), "CDAB": (2, 3, 0, 1), "BADC": (1, 0, 3, 2), "DCBA": (3, 2, 1, 0)}
 NO_VALUE = 0x7FFFFFFF
-"""What a device whose registers hold whole numbers shows for a load it cannot measure."""
+"""Reading of a device with integer registers for a load that it cannot measure."""
 
 
 @dataclass(frozen=True)
 class Register:
-    """One value: its name, its type, and what the raw value is multiplied with."""
+    """One value: its name, its type, and the factor from raw value to unit."""
 
     name: str
     kind: str
@@ -53,11 +53,11 @@ class Layout:
     state, identity : Block
         Read-only.
     status : Block, optional
-        Read-only too, when the status is not in `state`.
+        Read-only; present if the status is not part of `state`.
     command, limits, watchdog, heartbeat : Block
         Each is written whole, in one request.
     setpoints : Block, optional
-        Written before the command, when targets and rates are not in `command`.
+        Written before the command; present if targets and rates are not part of `command`.
     bits : mapping of str to int
         Which bit of the status says what.
     commands : mapping of int to str
@@ -67,7 +67,7 @@ class Layout:
     request_max : int
         Most registers in one request.
     one_table : bool
-        Whether what is read-only stands among the holding registers too, and there are no input registers.
+        Whether read-only values are holding registers too, because the device has no input registers.
     """
 
     state: Block
@@ -116,13 +116,13 @@ class Layout:
         raw = round(value / register.scale) if math.isfinite(value) else NO_VALUE
         bits = 16 * register.size
         if register.kind.startswith("u"):
-            raw %= 2**bits  # counters go round
+            raw %= 2**bits  # counters wrap round
         else:
             raw = min(max(raw, -(2 ** (bits - 1))), 2 ** (bits - 1) - 1)
         return self._ordered(struct.pack(_FORMATS[register.kind], raw))
 
     def _ordered(self, data: bytes) -> bytes:
-        """Bring four bytes into the device's order, or back: every order is its own inverse."""
+        """Reorder four bytes to the device's order, or back: each order is its own inverse."""
         return data if len(data) == 2 else bytes(data[i] for i in WORD_ORDERS[self.word_order])
 
 
@@ -159,7 +159,7 @@ GENERIC = Layout(
     },
     commands={1: "hold", 2: "displacement", 3: "load", 4: "tare"},
 )  # fmt: skip
-"""The tensile frame as it should be: N, mm and s as 32-bit floats, time in ms."""
+"""A layout without peculiarities: N, mm and s as 32-bit floats, time in ms."""
 
 # 0.1 N and 0.1 µm, as i32 or u32.
 _NEWTONS, _MILLIMETRES, _N_S, _MM_S = ("i32", 0.1), ("i32", 1e-4), ("u32", 0.1), ("u32", 1e-4)
@@ -205,4 +205,4 @@ SEPARATE_WORDS = Layout(
 """Command and status words apart from set points and readings."""
 
 LAYOUTS = {"generic": GENERIC, "scaled-integers": SCALED_INTEGERS, "separate-words": SEPARATE_WORDS}
-"""By the name of the drivers' map that describes the same device."""
+"""Keys are the names of the drivers' register maps of the same devices."""

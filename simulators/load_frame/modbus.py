@@ -1,6 +1,6 @@
 """The load frame on a network or a serial line: Modbus TCP, Modbus RTU, and RTU over TCP.
 
-Written from the specification alone; `simulators.load_frame.layout` says what stands where.
+Written from the specification alone; `simulators.load_frame.layout` holds the registers.
 """
 
 import struct
@@ -68,7 +68,7 @@ class LoadFrameServer(_LoadFrameWire):
     faults : FaultPanel, optional
         One is made if none is given.
     registers : LoadFrameRegisters, optional
-        Those of another line, which it shares; `serial` and `layout` mean nothing then.
+        The registers of another line to share; `serial` and `layout` are ignored then.
 
     Attributes
     ----------
@@ -116,19 +116,19 @@ class LoadFrameServer(_LoadFrameWire):
         return struct.pack(">HHHB", transaction, 0, len(reply) + 1, unit) + reply
 
     def damaged(self, reply: bytes) -> bytes:
-        """Return the answer with another function: TCP lets no bit fall, but a gateway may mix up answers."""
+        """Return the answer with another function code, as from a gateway that mixes up answers."""
         return reply[:HEADER] + bytes([reply[HEADER] ^ 0x40]) + reply[HEADER + 1 :]
 
     def readdressed(self, reply: bytes) -> bytes:
-        """Return the answer as another unit would have signed it."""
+        """Return the answer with another unit's identifier."""
         return reply[: HEADER - 1] + bytes([reply[HEADER - 1] ^ 0x02]) + reply[HEADER:]
 
 
 class LoadFrameRtuServer(_LoadFrameWire):
     """The same frame as Modbus RTU on a pseudo-terminal; `address` is the path to open.
 
-    A message for another unit, or a damaged one, is met with silence; one for everybody (unit 0) is obeyed in
-    silence.
+    A damaged message, or one for another unit, gets no answer. A broadcast (unit 0) is carried out without an
+    answer.
     """
 
     def __init__(
@@ -157,11 +157,11 @@ class LoadFrameRtuServer(_LoadFrameWire):
         return b"" if reply is None or unit == BROADCAST else _sealed(bytes([unit]) + reply)
 
     def damaged(self, reply: bytes) -> bytes:
-        """Return the answer with one bit turned: its checksum tells."""
+        """Return the answer with one bit flipped, which its checksum shows."""
         return reply[:2] + bytes([reply[2] ^ 0x10]) + reply[3:]
 
     def readdressed(self, reply: bytes) -> bytes:
-        """Return the answer as another unit of the line would give it."""
+        """Return the answer with the address of another unit of the line."""
         return _sealed(bytes([reply[0] ^ 0x02]) + reply[1:-2])
 
 

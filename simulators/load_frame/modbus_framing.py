@@ -1,4 +1,4 @@
-"""How Modbus requests travel: with a header on TCP, with address and checksum on a serial line.
+"""Framing of Modbus requests: a header on TCP, address and checksum on a serial line.
 
 Sources: MODBUS Messaging on TCP/IP Implementation Guide V1.0b; MODBUS over Serial Line Specification V1.02.
 """
@@ -21,7 +21,7 @@ def cut_tcp(buffer: bytes) -> tuple[list[bytes], bytes]:
     Raises
     ------
     ConnectionError
-        If it is no Modbus: the connection is of no more use.
+        If the bytes are not Modbus: the connection must be closed.
     """
     messages = []
     while len(buffer) >= HEADER:
@@ -38,8 +38,8 @@ def cut_tcp(buffer: bytes) -> tuple[list[bytes], bytes]:
 def cut_rtu(buffer: bytes) -> tuple[list[bytes], bytes]:
     """Return the complete requests in a buffer, and the rest.
 
-    On a real line a silence separates messages. On a pseudo-terminal silences prove nothing, so the checksum
-    decides: noise before a whole request is passed over.
+    On a real line a silence separates messages. A pseudo-terminal keeps no timing, so the checksum decides;
+    bytes before a valid request are skipped.
     """
     messages = []
     while (found := next(_requests(buffer), None)) is not None:
@@ -50,7 +50,7 @@ def cut_rtu(buffer: bytes) -> tuple[list[bytes], bytes]:
 
 
 def _requests(buffer: bytes) -> Iterator[tuple[int, int]]:
-    """Start and end of every stretch of a buffer that is a whole request."""
+    """Yield start and end of every slice of a buffer that is a whole request."""
     for start in range(len(buffer) - 3):
         function = buffer[start + 1]
         if function in SHORT_REQUESTS:

@@ -1,4 +1,4 @@
-"""The load frame behind its registers: what a Modbus request does and answers, whatever line it came on.
+"""The registers of a load frame: what each Modbus request does and answers, on any line.
 
 Source: MODBUS Application Protocol Specification V1.1b3. A holding block is written whole, in one request. A
 command is executed when its sequence number is newer than the last one executed: the same request twice, or
@@ -97,7 +97,7 @@ class LoadFrameRegisters:
         return layout.writable + (layout.readable if layout.one_table else [])
 
     def _cut(self, blocks: list[Block], address: int, count: int) -> bytes:
-        """Return `count` registers from inside one block; a request that leaves it is refused."""
+        """Return `count` registers of one block; a request that reaches beyond the block is refused."""
         for block in blocks:
             first = address - block.address
             if first >= 0 and first + count <= block.count:

@@ -1,4 +1,4 @@
-"""What a load frame knows and says: its limits, its readings, why it stopped and why it refuses."""
+"""Limits, readings, faults and refusals of a load frame."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -44,7 +44,7 @@ class Limits:
     load_rate_max_n_s: float
 
     def encloses(self, other: "Limits") -> bool:
-        """True when `other` allows nothing that these forbid, and something at all."""
+        """True if `other` lies within these limits and is not empty."""
         return (
             self.load_min_n <= other.load_min_n < other.load_max_n <= self.load_max_n
             and self.displacement_min_mm <= other.displacement_min_mm
@@ -56,7 +56,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Readings:
-    """What the machine indicates at one control period."""
+    """The readings of one control period."""
 
     sample: int
     time_s: float

@@ -1,4 +1,4 @@
-"""A camera that shows what the specimen of a simulated rig looks like from where it stands."""
+"""A simulated camera: it renders the specimen as seen from its place."""
 
 import threading
 from typing import Literal
@@ -21,7 +21,7 @@ from simulators.wire.rig_faults import RigFaults
 
 # The bit that V4L2 sets in a damaged buffer's flags.
 FLAG_ERROR = 0x40
-# Sine of the least angle to the grid's plane under which a pixel looks; the surface may lean by some degrees.
+# Sine of the smallest angle between a pixel's ray and the grid's plane; the surface may tilt by some degrees.
 GRAZING = 0.2
 
 
@@ -146,7 +146,7 @@ class SimulatedCamera:
         exposure_s = self._settings.exposure_us * 1e-6
         readout_s = self._settings.readout_us * 1e-6 + float(self._faults.take("delay") or 0)
         stalled = "stall" in self._faults.active
-        if stalled or not exposure_s + readout_s <= timeout_s:  # no number is no patience
+        if stalled or not exposure_s + readout_s <= timeout_s:  # NaN counts as no time at all
             self._clock.sleep(timeout_s)
             reason = "the sensor stands still" if stalled else f"it takes {exposure_s + readout_s:g} s"
             raise DeviceTimeout(

@@ -1,4 +1,4 @@
-"""Where the servers of a virtual rig are: wherever there is room, or where somebody wants them every time."""
+"""Addresses of a virtual rig's servers: any free ones, or fixed ones that the user names."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ SERVERS = (*TERMINALS, *PORTS)
 
 @dataclass(frozen=True)
 class Places:
-    """The places that are given; all other servers take what is free.
+    """The addresses that the user names; all other servers take any that are free.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class Places:
 
     @classmethod
     def read(cls, texts: Iterable[str]) -> "Places":
-        """Read ``NAME=PORT`` and ``NAME=PATH``; ValueError says what is wrong with one."""
+        """Read ``NAME=PORT`` and ``NAME=PATH``; ValueError says what is wrong."""
         ports: dict[str, int] = {}
         links: dict[str, Path] = {}
         for text in texts:
@@ -59,12 +59,12 @@ class Link:
     Raises
     ------
     OSError
-        If something of that name is there, unless a simulation that was killed left it behind.
+        If the name is taken, unless by a link that a killed simulation left behind.
     """
 
     def __init__(self, path: Path, terminal: Path) -> None:
         self._path, self._terminal = path, terminal
-        # the folder of a simulation that runs is there, its terminal only while it is plugged in
+        # the folder exists while the simulation runs, the terminal only while it is plugged in
         if path.is_symlink():
             folder = path.readlink().parent
             if folder.name.startswith(PREFIX) and not folder.exists():
@@ -72,6 +72,6 @@ class Link:
         path.symlink_to(terminal)
 
     def close(self) -> None:
-        """Take the name away; harmless when repeated."""
+        """Remove the link; harmless when repeated."""
         if self._path.is_symlink() and self._path.readlink() == self._terminal:
             self._path.unlink()

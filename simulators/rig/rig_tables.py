@@ -1,4 +1,4 @@
-"""What a rig file says about a simulation: checked, and written anew for programs that use it."""
+"""The rig file of a simulation: checked, and rewritten with addresses for programs that use it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -62,7 +62,7 @@ class RigTables:
     def read(cls, content: Mapping[str, Any], source: str) -> "RigTables":
         """Check a rig file's content; empty stands for `DEFAULTS`.
 
-        A device that is not simulated is refused: whoever uses the simulation would move it.
+        A device that is not simulated is refused, since a user of the simulation could move it by mistake.
 
         Raises
         ------
@@ -107,7 +107,7 @@ class RigTables:
         scene = addresses["scene"]
         parts = [
             f"# Devices of a simulation that was started on {datetime.now(UTC):%Y-%m-%d %H:%M} UTC.",
-            # nothing on the wire tells the drivers what is at its other end
+            # the drivers cannot see on the wire that the device is simulated
             toml_table(["rig"], {**self.content.get("rig", DEFAULTS["rig"]), "simulated": True}),
         ]
         for name in _ON_WIRES:
@@ -125,7 +125,7 @@ class RigTables:
 
 
 def _unreachable(name: str, table: object) -> list[str]:
-    """Return what is wrong with where a device is said to be."""
+    """Return what is wrong with a device's address in the rig file."""
     named = [value for value in table.values() if _is_name(value)] if isinstance(table, Mapping) else []
     if not named:
         return [f'{name}: the address of a simulated device is expected, such as "@{name}"; correct it']

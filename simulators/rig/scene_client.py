@@ -16,10 +16,10 @@ from drivers.registry import DriverSpec
 from drivers.settings import Settings
 
 RENDERING_S = 30.0
-"""How much longer than its own deadline a frame may take to come: rendering is slow on a busy machine."""
+"""Time allowed beyond a frame's own deadline, because rendering is slow on a busy machine."""
 
 OPERATOR_S = 3630.0
-"""How long a person may take: more than the longest time that a rig file can say."""
+"""Time allowed for the operator: more than the longest time that a rig file can set."""
 
 
 class RemoteOperatorSettings(Settings):
@@ -87,7 +87,7 @@ class SceneClient:
             ) from error
         if "error" in head:
             kind = getattr(errors, head.pop("error"), DeviceError)
-            del head["device"]  # a rig file may call it otherwise
+            del head["device"]  # the rig file may use another name
             raise kind(self.name, head.pop("step"), **head)
         return head, body
 
@@ -149,7 +149,7 @@ class RemoteOperator:
         self._client = client
 
     def perform(self, action: OperatorAction) -> None:
-        """Let the grid be attached or removed; return when it is done."""
+        """Ask for the grid to be attached or removed; return when it is done."""
         self._client.ask(OPERATOR_S, do="operator", action=action.name)
 
     def close(self) -> None:

@@ -38,7 +38,7 @@ class SceneServer:
     cameras : mapping of str to SimulatedCamera
     operator : SimulatedOperator
     on_frame : callable
-        Told each frame that is sent, and the camera it is from.
+        Called with each frame that is sent, and its camera.
     host : str
     port : int
         0 takes any free port.

@@ -42,7 +42,7 @@ class StoppableClock(SystemClock):
 
 
 class Simulation:
-    """Every server of a virtual rig, its cameras and its operator, and a log of what is true.
+    """All servers of a virtual rig, its cameras and operator, and a log of the true state.
 
     Parameters
     ----------
@@ -51,16 +51,16 @@ class Simulation:
     source : str
         The rig file, for messages.
     log : Path or None
-        Where the truth is written.
+        File for the log of the true state.
     places : iterable of str
-        Where servers are to be, as `simulators.rig.places.Places` reads it.
+        Addresses of servers, as `simulators.rig.places.Places` reads it.
 
     Raises
     ------
     ConfigurationError
         If the tables have mistakes.
     ValueError
-        If a place is none.
+        If an address cannot be understood.
     OSError
         If the log cannot be written, or a place is taken.
     """
@@ -89,7 +89,7 @@ class Simulation:
 
     @property
     def addresses(self) -> dict[str, str]:
-        """Where each server is; ``scene`` is that of the cameras and the operator."""
+        """Address of each server; ``scene`` serves the cameras and the operator."""
         return {**self.rig.addresses, "scene": self._scene.address}
 
     def rig_file(self) -> str:
@@ -97,7 +97,7 @@ class Simulation:
         return self._tables.rig_file(self.addresses)
 
     def command(self, line: str) -> list[str]:
-        """Carry out a line of the operator's and return what to print."""
+        """Carry out one command line typed at the simulation, and return what to print."""
         verb, _, rest = line.strip().partition(" ")
         faults = self.rig.faults
         try:

@@ -1,4 +1,4 @@
-"""What was really so, written down as it happens: one JSON object per line."""
+"""The log of the true state, written as it changes: one JSON object per line."""
 
 import json
 import threading
@@ -63,9 +63,9 @@ class TruthLog:
         )
 
     def write(self, what: str, **values: Any) -> None:
-        """Write one line; nothing any more once it is closed."""
+        """Write one line; after `close` nothing is written."""
         now_s, now = self._clock.now_s(), self._clock.utc()
-        # what is told later bears the date of when it happened
+        # an event that is reported late keeps the date at which it happened
         happened = now - timedelta(seconds=now_s - values.get("time_s", now_s))
         line = {"what": what, "utc": happened.isoformat(), "time_s": now_s, **values}
         with self._lock:
@@ -73,7 +73,7 @@ class TruthLog:
                 self._file.write(json.dumps(line) + "\n")
 
     def close(self) -> None:
-        """Write what was commanded since the last sample, and no more; harmless when repeated."""
+        """Write the commands since the last sample and close the file; harmless when repeated."""
         try:
             self.sample()
         finally:

@@ -42,31 +42,31 @@ class VirtualRigSettings(Settings):
 
 
 class VirtualRig:
-    """One specimen, fixed to a rotation stage and gripped by a load frame; a rig uses what it names.
+    """One specimen, fixed to a rotation stage and gripped by a load frame; a rig file uses either or both.
 
     Parameters
     ----------
     settings : VirtualRigSettings
     clock : Clock, optional
-        Another one than the settings ask for.
+        A clock to use instead of the one that the settings ask for.
     places : Places, optional
-        Where its servers are to be; without one they take what is free.
+        Addresses of its servers; by default any that are free.
 
     Raises
     ------
     OSError
-        If a place is taken.
+        If an address is taken.
 
     Attributes
     ----------
     clock : Clock
-        The time of everything in it, the rig's engine included.
+        The time of the whole rig, its engine included.
     addresses : mapping of str to str
         ``stage``, ``stage_tcp``: Zaber ASCII on a pty and on TCP; ``newport``: a Newport ESP301 on a pty that
         turns the same shaft; ``load_frame``, ``load_frame_rtu``, ``load_frame_rtu_tcp``: one load frame on
-        Modbus TCP, on Modbus RTU on a pty, and on RTU over TCP. As the drivers' settings want them.
+        Modbus TCP, on Modbus RTU on a pty, and on RTU over TCP. Written as the drivers' settings expect them.
     faults : RigFaults
-        What can be let go wrong, while it runs.
+        Faults that can be switched on while it runs.
     scene : Scene
         What its cameras see.
     stage : StageDevice
@@ -98,7 +98,7 @@ class VirtualRig:
             self._started = started.pop_all()
 
     def _start(self, settings: VirtualRigSettings, places: Places, started: ExitStack) -> dict[str, str]:
-        """Start every server, leave with `started` what ends it, and return where each is."""
+        """Start every server, register its `close` with `started`, and return the addresses."""
         addresses: dict[str, str] = {}
 
         def serve(name: str, server: Any, prefix: str = "") -> None:

@@ -1,4 +1,4 @@
-"""Compilation with types kept, so that compiled functions are checked like all others."""
+"""Numba's compiler with the types of the function kept, so that mypy checks compiled functions too."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -17,6 +17,6 @@ def compiled(function: F) -> F:
     try:
         result: F = numba.njit(cache=True, nogil=True)(function)
     except RuntimeError:
-        # Nowhere to keep it: installed by another user, and no home to write to.
+        # No folder for the cache: installed by another user, and no home that can be written to.
         result = numba.njit(nogil=True)(function)
     return result

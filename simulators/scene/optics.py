@@ -20,8 +20,8 @@ class PinholeCamera:
     """Camera that looks at the world's origin, its principal point in the middle of the image.
 
     World coordinates: X right, Y up, Z towards the on-axis camera, mm. Image coordinates: x right, y down,
-    pixel centres at integers. Pan swings the camera to +X about the world's Y; tilt then raises it to +Y, so
-    its centre is ``distance · (sin pan · cos tilt, sin tilt, cos pan · cos tilt)``; it never rolls.
+    pixel centres at integers. Pan swings the camera towards +X about the world's Y axis; tilt then raises it
+    towards +Y, so its centre is ``distance · (sin pan · cos tilt, sin tilt, cos pan · cos tilt)``; it never rolls.
     Distortion as Helm and Deaner have it: ``x_distorted = x (1 + k1 r²)``, in px from the principal point.
 
     Parameters
@@ -94,7 +94,7 @@ class PinholeCamera:
 def _undistorted_scale(distorted_px2: float, k1_per_px2: float) -> float:
     """Return s = r / r_distorted to rounding, from the square of r_distorted.
 
-    With k = k1 r_distorted² the model reads s + k s³ = 1; from s = 1 Newton's steps approach the root from
+    With k = k1 r_distorted² the model is s + k s³ = 1. Newton's method from s = 1 approaches the root from
     one side, whatever the sign of k.
     """
     k = k1_per_px2 * distorted_px2

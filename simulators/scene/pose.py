@@ -44,7 +44,8 @@ class Pose:
 
     @classmethod
     def sloped(cls, slope_x_deg: float, slope_y_deg: float, shift_z_mm: float = 0.0) -> "Pose":
-        """Tip the plane z = 0 onto ``z = tan(slope_x) X + tan(slope_y) Y + shift_z`` by the shortest way."""
+        """Return the smallest rotation, with a shift, that brings the plane z = 0 onto
+        ``z = tan(slope_x) X + tan(slope_y) Y + shift_z``."""
         a, b = tan(radians(slope_x_deg)), tan(radians(slope_y_deg))
         steepest = hypot(a, b)
         tip = _rotation(np.array([b, -a, 0.0]) / steepest, atan(steepest)) if steepest > 0.0 else np.eye(3)

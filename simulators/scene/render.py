@@ -1,4 +1,4 @@
-"""The picture of a surface: the light that falls on each pixel, integrated over the pixel's area."""
+"""Rendering of a surface: the light on each pixel, integrated over the pixel's area."""
 
 import os
 from concurrent.futures import ThreadPoolExecutor
@@ -17,9 +17,9 @@ def render(
 ) -> NDArray[np.float64]:
     """Return the mean reflectance (0 to 1) each pixel sees, shape (height, width).
 
-    Every quadrature point is followed exactly along its ray to the surface and back to the material, so the
-    image is that of the deformed specimen at any sub-pixel displacement, without interpolation. The texture
-    knows how many Gauss points per pixel and direction it needs, unless `quadrature_order` says otherwise.
+    The ray of every quadrature point is intersected exactly with the surface and traced back to the material.
+    The image is therefore exact at any sub-pixel displacement, without interpolation. `quadrature_order`
+    is the number of Gauss points per pixel and direction; by default the texture's own.
     """
     order = quadrature_order or surface.texture.quadrature_order
 

@@ -1,4 +1,4 @@
-"""What stands before the cameras at a moment: which surface, where, turned and stretched how far."""
+"""The scene before the cameras: which surface, its pose and its deformation at a moment."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ STRAIGHTENING_LOAD_N = 2000.0
 
 
 class Misalignment(Settings):
-    """How far the rig is from perfect.
+    """Misalignment of the rig.
 
     Slopes a, b of a plane mean ``z = tan(a) X + tan(b) Y``; slopes of the axis mean that it runs along
     ``(tan(a), tan(b), 1)``, so a positive slope leans it to +X or +Y.
@@ -54,18 +54,18 @@ class Misalignment(Settings):
     )
 
     def mounted(self) -> Pose:
-        """Where the specimen lies at rest: tipped against the grid's plane, z = 0, and behind it."""
+        """Pose of the specimen at rest: its slopes and shift relative to the grid's plane z = 0."""
         return Pose.sloped(self.grid_slope_x_deg, self.grid_slope_y_deg, -self.grid_gap_mm)
 
     def loaded(self, load_n: float) -> Pose:
-        """How a load moves the specimen out of its plane, in the specimen's own coordinates."""
+        """Motion out of the plane caused by a load, in the specimen's coordinates."""
         part = 1.0 - exp(-max(0.0, load_n) / STRAIGHTENING_LOAD_N)
         return Pose.sloped(
             part * self.loading_slope_x_deg, part * self.loading_slope_y_deg, part * self.loading_shift_mm
         )
 
     def turned(self, angle_deg: float) -> Pose:
-        """How the stage turns the specimen, in the specimen's own coordinates."""
+        """Rotation by the stage, in the specimen's coordinates."""
         axis = np.array([tan(radians(self.axis_slope_x_deg)), tan(radians(self.axis_slope_y_deg)), 1.0])
         return Pose.turned(axis, angle_deg, np.array([self.axis_x_mm, self.axis_y_mm, 0.0]))
 
@@ -105,7 +105,7 @@ class Surface:
 
 @compiled
 def _meet(origin: Array, directions: Array, rotation: Array, unstretch: Array, shift_mm: Array) -> Array:
-    """Where rays meet the plane z = 0, once turned into its coordinates, and which material lies there."""
+    """Intersect rays with the plane z = 0 of the surface, and return the material points there."""
     material = np.empty((len(directions), 2))
     for i in range(len(directions)):
         dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
@@ -137,7 +137,7 @@ class Scene:
     angle_deg : callable
         The stage's true angle now.
     load_n : callable
-        The frame's load now; asking for it brings the specimen up to date.
+        The frame's load now; the call also updates the specimen.
     """
 
     def __init__(
@@ -159,7 +159,7 @@ class Scene:
         self._grid = LineGrid()
 
     def surface(self) -> Surface:
-        """Return what the cameras see at this moment; an attached grid rides on the specimen."""
+        """Return the surface that the cameras see now; an attached grid moves with the specimen."""
         self._load_n()
         state = self.specimen.state
         motion = self.misalignment.loaded(state.load_n)
@@ -173,7 +173,7 @@ class Scene:
 
 
 def scene_of(context: OpenContext) -> Scene:
-    """Return the scene of the simulated rig a device belongs to.
+    """Return the scene of the simulated rig that a device belongs to.
 
     Raises
     ------

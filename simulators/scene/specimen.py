@@ -1,4 +1,4 @@
-"""A dog bone of 2024-T3 sheet between grips: the load a displacement costs, and the strain it leaves."""
+"""A dog-bone specimen of 2024-T3 sheet between grips: load and strain for a given displacement."""
 
 from dataclasses import dataclass
 from math import exp, log
@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from drivers.settings import Settings
 
-# Plastic strain at the yield stress, by which that is defined.
+# Plastic strain at the yield stress (0.2 % offset), which defines that stress.
 YIELD_STRAIN = 0.002
 
 
@@ -18,7 +18,7 @@ class SpecimenSettings(Settings):
 
     Material: typical values of 2024-T3 (Aluminum Association, as in MatWeb's sheet "Aluminum 2024-T3"):
     modulus 73.1 GPa, Poisson's ratio 0.33, yield 345 MPa, ultimate strength 483 MPa, elongation 18 %.
-    The load string's numbers are a plausible mechanical test frame with wedge grips.
+    The values of the load string are those of a typical mechanical test frame with wedge grips.
     """
 
     width_mm: float = Field(default=25.0, gt=0, description="width of the gauge section")
@@ -79,12 +79,12 @@ class SpecimenState:
 
 
 class Specimen:
-    """Specimen, grips and frame in series, with a memory: the highest load it has carried.
+    """Specimen, grips and frame in series; the highest load so far determines plastic strain and slip.
 
     Virgin loading follows Ramberg and Osgood, ``strain = s/E + 0.002 (s/yield)^n`` with n such that the
     ultimate stress is reached at the ultimate strain; frame and grips add their elastic compliance and a slip
     ``slip (1 - exp(-load / slip load))``. Plastic strain and slip stay on unloading, which is elastic.
-    A slack sheet carries no compression. Beyond the fracture strain the specimen is broken and stays so.
+    A slack sheet carries no compression. Beyond the fracture strain the specimen is broken for good.
     """
 
     def __init__(self, settings: SpecimenSettings) -> None:
@@ -114,7 +114,7 @@ class Specimen:
         return self.state.load_n
 
     def break_now(self) -> None:
-        """Break whatever the strain."""
+        """Break the specimen at any strain."""
         self.state = self._state_at(self.state.displacement_mm, 0.0, True)
 
     def _state_at(self, displacement_mm: float, load_n: float, broken: bool) -> SpecimenState:

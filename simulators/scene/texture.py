@@ -1,4 +1,4 @@
-"""What is printed on a surface, as formulas: a speckle pattern and a calibration grid.
+"""Textures as formulas: a speckle pattern and a calibration grid.
 
 Both can be evaluated at any material position, so an image of them is exact at every sub-pixel displacement.
 Reflectance runs from 0 (black) to 1 (white); positions are material coordinates in mm.
@@ -19,10 +19,10 @@ BRIGHT = 0.92
 
 
 class Texture(Protocol):
-    """A reflectance that is known at every material point.
+    """A reflectance defined at every material point.
 
-    `quadrature_order` is the number of Gauss points per pixel and direction that integrate it to well below a
-    camera's noise at 70 px/mm.
+    `quadrature_order` is the number of Gauss points per pixel and direction: enough to keep the integration
+    error far below a camera's noise at 70 px/mm.
     """
 
     @property
@@ -37,8 +37,8 @@ class Texture(Protocol):
 class Speckle:
     """Dark dots of smooth compact support on white, sprayed at random, about half of the surface covered.
 
-    Dots overlap as paint does: darkness s leaves exp(-s) of the light. To find those near a point they are
-    ordered by the cells of a square lattice centred on the origin; beyond it the surface is white.
+    Dots overlap as paint does: darkness s leaves exp(-s) of the light. Dots are sorted by the cells of a
+    square lattice centred on the origin, so that those near a point are found fast; beyond it the surface is white.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Speckle:
         Position of a dot in the lattice and one over its radius squared, in cells; radii are at most 1, so
         only neighbouring cells matter.
     first : ndarray of int, shape (n * n + 1,)
-        Where the dots of each cell begin, row by row, and where those of the last one end.
+        Index of each cell's first dot, row by row, and the end of the last cell's dots.
     cell_mm : float
     """
 
@@ -55,7 +55,7 @@ class Speckle:
     cell_mm: float
     quadrature_order: ClassVar[int] = 2
 
-    # With these the autocorrelation is 5 px wide at half height where the camera sees 70 px/mm.
+    # With these values the autocorrelation is 5 px wide at half height for a camera at 70 px/mm.
     CELL_MM: ClassVar[float] = 0.08
     SMALLEST_RADIUS: ClassVar[float] = 0.7
     DOTS_PER_CELL: ClassVar[float] = 1.2
@@ -156,7 +156,7 @@ def _rise(t: float) -> float:
 def _line_coverage(
     across: float, along: float, lines: int, pitch: float, width: float, edge: float, end: float
 ) -> float:
-    """How much of a line of one direction covers a point, 0 to 1."""
+    """Return the coverage of points by the lines of one direction, 0 to 1."""
     middle = (lines - 1) / 2
     nearest = min(max(np.round(across / pitch + middle), 0.0), lines - 1.0)
     off_centre = abs(across - (nearest - middle) * pitch)
@@ -165,7 +165,7 @@ def _line_coverage(
 
 @compiled
 def _mark_coverage(x: float, y: float, lines: int, pitch: float, radius: float, edge: float) -> float:
-    """How much of the mark's three dots covers a point, 0 to 1."""
+    """Return the coverage of points by the mark's three dots, 0 to 1."""
     middle = (lines // 2 - (lines - 1) / 2) * pitch
     x, y = x - middle, y - middle
     if radius == 0.0 or (x > 0.0 and y > 0.0):

@@ -1,4 +1,4 @@
-"""The rotation stage as a thing: a shaft that turns under acceleration, a counter, warning flags and limits.
+"""The mechanics of a rotation stage: a shaft that accelerates and turns, a counter, warning flags and limits.
 
 It knows nothing of bytes; `simulators.stage.zaber` puts it on a line.
 """
@@ -54,7 +54,7 @@ def _chain(time_s: float, angle_deg: float, parts: Iterable[tuple[float, float, 
 
 
 def braking(time_s: float, angle_deg: float, speed_deg_s: float, deceleration_deg_s2: float) -> list[Segment]:
-    """Come to a standstill from `speed_deg_s`."""
+    """Return the motion that brakes from `speed_deg_s` to a standstill."""
     deceleration = -deceleration_deg_s2 if speed_deg_s > 0 else deceleration_deg_s2
     return _chain(time_s, angle_deg, [(abs(speed_deg_s) / deceleration_deg_s2, speed_deg_s, deceleration)])
 
@@ -62,7 +62,7 @@ def braking(time_s: float, angle_deg: float, speed_deg_s: float, deceleration_de
 def trapezoid(
     time_s: float, start_deg: float, end_deg: float, speed_deg_s: float, acceleration_deg_s2: float
 ) -> list[Segment]:
-    """Go from rest to rest: accelerate, cruise, brake; short ways never reach the full speed."""
+    """Return the motion from rest to rest: accelerate, cruise, brake; short moves never reach full speed."""
     distance = end_deg - start_deg
     sign = 1.0 if distance >= 0 else -1.0
     peak = min(speed_deg_s, (abs(distance) * acceleration_deg_s2) ** 0.5)
@@ -87,8 +87,8 @@ class StageDevice:
     clock : Clock
         The stage's physics runs on this clock's time.
     power_up_angle_deg : float
-        Where the shaft stands when the stage is switched on. Its counter starts at 0 all the same, without a
-        reference (flag WR), until it was homed.
+        Angle of the shaft when the stage is switched on. The counter starts at 0 whatever the angle is,
+        without a reference (flag WR), until the stage is homed.
     microsteps_per_deg : int
     speed_deg_s, acceleration_deg_s2 : float
         The settings `maxspeed` and `accel` after switching on.
@@ -98,7 +98,7 @@ class StageDevice:
     Attributes
     ----------
     executed : list of (float, str)
-        Every motion that was begun, with its time: what the stage did, whatever its answers said.
+        Every motion that was begun, with its time, whether or not the answer reached the client.
     power_ups : int
         How often it was switched on.
     parked : bool
@@ -175,7 +175,7 @@ class StageDevice:
         return next((s for s in self._motion if now_s < s.end_s), self._motion[-1])
 
     def _advance(self) -> float:
-        """Let happen what was due until now, and return the time."""
+        """Carry out what was due until now, and return the time."""
         now_s = self._clock.now_s()
         if self._homing and now_s >= self._motion[-1].end_s:
             self._homing = False
@@ -186,7 +186,7 @@ class StageDevice:
     def _start(
         self, name: str, plan: list[float], speed: float | None = None, acceleration: float | None = None
     ) -> None:
-        """Begin to visit shaft angles in turn; a motion under way is pre-empted and braked first."""
+        """Begin to visit shaft angles one after the other; a motion under way is braked first."""
         if self._disabled:
             raise RefusedError("DRIVERDISABLED")
         if self.parked:
@@ -261,7 +261,7 @@ class StageDevice:
             raise RefusedError("BADDATA")
 
     def clear_flags(self) -> None:
-        """Forget the flags that tell of the past; a lost reference and a disabled driver remain."""
+        """Clear the flags of past events; a lost reference and a disabled driver remain."""
         with self._lock:
             self._flags &= {"WR", "WH", *(DISABLING_FLAGS if self._disabled else ())}
 
@@ -285,7 +285,7 @@ class StageDevice:
                 self.fail("FS")
 
     def free(self) -> None:
-        """Take away what blocks the shaft."""
+        """Remove what blocks the shaft."""
         self._jammed = False
 
     def press_estop(self) -> None:
@@ -298,7 +298,7 @@ class StageDevice:
         self._estop = False
 
     def fail(self, flag: str) -> None:
-        """Stop dead with a fault such as FS (stalled), FH (emergency stop) or FE (limit error)."""
+        """Stop at once with a fault such as FS (stalled), FH (emergency stop) or FE (limit error)."""
         with self._lock:
             now_s = self._advance()
             self._motion = _chain(now_s, self._segment(now_s).angle_at(now_s), [(0.0, 0.0, 0.0)])

@@ -24,7 +24,7 @@ AXES = 3
 DEGREE = 7
 NUMBER_MAX = 2e9
 HOME_MODES = range(7)
-# Find no signal, but go to where the counter is 0.
+# Home mode that seeks no signal but goes to counter value 0.
 TO_THE_COUNTERS_ZERO = 0
 # Software limits are watched (bit 0), and the motion is stopped at them (bit 2).
 SOFT_LIMITS = "5H"
@@ -35,7 +35,7 @@ SETTINGS = frozenset({"VA", "AC", "AG", "SL", "SR", "SN"})
 
 
 class NewportWire:
-    """What the controller makes of lines; the stage is axis 1 and the others have none.
+    """How the controller carries out lines; the stage is axis 1, the other axes have no stage.
 
     Parameters
     ----------
@@ -78,15 +78,15 @@ class NewportWire:
         return [line for line in lines if line], rest[-LINE_MAX:]
 
     def damaged(self, reply: bytes) -> bytes:
-        """Return the answer with a broken first character: nothing else could tell."""
+        """Return the answer with a damaged first character: the protocol has no checksum to show it."""
         return bytes([reply[0] | 0x80]) + reply[1:]
 
     def readdressed(self, reply: bytes) -> bytes:
-        """Return the answer: none of this protocol bears an address."""
+        """Return the answer unchanged: answers of this protocol carry no address."""
         return reply
 
     def respond(self, message: bytes) -> bytes:
-        """Act on one line, one client after the other."""
+        """Act on one line; clients are served one after the other."""
         with self._turn:
             return self.answer(message)
 
@@ -155,7 +155,7 @@ class NewportWire:
     def _tell(self, axis: int, name: str, value: str) -> None:
         device = self.device
         if name in ("ST", "AB", "RS"):
-            # these may come without an axis and mean all of them
+            # without an axis these commands mean all axes
             if name == "RS":
                 device.power_cycle()
             elif name == "ST" or not device.moving:
@@ -187,7 +187,7 @@ class NewportWire:
             case "DH":
                 device.set_position(round(_number(value or "0") * device.microsteps_per_deg))
             case "WS":
-                pass  # only a stored program waits for the end of a motion, and this controller stores none
+                pass  # only stored programs wait for the end of a motion, and this controller stores none
             case _ if name in SETTINGS:
                 self._set(name, _number(value))
             case _:
@@ -235,7 +235,7 @@ class NewportWire:
         self._target_deg = angle_deg
 
     def _begin(self, motion: Callable[[], None]) -> None:
-        """Begin a motion; what a motion left behind before is over."""
+        """Begin a motion, and forget the outcome of the motion before."""
         self.device.clear_flags()
         self._errors.watch(self.device)
         motion()
@@ -273,7 +273,7 @@ class NewportServer(NewportWire):
 
     @property
     def address(self) -> str:
-        """Where it is found."""
+        """Address of the server."""
         return self._port.address
 
     def close(self) -> None:

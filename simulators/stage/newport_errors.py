@@ -50,7 +50,7 @@ _AXIS_TEXTS = {
 SERVO_CYCLE_S = 0.0004
 QUEUE_MAX = 10
 
-# What the stage's own flags are to this controller, and whether they cut the motor's power.
+# The stage's flags as error codes of this controller, and whether they cut the motor's power.
 _FLAGS = {
     "FS": (AXIS + FOLLOWING_ERROR, True),
     "FE": (AXIS + HARD_LIMIT, False),
@@ -59,7 +59,7 @@ _FLAGS = {
 
 
 class NewportError(Exception):
-    """A command is not executed; its code goes into the queue."""
+    """A command was not executed; its code goes into the queue."""
 
     def __init__(self, code: int) -> None:
         self.code = code
@@ -75,7 +75,7 @@ def text_of(code: int) -> str:
 
 
 class ErrorQueue:
-    """Errors in the order in which they happened; asking takes the oldest away.
+    """Errors in the order in which they happened; a question removes the oldest.
 
     Parameters
     ----------
@@ -93,12 +93,12 @@ class ErrorQueue:
         self._errors.append((code, self._now_s()))
 
     def take(self) -> tuple[int, int, str]:
-        """Take the oldest one: its code, when it happened in servo cycles, and its text."""
+        """Remove the oldest error and return its code, its time in servo cycles and its text."""
         code, time_s = self._errors.popleft() if self._errors else (NO_ERROR, self._now_s())
         return code, int(time_s / SERVO_CYCLE_S), text_of(code)
 
     def watch(self, device: StageDevice) -> bool:
-        """Put in what happened to the stage by itself since the last time; True if that cut its power."""
+        """Add errors for faults of the stage since the last call; True if one of them cut its power."""
         flags = set(device.flags)
         fresh, self._flags = flags - self._flags, flags
         happened = [_FLAGS[flag] for flag in sorted(fresh) if flag in _FLAGS]

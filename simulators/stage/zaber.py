@@ -26,13 +26,13 @@ def checksum(text: str) -> str:
 
 
 class StageWire:
-    """What the stage makes of messages.
+    """How the stage carries out messages.
 
     Parameters
     ----------
     device : StageDevice
     device_address : int
-        The stage's own address; 0 and no address mean everybody.
+        The stage's own address; messages with address 0 or none are for all devices.
     serial : int
         The serial number it reports.
     faults : FaultPanel, optional
@@ -58,22 +58,22 @@ class StageWire:
         return lines, rest[-LINE_MAX:]
 
     def respond(self, message: bytes) -> bytes:
-        """Act on one line, one client after the other."""
+        """Act on one line; clients are served one after the other."""
         with self._turn:
             return self.answer(message)
 
     def damaged(self, reply: bytes) -> bytes:
-        """Return the answer with one bit of one character turned: its checksum, if it has one, tells."""
+        """Return the answer with one bit flipped, which its checksum shows if it has one."""
         return _changed(reply, len(reply) // 2, reply[len(reply) // 2] ^ 0x04)
 
     def readdressed(self, reply: bytes) -> bytes:
-        """Return the answer as the next device of the chain would give it."""
+        """Return the answer with the address of the next device in the chain."""
         body, colon, _ = reply.decode("ascii").strip().partition(":")
         body = f"{self.settings.address + 1:02d}{body[3:]}"
         return f"@{body}{':' + checksum(body) if colon else ''}\r\n".encode("ascii")
 
     def answer(self, line: bytes) -> bytes:
-        """Act on one line and return the bytes to send back: none when it is damaged or for somebody else."""
+        """Act on one line and return the answer; empty if the line is damaged or for another device."""
         text = line.decode("ascii", "replace").strip()
         text, colon, lrc = text.partition(":")
         if colon and lrc.upper() != checksum(text[1:]):
@@ -187,7 +187,7 @@ class StageServer(StageWire):
 
     @property
     def address(self) -> str:
-        """Where it is found."""
+        """Address of the server."""
         return self._port.address
 
     def close(self) -> None:

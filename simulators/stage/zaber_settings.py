@@ -30,7 +30,7 @@ class StageSettings:
     Attributes
     ----------
     always_checksum : bool
-        Setting `comm.checksum`: answers bear a checksum even when the message had none.
+        Setting `comm.checksum`: answers carry a checksum even if the message had none.
     """
 
     def __init__(self, device: StageDevice, address: int, serial: int) -> None:
@@ -82,7 +82,7 @@ class StageSettings:
         raise RefusedError("BADCOMMAND")
 
     def set(self, axis: int, name: str, value: int) -> None:
-        """Take a setting; `RefusedError` if it is none that can be set, or its value is out of range."""
+        """Set a setting; `RefusedError` if it is read-only or unknown, or the value is out of range."""
         if axis and name in self._of_device:
             raise RefusedError("DEVICEONLY")
         device = self._device

@@ -1,1 +1,1 @@
-"""What a simulated device is met on: ports, lines, TCP servers, and the faults that they can have."""
+"""Ports, lines and TCP servers on which a simulated device is reached, and their faults."""

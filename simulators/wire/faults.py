@@ -1,4 +1,4 @@
-"""What can go wrong with a simulated device: every fault by name, switched on and off while it runs.
+"""Faults of simulated devices by name, switched on and off while the device runs.
 
 A fault is written ``NAME[:VALUE][:COUNT]``, such as ``drop``, ``drop:2`` (the next two messages only),
 ``delay:0.2`` or ``delay:0.2:1``; a value is there only for faults that have one.
@@ -29,9 +29,10 @@ class Fault:
     default : str
         The value when none is given.
     counted : bool
-        Whether it strikes single messages, and may be limited to a number of them. Others stay until cleared.
+        Whether the fault strikes single messages and can be limited to a number of them. Other faults stay on
+        until they are cleared.
     lowest, highest : int
-        Of a value that is a number.
+        Bounds of a numeric value.
     """
 
     name: str
@@ -45,7 +46,7 @@ class Fault:
 
     @property
     def usage(self) -> str:
-        """How it is written."""
+        """How the fault is written."""
         value = f"[:{self.value}]" if self.value else ""
         return self.name + value + ("[:COUNT]" if self.counted else "")
 
@@ -108,15 +109,15 @@ class FaultPanel:
     def __init__(self, device: str) -> None:
         self.device = device
         self._lock = threading.Lock()
-        # what is done on and off comes in the order in which it was asked for
+        # switching is carried out in the order in which it was asked for
         self._switching = threading.RLock()
         self._on: dict[str, tuple[str, int | None]] = {}
         self._effects: dict[str, list[tuple[Callable[[], None], Callable[[], None] | None]]] = {}
 
     def when(self, name: str, on: Callable[[], None], off: Callable[[], None] | None = None) -> None:
-        """Say what is done when the fault of that name is switched on, and when it is cleared.
+        """Register what happens when a fault is switched on, and when it is cleared.
 
-        Without `off` it is over as soon as it happened: switched on again, it happens again.
+        Without `off` the fault is a single event: each time it is switched on, it happens once.
         """
         self._effects.setdefault(name, []).append((on, off))
 
@@ -148,7 +149,7 @@ class FaultPanel:
         Raises
         ------
         OSError
-            If a port that was unplugged is another program's by now; the fault is still on then.
+            If another program has taken an unplugged port meanwhile; the fault stays on.
         """
         with self._switching:
             for each in self.active:
@@ -167,7 +168,7 @@ class FaultPanel:
             return list(self._on)
 
     def take(self, name: str) -> str | None:
-        """Return the value of a fault if it strikes now, else None; a counted one is used up by one."""
+        """Return the value of a fault if it strikes now, else None; a counted fault loses one count."""
         with self._lock:
             if name not in self._on:
                 return None

@@ -1,4 +1,4 @@
-"""A line between one client and a device: messages cut out of the stream, answered, and what can go wrong."""
+"""A line between a client and a device: it cuts messages from the stream, answers, and applies faults."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -21,10 +21,10 @@ class Wire(Protocol):
         """Act on one message and return what is sent back, empty for nothing."""
 
     def damaged(self, reply: bytes) -> bytes:
-        """Return the answer as a disturbance on the way leaves it."""
+        """Return the answer damaged, as by noise on the line."""
 
     def readdressed(self, reply: bytes) -> bytes:
-        """Return the answer as another device would have signed it."""
+        """Return the answer with the address of another device."""
 
 
 class Line:
@@ -36,7 +36,7 @@ class Line:
     send : callable
         Takes bytes to the client.
     pause : callable
-        Waits so many seconds of real time, less when the line is being closed.
+        Waits for a number of seconds of real time, shorter if the line is being closed.
     """
 
     def __init__(self, wire: Wire, send: Callable[[bytes], object], pause: Callable[[float], object]) -> None:
@@ -62,7 +62,7 @@ class Line:
             self._give(held + reply)
 
     def _reply(self, message: bytes) -> bytes:
-        """Return what is to be sent, as the faults leave it; empty for nothing."""
+        """Return the bytes to send after faults were applied; empty for none."""
         faults = self._wire.faults
         if faults.take("lose-request") is not None:
             return b""

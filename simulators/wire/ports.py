@@ -1,4 +1,4 @@
-"""Where a client finds a device: a pseudo-terminal or a TCP port; either can be unplugged and plugged in."""
+"""The client's end of a device: a pseudo-terminal or a TCP port, which can be unplugged and plugged in."""
 
 import contextlib
 import functools
@@ -15,12 +15,12 @@ from simulators.wire.line import Line, Wire
 from simulators.wire.tcp_server import TcpServer
 
 PREFIX = "offaxis-pty-"
-"""Of the folders that terminals' links are in."""
+"""Prefix of the folders that hold links to terminals."""
 
 
 @functools.cache
 def _sweep() -> None:
-    """Remove, once in a process, the links that killed processes left behind."""
+    """Remove the links that killed processes left behind; done once per process."""
     for folder in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
         owner = folder.name.removeprefix(PREFIX).partition("-")[0]
         if owner.isdecimal() and not Path("/proc", owner).exists():
@@ -33,8 +33,8 @@ class PtyPort:
     Attributes
     ----------
     address : str
-        The path to open: a link to the terminal, as /dev/serial/by-id has them. It is gone while the terminal
-        is unplugged and then comes back, whatever number the terminal has got.
+        The path to open: a link to the terminal, as /dev/serial/by-id has them. The link disappears
+        while the terminal is unplugged and returns afterwards, under the same name.
     """
 
     def __init__(self, wire: Wire) -> None:
@@ -70,7 +70,7 @@ class PtyPort:
             line.receive(os.read(self._near, 4096))
 
     def _send(self, reply: bytes) -> None:
-        # a UART does not wait for anybody either: what nobody reads is lost
+        # as on a UART, bytes that nobody reads are lost
         with contextlib.suppress(BlockingIOError):
             os.write(self._near, reply)
 

@@ -42,7 +42,7 @@ class TcpServer:
             try:
                 connection, _ = self._listener.accept()
             except OSError:
-                # with no descriptors left for now, whoever calls waits
+                # out of file descriptors for the moment: the client waits
                 if self._closing.wait(RETRY_S):
                     return
                 continue
@@ -64,7 +64,7 @@ class TcpServer:
             self._talks.pop(connection, None)
 
     def drop_clients(self) -> None:
-        """Cut every connection, as a cable or a switch would; new ones are accepted."""
+        """Cut every connection, as a broken cable would; new ones are accepted."""
         with self._lock:
             talks = dict(self._talks)
         for connection in talks:
