@@ -21,7 +21,8 @@ class PinholeCamera:
 
     World coordinates: X right, Y up, Z towards the on-axis camera, mm. Image coordinates: x right, y down,
     pixel centres at integers. Pan swings the camera towards +X about the world's Y axis; tilt then raises it
-    towards +Y, so its centre is ``distance · (sin pan · cos tilt, sin tilt, cos pan · cos tilt)``; it never rolls.
+    towards +Y, so its centre is ``distance · (sin pan · cos tilt, sin tilt, cos pan · cos tilt)``; it never
+    rolls.
     Distortion as Helm and Deaner have it: ``x_distorted = x (1 + k1 r²)``, in px from the principal point.
 
     Parameters

@@ -38,7 +38,8 @@ class Speckle:
     """Dark dots of smooth compact support on white, sprayed at random, about half of the surface covered.
 
     Dots overlap as paint does: darkness s leaves exp(-s) of the light. Dots are sorted by the cells of a
-    square lattice centred on the origin, so that those near a point are found fast; beyond it the surface is white.
+    square lattice centred on the origin, so that those near a point are found fast; beyond it the surface is
+    white.
 
     Attributes
     ----------
