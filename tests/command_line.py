@@ -2,12 +2,12 @@
 
 import io
 import json
-import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
+from subprocess import PIPE, Popen
 from typing import Any, TextIO
 from unittest.mock import patch
 
@@ -69,14 +69,14 @@ def _run(main: Callable[[], None], arguments: list[str], out: TextIO | None) -> 
 
 
 class Program:
-    """`rig` in a process of its own."""
+    """`rig` in a process of its own, which ends with the test."""
 
-    def __init__(self, *arguments: object, command: list[str] = RIG) -> None:
-        self.process = subprocess.Popen(
+    def __init__(self, *arguments: object, command: Sequence[str] = RIG, stdin: int = PIPE) -> None:
+        self.process = Popen(
             [*command, *map(str, arguments)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            stdin=stdin,
+            stdout=PIPE,
+            stderr=PIPE,
             text=True,
             bufsize=1,
         )
@@ -92,12 +92,17 @@ class Program:
                 return lines
         raise AssertionError(f"{lines}, {self.process.stderr.read()}")
 
-    def type(self, line: str) -> None:
-        """Type a line into it."""
+    def type(self, lines: str) -> None:
+        """Type into it."""
         assert self.process.stdin is not None
-        self.process.stdin.write(f"{line}\n")
+        self.process.stdin.write(f"{lines}\n")
 
     def end(self, typed: str = "") -> tuple[int, str]:
-        """Wait for its end, close its streams; return its status and what it complained of."""
+        """Type the last lines, wait for its end; return its status and what it complained of."""
         _, complaints = self.process.communicate(typed, timeout=DEADLINE_S)
         return self.process.returncode, complaints
+
+    def close(self) -> None:
+        """Kill it if it has not ended."""
+        with self.process:
+            self.process.kill()

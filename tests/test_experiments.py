@@ -6,7 +6,7 @@ import pytest
 from dic.correlation.settings import CorrelationSettings
 from dic.pipeline.run import process_run
 from rig.run import run_protocol
-from tests.places import EXAMPLES
+from tests.places import EXAMPLES, example
 
 # A quarter of the default's points: means over a thousand of them still have less than 2 µε of noise.
 COARSE = CorrelationSettings(subset_px=31, step_px=20, shape="quadratic")
@@ -15,12 +15,8 @@ MICRO = 1e6
 
 def experiment(folder, protocol, rig, changes=()):
     """Run an example protocol on an example rig with some of its lines changed, and measure it."""
-    text = (EXAMPLES / f"{rig}.toml").read_text()
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
     rig_file = folder / "rig.toml"
-    rig_file.write_text(text)
+    rig_file.write_text(example(rig, *changes))
     outcome = run_protocol(EXAMPLES / f"{protocol}.toml", rig_file, folder / "run.h5")
     assert outcome.status == "completed", outcome.reason
     result = process_run(folder / "run.h5", COARSE)

@@ -19,15 +19,14 @@ from dic.results.maps import panels
 from dic.runfile.reader import RunFile
 from rig.run import run_protocol
 from tests.command_line import refusal, run_dic
-from tests.places import EXAMPLES
+from tests.places import EXAMPLES, example
 
 COARSE = CorrelationSettings(step_px=40)
 
 
 def short_protocol(folder):
-    text = (EXAMPLES / "rotation.toml").read_text()
     path = folder / "short.toml"
-    path.write_text(text.replace("total_deg = 360.0", "total_deg = 45.0"))
+    path.write_text(example("rotation", ("total_deg = 360.0", "total_deg = 45.0")))
     return path
 
 

@@ -1,7 +1,8 @@
 """A rig of fakes on a virtual clock: small devices that behave well until a test tells them not to."""
 
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -22,7 +23,8 @@ from rig.devices import Rig
 from rig.engine.engine import Engine
 from rig.protocol.protocol import Protocol, RotationProtocol, TensionProtocol
 from rig.recorder import Recorder, RunHeader
-from tests.places import EXAMPLES
+from tests.command_line import Program
+from tests.places import example
 
 # Grips that seat (soft up to 0.5 kN), 17.8 kN/mm elastic, 1 kN/mm once it yields at 8.5 kN.
 DISPLACEMENTS_MM = np.array([-10.0, 0.0, 0.1, 0.55, 10.05])
@@ -208,12 +210,12 @@ class FakeRig:
 
 @pytest.fixture
 def tension_table() -> dict:
-    return tomllib.loads((EXAMPLES / "tension.toml").read_text().replace("poll_s = 0.2", "poll_s = 0.5"))
+    return tomllib.loads(example("tension", ("poll_s = 0.2", "poll_s = 0.5")))
 
 
 @pytest.fixture
 def rotation_table() -> dict:
-    return tomllib.loads((EXAMPLES / "rotation.toml").read_text())
+    return tomllib.loads(example("rotation"))
 
 
 @pytest.fixture
@@ -234,3 +236,10 @@ def on_frame_state() -> Callable:
         return lambda count, state: replace(state, **changes) if count >= first else state
 
     return script
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[..., Program]]:
+    """`start(*arguments)` starts `rig` as a program, which ends with the test."""
+    with ExitStack() as programs:
+        yield lambda *arguments, **how: programs.enter_context(closing(Program(*arguments, **how)))

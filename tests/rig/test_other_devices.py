@@ -1,12 +1,9 @@
 """Whole experiments on the virtual rig with drivers that no example names: only the rig file changes."""
 
-import json
-import sys
-
 import pytest
 
-from rig.cli import main
-from tests.places import EXAMPLES
+from tests.command_line import run_rig
+from tests.places import EXAMPLES, example
 
 CAMERA = 'driver = "simulated-camera"'
 
@@ -16,12 +13,12 @@ CAMERA = 'driver = "simulated-camera"'
     [
         (
             "rotation",
-            "rig-virtual-rotation-10.toml",
+            "rig-virtual-rotation-10",
             {'driver = "zaber-ascii"': 'driver = "newport-esp301"', '"@stage"': '"@newport"'},
         ),
         (
             "tension",
-            "rig-virtual-tension.toml",
+            "rig-virtual-tension",
             {
                 '"@load_frame"': '"@load_frame_rtu_tcp"',
                 'map = "generic"': 'map = "scaled-integers"',
@@ -30,28 +27,14 @@ CAMERA = 'driver = "simulated-camera"'
         ),
     ],
 )
-def test_an_experiment_runs_to_its_end(protocol, rig_file, edits, monkeypatch, tmp_path):
-    text = (EXAMPLES / rig_file).read_text()
-    for old, new in {CAMERA: f"{CAMERA}\nwidth_px = 32\nheight_px = 24", **edits}.items():
-        assert old in text
-        text = text.replace(old, new)
-    rig_path, report = tmp_path / "rig.toml", tmp_path / "run.json"
-    rig_path.write_text(text)
-    arguments = [
-        "run",
-        EXAMPLES / f"{protocol}.toml",
-        "--rig",
-        rig_path,
-        "-o",
-        tmp_path / "run.h5",
-        "--json",
-        report,
-    ]
-    monkeypatch.setattr(sys, "argv", ["rig", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 0
-    done = json.loads(report.read_text())
+def test_an_experiment_runs_to_its_end(protocol, rig_file, edits, tmp_path):
+    rig_path = tmp_path / "rig.toml"
+    small = (CAMERA, f"{CAMERA}\nwidth_px = 32\nheight_px = 24")
+    rig_path.write_text(example(rig_file, small, *edits.items()))
+    paths = ["--rig", rig_path, "-o", tmp_path / "run.h5", "--json", tmp_path / "run.json"]
+    ended = run_rig("run", EXAMPLES / f"{protocol}.toml", *paths)
+    assert ended.status == 0, ended
+    done = ended.report
     assert done["status"] == "completed"
     reached = [step for step in done["steps"] if step["target"] is not None]
     assert len(reached) > 5

@@ -2,7 +2,7 @@ import pytest
 
 from drivers.errors import ConfigurationError
 from rig.rigfile import read_rig
-from tests.places import EXAMPLES
+from tests.places import EXAMPLES, example
 
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("rig-*.toml")), ids=lambda path: path.stem)
@@ -72,16 +72,14 @@ def test_rig_without_cameras_is_refused(tmp_path):
 
 @pytest.mark.parametrize("name", ["stage", "load_frame"])
 def test_camera_may_not_have_the_name_of_another_device(tmp_path, name):
-    example = (EXAMPLES / "rig-virtual-tension.toml").read_text()
     path = tmp_path / "rig.toml"
-    path.write_text(example.replace("[cameras.off_axis]", f"[cameras.{name}]"))
+    path.write_text(example("rig-virtual-tension", ("[cameras.off_axis]", f"[cameras.{name}]")))
     with pytest.raises(ConfigurationError, match=f"cameras.{name}: a name that is not another device's"):
         read_rig(path)
 
 
 def test_a_camera_has_a_name_that_a_program_can_use(tmp_path):
-    example = (EXAMPLES / "rig-virtual-tension.toml").read_text()
     path = tmp_path / "rig.toml"
-    path.write_text(example.replace("[cameras.off_axis]", '[cameras."off axis/2"]'))
+    path.write_text(example("rig-virtual-tension", ("[cameras.off_axis]", '[cameras."off axis/2"]')))
     with pytest.raises(ConfigurationError, match=r"cameras.off axis/2: a name of letters, digits and _"):
         read_rig(path)

@@ -3,13 +3,12 @@
 import itertools
 import json
 import math
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from dic.runfile.reader import RunFile
+from tests.command_line import Program
 
 RIG = """
 [rig]
@@ -64,49 +63,6 @@ pitch_mm = 0.5
 per_step = 1
 timeout_s = 5.0
 """
-COMMAND = [sys.executable, "-c", "from rig.cli import main; main()"]
-DEADLINE_S = 120
-
-
-class Program:
-    """A command of ours in a process of its own."""
-
-    def __init__(self, *arguments: object) -> None:
-        self.process = subprocess.Popen(
-            [*COMMAND, *map(str, arguments)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            bufsize=1,
-        )
-
-    def wait_for(self, beginning: str) -> None:
-        """Read what it prints up to a line that begins so."""
-        for line in self.process.stdout:
-            if line.startswith(beginning):
-                return
-        raise AssertionError(self.process.stderr.read())
-
-    def end(self, typed: str = "") -> tuple[int, str]:
-        """Wait for its end and return its status and what it complained of."""
-        _, complaints = self.process.communicate(typed, timeout=DEADLINE_S)
-        return self.process.returncode, complaints
-
-
-@pytest.fixture
-def start():
-    programs = []
-
-    def begin(*arguments: object) -> Program:
-        programs.append(Program(*arguments))
-        return programs[-1]
-
-    yield begin
-    for program in programs:
-        if program.process.poll() is None:
-            program.process.kill()
-            program.process.communicate()
 
 
 @pytest.fixture
@@ -169,7 +125,7 @@ def test_an_emergency_stop_that_is_typed_in_ends_a_run_in_its_safe_state(simulat
     (files / "protocol.toml").write_text(PROTOCOL.replace("total_deg = 10.0", "total_deg = 180.0"))
     running = run(start, files)
     running.wait_for("step 1 ")
-    simulation.process.stdin.write("fault stage.e-stop\nfault load_frame.e-stop\n")
+    simulation.type("fault stage.e-stop\nfault load_frame.e-stop")
     status, complaints = running.end()
     assert status == 1
     assert "Traceback" not in complaints

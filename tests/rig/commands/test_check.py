@@ -1,18 +1,14 @@
 """`rig check` on pictures whose speckles, light and focus are known, and on the virtual rig."""
 
-import json
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
 from dic.quality.findings import findings
 from dic.quality.quality import assess_quality
-from rig.cli import main
 from rig.commands.check import NO_PATTERN, judge
-from tests.places import EXAMPLES
+from tests.command_line import run_rig
+from tests.places import example
 
 SIGMA_PX = 1.5
 
@@ -68,16 +64,13 @@ def test_a_picture_without_a_pattern_is_judged_by_light_and_focus():
 
 
 @pytest.fixture
-def check(monkeypatch, capsys, tmp_path):
+def check(tmp_path):
     def call(camera: str) -> tuple[int, str, dict]:
-        text = (EXAMPLES / "rig-virtual-rotation-30.toml").read_text()
         driver = 'driver = "simulated-camera"'
-        rig_file, report = tmp_path / "rig.toml", tmp_path / "check.json"
-        rig_file.write_text(text.replace(driver, f"{driver}\n{camera}"))
-        monkeypatch.setattr(sys, "argv", ["rig", "check", str(rig_file), "--json", str(report)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return ended.value.code, capsys.readouterr().out, json.loads(Path(report).read_text())
+        rig_file = tmp_path / "rig.toml"
+        rig_file.write_text(example("rig-virtual-rotation-30", (driver, f"{driver}\n{camera}")))
+        done = run_rig("check", rig_file, "--json", tmp_path / "check.json")
+        return done.status, done.out, done.report
 
     return call
 

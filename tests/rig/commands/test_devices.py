@@ -1,7 +1,5 @@
 """`rig devices` with simulated devices at real ports, and a system folder made by hand."""
 
-import json
-import sys
 import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -14,7 +12,6 @@ from drivers.clock import VirtualClock
 from drivers.errors import ConfigurationError
 from drivers.registry import DriverSpec, Finder, Found, SerialPort, find_driver
 from drivers.settings import Settings
-from rig.cli import main
 from rig.commands import device_search
 from rig.commands.device_search import search
 from rig.commands.devices import lines, rig_file
@@ -23,6 +20,7 @@ from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.modbus import LoadFrameServer
 from simulators.stage.device import StageDevice
 from simulators.stage.zaber import StageServer, StageTcpServer
+from tests.command_line import run_rig
 from tests.spring import Spring
 
 VISION = "GigE Vision and USB3 Vision cameras"
@@ -44,7 +42,7 @@ def clock() -> VirtualClock:
     return VirtualClock()
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def finders(monkeypatch) -> dict[str, Finder | None]:
     """What the drivers find on this machine: one camera, and no port by themselves."""
     replaced: dict[str, Finder | None] = {
@@ -61,27 +59,15 @@ def finders(monkeypatch) -> dict[str, Finder | None]:
     return replaced
 
 
-@pytest.fixture
-def call(monkeypatch, capsys, finders):
-    def run(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["rig", "devices", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        out, err = capsys.readouterr()
-        return ended.value.code, out, err
-
-    return run
-
-
-def test_the_rig_file_to_start_from_lacks_only_what_a_person_must_decide(serve, clock, call, tmp_path):
+def test_the_rig_file_to_start_from_lacks_only_what_a_person_must_decide(serve, clock, tmp_path):
     zaber = serve(StageServer(StageDevice(clock)))
     frame = serve(LoadFrameServer(LoadFrameDevice(clock, Spring())))
     path, table = tmp_path / "rig.toml", tmp_path / "devices.json"
-    status, out, err = call("--port", zaber.address, "--modbus", frame.address, "-o", path, "--json", table)
-    assert (status, err) == (0, "")
-    assert "camera /dev/video7: a camera" in out
-    assert "Zaber device 1, serial number 110001" in out
-    assert json.loads(table.read_text())["modbus"][0]["found"][0]["settings"]["map"] == "generic"
+    done = run_rig("devices", "--port", zaber.address, "--modbus", frame.address, "-o", path, "--json", table)
+    assert (done.status, done.err) == (0, "")
+    assert "camera /dev/video7: a camera" in done.out
+    assert "Zaber device 1, serial number 110001" in done.out
+    assert done.report["modbus"][0]["found"][0]["settings"]["map"] == "generic"
     with pytest.raises(ConfigurationError) as missing:
         read_rig(path)
     assert all(mistake.endswith("is missing; add it") for mistake in missing.value.mistakes)
@@ -102,46 +88,46 @@ def test_the_rig_file_to_start_from_lacks_only_what_a_person_must_decide(serve, 
     assert decided.cameras["camera_0"].setting("device") == "/dev/video7"
 
 
-def test_a_rig_file_that_is_there_is_kept(call, tmp_path):
+def test_a_rig_file_that_is_there_is_kept(tmp_path):
     path = tmp_path / "rig.toml"
     path.write_text("mine")
-    status, _, err = call("-o", path)
-    assert status == 2
-    assert "expected a new file" in err
+    done = run_rig("devices", "-o", path)
+    assert done.status == 2
+    assert "expected a new file" in done.err
     assert path.read_text() == "mine"
 
 
-def test_no_probe_sends_nothing(serve, clock, call):
+def test_no_probe_sends_nothing(serve, clock):
     zaber = serve(StageServer(StageDevice(clock)))
     frame = serve(LoadFrameServer(LoadFrameDevice(clock, Spring())))
     heard: list[bytes] = []
     zaber.respond = frame.respond = lambda message: heard.append(message) or b""
-    status, out, _ = call("--port", zaber.address, "--modbus", frame.address, "--no-probe")
-    assert (status, heard) == (0, [])
-    assert out.count("not asked") == 3
+    done = run_rig("devices", "--port", zaber.address, "--modbus", frame.address, "--no-probe")
+    assert (done.status, heard) == (0, [])
+    assert done.out.count("not asked") == 3
 
 
-def test_a_stage_behind_tcp_is_found_and_named_once(serve, clock, call):
+def test_a_stage_behind_tcp_is_found_and_named_once(serve, clock):
     zaber = serve(StageTcpServer(StageDevice(clock)))
     place = f"socket://{zaber.address}"
-    status, out, _ = call("--port", place, "--port", place)
-    assert status == 0
-    assert out.count(f"serial port {place} (named): Zaber device 1, serial number 110001") == 1
+    done = run_rig("devices", "--port", place, "--port", place)
+    assert done.status == 0
+    assert done.out.count(f"serial port {place} (named): Zaber device 1, serial number 110001") == 1
     zaber.close()
-    _, out, _ = call("--port", place)
-    assert "Connection refused" in out
+    done = run_rig("devices", "--port", place)
+    assert "Connection refused" in done.out
 
 
-def test_a_modbus_device_of_no_known_map_does_not_stand_for_the_load_frame(serve, clock, call, tmp_path):
+def test_a_modbus_device_of_no_known_map_does_not_stand_for_the_load_frame(serve, clock, tmp_path):
     thermometer = serve(LoadFrameServer(LoadFrameDevice(clock, Spring()), serial=1))
     registers = thermometer.registers.answer
     # it has registers for whoever asks for one, and no blocks
     thermometer.registers.answer = lambda pdu: registers(pdu) if pdu[-2:] == b"\x00\x01" else b"\x84\x02"
     frame = serve(LoadFrameServer(LoadFrameDevice(clock, Spring())))
     path = tmp_path / "rig.toml"
-    status, out, _ = call("--modbus", thermometer.address, "--modbus", frame.address, "-o", path)
-    assert status == 0
-    assert "which no shipped register map fits" in out
+    done = run_rig("devices", "--modbus", thermometer.address, "--modbus", frame.address, "-o", path)
+    assert done.status == 0
+    assert "which no shipped register map fits" in done.out
     load_frame = tomllib.loads(path.read_text())["load_frame"]
     assert load_frame["address"] == frame.address
     assert f'# address = "{thermometer.address}"' in path.read_text()
@@ -150,11 +136,11 @@ def test_a_modbus_device_of_no_known_map_does_not_stand_for_the_load_frame(serve
 @pytest.mark.parametrize(
     "address", ["", "::1", "a:b", "host:", "host:0", "host:65536", "/dev/ttyS0", "rtu://", "a b"]
 )
-def test_an_address_that_is_none_is_refused_before_anybody_is_asked(call, monkeypatch, address):
+def test_an_address_that_is_none_is_refused_before_anybody_is_asked(monkeypatch, address):
     monkeypatch.setattr(device_search, "find_driver", lambda name: pytest.fail("was asked"))
-    status, out, err = call("--modbus", address)
-    assert (status, out) == (2, "")
-    assert f"expected --modbus HOST[:PORT] or rtu://HOST[:PORT], got {address!r}" in err
+    done = run_rig("devices", "--modbus", address)
+    assert (done.status, done.out) == (2, "")
+    assert f"expected --modbus HOST[:PORT] or rtu://HOST[:PORT], got {address!r}" in done.err
 
 
 @pytest.mark.parametrize(
@@ -171,16 +157,16 @@ def test_an_address_without_a_port_gets_that_of_the_standard(finders, written, a
     assert (place.address, place.devices, place.trouble) == (asked, [], "not asked")
 
 
-def test_a_rig_file_without_cameras_says_that_they_are_missing(call, finders, tmp_path):
+def test_a_rig_file_without_cameras_says_that_they_are_missing(finders, tmp_path):
     finders["v4l2"] = None
-    call("-o", tmp_path / "rig.toml")
+    run_rig("devices", "-o", tmp_path / "rig.toml")
     assert "# No camera was found: add [cameras.NAME]" in (tmp_path / "rig.toml").read_text()
 
 
-def test_a_port_that_is_not_there_is_told(call):
-    status, out, err = call("--port", "/dev/ttyNone")
-    assert (status, err) == (0, "")
-    assert "/dev/ttyNone (named): cannot be opened" in out
+def test_a_port_that_is_not_there_is_told():
+    done = run_rig("devices", "--port", "/dev/ttyNone")
+    assert (done.status, done.err) == (0, "")
+    assert "/dev/ttyNone (named): cannot be opened" in done.out
 
 
 def test_cameras_that_answer_on_networks_stand_in_the_rig_file_with_their_driver(finders, tmp_path):
@@ -197,15 +183,14 @@ def test_cameras_that_answer_on_networks_stand_in_the_rig_file_with_their_driver
     assert read["camera_0"].setting("camera") == "Maker-7"
 
 
-def test_what_was_not_looked_for_is_said(finders, call, tmp_path):
+def test_what_was_not_looked_for_is_said(finders, tmp_path):
     def missing() -> list[Found]:
         raise OSError("no library; install it")
 
     finders["aravis"] = Finder(VISION, answering=missing)
     assert f"{VISION}: no library; install it" in lines(search([], [], ask=True))
     assert f"{VISION}: not asked" in lines(search([], [], ask=False))
-    call("--json", tmp_path / "found.json")
-    table = json.loads((tmp_path / "found.json").read_text())
+    table = run_rig("devices", "--json", tmp_path / "found.json").report
     assert table["cameras_not_looked_for"] == "no library; install it"
 
 

@@ -4,82 +4,55 @@ import json
 import os
 import signal
 import socket
-import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from rig.cli import main
 from rig.devices import open_rig
 from rig.rigfile import read_rig
 from simulators.rig.scene_client import SceneClient
-from tests.places import EXAMPLES
-
-COMMAND = [sys.executable, "-c", "from rig.cli import main; main()", "simulate"]
-DEADLINE_S = 60
+from tests.command_line import DEADLINE_S, RIG, Program, run_rig
+from tests.places import example
 
 
-def begin(*options: str, command: list[str] = COMMAND) -> subprocess.Popen:
-    return subprocess.Popen(
-        [*command, *options],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        bufsize=1,
-    )
-
-
-def lines_until(process: subprocess.Popen, beginning: str) -> list[str]:
-    """Read what is printed up to a line that begins so."""
-    lines = []
-    for line in process.stdout:
-        lines.append(line.strip())
-        if line.startswith(beginning):
-            return lines
-    raise AssertionError(f"{lines}, {process.stderr.read()}")
+@pytest.fixture
+def begin(start) -> Callable[..., Program]:
+    return partial(start, "simulate")
 
 
 @pytest.mark.parametrize("way", ["SIGINT", "SIGTERM", "SIGHUP", "quit"])
-def test_it_ends_at_once_with_status_0(way, tmp_path):
+def test_it_ends_at_once_with_status_0(begin, way, tmp_path):
     # an hour between samples must not be waited for
-    process = begin("--json", str(tmp_path / "addresses.json"), "--period-s", "3600")
-    printed = lines_until(process, "scene: ")
-    if way == "quit":
-        process.stdin.write("quit\n")
-    else:
-        process.send_signal(signal.Signals[way])
-    _, complaints = process.communicate(timeout=DEADLINE_S)
-    assert (process.returncode, complaints) == (0, "")
+    program = begin("--json", tmp_path / "addresses.json", "--period-s", 3600)
+    printed = program.wait_for("scene: ")
+    if way != "quit":
+        program.process.send_signal(signal.Signals[way])
+    assert program.end("quit\n" if way == "quit" else "") == (0, "")
     addresses = json.loads((tmp_path / "addresses.json").read_text())
     assert [f"{name}: {address}" for name, address in addresses.items()] == printed
     assert not Path(addresses["stage"]).exists()
 
 
-def test_another_program_runs_its_rig_and_faults_are_typed_in(tmp_path):
+def test_another_program_runs_its_rig_and_faults_are_typed_in(begin, tmp_path):
     rig_path, log = tmp_path / "rig.toml", tmp_path / "truth.jsonl"
-    process = begin("-o", str(rig_path), "--log", str(log), "--fault", "stage.drop:1")
-    try:
-        lines_until(process, "scene: ")
-        with open_rig(read_rig(rig_path)) as rig:
-            rig.load_frame.go_to_displacement(0.02, 1.0)
-            process.stdin.write("fault load_frame.e-stop\ntruth\n")
-            assert "on: load_frame.e-stop" in lines_until(process, "grid_attached: ")
-            assert "emergency stop" in rig.load_frame.read().faults
-            process.stdin.write("clear\n")
-            assert lines_until(process, "on: ") == ["on: nothing"]
-            rig.stage.stop()
-        # at the end of the input it goes on
-        process.stdin.close()
-        process.send_signal(signal.SIGINT)
-        assert process.wait(DEADLINE_S) == 0
-    finally:
-        process.kill()
-        process.stdout.close()
-        process.stderr.close()
-        process.wait()
+    program = begin("-o", rig_path, "--log", log, "--fault", "stage.drop:1")
+    program.wait_for("scene: ")
+    with open_rig(read_rig(rig_path)) as rig:
+        rig.load_frame.go_to_displacement(0.02, 1.0)
+        program.type("fault load_frame.e-stop\ntruth")
+        assert "on: load_frame.e-stop" in program.wait_for("grid_attached: ")
+        assert "emergency stop" in rig.load_frame.read().faults
+        program.type("clear")
+        assert program.wait_for("on: ") == ["on: nothing"]
+        rig.stage.stop()
+    # at the end of the input it goes on
+    program.process.stdin.close()
+    program.process.send_signal(signal.SIGINT)
+    assert program.process.wait(DEADLINE_S) == 0
     truth = [json.loads(line) for line in log.read_text().splitlines()]
     assert [line["command"] for line in truth if line["what"] == "command"] == ["displacement 0.02 at 1"]
     assert {line["what"] for line in truth} == {"sample", "command", "fault"}
@@ -87,36 +60,34 @@ def test_another_program_runs_its_rig_and_faults_are_typed_in(tmp_path):
     assert times == sorted(times)
 
 
-def test_under_nohup_it_outlives_its_terminal():
+def test_under_nohup_it_outlives_its_terminal(begin):
     ignoring = "import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN); from rig.cli import main; main()"
-    process = begin(command=[sys.executable, "-c", ignoring, "simulate"])
-    lines_until(process, "scene: ")
-    process.send_signal(signal.SIGHUP)
-    process.stdin.write("truth\n")
-    lines_until(process, "grid_attached: ")
-    _, complaints = process.communicate("quit\n", timeout=DEADLINE_S)
-    assert (process.returncode, complaints) == (0, "")
+    program = begin(command=[sys.executable, "-c", ignoring])
+    program.wait_for("scene: ")
+    program.process.send_signal(signal.SIGHUP)
+    program.type("truth")
+    program.wait_for("grid_attached: ")
+    assert program.end("quit\n") == (0, "")
 
 
-def test_what_was_commanded_last_is_in_the_log(tmp_path):
+def test_what_was_commanded_last_is_in_the_log(begin, tmp_path):
     rig_path, log = tmp_path / "rig.toml", tmp_path / "truth.jsonl"
-    process = begin("-o", str(rig_path), "--log", str(log), "--period-s", "3600")
-    lines_until(process, "scene: ")
+    program = begin("-o", rig_path, "--log", log, "--period-s", 3600)
+    program.wait_for("scene: ")
     with open_rig(read_rig(rig_path)) as rig:
         rig.load_frame.go_to_displacement(0.02, 1.0)
-    process.communicate("quit\n", timeout=DEADLINE_S)
+    program.end("quit\n")
     assert '"command": "displacement 0.02 at 1"' in log.read_text()
 
 
-def test_a_log_that_has_no_more_room_ends_it_in_one_sentence():
-    process = begin("--log", "/dev/full")
-    _, complaints = process.communicate(timeout=DEADLINE_S)
-    assert process.returncode == 2
+def test_a_log_that_has_no_more_room_ends_it_in_one_sentence(begin):
+    status, complaints = begin("--log", "/dev/full").end()
+    assert status == 2
     assert "No space left on device" in complaints
     assert "Traceback" not in complaints
 
 
-def test_in_the_background_of_a_terminal_it_neither_reads_nor_stops(tmp_path):
+def test_in_the_background_of_a_terminal_it_neither_reads_nor_stops(begin, tmp_path):
     ours, theirs = os.openpty()
     # a session whose foreground is this small shell, and the simulation in its background
     shell = (
@@ -127,15 +98,10 @@ def test_in_the_background_of_a_terminal_it_neither_reads_nor_stops(tmp_path):
         "print(child.pid, flush=True)\n"
         "sys.exit(child.wait())\n"
     )
-    process = subprocess.Popen(
-        [sys.executable, "-c", shell, *COMMAND, "--period-s", "0.01", "--json", str(tmp_path / "json")],
-        stdin=theirs,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    options = ("--period-s", "0.01", "--json", tmp_path / "json")
+    program = begin(*options, command=[sys.executable, "-c", shell, *RIG], stdin=theirs)
     try:
-        pid, *lines = lines_until(process, "scene: ")
+        pid, *lines = program.wait_for("scene: ")
         addresses = dict(line.split(": ") for line in lines)
         # for the shell, not for the simulation
         os.write(ours, b"quit\n")
@@ -145,30 +111,17 @@ def test_in_the_background_of_a_terminal_it_neither_reads_nor_stops(tmp_path):
         host, port = addresses["load_frame"].split(":")
         socket.create_connection((host, int(port)), DEADLINE_S).close()
         os.kill(int(pid), signal.SIGTERM)
-        _, complaints = process.communicate(timeout=DEADLINE_S)
+        assert program.end() == (0, "")
     finally:
         os.close(ours)
         os.close(theirs)
-    assert (process.returncode, complaints) == (0, "")
 
 
-@pytest.fixture
-def simulate(monkeypatch, capsys):
-    def call(*options: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["rig", "simulate", *options])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        printed, complaints = capsys.readouterr()
-        return ended.value.code, printed, complaints
-
-    return call
-
-
-def test_faults_are_listed(simulate):
-    status, printed, _ = simulate("--list-faults")
-    assert status == 0
-    assert any(line.startswith("drop[:COUNT] ") for line in printed.splitlines())
-    assert any("emergency stop" in line for line in printed.splitlines())
+def test_faults_are_listed():
+    done = run_rig("simulate", "--list-faults")
+    assert done.status == 0
+    assert any(line.startswith("drop[:COUNT] ") for line in done.out.splitlines())
+    assert any("emergency stop" in line for line in done.out.splitlines())
 
 
 @pytest.mark.parametrize(
@@ -183,12 +136,11 @@ def test_faults_are_listed(simulate):
         (("real.toml",), "stage: the address of a simulated device is expected"),
     ],
 )
-def test_what_is_wrong_is_one_sentence(simulate, options, said, tmp_path, monkeypatch):
+def test_what_is_wrong_is_one_sentence(options, said, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("typo.toml").write_text('[simulaton]\ndriver = "virtual-rig"\nseed = 3\n')
-    example = (EXAMPLES / "rig-virtual-rotation-10.toml").read_text()
-    Path("real.toml").write_text(example.replace("@stage", "/dev/ttyUSB0"))
-    status, _, complaints = simulate(*options)
-    assert status == 2
-    assert said in complaints
-    assert "Traceback" not in complaints
+    Path("real.toml").write_text(example("rig-virtual-rotation-10", ("@stage", "/dev/ttyUSB0")))
+    done = run_rig("simulate", *options)
+    assert done.status == 2
+    assert said in done.err
+    assert "Traceback" not in done.err

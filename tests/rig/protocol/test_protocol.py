@@ -8,16 +8,12 @@ from drivers.errors import ConfigurationError
 from rig.errors import ProtocolError
 from rig.protocol.plasticity import PlasticCriterion
 from rig.protocol.protocol import Reading, TensionProtocol, increments, read_protocol
-from tests.places import EXAMPLES
+from tests.places import EXAMPLES, example
 
 
 def edited(tmp_path: Path, name: str, *edits: tuple[str, str]) -> Path:
-    text = (EXAMPLES / f"{name}.toml").read_text()
-    for old, new in edits:
-        assert old in text
-        text = text.replace(old, new)
     path = tmp_path / "protocol.toml"
-    path.write_text(text)
+    path.write_text(example(name, *edits))
     return path
 
 
