@@ -1,1 +1,1 @@
-"""The paper's numerical assessment of the calibration, repeated."""
+"""Repeat the paper's numerical assessment of the calibration."""

@@ -1,8 +1,9 @@
-"""The paper's numerical assessment: how well a bicubic map undoes perspective and distortion, without noise.
+"""The paper's numerical assessment: how well a bicubic map corrects perspective and distortion.
 
-Grid points are projected by a pinhole camera, the bicubic map is fitted to them, and other points of the
-plane are projected, mapped back to the grid and projected again. The distance on the sensor is the error
-(Helm and Deaner, *Off-Axis Two-Dimensional Digital Image Correlation*, "Calibration assessment").
+A pinhole camera projects the grid points without noise, and the bicubic map is fitted to their image points.
+Then other points of the plane are projected, mapped back to the grid and projected again. The error is the
+distance between the two projections on the sensor (Helm and Deaner, *Off-Axis Two-Dimensional Digital Image
+Correlation*, "Calibration assessment").
 """
 
 from collections.abc import Callable
@@ -17,7 +18,7 @@ from dic.calibration.pinhole.camera import Pinhole
 Float = NDArray[np.float64]
 
 CLAIM_PX = 0.02
-"""The paper's claim: base and fine grid stay below this at every angle up to 30°."""
+"""The paper's claim: the errors on the base and the fine grid stay below this at all angles up to 30°."""
 
 _HALF_MM = 5.0
 _OVERSIZE = 1.4
@@ -25,7 +26,7 @@ _OVERSIZE = 1.4
 
 @dataclass(frozen=True)
 class PointSet:
-    """Points on which the error is judged: `count` × `count` over ± `half_mm`."""
+    """Points at which the error is computed: `count` × `count` points over ± `half_mm` in X and Y."""
 
     name: str
     half_mm: float
@@ -38,9 +39,9 @@ class PointSet:
 
 
 BASE = PointSet("base", _HALF_MM, 21)
-"""The points the map is fitted to."""
+"""The points to which the map is fitted."""
 FINE = PointSet("fine", _HALF_MM, 101)
-"""The same area, points between the grid's lines included."""
+"""The same area, with points between the grid's lines."""
 OVERSIZED = PointSet("oversized", _HALF_MM * _OVERSIZE, 141)
 """An area 40 % larger than the grid."""
 POINT_SETS = (BASE, FINE, OVERSIZED)
@@ -48,7 +49,7 @@ POINT_SETS = (BASE, FINE, OVERSIZED)
 
 @dataclass(frozen=True)
 class ErrorStatistics:
-    """Back-projected error over a point set, px."""
+    """Statistics of the back-projected error over a point set, px."""
 
     mean_px: float
     maximum_px: float
@@ -57,20 +58,20 @@ class ErrorStatistics:
 
 @dataclass(frozen=True)
 class Sweep:
-    """One series of cameras.
+    """A series of cameras in which one value is varied.
 
     Attributes
     ----------
     name : str
         For files and tables.
     title, axis : str
-        For people: what is varied, and the axis label.
+        For people: the title, and the label of the axis of the varied value.
     values : tuple of float
-        Degrees, or the distortion's k1 in 1/px².
+        The varied angle in degrees, or the distortion coefficient k1 in 1/px².
     camera : callable
-        Returns the camera for a value.
+        Takes a value and returns the camera.
     first_figure : int
-        The paper's figure for the base grid.
+        Number of the paper's figure for the base grid.
     """
 
     name: str
@@ -117,7 +118,7 @@ SWEEPS = (
 
 
 def back_projected_error(camera: Pinhole, points: PointSet) -> NDArray[np.float64]:
-    """Return the error (count, count) in px on the sensor, rows from the bottom of the grid upwards."""
+    """Return the error on the sensor, px, shape (count, count); the first row is the bottom of the grid."""
     grid_mm = BASE.points_mm()
     bicubic = BicubicMap.fit(camera.project(grid_mm), grid_mm)
     image_px = camera.project(points.points_mm())
@@ -143,7 +144,7 @@ class Row:
 
 
 def assess() -> list[Row]:
-    """Return the whole assessment: every sweep, value and point set."""
+    """Return the whole assessment: one row for each sweep, value and point set."""
     return [
         Row(sweep, value, points, statistics(sweep.camera(value), points))
         for sweep in SWEEPS
@@ -153,9 +154,9 @@ def assess() -> list[Row]:
 
 
 def claim_limit(sweep: Sweep) -> float | None:
-    """Return the value of the sweep from which on the base grid's maximum exceeds the paper's 0.02 px.
+    """Return the value of the sweep at which the maximum error on the base grid reaches the paper's 0.02 px.
 
-    None if it does not within the sweep.
+    None if the error stays below 0.02 px in the whole sweep.
     """
     from scipy.optimize import brentq
 

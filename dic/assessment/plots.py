@@ -1,4 +1,4 @@
-"""The assessment's figures, numbered as in the paper."""
+"""The figures of the assessment, numbered as in the paper."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,14 +19,14 @@ from dic.assessment.paper import (
 from dic.calibration.pinhole.camera import Pinhole
 
 _CURVES = (("maximum_px", "maximum", "-o"), ("mean_px", "mean", "-s"), ("std_px", "standard deviation", "-^"))
-# matplotlib's automatic layouts would take half of the command's time
+# fixed margins, because matplotlib's automatic layout would take half of the command's time
 _MARGINS = {"left": 0.14, "right": 0.97, "bottom": 0.14, "top": 0.91}
 _MAP_FIGURE = 5
 _MAP_CAMERA = Pinhole.swung(pan_deg=30.0)
 
 
 def plot_assessment(folder: Path, rows: Sequence[Row]) -> list[Path]:
-    """Write figures 2 to 14 and an overview as PNG files; return their paths.
+    """Write figures 2 to 14 and an overview as PNG files, and return their paths.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Is this image worth measuring? The limits of common practice, and what to do about an image beyond them.
+"""The limits that a good image keeps, and what to do if an image exceeds them.
 
-Where it gives any they are those of the International Digital Image Correlation Society, "A Good Practices
-Guide for Digital Image Correlation", 2018, DOI 10.32720/idics/gpg.ed1.
+The limits are those of the International Digital Image Correlation Society, "A Good Practices Guide for
+Digital Image Correlation", 2018, DOI 10.32720/idics/gpg.ed1, where the guide gives any.
 """
 
 import numpy as np
@@ -10,18 +10,20 @@ from dic.quality.picture import Picture
 from dic.quality.quality import SPECKLES_PER_SUBSET, Quality
 
 FINEST_SPECKLE_PX = 3.0
-"""Finer speckles are seen by too few pixels: what falls between these turns into a bias."""
+"""Finer speckles cover too few pixels: they alias, and aliasing causes a bias."""
 
 BARE_SHARE = 0.02
+"""Largest share of subsets without a pattern."""
 CLIPPED_SHARE = 0.01
 LEAST_CONTRAST = 0.2
 WORST_BLUR_PX = 2.0
 UNEVEN_BLUR = 1.5
+"""Largest ratio of the worst to the median blur."""
 LEAST_WHITENESS = 0.7
 
 
 def findings(quality: Quality) -> list[str]:
-    """Return what is not good about an image, a sentence each with what to do; none if it is good."""
+    """Return a sentence for each limit that an image exceeds, with what to do; empty if it is good."""
     return [
         *_pattern_findings(quality),
         *_light_findings(quality),
@@ -31,7 +33,7 @@ def findings(quality: Quality) -> list[str]:
 
 
 def picture_findings(picture: Picture) -> list[str]:
-    """Return what is not good about the light and focus of a picture, whatever it shows."""
+    """Return the same sentences for the light and the focus alone, for a picture without a pattern."""
     return [*_light_findings(picture), *_focus_findings(picture)]
 
 
@@ -55,8 +57,12 @@ def _pattern_findings(quality: Quality) -> list[str]:
             " leave them out by a region of interest, or use more light"
         )
     if quality.floor_px > quality.wanted_px:
-        larger = quality.recommended_subset_px
-        remedy = f"a subset of {larger} px" if larger else "more light, more contrast, or a mean of images"
+        recommended = quality.recommended_subset_px
+        remedy = (
+            f"a subset of {recommended} px"
+            if recommended
+            else "more light, more contrast, or a mean of images"
+        )
         sentences.append(
             f"noise lets a subset of {subset} px resolve {quality.floor_px:.4f} px, not the wanted"
             f" {quality.wanted_px:g} px; use {remedy}"
@@ -83,8 +89,8 @@ def _light_findings(picture: Picture) -> list[str]:
 def _noise_findings(quality: Quality) -> list[str]:
     if quality.whiteness < LEAST_WHITENESS:
         return [
-            "the noise of neighbouring pixels is alike, so the camera or the file has smoothed the image, and"
-            " the noise floor is higher than stated; take raw images"
+            "the noise of neighbouring pixels is correlated: the camera or the file format has smoothed the"
+            " image, so the true noise floor is higher; take raw images"
         ]
     return []
 
@@ -95,7 +101,7 @@ def _focus_findings(picture: Picture) -> list[str]:
         return []
     median, worst = float(np.median(known)), float(known.max())
     if median > WORST_BLUR_PX:
-        return [f"edges are blurred by {median:.1f} px, more than {WORST_BLUR_PX:g} px; focus"]
+        return [f"edges are blurred by {median:.1f} px, more than {WORST_BLUR_PX:g} px; focus the lens"]
     if worst > WORST_BLUR_PX and worst > UNEVEN_BLUR * median:
         row, column = np.argwhere(picture.blur_px == worst)[0]
         where = f"{('top', 'middle', 'bottom')[row]} {('left', 'middle', 'right')[column]}"

@@ -1,4 +1,4 @@
-"""The noise of an image's grey levels, from one image or from two of the specimen at rest."""
+"""The noise of the grey levels, from one image or from two images of the specimen at rest."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,25 +9,29 @@ Float = NDArray[np.float64]
 Grey = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-# The fourth difference along both axes leaves only the finest ripples, where optics pass no texture.
+# The fourth difference along both axes keeps only the highest spatial frequencies. The optics do not transmit
+# these, so they contain noise but no texture.
 _FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
 _NORMAL_MAD = 0.6745
+# Largest motion between two images of the specimen at rest.
 _AT_REST_PX = 0.1
+# Largest noise of two such images, relative to the standard deviation of the grey levels.
 _OF_TEXTURE = 0.5
 
 
 def noise_of_one(grey: Grey, region: Mask) -> float:
-    """Return the standard deviation of an image's noise, in grey levels, taken as white.
+    """Return the standard deviation of an image's noise, in grey levels. The noise is assumed to be white.
 
-    After J. Immerkær, "Fast noise variance estimation", Computer Vision and Image Understanding 64 (1996)
-    300-302, with a higher difference, which fine speckles disturb less, and the median, which edges disturb
-    less. Noise that the camera has smoothed (colour mosaics, compression) is underestimated.
+    The method follows J. Immerkær, "Fast noise variance estimation", Computer Vision and Image Understanding
+    64 (1996) 300-302. It uses a higher difference, on which fine speckles have less influence, and the
+    median, on which edges have less influence. Noise that the camera has smoothed (colour mosaics,
+    compression) is underestimated.
 
     Parameters
     ----------
     grey : ndarray, shape (height, width)
     region : ndarray of bool, shape (height, width)
-        Where to look. Pixels at the image's darkest or brightest level, which hide noise, are left out.
+        Pixels to use. Pixels at the image's lowest or highest grey level are left out: they may be clipped.
     """
     import cv2
 
@@ -41,34 +45,35 @@ def noise_of_one(grey: Grey, region: Mask) -> float:
 def noise_of_two(first: Grey, second: Grey, slopes: tuple[Grey, Grey], region: Mask) -> tuple[float, float]:
     """Return the noise of two images of the specimen at rest, and how white it is.
 
-    A change of light and a motion far below a pixel are taken out of their difference.
+    A change of light and a small motion between the images are fitted and removed from their difference.
 
     Parameters
     ----------
     first, second : ndarray, shape (height, width)
     slopes : two ndarray, shape (height, width)
-        Derivatives of the first along x and y.
+        Derivatives of the first image along x and along y.
     region : ndarray of bool, shape (height, width)
+        Pixels to use.
 
     Returns
     -------
     noise : float
         Standard deviation of one image's noise, grey levels.
     whiteness : float
-        Share of it that the finest ripples have: 1 if no pixel's noise depends on its neighbours', less if
-        the camera has smoothed.
+        Noise at the highest spatial frequencies divided by `noise`: 1 if the noise of neighbouring pixels is
+        independent, less if the camera has smoothed the image.
 
     Raises
     ------
     CorrelationError
-        If the images differ by more than light and noise.
+        If the specimen has moved by more than 0.1 px, or the images show different things.
     """
     change = (second - first)[region].astype(np.float64)
     grey = first[region].astype(np.float64)
     terms = np.column_stack([np.ones(grey.size), grey, *(slope[region] for slope in slopes)])
     known = np.linalg.solve(terms.T @ terms, terms.T @ change)
     rest = change - terms @ known
-    # The noise of the first is enlarged by the change of light, too.
+    # The change of light multiplies the first image, and so its noise, by 1 + known[1].
     both = np.hypot(1.0, 1.0 + known[1])
     noise = float(rest.std() / both)
     moved = float(np.hypot(*known[2:]))
@@ -78,7 +83,7 @@ def noise_of_two(first: Grey, second: Grey, slopes: tuple[Grey, Grey], region: M
             "compare with the first",
             f"the specimen at rest, within {_AT_REST_PX:g} px",
             "another picture" if noise > _OF_TEXTURE * grey.std() else f"a motion of {moved:.2f} px",
-            "take two images right after each other, or leave the second out",
+            "take two images directly one after the other, or leave out --second",
         )
     residual = np.zeros(first.shape, np.float32)
     residual[region] = rest

@@ -1,9 +1,9 @@
-"""What displacements an image can resolve, before anything is correlated.
+"""The noise floor: the standard deviation of displacements that image noise causes, predicted from one image.
 
-Noise of standard deviation σ in both images spreads a displacement by √2 σ / √SSSIG, with the sum of squared
-subset intensity gradients: B. Pan, H. Xie, Z. Wang, K. Qian, Z. Wang, "Study on subset size selection in
-digital image correlation for speckle patterns", Optics Express 16 (2008) 7037-7048. The other parameters of
-the shape function and the noise in the gradients themselves add to that; here both are counted.
+White noise of standard deviation σ in both images causes a standard deviation of √2 σ / √SSSIG. SSSIG is the
+sum of squared subset intensity gradients: B. Pan, H. Xie, Z. Wang, K. Qian, Z. Wang, "Study on subset size
+selection in digital image correlation for speckle patterns", Optics Express 16 (2008) 7037-7048. The other
+parameters of the shape function and the noise of the gradients increase it; this module includes both.
 """
 
 from collections.abc import Iterator
@@ -19,11 +19,12 @@ Mask = NDArray[np.bool_]
 
 _POINTS = 150
 _WIDEST_PX = 151
+# Least share of a subset's pixels that must lie in the region.
 _LEAST_SHARE = 0.5
 
 
 def sample_points(centres: Mask, subset_px: int) -> NDArray[np.int64]:
-    """Return points (n, 2) as (x, y), spread over the `centres` whose subset stays in the image."""
+    """Return about 150 points (n, 2), spread evenly over the `centres` whose subset is in the image."""
     r, (height, width) = subset_px // 2, centres.shape
     allowed = np.zeros_like(centres)
     allowed[r : height - r, r : width - r] = centres[r : height - r, r : width - r]
@@ -34,8 +35,8 @@ def sample_points(centres: Mask, subset_px: int) -> NDArray[np.int64]:
 
 def squared_gradients(spline: SplineImage, points: NDArray[np.int64], region: Mask, subset_px: int) -> Float:
     """Return the sums of squared gradients along x and y, (n, 2), at `points`, noise included."""
-    pieces = _pieces([*spline.gradient(), region], points, subset_px)
-    return np.array([[(use * fx**2).sum(), (use * fy**2).sum()] for fx, fy, use in pieces])
+    subsets = _subsets([*spline.gradient(), region], points, subset_px)
+    return np.array([[(use * fx**2).sum(), (use * fy**2).sum()] for fx, fy, use in subsets])
 
 
 def predicted_std(
@@ -45,35 +46,37 @@ def predicted_std(
     region: Mask,
     settings: CorrelationSettings,
 ) -> Float:
-    """Return the standard deviations of u and v, px, that noise causes at points: the noise floor.
+    """Return the noise floor: the standard deviations of u and v, px, that image noise causes at points.
 
-    The covariance of IC-GN's parameters is σ² (H⁻¹ + H⁻¹ Ĥ H⁻¹), with the Hessian Ĥ of the normalised
-    criterion as the noisy gradients make it, and H as it were without their noise. The first term is due to
-    the reference, whose noise its own gradients do not see, being odd; the second to the deformed image.
+    The covariance of IC-GN's parameters is σ² (H⁻¹ + H⁻¹ Ĥ H⁻¹). Ĥ is the Hessian of the normalised
+    criterion, computed from the noisy gradients; H is the Hessian without the noise of the gradients. The
+    first term comes from the noise of the reference image. (The gradient at a pixel does not depend on the
+    noise of that pixel, because derivative filters are odd.) The second term comes from the noise of the
+    deformed image.
 
     Parameters
     ----------
     spline : SplineImage
-        The reference.
+        The reference image.
     noise : float
-        Standard deviation of the white noise of an image, grey levels.
+        Standard deviation of the white noise of one image, grey levels.
     points : ndarray of int, shape (n, 2)
-        (x, y), a whole subset away from the image's edge.
+        x and y; each subset must lie within the image.
     region : ndarray of bool, shape (height, width)
         Pixels that subsets may use.
     settings : CorrelationSettings
-        For subset and shape function.
+        Subset, shape function and spline order.
 
     Returns
     -------
     ndarray, shape (n, 2)
-        Infinite where there is no texture.
+        Infinite where there is no texture, or where less than half of the subset is in the region.
     """
     terms, k = _terms(settings), settings.parameters // 2
     gradient_noise = noise**2 * slope_noise_gain(settings.order)
-    deviations = np.full((len(points), 2), np.inf)
+    std_px = np.full((len(points), 2), np.inf)
     planes = [spline.grey, *spline.gradient(), region]
-    for n, (f, fx, fy, use) in enumerate(_pieces(planes, points, settings.subset_px)):
+    for n, (f, fx, fy, use) in enumerate(_subsets(planes, points, settings.subset_px)):
         inside = use.ravel().astype(np.bool_)
         M = terms[inside]
         J = np.hstack([plane.ravel()[inside, None] * M for plane in (fx, fy)])
@@ -86,19 +89,19 @@ def predicted_std(
         if np.linalg.eigvalsh(true)[0] > 0.0:
             inverse = np.linalg.inv(true)
             variances = noise**2 * np.diag(inverse + inverse @ noisy @ inverse)
-            deviations[n] = np.sqrt(variances[[0, k]])
-    return deviations
+            std_px[n] = np.sqrt(variances[[0, k]])
+    return std_px
 
 
 def noise_floor(std_px: Float, share: float) -> float:
-    """Return the standard deviation, px, that a share of the points keep, the worse of u and v.
+    """Return the noise floor, px, that a share of the points does not exceed, neither in u nor in v.
 
     Parameters
     ----------
     std_px : ndarray, shape (n, 2)
         From `predicted_std`.
     share : float
-        Of all points, those without texture included.
+        Share of all points; points without texture count, too.
     """
     return float(np.percentile(std_px.max(axis=1), 100 * share, method="higher"))
 
@@ -112,9 +115,10 @@ def smallest_subset(
     wanted_px: float,
     share: float,
 ) -> int | None:
-    """Return the smallest odd subset whose `noise_floor` for this share of points is at most `wanted_px`.
+    """Return the width, px, of the smallest odd subset whose `noise_floor` is at most `wanted_px`.
 
-    None if no subset up to 151 px, or up to half of the image, is large enough.
+    `share` is the share of points for `noise_floor`; `centres` are the pixels that may be points. None if no
+    subset up to 151 px and up to half of the image is large enough.
     """
     widest = min(_WIDEST_PX, min(region.shape) // 2)
     sizes = range(7, widest + 1, 2)
@@ -132,7 +136,7 @@ def smallest_subset(
 
 
 def _terms(settings: CorrelationSettings) -> Float:
-    """Return the shape function's terms at every pixel of a subset, scaled to its radius."""
+    """Return the terms of the shape function at every pixel, (pixels, terms); the subset's radius is 1."""
     r = settings.radius_px
     y, x = (axis.ravel() / r for axis in np.mgrid[-r : r + 1, -r : r + 1])
     terms = [np.ones_like(x), x, y]
@@ -141,10 +145,10 @@ def _terms(settings: CorrelationSettings) -> Float:
     return np.column_stack(terms)
 
 
-def _pieces(
+def _subsets(
     planes: list[NDArray[np.generic]], points: NDArray[np.int64], subset_px: int
 ) -> Iterator[list[Float]]:
-    """Yield the subsets of several planes at each point."""
+    """Yield for each point its subset of each plane, (subset_px, subset_px)."""
     r = subset_px // 2
     for x, y in points:
         here = (slice(y - r, y + r + 1), slice(x - r, x + r + 1))

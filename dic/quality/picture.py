@@ -1,4 +1,4 @@
-"""Light and focus of a picture, whatever it shows."""
+"""The light and the focus of any picture; it need not show a speckle pattern."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -14,21 +14,23 @@ Grey = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 TILES = 3
-"""Focus is looked at in so many parts across and down."""
+"""Number of tiles across and down in which the focus is judged."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Picture:
-    """Light and focus of a picture.
+    """The light and the focus of a picture.
 
     Attributes
     ----------
     dark_share, bright_share : float
-        Shares of pixels at the image's lowest grey level, and at its highest or the sensor's.
+        Shares of pixels at the image's lowest and at its highest grey level. If the sensor's highest grey
+        level is known, it replaces the image's.
     contrast : float
         (bright - dark) / (bright + dark) of the 98th and 2nd percentiles.
     blur_px : ndarray, shape (3, 3)
-        Standard deviation of the blur at edges, in each ninth of the region; NaN where there are too few.
+        Standard deviation of the blur at edges, in each ninth of the region; NaN where there are too few
+        edges.
     """
 
     dark_share: float
@@ -37,7 +39,7 @@ class Picture:
     blur_px: Float
 
     def figures(self) -> dict[str, float]:
-        """Return the figures by name, NaN where one is not known: see `docs/quality.md`."""
+        """Return the values by name; NaN for unknown values. `docs/quality.md` explains them."""
         blur = self.blur_px[np.isfinite(self.blur_px)]
         return {
             "dark_share": self.dark_share,
@@ -48,24 +50,24 @@ class Picture:
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the figures by name, JSON-ready."""
+        """Return the values by name, ready for JSON: None for unknown values."""
         return {name: value if np.isfinite(value) else None for name, value in self.figures().items()}
 
 
 def assess_picture(
     grey: Grey, region: Mask | None = None, *, noise: float | None = None, full_level: float | None = None
 ) -> Picture:
-    """Return light and focus of a picture that need not show any pattern.
+    """Return the light and the focus of a picture; it need not show a speckle pattern.
 
     Parameters
     ----------
     grey : ndarray of float32, shape (height, width)
     region : ndarray of bool, shape (height, width), optional
-        The pixels to look at; all without one.
+        Pixels to use. Default: all.
     noise : float, optional
-        Standard deviation of its noise, grey levels; estimated without one.
+        Standard deviation of the noise, grey levels. Default: estimated from the picture.
     full_level : float, optional
-        The highest grey level that the sensor can give; the image's own without one.
+        Highest grey level of the sensor. Default: the highest of the picture.
     """
     region = np.ones(grey.shape, np.bool_) if region is None else region
     noise = noise_of_one(grey, region) if noise is None else noise

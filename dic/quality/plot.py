@@ -1,4 +1,4 @@
-"""A picture of an image's quality: what it resolves where, its pattern, and how its light is used."""
+"""A picture of an image's quality: noise floor, focus, autocorrelation of the pattern and grey levels."""
 
 from pathlib import Path
 from typing import Any
@@ -12,13 +12,13 @@ from dic.quality.quality import Quality
 
 
 def draw_quality(quality: Quality, image: NDArray[np.float32]) -> Any:
-    """Return a matplotlib figure: the noise floor and the focus over the image, pattern and grey levels.
+    """Return a matplotlib figure: noise floor and blur over the image, autocorrelation and histogram.
 
     Parameters
     ----------
     quality : Quality
     image : ndarray, shape (height, width)
-        The image it is of.
+        The image that was judged.
     """
     from matplotlib.figure import Figure
 
@@ -86,7 +86,7 @@ def _draw_covariance(axes: Any, quality: Quality) -> None:
 
 def _draw_levels(axes: Any, quality: Quality, image: NDArray[np.float32]) -> None:
     levels = image[quality.region]
-    # Whole grey levels, each in a bin of its own where these are few enough.
+    # One bin for each grey level, or for several if there are more than 256.
     width = max(1.0, np.ceil((levels.max() - levels.min()) / 256))
     axes.hist(levels, bins=np.arange(levels.min() - 0.5, levels.max() + width, width), color="tab:blue")
     axes.set(xlabel="grey level", ylabel="pixels")

@@ -1,4 +1,4 @@
-"""What an image promises, before anything is measured in it: pattern, light, focus and noise."""
+"""The quality of a reference image, before the measurement: pattern, light, focus and noise."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -26,35 +26,36 @@ Grey = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 SPECKLES_PER_SUBSET = 3.0
-"""Fewer in a row are too few for a subset to be unlike its neighbours."""
+"""Least number in a row: with fewer speckles, neighbouring subsets look alike."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Quality(Picture):
-    """What an image promises, besides the light and focus of any `Picture`.
+    """The quality of an image: its speckles, its noise and the noise floor, besides its light and focus.
 
     Attributes
     ----------
     settings : CorrelationSettings
-        The subset and shape function it is judged for.
+        Subset and shape function for which the image was judged.
     wanted_px : float
-        Displacement that is to be resolved.
+        Wanted standard deviation of one point's displacement.
     region : ndarray of bool, shape (height, width)
-        The pixels that were looked at.
+        The pixels that were used.
     noise : float
         Standard deviation of the noise, grey levels.
     whiteness : float
-        How independent the noise of neighbouring pixels is, 0 to 1; NaN if it comes from one image.
+        1 if the noise of neighbouring pixels is independent, less if it is correlated; NaN if only one image
+        was given.
     covariance_x, covariance_y : ndarray, shape (n,)
         Autocovariance of the pattern at lags 0, 1, … px, without noise.
     speckle_x_px, speckle_y_px : float
-        Full widths at half of their maximum.
+        Size of the speckles: full width at half maximum of the autocovariance.
     sssig : ndarray, shape (k, 2)
         Sums of squared gradients along x and y in the subsets at `points`, noise included.
     points : ndarray of int, shape (k, 2)
-        Sampled points.
+        Sampled points, x and y.
     std_px : ndarray, shape (k, 2)
-        Noise floor of u and v there.
+        Noise floor of u and v at `points`.
     subset_for_wanted_px : int or None
         Smallest subset that resolves `wanted_px` at 95 % of the points with texture; None if there is none.
     mean_gradient : float
@@ -78,12 +79,12 @@ class Quality(Picture):
 
     @property
     def floor_px(self) -> float:
-        """Noise floor that 95 % of the points with texture keep, the worse of u and v."""
+        """Noise floor that 95 % of the points with texture do not exceed, neither in u nor in v."""
         return noise_floor(self.std_px, _kept_share(self.std_px))
 
     @property
     def bare_share(self) -> float:
-        """Share of points whose subset shows nothing beyond noise."""
+        """Share of points whose subset shows nothing but noise."""
         return float(np.isinf(self.std_px).any(axis=1).mean())
 
     @property
@@ -95,7 +96,7 @@ class Quality(Picture):
         return max(self.subset_for_wanted_px, int(np.ceil(SPECKLES_PER_SUBSET * speckle)) | 1)
 
     def figures(self) -> dict[str, float]:
-        """Return the figures by name, NaN where one is not known: see `docs/quality.md`."""
+        """Return the values by name; NaN for unknown values. `docs/quality.md` explains them."""
         std_px, sssig = np.median(self.std_px, axis=0), np.median(self.sssig, axis=0)
         return {
             "noise": self.noise,
@@ -113,7 +114,7 @@ class Quality(Picture):
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """Return settings and figures by name, JSON-ready."""
+        """Return settings and values by name, ready for JSON: None for unknown values."""
         return {
             "subset_px": self.settings.subset_px,
             "shape": self.settings.shape,
@@ -132,25 +133,27 @@ def assess_quality(
     wanted_px: float = 0.01,
     full_level: float | None = None,
 ) -> Quality:
-    """Return what a reference image promises.
+    """Return the quality of a reference image.
 
     Parameters
     ----------
     grey : ndarray of float32, shape (height, width)
     region : ndarray of bool, shape (height, width), optional
-        Region of interest; without one, wherever there is texture.
+        Region of interest. Default: wherever there is texture.
     settings : CorrelationSettings, optional
+        Subset and shape function for which the image is judged.
     second : ndarray of float32, of the same shape, optional
-        Another image of the specimen at rest, from which the noise is known better.
+        Another image of the specimen at rest. It makes the estimate of the noise more accurate.
     wanted_px : float
-        Displacement that is to be resolved: standard deviation of one point.
+        Wanted standard deviation of one point's displacement.
     full_level : float, optional
         The highest grey level that the sensor can give; the image's own without one.
 
     Raises
     ------
     CorrelationError
-        If there is no texture, the images do not belong together, or the region holds no subset.
+        If `wanted_px` is out of range, there is no texture, the images do not show the specimen at rest, or
+        the region holds no subset.
     """
     settings = settings or CorrelationSettings()
     if not 0.0 < wanted_px < 10.0:
@@ -159,7 +162,7 @@ def assess_quality(
             "wanted resolution",
             "above 0 and below 10 px",
             f"{wanted_px:g} px",
-            "correct the setting",
+            "give --wanted-px 0.01",
         )
     spline = spline_image(grey, settings.order)
     slopes = spline.gradient()
@@ -194,7 +197,11 @@ def assess_quality(
 
 
 def _region(region: Mask | None, grey: Grey, slopes: tuple[Grey, Grey], subset_px: int) -> tuple[Mask, Mask]:
-    """Return where points may be and the pixels to look at: the region, or all subsets with texture."""
+    """Return the pixels that may be points, and the pixels to use, both (height, width).
+
+    Both are the region of interest. Without one, points are where there is texture, and the pixels to use are
+    those of their subsets.
+    """
     import cv2
 
     if min(grey.shape) < 2 * subset_px:
@@ -228,5 +235,5 @@ def _no_room(subset_px: int, got: str) -> CorrelationError:
         "judge the image",
         f"an area with texture that holds subsets of {subset_px} px",
         got,
-        "enlarge the region or choose a smaller subset",
+        f"enlarge the region, or give a smaller subset, such as --subset {max(7, subset_px // 2 | 1)}",
     )

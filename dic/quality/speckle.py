@@ -1,4 +1,4 @@
-"""What a speckle pattern looks like to the camera: how coarse its speckles, how blurred their edges."""
+"""The size of the speckles in an image, and the blur of their edges."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,15 +10,17 @@ Grey = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 _LIGHT_PX = 101
-"""Light changes over longer, speckles over much shorter distances."""
+"""Width of the moving mean that separates light from speckles: speckles are much smaller than this."""
 
+# The two known blurs of `edge_blur`.
 _FINE_PX, _COARSE_PX = 1.0, 2.0
+# Share of the pixels, those with the largest slopes, that count as edges.
 _EDGES = 0.05
 _FEWEST_EDGES = 50
 
 
 def even_light(grey: Grey, region: Mask) -> Float:
-    """Return the grey levels of a region without its light: less the mean of 101 × 101 px, zero outside.
+    """Return grey levels minus their mean over 101 × 101 px, shape (height, width); 0 outside the region.
 
     Parameters
     ----------
@@ -36,9 +38,10 @@ def even_light(grey: Grey, region: Mask) -> Float:
 
 
 def autocovariance(pattern: Float, region: Mask, noise: float, axis: int) -> Float:
-    """Return the autocovariance of a pattern along one axis, without the noise's share, at lags 0, 1, … px.
+    """Return the autocovariance (n,) of a pattern along one axis at lags 0, 1, … px, without noise.
 
-    It ends some way after it has fallen to a half, or at half of the image.
+    The last lag is about three times the lag at which the autocovariance has fallen to a half, or it is half
+    of the image.
 
     Parameters
     ----------
@@ -46,14 +49,14 @@ def autocovariance(pattern: Float, region: Mask, noise: float, axis: int) -> Flo
         From `even_light`.
     region : ndarray of bool, shape (height, width)
     noise : float
-        Standard deviation of white noise in it; it sticks out at lag 0.
+        Standard deviation of the white noise, grey levels; its variance is subtracted at lag 0.
     axis : int
         0 for lags along y, 1 along x.
 
     Raises
     ------
     CorrelationError
-        If there is nothing but noise.
+        If the pattern is nothing but noise.
     """
     pattern, region = np.moveaxis(pattern, axis, 0), np.moveaxis(region, axis, 0)
     length = len(pattern)
@@ -80,8 +83,8 @@ def autocovariance(pattern: Float, region: Mask, noise: float, axis: int) -> Flo
 def speckle_size(covariance: Float) -> float:
     """Return the full width at half maximum of an autocovariance, in px.
 
-    Gaussian blobs of standard deviation s give 4 √(ln 2) s = 3.33 s, sharp dots of diameter D 0.81 D;
-    it is infinite if the half is not reached.
+    Gaussian blobs of standard deviation s give 4 √(ln 2) s = 3.33 s, sharp dots of diameter D give 0.81 D.
+    The result is infinite if the autocovariance does not fall to a half.
 
     Parameters
     ----------
@@ -100,19 +103,20 @@ def speckle_size(covariance: Float) -> float:
 
 
 def edge_blur(grey: Grey, region: Mask, noise: float) -> float:
-    """Return how blurred the sharpest edges are: the standard deviation of the blur, px.
+    """Return the standard deviation of the blur at the sharpest edges, px.
 
-    Edges lose slope when blurred once more, the less the more blurred they were: S. Zhuo, T. Sim, "Defocus
-    map estimation from a single image", Pattern Recognition 44 (2011) 1852-1858, here with two known blurs,
-    which hold down noise. The pixels themselves blur by 0.29 px. Speckles less than five times as
-    wide as their blur have no edges; it is then underestimated.
+    The image is blurred by two known amounts, and the slopes at edges are compared. The more an edge is
+    blurred already, the less a second blur changes its slope. The method follows S. Zhuo, T. Sim, "Defocus
+    map estimation from a single image", Pattern Recognition 44 (2011) 1852-1858, with two known blurs instead
+    of one to reduce the influence of noise. The pixels alone cause a blur of 0.29 px. Speckles that are less
+    than five times as wide as their blur have no real edges: their blur is underestimated.
 
     Parameters
     ----------
     grey : ndarray, shape (height, width)
     region : ndarray of bool, shape (height, width)
     noise : float
-        Standard deviation of its white noise, grey levels.
+        Standard deviation of the image's white noise, grey levels.
 
     Returns
     -------
@@ -121,7 +125,7 @@ def edge_blur(grey: Grey, region: Mask, noise: float) -> float:
     """
     coarse, coarse_noise = _squared_slopes(grey, _COARSE_PX)
     fine, fine_noise = _squared_slopes(grey, _FINE_PX)
-    # Slopes at the border of the region are those of the specimen.
+    # At the border of the region, slopes may belong to the outline of the specimen.
     inner = _shrunk(region, 8)
     if np.count_nonzero(inner) * _EDGES < _FEWEST_EDGES:
         return float("nan")
@@ -142,7 +146,7 @@ def _shrunk(region: Mask, by_px: int) -> Mask:
 
 
 def _squared_slopes(grey: Grey, blur_px: float) -> tuple[Float, float]:
-    """Return the squared gradient of the image blurred by `blur_px`, and what white noise of 1 adds to it."""
+    """Return the squared gradient of the image blurred by `blur_px`, and its mean for unit white noise."""
     from scipy.ndimage import gaussian_filter
 
     def squared(image: Grey) -> Float:
