@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
+from drivers.clock import SystemClock
 from drivers.errors import ConfigurationError
 from drivers.settings import Settings, mistakes_in, toml_table
 from simulators.rig.camera import CameraSettings
@@ -106,7 +106,7 @@ class RigTables:
         """Return a rig file that uses the simulation at these addresses from another program."""
         scene = addresses["scene"]
         parts = [
-            f"# Devices of a simulation that was started on {datetime.now(UTC):%Y-%m-%d %H:%M} UTC.",
+            f"# Devices of a simulation that was started on {SystemClock().utc():%Y-%m-%d %H:%M} UTC.",
             # the drivers cannot see on the wire that the device is simulated
             toml_table(["rig"], {**self.content.get("rig", DEFAULTS["rig"]), "simulated": True}),
         ]

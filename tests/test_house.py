@@ -1,0 +1,137 @@
+"""Rules of the tree that no linter knows: what stands where, how large it may be, what tests may patch."""
+
+import ast
+import importlib
+import inspect
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import grimp
+import pytest
+
+from tests.places import ROOT
+
+PACKAGES = ("dic", "drivers", "rig", "simulators")
+MODULES = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
+TESTS = sorted((ROOT / "tests").rglob("*.py"))
+# In the root of these packages stands what everything else in them may import, and the command.
+ROOTS = {
+    "dic": {"__init__", "cli", "errors", "typing"},
+    "drivers": {"__init__", "interfaces", "registry", "settings", "errors", "clock"},
+}
+ARGUMENTS_MAX = 9
+LINES_MAX = 400
+# What is not in order yet; nothing may be added.
+KNOWN_MANY_ARGUMENTS = {
+    "dic/commands/calibrate.py: calibrate",
+    "dic/commands/correlate.py: correlate",
+    "dic/commands/process.py: process",
+    "dic/correlation/kernel/icgn.py: correlate_point",
+    "dic/correlation/kernel/moments.py: _strip",
+    "dic/correlation/kernel/moments.py: moments_with_image",
+    "dic/correlation/kernel/propagation.py: correlate_grid",
+    "dic/correlation/kernel/propagation.py: _correlate_grid",
+}
+KNOWN_LONG = {"tests/dic/report/test_report.py", "tests/rig/engine/test_engine.py"}
+KNOWN_PATCHED = {"PATIENCE_S", "HOLD_PATIENCE_S", "URGENT_TIMEOUT_S", "STOP_PATIENCE_S", "STOP_ANSWER_S"}
+KNOWN_WITHOUT_A_FACE = set(PACKAGES)
+CLOCKS = ("time.sleep", "time.time", "time.monotonic", "datetime.now", "datetime.utcnow")
+
+
+def named(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def functions(path: Path) -> Iterator[ast.FunctionDef | ast.AsyncFunctionDef]:
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield node
+
+
+def arguments(function: ast.FunctionDef | ast.AsyncFunctionDef) -> list[str]:
+    """Return what a caller may give, without the object itself."""
+    given = function.args
+    every = [*given.posonlyargs, *given.args, *given.kwonlyargs, given.vararg, given.kwarg]
+    return [each.arg for each in every if each is not None and each.arg not in ("self", "cls")]
+
+
+@pytest.mark.parametrize("package", ROOTS)
+def test_the_root_of_a_package_holds_only_what_all_of_it_shares(package: str) -> None:
+    assert {path.stem for path in (ROOT / package).glob("*.py")} == ROOTS[package]
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_folder_of_modules_says_what_is_in_it(package: str) -> None:
+    folders = {path.parent for path in (ROOT / package).rglob("*.py")}
+    silent = [
+        named(folder)
+        for folder in sorted(folders)
+        if not (folder / "__init__.py").exists()
+        or not ast.get_docstring(ast.parse((folder / "__init__.py").read_text()))
+    ]
+    assert silent == []
+
+
+def test_no_function_takes_more_arguments_than_a_person_can_keep_in_mind() -> None:
+    many = {
+        f"{named(path)}: {function.name}": len(arguments(function))
+        for path in MODULES
+        for function in functions(path)
+        if len(arguments(function)) > ARGUMENTS_MAX
+    }
+    assert many.keys() - KNOWN_MANY_ARGUMENTS == set()
+
+
+def test_no_module_is_longer_than_can_be_surveyed() -> None:
+    lengths = {named(path): len(path.read_text().splitlines()) for path in [*MODULES, *TESTS]}
+    assert {name for name, lines in lengths.items() if lines > LINES_MAX} - KNOWN_LONG == set()
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    graph = grimp.build_graph(*PACKAGES)
+    assert len(graph.modules) > 200
+    # it raises a CycleError that names the circle
+    TopologicalSorter(
+        {each: graph.find_modules_directly_imported_by(each) for each in graph.modules}
+    ).prepare()
+
+
+def test_only_the_clock_reads_the_time_and_sleeps() -> None:
+    readers = {
+        named(path)
+        for path in MODULES
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith(CLOCKS)
+    }
+    assert readers == {"drivers/clock.py"}
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_everything_public_exists_and_is_described(package: str) -> None:
+    module = importlib.import_module(package)
+    public = {name: getattr(module, name) for name in getattr(module, "__all__", ())}
+    assert public or package in KNOWN_WITHOUT_A_FACE
+    described = (value for value in public.values() if inspect.isclass(value) or inspect.isroutine(value))
+    for value in described:
+        # a dataclass without a docstring is given its signature
+        text = inspect.getdoc(value) or ""
+        assert not text.startswith(f"{value.__name__}("), value
+        assert text, value
+
+
+def test_no_test_patches_a_time_that_could_be_a_parameter() -> None:
+    patched = []
+    for path in TESTS:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith((".setattr", "patch.object")):
+                names = [arg.value for arg in node.args if isinstance(arg, ast.Constant)]
+                patched += [f"{named(path)}: {name}" for name in names if str(name).endswith("_S")]
+    assert [each for each in patched if each.rpartition(" ")[2] not in KNOWN_PATCHED] == []
+
+
+def test_tests_are_laid_out_like_the_packages_that_they_test() -> None:
+    folders = {path.parent.relative_to(ROOT / "tests") for path in TESTS if path.name.startswith("test_")}
+    of_packages = [folder for folder in folders if folder.parts and folder.parts[0] in PACKAGES]
+    assert len(of_packages) > 20
+    assert [str(folder) for folder in of_packages if not (ROOT / folder).is_dir()] == []
