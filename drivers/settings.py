@@ -44,9 +44,10 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def read_toml_text(path: Path) -> tuple[dict[str, Any], str]:
-    """Return a TOML file's content and the text that says so; raises like `read_toml`."""
+    """Return a TOML file's content and its text, byte for byte; raises like `read_toml`."""
     try:
-        text = path.read_text(encoding="utf-8")
+        # Not `read_text`, which would turn every line's end into a plain line feed.
+        text = path.read_bytes().decode()
         if text.startswith("\ufeff"):
             raise ConfigurationError(str(path), ["has a byte order mark; save it as UTF-8 without one"])
         return tomllib.loads(text), text

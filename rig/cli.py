@@ -54,8 +54,8 @@ def plan(protocol: Path, rig_path: Path | None, json_path: Path | None) -> None:
     if rig_path is None:
         made = make_plan(read_protocol(protocol), UNKNOWN_RIG)
     else:
-        declared, rig_file = read_both(protocol, rig_path)
-        made = make_plan(declared, facts_of_file(rig_file))
+        files = read_both(protocol, rig_path)
+        made = make_plan(files.protocol, facts_of_file(files.rig_file))
     _finish(plan_lines(made), plan_dict(made), json_path, good=not made.objections)
 
 

@@ -3,6 +3,7 @@
 import hashlib
 import platform
 from collections.abc import Callable
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
@@ -14,9 +15,18 @@ from rig.engine.engine import Engine, Outcome, Status
 from rig.engine.signals import aborting_on_signals
 from rig.facts import confirm, facts_of_file
 from rig.plan import make_plan, require_feasible
-from rig.protocol.protocol import Protocol, read_protocol
+from rig.protocol.protocol import Protocol, read_protocol_text
 from rig.recorder import Recorder, RunHeader, StepRecord, run_file_exists
 from rig.rigfile import RigFile, read_rig
+
+
+@dataclass(frozen=True)
+class ReadFiles:
+    """The two files of a run, each read once; `definition` is the text of the protocol's file."""
+
+    protocol: Protocol
+    definition: str
+    rig_file: RigFile
 
 
 def run_protocol(
@@ -45,24 +55,24 @@ def run_protocol(
     ProtocolError, RecordingError, DeviceError
         If the run cannot begin. Nothing has moved then.
     """
-    protocol, rig_file = read_both(protocol_path, rig_path)
+    files = read_both(protocol_path, rig_path)
+    protocol = files.protocol
     if run_path.exists():
         raise run_file_exists(run_path)
-    definition = protocol_path.read_text(encoding="utf-8")
-    facts = facts_of_file(rig_file)
+    facts = facts_of_file(files.rig_file)
     require_feasible(make_plan(protocol, facts), run_path.parent)
-    with open_rig(rig_file) as rig:
+    with open_rig(files.rig_file) as rig:
         require_feasible(make_plan(protocol, confirm(facts, rig)), run_path.parent)
-        recorder = _create_run_file(run_path, definition, protocol, rig_file, rig)
+        recorder = _create_run_file(run_path, files, rig)
         engine = Engine(protocol, rig, recorder, on_status=on_status, on_step=on_step)
         with aborting_on_signals(engine):
             return engine.run()
 
 
-def read_both(protocol_path: Path, rig_path: Path) -> tuple[Protocol, RigFile]:
+def read_both(protocol_path: Path, rig_path: Path) -> ReadFiles:
     """Read protocol and rig file; the mistakes of both are reported together as one `ConfigurationError`."""
     try:
-        protocol = read_protocol(protocol_path)
+        protocol, definition = read_protocol_text(protocol_path)
     except ConfigurationError as error:
         try:
             read_rig(rig_path)
@@ -70,23 +80,22 @@ def read_both(protocol_path: Path, rig_path: Path) -> tuple[Protocol, RigFile]:
             mistakes = [f"{e.source}: {mistake}" for e in (error, other) for mistake in e.mistakes]
             raise ConfigurationError(f"{protocol_path} and {rig_path}", mistakes) from other
         raise
-    return protocol, read_rig(rig_path)
+    return ReadFiles(protocol, definition, read_rig(rig_path))
 
 
-def _create_run_file(
-    run_path: Path, definition: str, protocol: Protocol, rig_file: RigFile, rig: Rig
-) -> Recorder:
+def _create_run_file(run_path: Path, files: ReadFiles, rig: Rig) -> Recorder:
     start = rig.clock.utc()
-    digest = hashlib.sha256((definition + rig_file.text).encode()).hexdigest()
+    definition, configuration = files.definition, files.rig_file.text
+    digest = hashlib.sha256((definition + configuration).encode()).hexdigest()
     header = RunHeader(
-        title=protocol.title,
+        title=files.protocol.title,
         run_id=f"{start:%Y%m%dT%H%M%SZ}-{digest[:8]}",
         definition=definition,
-        configuration=rig_file.text,
+        configuration=configuration,
         start=start,
         versions=_versions(),
-        sample=protocol.sample,
-        grid=protocol.grid,
+        sample=files.protocol.sample,
+        grid=files.protocol.grid,
         simulated=rig.simulated,
     )
     return Recorder(

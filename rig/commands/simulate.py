@@ -3,13 +3,13 @@
 import os
 import select
 import signal
+import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Protocol, cast
 
-from drivers.settings import read_toml
 from rig.errors import RigError
 from rig.rigfile import read_rig
 
@@ -83,10 +83,8 @@ def start(
     RigError
         If the log cannot be written, a place is taken or none, or there is no such fault.
     """
-    tables = {}
-    if rig_path is not None:
-        read_rig(rig_path)
-        tables = read_toml(rig_path)
+    # From the very text that was found good: the file may have changed since.
+    tables = {} if rig_path is None else tomllib.loads(read_rig(rig_path).text)
     try:
         simulation = cast(
             Simulation, find_simulator()(tables, str(rig_path or "rig simulate"), log, tuple(places))

@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from dic.runfile.schema import StepKind
 from drivers.errors import ConfigurationError
-from drivers.settings import Settings, mistakes_in, read_toml
+from drivers.settings import Settings, mistakes_in, read_toml_text
 from rig.errors import ProtocolError
 from rig.protocol.plasticity import PlasticCriterion
 
@@ -333,8 +333,14 @@ def read_protocol(path: Path) -> Protocol:
     ConfigurationError
         If the file cannot be read or has mistakes; all of them are listed.
     """
+    return read_protocol_text(path)[0]
+
+
+def read_protocol_text(path: Path) -> tuple[Protocol, str]:
+    """Return a protocol and the text of its file, read once; raises like `read_protocol`."""
+    table, text = read_toml_text(path)
     try:
-        return parse_protocol(read_toml(path))
+        return parse_protocol(table), text
     except ValidationError as error:
         raise ConfigurationError(str(path), mistakes_in(error)) from error
 
