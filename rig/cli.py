@@ -16,7 +16,7 @@ from drivers.errors import ConfigurationError, DeviceError
 from rig.errors import RigError
 
 if TYPE_CHECKING:
-    from rig.engine.engine import Outcome
+    from rig.engine.status import Outcome
     from rig.recorder import StepRecord
 
 NOT_GOOD = 1
@@ -78,10 +78,10 @@ def run(protocol: Path, rig_path: Path, output: Path | None, json_path: Path | N
         say(_step_line(record))
 
     with run_progress() as on_status:
-        outcome = run_protocol(protocol, rig_path, run_path, on_status=on_status, on_step=on_step)
+        outcome = run_protocol(protocol, rig_path, run_path, on_status=[on_status], on_step=[on_step])
     lines = [f"{outcome.status}: {outcome.steps_done} steps in {run_path}"]
-    if outcome.reason:
-        say(f"rig: {outcome.reason}", err=True)
+    for sentence in filter(None, (outcome.reason, *outcome.lost_listeners)):
+        say(f"rig: {sentence}", err=True)
     _finish(lines, _run_dict(run_path, outcome, records), json_path, good=outcome.status == "completed")
 
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -11,8 +11,9 @@ import h5py
 
 from drivers.errors import ConfigurationError
 from rig.devices import Rig, open_rig
-from rig.engine.engine import Engine, Outcome, Status
+from rig.engine.engine import Engine
 from rig.engine.signals import aborting_on_signals
+from rig.engine.status import Outcome, Status
 from rig.facts import confirm, facts_of_file
 from rig.plan import make_plan, require_feasible
 from rig.protocol.protocol import Protocol, read_protocol_text
@@ -34,8 +35,8 @@ def run_protocol(
     rig_path: Path,
     run_path: Path,
     *,
-    on_status: Callable[[Status], None] = lambda status: None,
-    on_step: Callable[[StepRecord], None] = lambda record: None,
+    on_status: Iterable[Callable[[Status], None]] = (),
+    on_step: Iterable[Callable[[StepRecord], None]] = (),
 ) -> Outcome:
     """Run a protocol on a rig and write one run file; signals abort it. Call it from the main thread.
 
@@ -45,7 +46,7 @@ def run_protocol(
         The protocol and the rig file.
     run_path : Path
         The run file; it must not exist.
-    on_status, on_step : callable, optional
+    on_status, on_step : iterable of callable, optional
         As for `Engine`.
 
     Raises

@@ -90,7 +90,7 @@ def on_step(record):
         os.kill(os.getpid(), signal.SIGKILL)
 folder = Path({str(tmp_path)!r})
 rig = Path({str(EXAMPLES)!r}) / "rig-virtual-rotation-30.toml"
-run_protocol(Path({str(short_protocol(tmp_path))!r}), rig, folder / "killed.h5", on_step=on_step)
+run_protocol(Path({str(short_protocol(tmp_path))!r}), rig, folder / "killed.h5", on_step=[on_step])
 """
     ended = subprocess.run([sys.executable, "-c", script], check=False)
     assert ended.returncode == -signal.SIGKILL

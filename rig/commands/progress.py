@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from rig.engine.engine import State, Status
+from rig.engine.status import State, Status
 
 
 @contextmanager

@@ -1,61 +1,24 @@
 """The engine: executes the steps of a protocol, and makes the rig safe however a run ends."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import replace
 
 from dic.runfile.schema import Level, RunStatus
 from drivers.errors import DeviceError
 from drivers.interfaces import LoadFrame, OperatorAction, RotationStage
 from rig.devices import Rig
 from rig.engine.imaging import take_image
+from rig.engine.listeners import Listeners
 from rig.engine.monitor import Monitor
 from rig.engine.safety import SafeState
 from rig.engine.settle import settle
+from rig.engine.status import Outcome, State, Status
 from rig.engine.watch import Watch
 from rig.errors import Aborted, LimitViolation, ProtocolError, RigError
 from rig.protocol.protocol import Protocol, ProtocolStep, Reading, RotationProtocol, TensionProtocol
 from rig.recorder import Recorder, StepRecord
-
-
-class State(Enum):
-    """Where the engine is; drawn in `Engine`."""
-
-    IDLE = "idle"
-    PREPARING = "preparing"
-    MOVING = "moving"
-    IMAGING = "imaging"
-    SAFING = "making safe"
-    COMPLETED = "completed"
-    ABORTED = "aborted"
-    FAILED = "failed"
-
-
-@dataclass(frozen=True)
-class Status:
-    """A snapshot of a run."""
-
-    state: State
-    step: ProtocolStep | None
-    steps_planned: int
-    steps_done: int
-    reading: Reading | None
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """How a run ended; `unsafe` names the devices whose safe state was not confirmed, with the cause."""
-
-    status: RunStatus
-    reason: str
-    steps_done: int
-    unsafe: tuple[str, ...] = ()
-
-
-def _ignore(_: object) -> None:
-    """Observe nothing."""
 
 
 class Engine:
@@ -81,10 +44,17 @@ class Engine:
         Opened devices; the caller closes them.
     recorder : Recorder
         An open run file; the engine closes it.
-    on_status : callable, optional
-        Gets a `Status` at every reading and every change of state, up to COMPLETED or SAFING.
-    on_step : callable, optional
-        Gets a `StepRecord` when a step is on file.
+    on_status : iterable of callable, optional
+        Each gets a `Status` at every reading and every change of state: SAFING when the devices have been
+        told to stop, COMPLETED, ABORTED and FAILED when the run file is closed.
+    on_step : iterable of callable, optional
+        Each gets a `StepRecord` when a step is on file.
+
+    Notes
+    -----
+    Listeners are called on the thread of `run`, which reads no device meanwhile: they should return at once.
+    A listener that raises is told no more; the run and the other listeners go on, and the run file and the
+    outcome say so. A listener that wants to end the run calls `abort`.
     """
 
     def __init__(
@@ -93,16 +63,17 @@ class Engine:
         rig: Rig,
         recorder: Recorder,
         *,
-        on_status: Callable[[Status], None] = _ignore,
-        on_step: Callable[[StepRecord], None] = _ignore,
+        on_status: Iterable[Callable[[Status], None]] = (),
+        on_step: Iterable[Callable[[StepRecord], None]] = (),
     ) -> None:
         watch = Watch(protocol.limits, protocol.loading.increment_n) if protocol.kind == "tension" else None
         self._protocol = protocol
         self._rig = rig
         self._recorder = recorder
         self._monitor = Monitor(rig, recorder, watch)
-        self._on_status = on_status
-        self._on_step = on_step
+        self._on_status = Listeners(on_status)
+        self._on_step = Listeners(on_step)
+        self._lost_listeners: list[str] = []
         self._status = Status(State.IDLE, None, len(protocol.steps()), 0, None)
         self._abort_reason: str | None = None
         self._waiting_for_operator = False
@@ -138,7 +109,7 @@ class Engine:
                     error.add_note(outcome.reason)
                 raise
             return outcome
-        return Outcome("completed", "", self._status.steps_done)
+        return self._outcome("completed", "")
 
     def abort(self, reason: str) -> None:
         """End the run: from any thread or signal handler, at any time, without waiting.
@@ -270,7 +241,7 @@ class Engine:
         record = StepRecord(step, settled, frames)
         self._recorder.step(record)
         self._publish(replace(self._status, steps_done=self._status.steps_done + 1))
-        self._on_step(record)
+        self._note_lost(self._on_step.tell(record, ending=False))
 
     def _read(self) -> Reading:
         self._check_abort()
@@ -284,7 +255,17 @@ class Engine:
 
     def _publish(self, status: Status) -> None:
         self._status = status
-        self._on_status(status)
+        self._note_lost(self._on_status.tell(status, ending=status.state.ending))
+
+    def _note_lost(self, listeners: list[str]) -> None:
+        self._lost_listeners += listeners
+        for listener in listeners:
+            try:
+                self._event("warning", listener)
+            except RigError:
+                # Of a run that ends, the file may be closed or be the very thing that failed.
+                if not self._status.state.ending:
+                    raise
 
     def _event(self, level: Level, message: str) -> None:
         self._recorder.event(self._rig.clock.now_s(), level, "engine", message)
@@ -329,8 +310,8 @@ class Engine:
         self._enter(State.COMPLETED, self._status.step)
 
     def _end_badly(self, error: BaseException) -> Outcome:
-        self._status = replace(self._status, state=State.SAFING)
-        unsafe = self._safe_state.confirm()
+        safing = replace(self._status, state=State.SAFING)
+        unsafe = self._safe_state.confirm(meanwhile=lambda: self._publish(safing))
         status: RunStatus = "failed" if self._abort_reason is None else "aborted"
         reason = str(error) or type(error).__name__
         if self._abort_reason is not None and not isinstance(error, Aborted):
@@ -345,6 +326,8 @@ class Engine:
             self._recorder.close(status, reason, self._rig.clock.utc())
         except RigError as closing:
             reason = f"{reason}; and then {closing}"
-        ended = State.ABORTED if status == "aborted" else State.FAILED
-        self._status = replace(self._status, state=ended)
-        return Outcome(status, reason, self._status.steps_done, tuple(unsafe))
+        self._enter(State.ABORTED if status == "aborted" else State.FAILED, self._status.step)
+        return self._outcome(status, reason, tuple(unsafe))
+
+    def _outcome(self, status: RunStatus, reason: str, unsafe: tuple[str, ...] = ()) -> Outcome:
+        return Outcome(status, reason, self._status.steps_done, unsafe, tuple(self._lost_listeners))

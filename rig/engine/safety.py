@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from rig.devices import Rig
 
-PATIENCE_S = 15.0
+STOP_DEADLINE_S = 15.0
 """Real time; more than a driver takes to repeat a command on a silent line before it gives up."""
 
 
@@ -18,9 +18,12 @@ class SafeState:
     Parameters
     ----------
     rig : Rig
+    deadline_s : float
+        Real time that each device has to confirm.
     """
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: Rig, deadline_s: float = STOP_DEADLINE_S) -> None:
+        self._deadline_s = deadline_s
         self._commands: dict[str, Callable[[], None]] = {}
         if rig.load_frame is not None:
             self._commands["load_frame"] = rig.load_frame.hold
@@ -32,32 +35,39 @@ class SafeState:
         """Command it without waiting; a device that is still being commanded is left at that."""
         for device, command in self._commands.items():
             if not any(attempt.device == device and attempt.is_alive() for attempt in self._commanded):
-                attempt = _Attempt(device, command)
+                attempt = _Attempt(device, command, self._deadline_s)
                 self._commanded.append(attempt)
                 attempt.start()
 
-    def confirm(self) -> list[str]:
-        """Command it once more and wait; return one sentence for each device that did not confirm."""
-        attempts = [_Attempt(device, command) for device, command in self._commands.items()]
+    def confirm(self, meanwhile: Callable[[], None] = lambda: None) -> list[str]:
+        """Command it once more and wait; return one sentence for each device that did not confirm.
+
+        Parameters
+        ----------
+        meanwhile : callable
+            Called once everything is commanded, before the wait. It must not raise.
+        """
+        attempts = [_Attempt(device, command, self._deadline_s) for device, command in self._commands.items()]
         for attempt in attempts:
             try:
                 attempt.start()
             except RuntimeError:
                 # The system gives no more threads: then one device after the other.
                 attempt.run()
+        meanwhile()
         for attempt in attempts + self._commanded:
             if attempt.is_alive():
-                attempt.join(PATIENCE_S)
+                attempt.join(self._deadline_s)
         return [attempt.failure for attempt in attempts if attempt.failure]
 
 
 class _Attempt(threading.Thread):
     """One command to one device, and why it is not confirmed; empty once it is."""
 
-    def __init__(self, device: str, command: Callable[[], None]) -> None:
+    def __init__(self, device: str, command: Callable[[], None], deadline_s: float) -> None:
         super().__init__(name=f"safe state of {device}", daemon=True)
         self.device = device
-        self.failure = f"{device}: no confirmation within {PATIENCE_S:g} s"
+        self.failure = f"{device}: no confirmation within {deadline_s:g} s"
         self._command = command
 
     def run(self) -> None:

@@ -181,7 +181,7 @@ class FakeRig:
         self.load_frame = FakeLoadFrame(self.clock, self.calls) if tension else None
         self.stage = None if tension else FakeStage(self.clock, self.calls)
 
-    def engine(self, **callbacks) -> Engine:
+    def engine(self, *, on_status=(), on_step=()) -> Engine:
         rig = Rig(self.clock, self.operator, self.cameras, self.stage, self.load_frame, virtual=True)
         header = RunHeader(
             title=self.protocol.title,
@@ -201,7 +201,7 @@ class FakeRig:
             stage=self.stage.info if self.stage else None,
             load_frame=self.load_frame.info if self.load_frame else None,
         )
-        return Engine(self.protocol, rig, recorder, **({"on_status": self._note} | callbacks))
+        return Engine(self.protocol, rig, recorder, on_status=[self._note, *on_status], on_step=on_step)
 
     def _note(self, status) -> None:
         if not self.states or self.states[-1] != status.state.name:

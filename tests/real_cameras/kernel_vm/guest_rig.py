@@ -124,7 +124,7 @@ def test_a_camera_that_is_pulled_out_ends_the_run_in_its_safe_state(
             turn("Disconnect", camera=rigs[0].cameras["right"])  # type: ignore[arg-type]
 
     monkeypatch.setattr("rig.run.open_rig", opening)
-    outcome = run_protocol(*files, on_step=pull_out)
+    outcome = run_protocol(*files, on_step=[pull_out])
     assert (outcome.status, outcome.unsafe) == ("failed", ())
     assert "cameras.right (/dev/video1)" in outcome.reason
     assert "unplugged camera (ENODEV)" in outcome.reason

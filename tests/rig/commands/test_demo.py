@@ -4,7 +4,7 @@ import pytest
 
 from rig.commands import demo
 from rig.commands.demo import run_demo
-from rig.engine.engine import Outcome
+from rig.engine.status import Outcome
 from rig.errors import Aborted, RigError
 
 

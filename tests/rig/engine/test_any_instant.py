@@ -14,6 +14,7 @@ from rig.protocol.protocol import RotationProtocol
 
 SOURCES = (
     "rig/engine/engine.py",
+    "rig/engine/listeners.py",
     "rig/engine/signals.py",
     "rig/engine/safety.py",
     "rig/engine/settle.py",

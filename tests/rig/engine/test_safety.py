@@ -3,7 +3,6 @@ import threading
 import pytest
 
 from rig.devices import Rig
-from rig.engine import safety
 from rig.engine.safety import SafeState
 
 
@@ -14,10 +13,9 @@ def both(tension, rotation) -> Rig:
 
 
 @pytest.fixture
-def never(monkeypatch):
-    """A command that returns only when the test is over, to a program that is out of patience at once."""
+def never():
+    """A command that returns only when the test is over."""
     over = threading.Event()
-    monkeypatch.setattr(safety, "PATIENCE_S", 0.05)
     yield over.wait
     over.set()
 
@@ -31,7 +29,7 @@ def test_frame_that_never_answers_neither_keeps_the_stage_turning_nor_the_run_fr
     both, tension, rotation, never
 ):
     tension.load_frame.on_hold = never
-    assert SafeState(both).confirm() == ["load_frame: no confirmation within 0.05 s"]
+    assert SafeState(both, deadline_s=0.05).confirm() == ["load_frame: no confirmation within 0.05 s"]
     assert rotation.calls == ["stop"]
 
 
@@ -44,9 +42,9 @@ def test_stage_is_stopped_while_the_frame_is_still_being_asked(both, tension, ro
     assert held == [True]
 
 
-def test_impatient_repetition_does_not_pile_up_on_a_device_that_is_silent(both, tension, rotation, never):
+def test_repeated_command_does_not_pile_up_on_a_device_that_is_silent(both, tension, rotation, never):
     tension.load_frame.on_hold = never
-    state = SafeState(both)
+    state = SafeState(both, deadline_s=0.05)
     for _ in range(5):
         state.command()
     assert tension.calls == ["hold"]
@@ -70,3 +68,11 @@ def test_driver_that_exits_does_not_leave_the_other_device_moving(both, tension,
     tension.load_frame.on_hold = leave
     assert SafeState(both).confirm() == ["a driver gives up"]
     assert rotation.calls == ["stop"]
+
+
+def test_both_devices_are_commanded_before_anything_else_is_done(both, tension, rotation):
+    commanded = [threading.Event(), threading.Event()]
+    tension.load_frame.on_hold, rotation.stage.stop = (event.set for event in commanded)
+    seen = []
+    SafeState(both).confirm(meanwhile=lambda: seen.extend(event.wait(10.0) for event in commanded))
+    assert seen == [True, True]

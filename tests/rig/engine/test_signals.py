@@ -3,8 +3,8 @@ import signal
 import h5py
 import pytest
 
-from rig.engine.engine import State
 from rig.engine.signals import SIGNALS, aborting_on_signals
+from rig.engine.status import State
 
 
 @pytest.mark.parametrize("number", SIGNALS)
@@ -13,7 +13,7 @@ def test_signal_while_moving_aborts_holds_and_closes_the_file(tension, number):
         if status.step and status.step.index == 4 and status.state is State.MOVING and status.reading:
             signal.raise_signal(number)
 
-    engine = tension.engine(on_status=kill_in_step_4)
+    engine = tension.engine(on_status=[kill_in_step_4])
     before = signal.getsignal(number)
     with aborting_on_signals(engine):
         outcome = engine.run()
@@ -76,7 +76,7 @@ def test_hangup_that_was_ignored_before_does_not_end_the_run(rotation):
 
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        engine = rotation.engine(on_status=hang_up)
+        engine = rotation.engine(on_status=[hang_up])
         with aborting_on_signals(engine):
             assert engine.run().status == "completed"
         assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
