@@ -10,6 +10,9 @@ from dic.quality.findings import FINEST_SPECKLE_PX
 from dic.quality.picture import TILES
 from dic.quality.quality import Quality
 
+WIDE = 1.75
+"""An image wider than so many of its heights is drawn above the other panels, any other one beside them."""
+
 
 def draw_quality(quality: Quality, image: NDArray[np.float32]) -> Any:
     """Return a matplotlib figure: noise floor and blur over the image, autocorrelation and histogram.
@@ -23,10 +26,17 @@ def draw_quality(quality: Quality, image: NDArray[np.float32]) -> Any:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(14, 8), layout="constrained")
-    grid = figure.add_gridspec(2, 2, height_ratios=(3, 2))
-    _draw_floor(figure, figure.add_subplot(grid[0, :]), quality, image)
-    _draw_covariance(figure.add_subplot(grid[1, 0]), quality)
-    _draw_levels(figure.add_subplot(grid[1, 1]), quality, image)
+    height, width = image.shape
+    if width > WIDE * height:
+        grid = figure.add_gridspec(2, 2, height_ratios=(3, 2))
+        places = grid[0, :], grid[1, 0], grid[1, 1]
+    else:
+        grid = figure.add_gridspec(2, 2, width_ratios=(5, 3))
+        places = grid[:, 0], grid[0, 1], grid[1, 1]
+    over_image, pattern, levels = (figure.add_subplot(place) for place in places)
+    _draw_floor(figure, over_image, quality, image)
+    _draw_covariance(pattern, quality)
+    _draw_levels(levels, quality, image)
     return figure
 
 
