@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 DEMO := demo
 
-.PHONY: help install demo test test-kernel test-long bench lint types laws clean
+.PHONY: help install demo test test-kernel test-long bench docs gallery lint types laws clean
 
 help:
 	@echo "make install    the virtual environment in $(VENV)"
@@ -14,6 +14,8 @@ help:
 	@echo "make test-kernel  the camera drivers on a real kernel and a real GigE Vision peer, with their figures"
 	@echo "make test-long  campaigns of many minutes"
 	@echo "make bench      speed of correlation beside other engines, and accuracy against theory"
+	@echo "make docs       the documentation site in docs/_build/html; a warning is an error"
+	@echo "make gallery    every picture of the documentation, drawn anew"
 
 install: $(STAMP)
 
@@ -50,5 +52,11 @@ bench: $(STAMP)
 	$(BIN)/python -m benchmarks.speed --peers
 	$(BIN)/python -m benchmarks.accuracy
 
+docs: $(STAMP)
+	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
+
+gallery: $(STAMP)
+	$(BIN)/python docs/pictures.py
+
 clean:
-	rm -rf $(VENV) $(DEMO) build *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf $(VENV) $(DEMO) build docs/_build *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -1,0 +1,80 @@
+"""Draws every picture of the documentation: runs the commands of gallery.md and keeps what they made.
+
+python docs/pictures.py    (or `make gallery`)
+"""
+
+import base64
+import html
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+DOCS = Path(__file__).resolve().parent
+IMAGES = DOCS / "images"
+
+MADE_BY_COMMANDS = {
+    "grid-found.png": "grid-found.png",
+    "quality.png": "quality.png",
+    "plate-maps.png": "maps/loaded.png",
+    "assessment.png": "assessment/overview.png",
+}
+"""Picture of the documentation, and the file that a command of the gallery leaves."""
+
+OUT_OF_THE_REPORT = {
+    "rotation-raw.svg": "Raw mean strains against the angle of rotation",
+    "rotation-calibrated.svg": "Calibrated mean strains against the angle of rotation",
+    "rotation-corrected.svg": "Corrected mean strains against the angle of rotation",
+    "tension-differences.svg": "Differences from the raw strain of the on-axis camera",
+    "tension-motion.svg": "Motion of the specimen's plane against the load",
+    "tension-heights.png": "Heights of the specimen's surface",
+}
+"""Picture of the documentation, and what the first such figure of the demo's report is called."""
+
+REPORT = "demo/report.html"
+
+
+def commands(page: str) -> list[str]:
+    """Return the commands of a Markdown page: the lines of its console blocks that begin with a prompt."""
+    blocks = re.findall(r"^```console\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    return [line[2:] for block in blocks for line in block.splitlines() if line.startswith("$ ")]
+
+
+def report_figure(report: str, title: str) -> bytes:
+    """Return the first figure of a report with this title."""
+    figures = re.findall(r'<img src="data:image/[a-z+]+;base64,([^"]+)" alt="([^"]*)"', report)
+    return next(base64.b64decode(data) for data, alt in figures if html.unescape(alt) == title)
+
+
+def draw(work: Path, images: Path) -> None:
+    """Run the gallery's commands in the folder `work`, and put the pictures into the folder `images`."""
+    shutil.copytree(DOCS.parent / "examples", work / "examples")
+    search = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    for command in commands((DOCS / "gallery.md").read_text(encoding="utf-8")):
+        print(f"$ {command}", flush=True)
+        subprocess.run(command, shell=True, check=True, cwd=work, env={**os.environ, "PATH": search})
+    report = (work / REPORT).read_text(encoding="utf-8")
+    for name, file in MADE_BY_COMMANDS.items():
+        _keep_small(work / file, images / name)
+    for name, title in OUT_OF_THE_REPORT.items():
+        (images / name).write_bytes(report_figure(report, title))
+
+
+def _keep_small(drawn: Path, kept: Path) -> None:
+    """Keep a picture in 256 colours, which shows no difference in plots and maps."""
+    from PIL import Image
+
+    colours = (
+        Image.open(drawn)
+        .convert("RGB")
+        .quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    )
+    colours.save(kept, optimize=True)
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        draw(Path(folder), IMAGES)

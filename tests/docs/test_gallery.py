@@ -1,0 +1,44 @@
+"""The gallery has ten pictures, each with the command that made it, and one script draws them all."""
+
+import importlib.util
+import re
+
+import pytest
+
+from tests.places import DOCS
+
+_spec = importlib.util.spec_from_file_location("pictures", DOCS / "pictures.py")
+assert _spec is not None
+assert _spec.loader is not None
+pictures = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(pictures)
+
+DRAWN = set(pictures.MADE_BY_COMMANDS) | set(pictures.OUT_OF_THE_REPORT)
+GALLERY = (DOCS / "gallery.md").read_text(encoding="utf-8")
+
+
+def test_ten_pictures_are_shown_drawn_and_kept():
+    assert len(DRAWN) == 10
+    assert {path.name for path in (DOCS / "images").iterdir()} == DRAWN
+    assert set(re.findall(r"\(images/([^)]+)\)", GALLERY)) == DRAWN
+
+
+def test_pictures_are_small():
+    assert sum(path.stat().st_size for path in (DOCS / "images").iterdir()) < 2e6
+
+
+def test_files_that_are_kept_are_made_by_the_commands_shown():
+    shown = " ".join(pictures.commands(GALLERY))
+    for made in pictures.MADE_BY_COMMANDS.values():
+        # The option names the file, or the folder that it is put into.
+        assert made.split("/")[0] in shown.split()
+    assert "rig demo -o demo" in shown
+
+
+@pytest.mark.long
+def test_every_picture_can_be_drawn_again(tmp_path):
+    work, images = tmp_path / "work", tmp_path / "images"
+    work.mkdir()
+    images.mkdir()
+    pictures.draw(work, images)
+    assert {path.name for path in images.iterdir() if path.stat().st_size > 1000} == DRAWN
