@@ -132,5 +132,5 @@ def moved_out_of_plane(
         if noise is not None:
             both = np.einsum("...ik,...lj->...ijkl", there, back).reshape(*there.shape[:-2], 4, 4)
             covariance = both @ noise.gradient @ np.swapaxes(both, -1, -2)
-            noise = Noise(there @ noise.spread, noise.overlap, covariance)
+            noise = Noise(there @ noise.factors, noise.overlap, covariance)
     return replace(calibrated, position=position, vector=moved - position, gradient=gradient, noise=noise)

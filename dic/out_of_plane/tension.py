@@ -120,7 +120,7 @@ def _uneven(fit: TiltFit, points: Points, mm_per_px: float) -> str | None:
             f"{fit.remainder_rms_mm / mm_per_px:.3f} px, at most {limit_mm / mm_per_px:.3f} px is explained)"
         )
     rms_mm = np.sqrt((fit.residual_mm**2).sum(axis=1).mean())
-    by_noise_mm = np.sqrt((noise.spread[points.use] ** 2).sum(axis=(1, 2)).mean())
+    by_noise_mm = np.sqrt((noise.factors[points.use] ** 2).sum(axis=(1, 2)).mean())
     limit_mm = _TORN * by_noise_mm + _UNEVEN_PX * mm_per_px
     if rms_mm > limit_mm:
         return (

@@ -128,7 +128,7 @@ def _noise_mm(points: Points) -> float:
     noise = points.displacement.noise
     if noise is None:
         raise ValueError("these displacements come without their noise")
-    return float(np.sqrt((noise.spread[points.use] ** 2).sum(axis=(1, 2)).mean() / 2))
+    return float(np.sqrt((noise.factors[points.use] ** 2).sum(axis=(1, 2)).mean() / 2))
 
 
 def _step(measurements: tuple[Measurement, Measurement], joint: JointSolution) -> TwoCameraStep:

@@ -1,7 +1,7 @@
-"""Displacements in one system of axes, raw in pixels or calibrated in millimetres, ready for strain.
+"""Displacements in upright axes, raw in pixels or calibrated in millimetres, with their errors.
 
-With them goes what the images' noise does to them, to first order. Errors of two points are correlated where
-their subsets overlap, because both come from the same pixels.
+The errors are those that image noise causes, to first order. The errors of two points are correlated if their
+subsets overlap, because such subsets share pixels.
 """
 
 from dataclasses import dataclass
@@ -18,34 +18,35 @@ _UPWARDS = np.diag([1.0, -1.0])
 
 @dataclass(frozen=True)
 class Noise:
-    """The errors of displacements that the images' noise causes.
+    """The errors of displacements that image noise causes.
 
     Attributes
     ----------
-    spread : ndarray, shape (rows, columns, 2, 2)
-        Takes two independent errors of unit variance, along the image's x and y, to that of the displacement.
+    factors : ndarray, shape (rows, columns, 2, 2)
+        F of each point, in the unit of the displacement. The error of the displacement is F·e, with two
+        independent errors e of unit variance, along the image's x and y. Its covariance is F Fᵀ.
     overlap : ndarray, shape (m, n)
-        Correlation of the errors at points so many rows and columns of the grid apart; beyond it is 0.
+        Element [i, j] is the correlation of the errors of two points that are i rows and j columns of the
+        grid apart. Points farther apart are not correlated.
     gradient : ndarray, shape (rows, columns, 4, 4)
-        Covariance of the shape function's gradient, its elements in the order xx, xy, yx, yy.
+        Covariance of the shape function's gradient; its elements are in the order xx, xy, yx, yy.
     """
 
-    spread: Float
+    factors: Float
     overlap: Float
     gradient: Float
 
 
 @dataclass(frozen=True)
 class Displacement:
-    """Where material points were and how far they went.
+    """Reference positions and displacements of material points.
 
-    Axes are those of an upright view, x to the right and y up, for pixels too, so that raw and calibrated
-    strains compare sign by sign.
+    The axes are x to the right and y up, for pixels, too. So raw and calibrated strains have the same signs.
 
     Attributes
     ----------
     position, vector : ndarray, shape (rows, columns, 2)
-        Reference position and displacement of every point of the grid; NaN where there is none.
+        Reference position and displacement of every point of the grid; NaN where they are not known.
     valid : ndarray of bool, shape (rows, columns)
         Points that may be used for strain.
     unit : str
@@ -53,7 +54,7 @@ class Displacement:
     gradient : ndarray, shape (rows, columns, 2, 2), or None
         Displacement gradient ∂u_i/∂x_j within each point's subset, from the shape function.
     noise : Noise or None
-        Errors, where they are known.
+        Errors of the displacements; None if they are not known.
     """
 
     position: Float
@@ -80,8 +81,9 @@ def raw_displacement(field: Field) -> Displacement:
 def calibrated_displacement(field: Field, calibration: Calibration) -> Displacement:
     """Return a field's displacements in millimetres of the grid.
 
-    Both ends of a displacement are mapped. A point that was, or went, outside the calibrated area keeps its
-    value, which is an extrapolation, but is not valid. The calibration itself counts as free of errors.
+    The start and the end of each displacement are mapped. If one of them is outside the calibrated area, the
+    displacement is an extrapolation: it keeps its value but is not valid. Errors of the calibration are not
+    included.
     """
     shape = (*field.status.shape, 2)
     before = field.points
@@ -101,10 +103,10 @@ def calibrated_displacement(field: Field, calibration: Calibration) -> Displacem
 
 
 def _in_axes(field: Field, here: Float, there: Float) -> tuple[Float, Noise]:
-    """Return the gradient and the errors in other axes than the image's.
+    """Return the displacement gradient and the errors of a field in new axes.
 
-    `here` and `there`, shape (rows, columns, 2, 2), are the derivatives of the new coordinates by the image's
-    before and after the motion: F becomes there · F · here⁻¹.
+    `here` and `there`, shape (rows, columns, 2, 2), are the derivatives of the new coordinates by the image
+    coordinates, before and after the motion. The deformation gradient F becomes there · F · here⁻¹.
     """
     shape = field.status.shape
     back = _inverse(here)
@@ -112,13 +114,13 @@ def _in_axes(field: Field, here: Float, there: Float) -> tuple[Float, Noise]:
     gradient = there @ F @ back - np.eye(2)
     both = np.einsum("...ik,...lj->...ijkl", there, back).reshape(*shape, 4, 4)
     by_gradient = both * field.std_gradient[..., None, :]
-    spread = there * np.stack([field.std_u_px, field.std_v_px], axis=-1)[..., None, :]
+    factors = there * np.stack([field.std_u_px, field.std_v_px], axis=-1)[..., None, :]
     covariance = by_gradient @ np.swapaxes(by_gradient, -1, -2)
-    return gradient, Noise(spread, error_overlap(field.settings), covariance)
+    return gradient, Noise(factors, error_overlap(field.settings), covariance)
 
 
 def _inverse(matrices: Float) -> Float:
-    """Return the inverses (…, 2, 2); where there is none, infinity or NaN instead of an exception."""
+    """Return the inverses of matrices (…, 2, 2); infinity or NaN for a singular matrix."""
     a, b, c, d = (matrices[..., i, j] for i in (0, 1) for j in (0, 1))
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = np.stack([d, -b, -c, a], axis=-1) / (a * d - b * c)[..., None]
@@ -126,12 +128,12 @@ def _inverse(matrices: Float) -> Float:
 
 
 def error_overlap(settings: CorrelationSettings) -> Float:
-    """Return the correlation of the errors at points of interest that are so many rows and columns apart.
+    """Return the correlation of the errors of two points of interest, as a function of their distance.
 
-    A subset's displacement is the value at its centre of the shape function that fits its pixels best, hence
-    a weighted sum over them: equal weights if it is affine, larger ones in the middle if it is quadratic. Two
-    subsets share as much noise as their weights overlap. Their texture, which weighs the pixels as well, is
-    taken as even.
+    The displacement of a subset is the value of its fitted shape function at the centre. This is a weighted
+    sum over the pixels: an affine shape function gives all pixels the same weight, a quadratic one gives more
+    weight to the middle. The correlation of two subsets is the overlap of their weights. The texture also
+    weights the pixels; it is assumed to be uniform.
 
     Parameters
     ----------
@@ -140,7 +142,8 @@ def error_overlap(settings: CorrelationSettings) -> Float:
     Returns
     -------
     ndarray, shape (m, m)
-        1 at [0, 0]; m - 1 steps is as far as subsets overlap.
+        Element [i, j] belongs to points that are i rows and j columns apart; it is 1 at [0, 0]. Subsets that
+        are m or more rows or columns apart do not overlap.
     """
     from scipy.signal import fftconvolve
 

@@ -1,8 +1,9 @@
-"""Measures of strain: what a displacement gradient means, and what an error of it does to that.
+"""Strain measures of displacement gradients, with the standard deviations that the gradients' errors cause.
 
-With F = I + G, the deformation gradient, and C = FᵀF: Green-Lagrange (C - I)/2 and Hencky ½ ln C, which no
-rigid rotation changes, and the small strain (G + Gᵀ)/2, which holds for small rotations only.
-Axes are those of the displacement in the undeformed state.
+G is the displacement gradient, F = I + G the deformation gradient, and C = FᵀF. The measures are
+Green-Lagrange (C - I)/2 and Hencky ½ ln C, which do not change with a rigid rotation, and the small strain (G
++ Gᵀ)/2, which holds only for small rotations. The axes are those of the displacement, in the undeformed
+state.
 """
 
 import numpy as np
@@ -13,32 +14,32 @@ Float = NDArray[np.float64]
 MEASURES = ("green-lagrange", "small", "hencky")
 
 COMPONENTS = ("exx", "eyy", "exy", "e1", "e2", "direction_deg")
-"""The tensor's components, the principal strains, larger first, and the direction of the larger."""
+"""Components of the strain tensor, principal strains (the larger first), direction of the larger, degrees."""
 
 _EQUAL = 1e-12
-"""Principal strains that differ by less have no direction."""
+"""If the principal strains differ by less, their direction is not determined."""
 
 _ANY_DIRECTION_DEG = 180.0 / np.sqrt(12.0)
-"""Standard deviation of a direction that may be any: more uncertain it cannot be."""
+"""Largest standard deviation of a direction: that of a uniform distribution over 180°."""
 
 
 def strain_of(gradient: Float, covariance: Float | None, measure: str) -> tuple[Float, Float]:
-    """Return strains and their standard deviations, to first order of the gradient's errors.
+    """Return strains and their standard deviations, to first order in the gradient's errors.
 
     Parameters
     ----------
     gradient : ndarray, shape (…, 2, 2)
         Displacement gradients, ∂u_i/∂x_j at [i, j].
     covariance : ndarray, shape (…, 4, 4), or None
-        Of the gradient's errors, its elements in the order xx, xy, yx, yy; None if it is not known.
+        Covariance of the gradient's elements xx, xy, yx, yy; None if it is not known.
     measure : str
         One of `MEASURES`.
 
     Returns
     -------
-    strain, deviation : ndarray, shape (6, …)
-        In the order of `COMPONENTS`; directions in degrees from x towards y, in (-90, 90].
-        Deviations are NaN without a covariance.
+    strain, std : ndarray, shape (6, …)
+        In the order of `COMPONENTS`. The direction is in degrees from x towards y, in (-90, 90]. The standard
+        deviations are NaN without a covariance.
     """
     tensor, derivative = _tensor(gradient, measure)
     strain, by_tensor = _with_principal(tensor)
@@ -46,9 +47,10 @@ def strain_of(gradient: Float, covariance: Float | None, measure: str) -> tuple[
         return strain, np.full(strain.shape, np.nan)
     by_gradient = by_tensor @ derivative
     variance = np.einsum("...ki,...ij,...kj->k...", by_gradient, covariance, by_gradient)
-    deviation = np.sqrt(np.maximum(variance, 0.0))
-    deviation[5] = np.fmin(np.degrees(deviation[5]), _ANY_DIRECTION_DEG)
-    return strain, deviation + 0.0 * strain
+    std = np.sqrt(np.maximum(variance, 0.0))
+    std[5] = np.fmin(np.degrees(std[5]), _ANY_DIRECTION_DEG)
+    # NaN where the strain is NaN
+    return strain, std + 0.0 * strain
 
 
 def _tensor(gradient: Float, measure: str) -> tuple[Float, Float]:
@@ -76,13 +78,14 @@ def _tensor(gradient: Float, measure: str) -> tuple[Float, Float]:
 
 
 def _hencky(green: Float) -> tuple[Float, Float]:
-    """Return Hencky strains of Green-Lagrange ones, both (…, 3), and the derivatives, shape (…, 3, 3).
+    """Return the Hencky strains (…, 3) of Green-Lagrange strains (…, 3), and their derivatives (…, 3, 3).
 
-    Both have the same principal axes. In these, a function of a symmetric tensor has the divided differences
-    of the function as its derivative (G. H. Golub, C. F. Van Loan, Matrix Computations, 9.1.4).
+    Both tensors have the same principal axes. In these axes the derivative of a function of a symmetric
+    tensor consists of the divided differences of the function (G. H. Golub, C. F. Van Loan, Matrix
+    Computations, 9.1.4).
     """
     (e1, e2, angle), _ = _principal(green)
-    # A region folded flat has no logarithmic strain.
+    # Where a stretch is 0, its logarithm does not exist: NaN.
     stretched = 1.0 + 2.0 * np.stack([e1, e2])
     l1, l2 = np.where(stretched > 0.0, stretched, np.nan)
     h1, h2 = 0.5 * np.log(l1), 0.5 * np.log(l2)
@@ -97,27 +100,27 @@ def _hencky(green: Float) -> tuple[Float, Float]:
 
 
 def _turned(angle: Float) -> Float:
-    """Return what takes (exx, eyy, exy) to axes turned by `angle`, in radians; shape (…, 3, 3)."""
+    """Return the matrices (…, 3, 3) that transform (exx, eyy, exy) to axes rotated by `angle`, radians."""
     c, s = np.cos(angle), np.sin(angle)
     rows = [[c * c, s * s, 2 * c * s], [s * s, c * c, -2 * c * s], [-c * s, c * s, c * c - s * s]]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def _principal(tensor: Float) -> tuple[tuple[Float, Float, Float], Float]:
-    """Return both principal strains and the direction, in radians, of the first; and their difference."""
+    """Return both principal strains and the direction of the first, radians; and the strains' difference."""
     xx, yy, xy = tensor[..., 0], tensor[..., 1], tensor[..., 2]
     middle, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     return (middle + radius, middle - radius, np.arctan2(xy, (xx - yy) / 2) / 2), 2 * radius
 
 
 def _with_principal(tensor: Float) -> tuple[Float, Float]:
-    """Return all six `COMPONENTS`, shape (6, …), and their derivatives by the tensor, shape (…, 6, 3)."""
+    """Return the `COMPONENTS`, shape (6, …), and their derivatives by (exx, eyy, exy), shape (…, 6, 3)."""
     (e1, e2, angle), difference = _principal(tensor)
     strain = np.stack([tensor[..., 0], tensor[..., 1], tensor[..., 2], e1, e2, np.degrees(angle)])
     derivative = np.zeros((*np.shape(e1), 6, 3))
     derivative[..., :3, :] = np.eye(3)
     turned = _turned(angle)
     derivative[..., 3:5, :] = turned[..., :2, :]
-    # An error of shear in the principal axes turns them; where both strains are equal, by any angle.
+    # A shear error in the principal axes rotates them, by any angle if both principal strains are equal.
     derivative[..., 5, :] = turned[..., 2, :] / np.maximum(difference, _EQUAL)[..., None]
     return strain, derivative

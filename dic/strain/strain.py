@@ -1,4 +1,4 @@
-"""Strain from displacements: one value for a region, or a field, each with its standard deviation."""
+"""Strain from displacements, for a whole region or at every point, with standard deviations."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -15,29 +15,29 @@ from dic.strain.measures import COMPONENTS, MEASURES, strain_of
 Float = NDArray[np.float64]
 
 SOURCES = ("fit", "quadratic-fit", "shape")
-"""Where local strain comes from: a plane or a quadratic surface fitted to a window, or the shape function."""
+"""Sources of local strain: a plane or a quadratic surface fitted to a window, or the shape function."""
 
 STRAIN_KEYS = (*COMPONENTS, *(f"{name}_std" for name in COMPONENTS))
 
 
 @dataclass(frozen=True)
 class StrainSettings:
-    """Which strain, and from what.
+    """The strain measure, and the source of local strain.
 
     Attributes
     ----------
     measure : str
         "green-lagrange", "small" or "hencky".
     window_points : int
-        Odd width of the window of points that a local strain is fitted to, at least 3.
+        Width of the window of points to which a local strain is fitted; odd, at least 3.
     source : str
-        Of local strain: "fit" (a plane), "quadratic-fit", or "shape" for the gradient of each subset's shape
-        function.
+        Source of local strain: "fit" (a plane fitted to the window), "quadratic-fit" (a quadratic surface),
+        or "shape" (the gradient of each subset's shape function).
 
     Raises
     ------
     CorrelationError
-        If a value cannot be used.
+        If values are impossible; the message reports all of them together.
     """
 
     measure: str = "green-lagrange"
@@ -72,14 +72,14 @@ class StrainSettings:
         require_all(CorrelationError, "settings", checks)
 
     def gauge_px(self, correlation: CorrelationSettings) -> int:
-        """Return the width of the virtual strain gauge: of all pixels that enter one local strain."""
+        """Return the width, px, of the virtual strain gauge: of all pixels used for one local strain."""
         if self.source == "shape":
             return correlation.subset_px
         return (self.window_points - 1) * correlation.step_px + correlation.subset_px
 
 
 def gauge_text(gauge_px: int, gauge_mm: float | None) -> str:
-    """Return the width of a virtual strain gauge as people read it."""
+    """Return the width of a virtual strain gauge as a text for people."""
     return f"virtual strain gauge {gauge_px} px" + ("" if gauge_mm is None else f" ({gauge_mm:.3g} mm)")
 
 
@@ -94,13 +94,14 @@ class MeanStrain:
     rotation_deg : float
         Rigid rotation, positive from x towards y, in (-180, 180].
     points : int
-        Number of points it comes from.
+        Number of points used.
     e1, e2 : float
         Principal strains, the larger first.
     direction_deg : float
-        Of the larger one, from x towards y, in (-90, 90].
+        Direction of e1, from x towards y, in (-90, 90].
     exx_std, eyy_std, exy_std, e1_std, e2_std, direction_deg_std : float
-        Standard deviations from the images' noise; NaN where it is not known. At most 52° for a direction.
+        Standard deviations caused by image noise; NaN if they are not known. `direction_deg_std` is at most
+        52°.
     """
 
     exx: float
@@ -130,7 +131,7 @@ class StrainField:
     Attributes
     ----------
     exx, eyy, exy, e1, e2, direction_deg : ndarray, shape (rows, columns)
-        As in `MeanStrain`; NaN where too few neighbours are valid.
+        As in `MeanStrain`; NaN where too few neighbouring points are valid.
     exx_std, eyy_std, exy_std, e1_std, e2_std, direction_deg_std : ndarray, shape (rows, columns)
         Their standard deviations; NaN where they are not known.
     """
@@ -154,7 +155,7 @@ def mean_strain(
     valid: NDArray[np.bool_] | None = None,
     measure: str = "green-lagrange",
 ) -> MeanStrain:
-    """Return the strain of the plane motion that fits the valid points best, by least squares.
+    """Return the strain of the affine displacement that fits the valid points best, by least squares.
 
     Parameters
     ----------
@@ -173,16 +174,16 @@ def mean_strain(
 
 
 def strain_of_gradient(gradient: Float, covariance: Float | None, points: int, measure: str) -> MeanStrain:
-    """Return the strain that a displacement gradient of a whole region means.
+    """Return the strain of a region from its displacement gradient.
 
     Parameters
     ----------
     gradient : ndarray, shape (2, 2)
         ∂u_i/∂x_j at [i, j].
     covariance : ndarray, shape (4, 4), or None
-        Of its elements xx, xy, yx, yy, if known.
+        Covariance of the gradient's elements xx, xy, yx, yy; None if it is not known.
     points : int
-        Number of points it comes from.
+        Number of points used.
     measure : str
         "green-lagrange", "small" or "hencky".
     """
@@ -196,19 +197,25 @@ def strain_of_gradient(gradient: Float, covariance: Float | None, points: int, m
 def strain_field(displacement: Displacement, settings: StrainSettings | None = None) -> StrainField:
     """Return the strain at every point, from its neighbours or from its own shape function.
 
-    A fitted value needs half of its window. Its standard deviation counts what the subsets share.
+    A fitted strain needs at least half of the points of its window. Its standard deviation includes the
+    correlation between overlapping subsets.
 
     Parameters
     ----------
     displacement : Displacement
-        With the shape function's gradient, if strain is to come from that.
+        It must contain `gradient` if the source is "shape".
     settings : StrainSettings, optional
+
+    Raises
+    ------
+    ValueError
+        If the source is "shape" and the displacement has no `gradient`.
     """
     settings = settings or StrainSettings()
     noise = displacement.noise
     if settings.source == "shape":
         if displacement.gradient is None:
-            raise ValueError("these displacements come without the gradients of shape functions")
+            raise ValueError("strain from shape functions needs Displacement.gradient, which is None")
         known = displacement.valid[..., None, None]
         gradient = np.where(known, displacement.gradient, np.nan)
         covariance = None if noise is None else np.where(known, noise.gradient, np.nan)

@@ -201,8 +201,8 @@ def test_predicted_deviations_are_those_of_errors_that_overlapping_subsets_share
     vector = np.stack([0.02 * x, 0.1 * x - 0.01 * y], axis=-1)
     valid = np.ones((rows, columns), bool)
     valid[4, 5] = valid[9:11, 8] = False
-    spread = std[..., None, None] * np.eye(2)
-    model = Noise(spread, error_overlap(settings), np.zeros((rows, columns, 4, 4)))
+    factors = std[..., None, None] * np.eye(2)
+    model = Noise(factors, error_overlap(settings), np.zeros((rows, columns, 4, 4)))
     chosen = StrainSettings(source=source)
     means, fields = [], []
     for k in range(trials):
@@ -220,7 +220,7 @@ def test_predicted_deviations_are_those_of_errors_that_overlapping_subsets_share
         ratio = np.sqrt(np.mean(predicted[known] ** 2) / np.mean(local[known] ** 2))
         assert ratio == pytest.approx(1, abs=0.05)
     # Taken for independent, errors that overlap would promise far too much or too little.
-    apart = Noise(spread, np.eye(1), model.gradient)
+    apart = Noise(factors, np.eye(1), model.gradient)
     alone = mean_strain(Displacement(position, vector, valid, "px", None, apart))
     assert abs(alone.exx_std / np.std([mean.exx for mean in means]) - 1) > 0.25
 
