@@ -5,15 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dic.errors import CalibrationError, CorrelationError
+from dic.errors import CalibrationError
 from dic.out_of_plane.alignment import Alignment, load_alignment, save_alignment
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.diagnosis import Sensitivity, tension_findings
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.tension import correct_tilt
 from dic.out_of_plane.two_cameras import correct_with_two_cameras
-from dic.pipeline.camera_result import CameraResult
-from dic.pipeline.run_corrections import CorrectionSettings, _pair
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.scene import Misalignment
 from tests.dic.out_of_plane.exact_views import State, View
@@ -52,21 +50,6 @@ def test_an_alignment_that_cannot_be_is_refused(wrong, tmp_path):
         load_alignment(tmp_path / "a.json")
 
 
-def test_alignments_that_a_run_has_no_use_for_are_refused():
-    settings = CorrectionSettings(alignments={"aside": SOUND})
-    with pytest.raises(CorrelationError, match="expected one of left, right, got aside"):
-        settings.require_use("run.h5", ["left", "right"], {"rotation"})
-    with pytest.raises(CorrelationError, match="an alignment serves rotations only"):
-        settings.require_use("run.h5", ["aside"], {"load"})
-    assert settings.require_use("run.h5", ["aside"], {"rotation"}) is None
-
-
-@pytest.mark.parametrize("ratio", [-0.1, 0.6, float("nan")])
-def test_poissons_ratio_of_a_run_is_judged(ratio):
-    with pytest.raises(CorrelationError, match=r"expected 0 to 0\.5"):
-        CorrectionSettings(ratio)
-
-
 def loaded(shift_mm, std_mm):
     stds = np.array([1e-6, 1e-6, std_mm])
     correction = Correction("two cameras", None, None, Plane(), Plane(0.01, 0.0, shift_mm), stds)
@@ -85,13 +68,3 @@ def test_sensitivity_says_how_little_is_known_of_the_distance():
     assert sensitivity.per_um_std / sensitivity.per_um == pytest.approx(std / z)
     assert sensitivity.per_um_std > 0.3 * sensitivity.per_um
     assert f"± {1e6 * sensitivity.per_um_std:.1f} µε per µm" in sensitivity.text
-
-
-def test_the_pair_is_that_of_the_largest_parallax():
-    """Cameras at 28° to the left and 30° to the right see more of it than either with one straight on."""
-    pans = {"straight": 0.0, "left": -28.0, "right": 30.0}
-    cameras = [
-        CameraResult(name, View(PinholeCamera(800, 800, pan_deg=pan)).calibration(), None, [], [], [])
-        for name, pan in pans.items()
-    ]
-    assert [camera.camera for camera in _pair(cameras)] == ["right", "left"]
