@@ -197,15 +197,15 @@ def test_what_is_not_the_target_is_refused(target: Target, picture: str) -> None
 
 
 @pytest.mark.parametrize(
-    "target",
+    ("target", "sentence"),
     [
-        CheckerboardTarget((4, 11), 0.9),
-        DotTarget((13, 12), 0.0),
-        CharucoTarget((10, 9), 1.0, 1.0),
-        CharucoTarget((10, 9), 1.0, 0.7, "DICT_UNKNOWN"),
+        (CheckerboardTarget((4, 11), 0.9), "number of squares: .* got 4 × 11"),
+        (DotTarget((13, 12), 0.0), "pitch: .* got 0 mm"),
+        (CharucoTarget((10, 9), 1.0, 1.0), "side of a marker: .* got 1 mm"),
+        (CharucoTarget((10, 9), 1.0, 0.7, "DICT_UNKNOWN"), "a dictionary of OpenCV, got DICT_UNKNOWN"),
     ],
     ids=str,
 )
-def test_a_target_that_cannot_be_is_refused(target: Target) -> None:
-    with pytest.raises(CalibrationError):
+def test_a_target_that_cannot_be_is_refused(target: Target, sentence: str) -> None:
+    with pytest.raises(CalibrationError, match=sentence):
         find_target(np.zeros((100, 100), np.float32), target)

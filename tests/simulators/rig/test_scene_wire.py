@@ -9,7 +9,7 @@ from contextlib import closing
 
 import pytest
 
-from drivers.errors import DeviceTimeout, LinkLost
+from drivers.errors import DeviceError, DeviceTimeout, LinkLost
 from drivers.interfaces import Frame, OpenContext
 from simulators.rig.camera import SPEC as CAMERA_SPEC
 from simulators.rig.scene_client import CAMERA, RENDERING_S, RemoteCamera, SceneClient
@@ -107,7 +107,7 @@ def test_nonsense_on_the_port_of_the_scene_is_answered(simulation):
         *(grab | {"timeout_s": timeout_s} for timeout_s in (math.inf, math.nan, 1e30, -1.0)),
         {"do": "x" * 100_000},
     ):
-        with pytest.raises(Exception, match="expected camera, grab or operator"):
+        with pytest.raises(DeviceError, match="expected camera, grab or operator"):
             client.ask(10.0, **request)
         # what is left of the longest
         client.close()
