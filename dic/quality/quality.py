@@ -80,7 +80,7 @@ class Quality(Picture):
     @property
     def floor_px(self) -> float:
         """Noise floor that 95 % of the points with texture do not exceed, neither in u nor in v."""
-        return noise_floor(self.std_px, _kept_share(self.std_px))
+        return noise_floor(self.std_px, _share_of_textured(self.std_px))
 
     @property
     def bare_share(self) -> float:
@@ -175,7 +175,7 @@ def assess_quality(
     covariance_y, covariance_x = (autocovariance(pattern, region, noise, axis) for axis in (0, 1))
     points = _points(centres, settings.subset_px)
     std_px = predicted_std(spline, noise, points, region, settings)
-    share = _kept_share(std_px)
+    share = _share_of_textured(std_px)
     picture = assess_picture(grey, region, noise=noise, full_level=full_level)
     return Quality(
         **vars(picture),
@@ -217,7 +217,7 @@ def _region(region: Mask | None, grey: Grey, slopes: tuple[Grey, Grey], subset_p
     return centres, region
 
 
-def _kept_share(std_px: Float) -> float:
+def _share_of_textured(std_px: Float) -> float:
     """Return 95 % of the share of points that have texture."""
     return 0.95 * float(np.isfinite(std_px).all(axis=1).mean())
 

@@ -42,7 +42,7 @@ class Axes:
         """Numbers, 0 or 1, of the lattice axes that X and Y follow."""
         return (1, 0) if self.swap else (0, 1)
 
-    def named(self, index: NDArray[np.int64], spans: tuple[range, range]) -> NDArray[np.int64]:
+    def columns_and_rows(self, index: NDArray[np.int64], spans: tuple[range, range]) -> NDArray[np.int64]:
         """Return columns and rows (n, 2), from 0, of lattice indices (n, 2) within `spans`."""
         result = np.empty_like(index)
         for which, axis in enumerate(self.lattice_axes):

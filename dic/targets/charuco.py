@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
 from dic.targets.checkerboard import as_bytes, refine
-from dic.targets.lattice import in_line
+from dic.targets.lattice import fits_lattice
 from dic.targets.points import GridPoints
 
 # Smallest share of the corners that must be visible.
@@ -56,7 +56,7 @@ def find_charuco(
     px = np.asarray(corners, np.float64).reshape(-1, 2)
     margin_px = (1 - marker_side) / 2 * _pitch_px(index, px)
     refined = refine(grey, px, _WINDOW_OF_MARGIN * margin_px)
-    sound = in_line(index.astype(float), refined)
+    sound = fits_lattice(index.astype(float), refined)
     index, refined = index[sound], refined[sound]
     by_row = np.lexsort((index[:, 0], index[:, 1]))
     return GridPoints.on_lattice(index[by_row], refined[by_row], lines, pitch_mm, (), "mark")

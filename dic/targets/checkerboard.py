@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
 from dic.targets.axes import Axes, XAxis, axes_in_image
-from dic.targets.lattice import in_line
+from dic.targets.lattice import fits_lattice
 from dic.targets.points import GridPoints
 from dic.targets.sampled_image import GridImage
 
@@ -43,28 +43,28 @@ def find_checkerboard(
     vectors = np.stack([(px[-1] - px[0]).mean(axis=0), (px[:, -1] - px[:, 0]).mean(axis=0)])
     vectors /= np.array(lines)[:, None] - 1.0
     spans = (range(lines[0]), range(lines[1]))
-    dark_first = _dark_beside_the_first(grey, px)
+    first_is_dark = _first_square_is_dark(grey, px)
 
     def possible(axes: Axes) -> bool:
         if tuple(len(spans[axis]) for axis in axes.lattice_axes) != lines:
             return False
         # colours alternate, so the known colour of one square gives the colour of the lower left one
-        square = axes.named(np.zeros((1, 2), np.int64), spans)[0] - np.array(axes.flip)
-        return sum(squares) % 2 == 0 or dark_first == (int(square.sum()) % 2 == 0)
+        square = axes.columns_and_rows(np.zeros((1, 2), np.int64), spans)[0] - np.array(axes.flip)
+        return sum(squares) % 2 == 0 or first_is_dark == (int(square.sum()) % 2 == 0)
 
     axes = axes_in_image(vectors, x_axis, source, possible)
     index = np.argwhere(np.ones(lines, bool))
-    named = axes.named(index, spans)
+    column_row = axes.columns_and_rows(index, spans)
     pitch_px = float(np.linalg.norm(vectors, axis=1).min())
     refined = refine(grey, px[index[:, 0], index[:, 1]], _WINDOW * pitch_px)
-    sound = in_line(index.astype(float), refined)
+    sound = fits_lattice(index.astype(float), refined)
     if np.count_nonzero(sound) < _SUFFICIENT * sound.size:
         got = f"only {np.count_nonzero(sound)} of {sound.size} corners"
         raise _refusal(source, squares, got)
-    named, refined = named[sound], refined[sound]
-    by_row = np.lexsort((named[:, 0], named[:, 1]))
+    column_row, refined = column_row[sound], refined[sound]
+    by_row = np.lexsort((column_row[:, 0], column_row[:, 1]))
     return GridPoints.on_lattice(
-        named[by_row], refined[by_row], lines, pitch_mm, axes.warnings, axes.orientation
+        column_row[by_row], refined[by_row], lines, pitch_mm, axes.warnings, axes.orientation
     )
 
 
@@ -128,7 +128,7 @@ def as_bytes(grey: NDArray[np.float32]) -> NDArray[np.uint8]:
     return np.asarray(np.clip(stretched, 0, 255), np.uint8)
 
 
-def _dark_beside_the_first(grey: NDArray[np.float32], px: Float) -> bool:
+def _first_square_is_dark(grey: NDArray[np.float32], px: Float) -> bool:
     """Tell whether the square outside the first corner, diagonally, is dark; all squares vote."""
     centre = (px[:-1, :-1] + px[1:, :-1] + px[:-1, 1:] + px[1:, 1:]) / 4
     column, row = np.rint(centre).astype(int).transpose(2, 0, 1)

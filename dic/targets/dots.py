@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from dic.errors import CalibrationError
 from dic.targets.axes import Axes, XAxis, axes_in_image
 from dic.targets.cells import along_short_vectors, lattice_of_regions
-from dic.targets.lattice import LatticeShape, in_line
+from dic.targets.lattice import LatticeShape, fits_lattice
 from dic.targets.points import GridPoints
 
 Float = NDArray[np.float64]
@@ -50,13 +50,13 @@ def find_dots(
     # a partly hidden dot is smaller than the others, and its centroid is shifted
     size = area_px2 / _cell_px2(shape, index.astype(float))
     off = np.abs(size / np.median(size) - 1)
-    sound = in_line(index.astype(float), centroid) & (off < 6 * np.median(off) + 0.02)
+    sound = fits_lattice(index.astype(float), centroid) & (off < 6 * np.median(off) + 0.02)
     if np.count_nonzero(sound) < _SUFFICIENT * dots[0] * dots[1]:
         raise _refusal(source, dots, f"only {np.count_nonzero(sound)} whole dots")
-    named, centroid = axes.named(index, spans)[sound], centroid[sound]
-    by_row = np.lexsort((named[:, 0], named[:, 1]))
+    column_row, centroid = axes.columns_and_rows(index, spans)[sound], centroid[sound]
+    by_row = np.lexsort((column_row[:, 0], column_row[:, 1]))
     return GridPoints.on_lattice(
-        named[by_row], centroid[by_row], dots, pitch_mm, axes.warnings, axes.orientation
+        column_row[by_row], centroid[by_row], dots, pitch_mm, axes.warnings, axes.orientation
     )
 
 
@@ -114,15 +114,15 @@ def _centroids(
         y = np.arange(max(0, top - reach), min(rows, top + height + reach))
         x = np.arange(max(0, left - reach), min(columns, left + width + reach))
         patch = signed[y[0] : y[-1] + 1, x[0] : x[-1] + 1].astype(np.float64)
-        inside = _around_ellipse(patch)
-        light = (patch - _ground(patch, ~inside)) * inside
+        inside = _dot_pixels(patch)
+        light = (patch - _background(patch, ~inside)) * inside
         total = light.sum()
         result[k] = (light.sum(axis=0) @ x / total, light.sum(axis=1) @ y / total)
         area[k] = total / np.percentile(light[inside], 80)
     return result, area
 
 
-def _around_ellipse(patch: Float) -> NDArray[np.bool_]:
+def _dot_pixels(patch: Float) -> NDArray[np.bool_]:
     """Tell which pixels belong to the dot or to its blurred edge; the other pixels only add noise.
 
     The ellipse has the second moments of the pixels above half height. A filled ellipse reaches to twice its
@@ -138,7 +138,7 @@ def _around_ellipse(patch: Float) -> NDArray[np.bool_]:
     return np.asarray(reach < 1 + _EDGE_PX / shortest_px)
 
 
-def _ground(patch: Float, beside: NDArray[np.bool_]) -> Float:
+def _background(patch: Float, beside: NDArray[np.bool_]) -> Float:
     """Return the background of a dot: a plane through the grey levels of the pixels `beside` it.
 
     Outliers, such as the pixels of an object that hides a neighbouring dot, are rejected.

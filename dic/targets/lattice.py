@@ -62,7 +62,7 @@ class LatticeShape:
         return (self.map(index + half) - self.map(index - half)) * 10.0
 
 
-def in_line(index: Float, px: Float) -> NDArray[np.bool_]:
+def fits_lattice(index: Float, px: Float) -> NDArray[np.bool_]:
     """Tell which points (n,) fit the map through all points; dirt, for example, moves points.
 
     A point may deviate by eight times the median deviation. Points that are NaN do not fit.

@@ -87,7 +87,7 @@ def _local_curves(trace: LineTrace, predicted: Float) -> _LocalCurve:
     s = np.einsum("abkc,abc->abk", relative, tangent) / scale[..., None]
     h = np.einsum("abkc,abc->abk", relative, normal)
     coefficients, kept = _robust_parabolas(s, h, valid)
-    sound = (kept.mean(axis=-1) > 0.6) & _touched(trace.valid)
+    sound = (kept.mean(axis=-1) > 0.6) & _visible_nearby(trace.valid)
     return _LocalCurve(predicted, tangent, normal, scale, coefficients, sound)
 
 
@@ -111,8 +111,8 @@ def _windows(seen: Float) -> NDArray[np.int64]:
     return first[..., None] + np.arange(used)
 
 
-def _touched(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell at which intersections (lines, segments + 1) the nearest half segment on a side is valid."""
+def _visible_nearby(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell at which intersections (lines, segments + 1) the nearest half segment of one side is valid."""
     half = valid.shape[-1] // 2
     none = np.zeros((len(valid), 1), bool)
     before = valid[..., -half:].mean(axis=-1) > 0.5

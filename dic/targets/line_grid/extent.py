@@ -43,8 +43,9 @@ def line_extents(image: GridImage, shape: LatticeShape, cells: CellLattice) -> t
         between = _between_cells(cells, axis, low, profiles.shape[:2])
         if not between.any() or line_irregularity(profiles[between]) > _IRREGULAR:
             return range(0), range(0)
-        present = np.flatnonzero(_present(profiles, between))
-        first, last = _widened(_alike(profiles, between), int(present[0]), int(present[-1]))
+        visible = np.flatnonzero(_visible_lines(profiles, between))
+        like_lines = _segments_of_lines(profiles, between)
+        first, last = _with_partly_hidden_lines(like_lines, int(visible[0]), int(visible[-1]))
         found.append(range(int(low[axis]) + first, int(low[axis]) + last + 1))
     return found[0], found[1]
 
@@ -62,7 +63,7 @@ def _between_cells(
     return between
 
 
-def _present(profiles: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _visible_lines(profiles: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Tell which lines (lines,) are in the image, from profiles (lines, segments, stations, offsets)."""
     usual = _usual_evidence(line_evidence(profiles), between)
     # only segments within the grid: for a small grid, most of the others lie beyond its rim
@@ -76,18 +77,18 @@ def _present(profiles: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArr
     return result if np.any(result) else np.asarray(between.any(axis=1))
 
 
-def _widened(alike: NDArray[np.bool_], first: int, last: int) -> tuple[int, int]:
+def _with_partly_hidden_lines(like_lines: NDArray[np.bool_], first: int, last: int) -> tuple[int, int]:
     """Return the numbers of the first and the last line, partly hidden outer lines included.
 
     Parameters
     ----------
-    alike : ndarray of bool, shape (lines, segments)
-        From `_alike`.
+    like_lines : ndarray of bool, shape (lines, segments)
+        From `_segments_of_lines`.
     first, last : int
         The outermost lines that are mostly visible.
     """
-    share = alike.mean(axis=1)
-    run = np.lib.stride_tricks.sliding_window_view(alike, min(_RUN, alike.shape[1]), axis=1)
+    share = like_lines.mean(axis=1)
+    run = np.lib.stride_tricks.sliding_window_view(like_lines, min(_RUN, like_lines.shape[1]), axis=1)
     partly = (share > _PARTLY_SEEN) & run.all(axis=-1).any(axis=-1)
     while first > 0 and partly[first - 1]:
         first -= 1
@@ -96,7 +97,7 @@ def _widened(alike: NDArray[np.bool_], first: int, last: int) -> tuple[int, int]
     return first, last
 
 
-def _alike(profiles: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _segments_of_lines(profiles: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Tell which segments (lines, segments) have the profile of the segments between known cells.
 
     All three stations of a segment must have that shape and height. Speckles may look like a line at one

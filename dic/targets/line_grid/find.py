@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from dic.errors import CalibrationError
 from dic.targets.axes import Axes, XAxis, axes_in_image
 from dic.targets.cells import find_cells
-from dic.targets.lattice import LatticeShape, in_line
+from dic.targets.lattice import LatticeShape, fits_lattice
 from dic.targets.line_grid.crossings import intersect
 from dic.targets.line_grid.extent import line_extents
-from dic.targets.line_grid.mark import find_mark, whole_spans, within
+from dic.targets.line_grid.mark import find_mark, grid_spans, within
 from dic.targets.line_grid.trace import trace_lines
 from dic.targets.points import GridPoints
 from dic.targets.sampled_image import GridImage
@@ -88,14 +88,14 @@ def find_grid(
     extents = line_extents(sampled, shape, cells)
     if not extents[0]:
         raise _refusal(source, lines, "cells without lines between them, such as a checkerboard")
-    axes, spans = _named(sampled, shape, extents, lines, x_axis, origin_px, source)
+    axes, spans = _axes_and_spans(sampled, shape, extents, lines, x_axis, origin_px, source)
     seen = tuple(len(spans[axis]) for axis in axes.lattice_axes)
     if seen != lines:
         raise _refusal(source, lines, f"{seen[0]} × {seen[1]} lines")
     crossing, sound = _crossings(sampled, shape, spans)
     if np.count_nonzero(sound) < _SUFFICIENT * sound.size:
         raise _refusal(source, lines, f"only {np.count_nonzero(sound)} of {sound.size} intersections")
-    index = axes.named(np.argwhere(sound) + np.array([spans[0][0], spans[1][0]]), spans)
+    index = axes.columns_and_rows(np.argwhere(sound) + np.array([spans[0][0], spans[1][0]]), spans)
     by_row = np.lexsort((index[:, 0], index[:, 1]))
     return GridPoints.on_lattice(
         index[by_row], crossing[sound][by_row], lines, pitch_mm, axes.warnings, axes.orientation
@@ -122,7 +122,7 @@ def _crossings(
     crossing, sound = intersect(first, second, predicted)
     pitch_px = float(np.sqrt(abs(np.linalg.det(_lattice_vectors(shape, extents)))))
     sound &= np.linalg.norm(crossing - predicted, axis=-1) < 0.3 * pitch_px
-    sound[sound] = in_line(np.argwhere(sound).astype(float), crossing[sound])
+    sound[sound] = fits_lattice(np.argwhere(sound).astype(float), crossing[sound])
     return crossing, sound
 
 
@@ -132,7 +132,7 @@ def _lattice_vectors(shape: LatticeShape, extents: tuple[range, range]) -> NDArr
     return np.stack([shape.step(middle, 0), shape.step(middle, 1)])
 
 
-def _named(
+def _axes_and_spans(
     image: GridImage,
     shape: LatticeShape,
     seen: tuple[range, range],
@@ -163,16 +163,16 @@ def _named(
                 source, f"no intersection near --origin-px {origin_px[0]:g} {origin_px[1]:g}"
             )
         origin = near[np.argmin(away_px)]
-        named = whole_spans(axes, (int(origin[0]), int(origin[1])), lines)
-        if mark is not None and named != spans:
+        whole = grid_spans(axes, (int(origin[0]), int(origin[1])), lines)
+        if mark is not None and whole != spans:
             raise _contradiction(
                 source, f"a mark at another intersection than --origin-px {origin_px[0]:g} {origin_px[1]:g}"
             )
-        if not within(seen, named):
+        if not within(seen, whole):
             raise _contradiction(
                 source, f"lines beyond a grid of {lines[0]} × {lines[1]} lines around --origin-px"
             )
-        spans = named
+        spans = whole
     return axes, spans
 
 

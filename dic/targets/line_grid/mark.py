@@ -61,13 +61,13 @@ def find_mark(
             quarter = _empty_quarter(darkness[i : i + 2, j : j + 2])
             if quarter is not None:
                 axes = axes_towards(quarter, vectors, "mark")
-                whole = whole_spans(axes, (spans[0][i + 1], spans[1][j + 1]), lines)
+                whole = grid_spans(axes, (spans[0][i + 1], spans[1][j + 1]), lines)
                 if within(spans, whole):
                     found.append(Mark(axes, whole))
     return found[0] if len(found) == 1 else None
 
 
-def whole_spans(axes: Axes, origin: tuple[int, int], lines: tuple[int, int]) -> tuple[range, range]:
+def grid_spans(axes: Axes, origin: tuple[int, int], lines: tuple[int, int]) -> tuple[range, range]:
     """Return the lattice indices of all lines of a grid whose middle intersection has the index `origin`."""
     spans = [range(0), range(0)]
     for which, axis in enumerate(axes.lattice_axes):
