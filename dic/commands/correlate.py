@@ -188,9 +188,10 @@ class _Measured:
     def all(self, deformed: tuple[Path, ...], hint: Any) -> None:
         """Measure the images until the last, or a signal."""
         from dic.errors import MeasurementError
-        from dic.shell.console import fail, progress, stopping_between
+        from dic.shell.console import fail, stopping_between
+        from dic.shell.progress import progress
 
-        with progress("correlating", len(deformed)) as advance, stopping_between() as stopped:
+        with progress("correlating", len(deformed)) as bar, stopping_between() as stopped:
             for number, path in enumerate(deformed):
                 if stopped():
                     left = len(deformed) - number
@@ -204,7 +205,7 @@ class _Measured:
                     self.failures.append({"file": str(path), "error": str(error)})
                     fail(f"{path}: {error}" if str(path) not in str(error) else str(error))
                 finally:
-                    advance()
+                    bar.advance()
 
     def _image(self, number: int, path: Path, hint: Any) -> None:
         from dic.image.read import read_image

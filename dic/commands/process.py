@@ -70,8 +70,9 @@ def process(
     from dic.pipeline.run_corrections import CorrectionSettings
     from dic.pipeline.run_result_file import save_run_result
     from dic.report import write_report
-    from dic.shell.console import counted_progress, fail, say
+    from dic.shell.console import fail, say
     from dic.shell.output_paths import require_places
+    from dic.shell.progress import progress
     from dic.strain.strain import StrainSettings
 
     settings = CorrelationSettings(subset_px=subset, step_px=step, shape=shape)
@@ -81,15 +82,15 @@ def process(
     require_places([run], [output, report_file, json_file])
     if save_alignment is not None:
         _make_folder(save_alignment)
-    with counted_progress("correlating") as (on_count, on_image):
+    with progress("correlating") as bar:
         result = process_run(
             run,
             settings,
             strain,
             correcting=correcting,
             incremental=incremental,
-            on_image=on_image,
-            on_count=on_count,
+            on_image=bar.advance,
+            on_count=bar.expect,
         )
     save_run_result(result, output)
     say(table(result))

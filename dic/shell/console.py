@@ -39,7 +39,8 @@ def run(command: click.Command, foreseen: tuple[type[Exception], ...], prefix: s
 def say(line: str, *, err: bool = False) -> None:
     """Print a line in the midst of work, which goes on if it cannot be printed: `run` says so at the end."""
     try:
-        click.echo(line, err=err)
+        # By its name: click alone would write past the bar of `progress`, which stands in for both streams.
+        click.echo(line, file=sys.stderr if err else sys.stdout)
     except OSError as error:
         # Whoever closed a pipe does not want the rest.
         if not err and not isinstance(error, BrokenPipeError):
@@ -139,27 +140,3 @@ def stopping_between() -> Iterator[Callable[[], bool]]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-@contextmanager
-def progress(what: str, total: int) -> Iterator[Callable[[], None]]:
-    """Show progress over `total` pieces of work, on a terminal only; yields the function that counts one."""
-    with counted_progress(what) as (on_count, advance):
-        on_count(total)
-        yield advance
-
-
-@contextmanager
-def counted_progress(what: str) -> Iterator[tuple[Callable[[int], None], Callable[[], None]]]:
-    """Show progress over work whose extent is not known yet.
-
-    Yields the function that is told the number of pieces, and the one that counts a piece.
-    """
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda total: bar.update(task, total=total), lambda: bar.advance(task)

@@ -1,0 +1,111 @@
+"""The bar of long commands: on the terminal only, and never over what somebody reads or is asked there."""
+
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from dic.shell.console import say
+from dic.shell.progress import progress
+
+MARK = "<so far>"
+
+
+class Terminal:
+    """A pseudo-terminal that takes the place of standard error once a test says so."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self._monkeypatch = monkeypatch
+        self._ours, theirs = os.openpty()
+        self.stream = os.fdopen(theirs, "w")
+
+    def attach(self) -> None:
+        """Not before the test runs: pytest puts its own streams back after the fixtures."""
+        self._monkeypatch.setattr(sys, "stderr", self.stream)
+        self._monkeypatch.setenv("TERM", "xterm")
+
+    def shown(self) -> str:
+        """Return what was drawn since the last call."""
+        # What is written to a terminal comes out in its order, but not at once.
+        self.stream.write(MARK)
+        self.stream.flush()
+        drawn = ""
+        while not drawn.endswith(MARK):
+            drawn += os.read(self._ours, 65536).decode()
+        return drawn.removesuffix(MARK)
+
+    def close(self) -> None:
+        self.stream.close()
+        os.close(self._ours)
+
+
+@pytest.fixture
+def terminal(monkeypatch) -> Iterator[Terminal]:
+    made = Terminal(monkeypatch)
+    yield made
+    made.close()
+
+
+def test_what_is_done_and_how_much_of_it_stands_on_the_terminal(terminal):
+    terminal.attach()
+    with progress("correlating") as bar:
+        bar.expect(7)
+        bar.advance()
+        bar.advance()
+        bar.hide()
+    drawn = terminal.shown()
+    assert "correlating" in drawn
+    assert "2/7" in drawn
+
+
+def test_lines_for_a_file_reach_the_file_and_not_the_terminal(terminal, monkeypatch, tmp_path):
+    terminal.attach()
+    with (tmp_path / "out").open("w") as out:
+        monkeypatch.setattr(sys, "stdout", out)
+        with progress("correlating", 2):
+            say("image 1: done")
+    assert (tmp_path / "out").read_text() == "image 1: done\n"
+    assert "image 1" not in terminal.shown()
+
+
+def test_lines_for_the_terminal_stand_above_the_bar_and_not_behind_it(terminal, monkeypatch):
+    terminal.attach()
+    monkeypatch.setattr(sys, "stdout", terminal.stream)
+    with progress("correlating", 2):
+        terminal.shown()
+        say("image 1: done")
+        say("image 2: short of speckles", err=True)
+        drawn = terminal.shown()
+    cleared = "\r\x1b[2K"
+    assert f"{cleared}image 1: done\r\n" in drawn
+    assert f"{cleared}image 2: short of speckles\r\n" in drawn
+
+
+def test_nobody_draws_while_the_bar_is_hidden(terminal):
+    terminal.attach()
+    with progress("running", 2) as bar:
+        assert sys.stderr is not terminal.stream
+        bar.hide()
+        terminal.shown()
+        assert sys.stderr is terminal.stream
+        bar.describe("asking", 1)
+        bar.hide()
+        assert terminal.shown() == ""
+        bar.show()
+        bar.hide()
+        assert "asking" in terminal.shown()
+
+
+def test_nothing_is_drawn_where_there_is_no_terminal(monkeypatch, tmp_path):
+    place = Path(tmp_path / "err")
+    with place.open("w") as err:
+        monkeypatch.setattr(sys, "stderr", err)
+        with progress("correlating", 1) as bar:
+            bar.expect(3)
+            bar.advance()
+            bar.describe("more", 2)
+            bar.hide()
+            bar.show()
+    assert place.read_text() == ""
