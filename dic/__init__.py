@@ -1,1 +1,224 @@
-"""The measurement: images in, calibrated fields and strains out."""
+"""Off-axis two-dimensional digital image correlation: images in, calibrated fields and strains out.
+
+Everything that is public stands here and is loaded when it is first used:
+
+>>> import dic
+>>> series = dic.measure_images("reference.tif", ["deformed.tif"], calibration="calibration.h5")
+>>> series.images[0].mean.exx
+
+Images are arrays of shape (height, width) or files; results are frozen dataclasses. What cannot be
+done raises a `MeasurementError`, whose message is one sentence that ends with what to do.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dic.calibration.bicubic import BicubicMap
+    from dic.calibration.calibration import Calibration
+    from dic.calibration.file import load_calibration, save_calibration
+    from dic.calibration.pinhole.camera import Pinhole
+    from dic.calibration.pinhole.prior import KnownCamera
+    from dic.calibration.plot import plot_calibration
+    from dic.calibration.residuals import Residuals
+    from dic.correlation.correlator import Correlator
+    from dic.correlation.field import Field
+    from dic.correlation.initial_guess import rigid_motion
+    from dic.correlation.series import Series
+    from dic.correlation.settings import CorrelationSettings
+    from dic.correlation.status import Status
+    from dic.errors import (
+        CalibrationError,
+        CorrelationError,
+        ImageError,
+        MeasurementError,
+        OutputError,
+        RunFileError,
+    )
+    from dic.image.given import read_region
+    from dic.image.read import read_image
+    from dic.out_of_plane.alignment import Alignment, load_alignment, save_alignment
+    from dic.out_of_plane.correct import Corrections, Motion
+    from dic.out_of_plane.correction import Correction
+    from dic.out_of_plane.diagnosis import Sensitivity
+    from dic.out_of_plane.plane import Plane
+    from dic.out_of_plane.two_cameras import TwoCameraStep
+    from dic.pipeline.camera_result import CameraResult
+    from dic.pipeline.images import SeriesImage, measure_images, measure_series
+    from dic.pipeline.run import RunResult, process_run
+    from dic.pipeline.run_corrections import CorrectionSettings, RunCorrections
+    from dic.pipeline.run_result_file import load_run_result, save_run_result
+    from dic.pipeline.series_corrections import corrected_rotation
+    from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
+    from dic.quality.findings import quality_findings
+    from dic.quality.plot import plot_quality
+    from dic.quality.quality import Quality, assess_quality
+    from dic.report.page import write_report
+    from dic.results.csv import write_csv
+    from dic.results.maps import write_maps
+    from dic.runfile.reader import RunInfo, RunStep
+    from dic.strain.displacement import Displacement, Noise
+    from dic.strain.measurement import Measurement, measure
+    from dic.strain.strain import MeanStrain, StrainField, StrainSettings, gauge_text
+    from dic.targets.find import (
+        CharucoTarget,
+        CheckerboardTarget,
+        DotTarget,
+        LineGridTarget,
+        Target,
+        find_target,
+    )
+    from dic.targets.points import GridPoints
+
+    __version__: str
+
+__all__ = [
+    "Alignment",
+    "BicubicMap",
+    "Calibration",
+    "CalibrationError",
+    "CameraResult",
+    "CharucoTarget",
+    "CheckerboardTarget",
+    "Correction",
+    "CorrectionSettings",
+    "Corrections",
+    "CorrelationError",
+    "CorrelationSettings",
+    "Correlator",
+    "Displacement",
+    "DotTarget",
+    "Field",
+    "GridPoints",
+    "ImageError",
+    "KnownCamera",
+    "LineGridTarget",
+    "MeanStrain",
+    "MeasuredImage",
+    "MeasuredSeries",
+    "Measurement",
+    "MeasurementError",
+    "Motion",
+    "Noise",
+    "OutputError",
+    "Pinhole",
+    "Plane",
+    "Quality",
+    "Residuals",
+    "RunCorrections",
+    "RunFileError",
+    "RunInfo",
+    "RunResult",
+    "RunStep",
+    "Sensitivity",
+    "Series",
+    "SeriesImage",
+    "Status",
+    "StrainField",
+    "StrainSettings",
+    "Target",
+    "TwoCameraStep",
+    "__version__",
+    "assess_quality",
+    "corrected_rotation",
+    "find_target",
+    "gauge_text",
+    "load_alignment",
+    "load_calibration",
+    "load_run_result",
+    "measure",
+    "measure_images",
+    "measure_series",
+    "plot_calibration",
+    "plot_quality",
+    "process_run",
+    "quality_findings",
+    "read_image",
+    "read_region",
+    "rigid_motion",
+    "save_alignment",
+    "save_calibration",
+    "save_run_result",
+    "write_csv",
+    "write_maps",
+    "write_report",
+]
+
+_NAMES_OF = {
+    "dic.calibration.bicubic": ("BicubicMap",),
+    "dic.calibration.calibration": ("Calibration",),
+    "dic.calibration.file": ("load_calibration", "save_calibration"),
+    "dic.calibration.pinhole.camera": ("Pinhole",),
+    "dic.calibration.pinhole.prior": ("KnownCamera",),
+    "dic.calibration.plot": ("plot_calibration",),
+    "dic.calibration.residuals": ("Residuals",),
+    "dic.correlation.correlator": ("Correlator",),
+    "dic.correlation.field": ("Field",),
+    "dic.correlation.initial_guess": ("rigid_motion",),
+    "dic.correlation.series": ("Series",),
+    "dic.correlation.settings": ("CorrelationSettings",),
+    "dic.correlation.status": ("Status",),
+    "dic.errors": (
+        "CalibrationError",
+        "CorrelationError",
+        "ImageError",
+        "MeasurementError",
+        "OutputError",
+        "RunFileError",
+    ),
+    "dic.image.given": ("read_region",),
+    "dic.image.read": ("read_image",),
+    "dic.out_of_plane.alignment": ("Alignment", "load_alignment", "save_alignment"),
+    "dic.out_of_plane.correct": ("Corrections", "Motion"),
+    "dic.out_of_plane.correction": ("Correction",),
+    "dic.out_of_plane.diagnosis": ("Sensitivity",),
+    "dic.out_of_plane.plane": ("Plane",),
+    "dic.out_of_plane.two_cameras": ("TwoCameraStep",),
+    "dic.pipeline.camera_result": ("CameraResult",),
+    "dic.pipeline.images": ("SeriesImage", "measure_images", "measure_series"),
+    "dic.pipeline.run": ("RunResult", "process_run"),
+    "dic.pipeline.run_corrections": ("CorrectionSettings", "RunCorrections"),
+    "dic.pipeline.run_result_file": ("load_run_result", "save_run_result"),
+    "dic.pipeline.series_corrections": ("corrected_rotation",),
+    "dic.pipeline.series_result": ("MeasuredImage", "MeasuredSeries"),
+    "dic.quality.findings": ("quality_findings",),
+    "dic.quality.plot": ("plot_quality",),
+    "dic.quality.quality": ("Quality", "assess_quality"),
+    "dic.report.page": ("write_report",),
+    "dic.results.csv": ("write_csv",),
+    "dic.results.maps": ("write_maps",),
+    "dic.runfile.reader": ("RunInfo", "RunStep"),
+    "dic.strain.displacement": ("Displacement", "Noise"),
+    "dic.strain.measurement": ("Measurement", "measure"),
+    "dic.strain.strain": ("MeanStrain", "StrainField", "StrainSettings", "gauge_text"),
+    "dic.targets.find": (
+        "CharucoTarget",
+        "CheckerboardTarget",
+        "DotTarget",
+        "LineGridTarget",
+        "Target",
+        "find_target",
+    ),
+    "dic.targets.points": ("GridPoints",),
+}
+_MODULE_OF = {name: module for module, names in _NAMES_OF.items() for name in names}
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+if not TYPE_CHECKING:  # type checkers would otherwise allow any name
+
+    def __getattr__(name: str) -> Any:
+        """Load a public name from its module when it is first used (PEP 562)."""
+        if name == "__version__":
+            from importlib.metadata import version
+
+            value = version("offaxis")
+        elif name in _MODULE_OF:
+            value = getattr(import_module(_MODULE_OF[name]), name)
+        else:
+            raise AttributeError(f"module 'dic' has no attribute {name!r}")
+        globals()[name] = value
+        return value

@@ -1,6 +1,6 @@
 """Errors of a measurement: each is one sentence that ends with what to do."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, get_args
 
 
@@ -64,16 +64,27 @@ def require_all(error: type[MeasurementError], source: str, checks: Iterable[Che
         What the checked values belong to, such as "settings".
     checks : iterable of Check
     """
-    failed = [check[1:] for check in checks if not check[0]]
+    failed = [
+        error(source, name, expected, str(got), remedy)
+        for passed, name, expected, got, remedy in checks
+        if not passed
+    ]
     if failed:
-        steps, expected, got, remedies = zip(*failed, strict=True)
-        raise error(
-            source,
-            " and ".join(steps),
-            " and ".join(expected),
-            " and ".join(str(value) for value in got),
-            "; ".join(remedies),
-        )
+        raise joined(failed)
+
+
+def joined(errors: Sequence[MeasurementError]) -> MeasurementError:
+    """Return one error that says what several say, of the first one's class."""
+    first, *others = errors
+    if not others:
+        return first
+    return type(first)(
+        " and ".join(dict.fromkeys(error.source for error in errors)),
+        " and ".join(error.step for error in errors),
+        " and ".join(error.expected for error in errors),
+        " and ".join(error.got for error in errors),
+        "; ".join(error.remedy for error in errors),
+    )
 
 
 def require_kind(name: str, value: object, kind: Any, remedy: str) -> None:

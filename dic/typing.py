@@ -1,6 +1,6 @@
 """The arrays that dic works with, and what may stand for an image: one name each, for annotations."""
 
-import os
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ Mask = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 """Whole pixels, rows and columns."""
 
-PathLike = str | os.PathLike[str]
+PathLike = str | Path
 
 ImageLike = NDArray[np.generic] | PathLike
 """An image: grey levels of shape (height, width), or the file that holds them."""

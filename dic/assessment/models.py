@@ -9,7 +9,7 @@ from dic.assessment.paper import BASE, FINE
 from dic.calibration.bicubic import BicubicMap
 from dic.calibration.pinhole.camera import Pinhole
 from dic.calibration.pinhole.fit import fit_pinhole
-from dic.calibration.pinhole.prior import Known
+from dic.calibration.pinhole.prior import KnownCamera
 from dic.targets.points import GridPoints
 
 NOISE_PX = 0.01
@@ -62,7 +62,7 @@ def _errors(camera: Pinhole, noise_px: float, repetitions: int) -> dict[str, flo
         grid = GridPoints(index, xy_mm, uv_px, (BASE.count, BASE.count), xy_mm[1, 0] - xy_mm[0, 0])
         bicubic = BicubicMap.fit(uv_px, xy_mm)
         # as for a real camera, the standard deviation of the principal point is 1 % of the image's width
-        pinhole = fit_pinhole(grid, _SHAPE, Known(principal_px=(0.0, 0.0), principal_std_px=12.0))
+        pinhole = fit_pinhole(grid, _SHAPE, KnownCamera(principal_px=(0.0, 0.0), principal_std_px=12.0))
         squares["bicubic"].append(_mean_square(camera, bicubic))
         squares["pinhole"].append(_mean_square(camera, pinhole))
     return {model: float(np.sqrt(np.mean(values))) for model, values in squares.items()}

@@ -12,7 +12,7 @@ from dic.calibration.bicubic import BicubicMap
 from dic.calibration.cross_validation import cross_validation_rms
 from dic.calibration.pinhole.camera import Pinhole
 from dic.calibration.pinhole.fit import fit_pinholes
-from dic.calibration.pinhole.prior import Known
+from dic.calibration.pinhole.prior import KnownCamera
 from dic.calibration.residuals import PlaneMap, Residuals
 from dic.errors import CalibrationError
 from dic.targets.points import GridPoints
@@ -69,7 +69,7 @@ class Calibration:
         image_shape: tuple[int, ...],
         source: str = "",
         *,
-        known: Known | None = None,
+        known: KnownCamera | None = None,
     ) -> "Calibration":
         """Fit the bicubic map and the pinhole model to the grid points of one image, or of several.
 
@@ -82,7 +82,7 @@ class Calibration:
             Height and width of the images, px.
         source : str
             See `Calibration.source`.
-        known : Known, optional
+        known : KnownCamera, optional
             Prior knowledge of the camera, for the pinhole model.
 
         Raises

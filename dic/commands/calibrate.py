@@ -69,7 +69,7 @@ def calibrate(
     """
     from dic.calibration.calibration import Calibration
     from dic.calibration.file import save_calibration
-    from dic.calibration.pinhole.prior import Known
+    from dic.calibration.pinhole.prior import KnownCamera
     from dic.commands.calibration_text import summarise, text
     from dic.commands.target_options import read_target
     from dic.shell.output_paths import require_places
@@ -77,7 +77,7 @@ def calibrate(
 
     target = read_target(lines, squares, dots, pitch_mm, marker_mm, dictionary)
     require_places(images, [output, points_file, plot_file, json_file])
-    camera = Known(**known)
+    camera = KnownCamera(**known)
     greys = _read_images(images)
     first = find_target(greys[0], target, str(images[0]), x_axis=x_axis, origin_px=origin_px)
     # the others tell the lens only: how their axes are named does not matter

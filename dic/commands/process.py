@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dic.commands.strain_options import strain_options
+from dic.commands.correlation_options import StrainOptions, strain_options
 
 if TYPE_CHECKING:
     from dic.out_of_plane.alignment import Alignment
@@ -49,9 +49,7 @@ def process(
     step: int,
     shape: str,
     incremental: str,
-    strain_measure: str,
-    strain_window: int,
-    strain_from: str,
+    strain: StrainOptions,
     poisson_ratio: float,
     alignments: tuple[str, ...],
     save_alignment: Path | None,
@@ -73,10 +71,8 @@ def process(
     from dic.shell.console import fail, say
     from dic.shell.output_paths import require_places
     from dic.shell.progress import progress
-    from dic.strain.strain import StrainSettings
 
     settings = CorrelationSettings(subset_px=subset, step_px=step, shape=shape)
-    strain = StrainSettings(measure=strain_measure, window_points=strain_window, source=strain_from)
     correcting = CorrectionSettings(poisson_ratio, _read_alignments(alignments))
     output = output or run.with_suffix(".results.h5")
     require_places([run], [output, report_file, json_file])
@@ -86,7 +82,7 @@ def process(
         result = process_run(
             run,
             settings,
-            strain,
+            strain.settings(),
             correcting=correcting,
             incremental=incremental,
             on_image=bar.advance,

@@ -36,10 +36,10 @@ def quality(
 
     Status: 0, 1 if something is not good, 2 if the image cannot be judged.
     """
-    from dic.commands.region import read_mask
     from dic.correlation.settings import CorrelationSettings
+    from dic.image.given import read_region
     from dic.image.read import read_image, require_same_size
-    from dic.quality.findings import findings
+    from dic.quality.findings import quality_findings
     from dic.quality.quality import assess_quality
     from dic.shell.console import fail, say
     from dic.shell.output_paths import require_places
@@ -47,13 +47,13 @@ def quality(
     settings = CorrelationSettings(subset_px=subset, shape=shape)
     require_places([image, roi, second], [plot_file, json_file])
     grey = read_image(image)
-    region = None if roi is None else read_mask(roi)
+    region = None if roi is None else read_region(roi, [], grey.shape)
     other = None
     if second is not None:
         other = read_image(second)
         require_same_size([grey, other], [str(image), str(second)])
     judged = assess_quality(grey, region, settings, second=other, wanted_px=wanted_px)
-    sentences, figures = findings(judged), judged.as_dict()
+    sentences, figures = quality_findings(judged), judged.as_dict()
     if plot_file is not None:
         from dic.quality.plot import plot_quality
 

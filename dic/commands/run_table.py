@@ -112,8 +112,6 @@ def _cell(value: float, width: int, unit: str) -> str:
 
 def as_dict(result: "RunResult") -> dict[str, Any]:
     """Return a run's strains for programs, JSON-ready; the layout is in `docs/results.md`."""
-    from dic.out_of_plane.diagnosis import alignment_as_dict
-
     cameras = {}
     for camera in result.cameras:
         steps = []
@@ -133,7 +131,7 @@ def as_dict(result: "RunResult") -> dict[str, Any]:
                 "max_px": calibration.max_px,
                 "rms_mm": calibration.rms_mm,
             },
-            "alignment": None if corrections.alignment is None else alignment_as_dict(corrections.alignment),
+            "alignment": None if corrections.alignment is None else corrections.alignment.as_dict(),
             "findings": result.corrections.findings[camera.camera],
             "steps": steps,
             "failures": camera.failures,

@@ -4,7 +4,6 @@ import os
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.correlation import kernel
 from dic.correlation.consistency import consistent_field, consistent_seeds
@@ -16,14 +15,11 @@ from dic.correlation.settings import CorrelationSettings
 from dic.correlation.solver import PreparedReference, Solution, Solver
 from dic.correlation.status import Status
 from dic.correlation.turned_image import TurnableImage
-from dic.errors import CorrelationError
-from dic.image.region import checked_region, place_points, textured
+from dic.errors import CorrelationError, require_kind
+from dic.image.given import checked_region, grey_image
+from dic.image.region import place_points, textured
 from dic.image.spline import spline_image
-
-Float = NDArray[np.float64]
-Grey = NDArray[np.float32]
-Indices = NDArray[np.int64]
-Mask = NDArray[np.bool_]
+from dic.typing import Float, Grey, ImageLike, Indices, Mask, PathLike
 
 SEEDS = 48
 """Points tried first; propagation starts from those that converge."""
@@ -62,9 +58,9 @@ class Correlator:
 
     Parameters
     ----------
-    reference : ndarray of float32, shape (height, width)
-        Grey levels.
-    region : ndarray of bool, shape (height, width), optional
+    reference : ndarray, shape (height, width), or path
+        Grey levels, or an image file.
+    region : ndarray of bool, shape (height, width), or path, optional
         Region of interest, where points may lie. Without one, points are put wherever the reference has
         texture.
     settings : CorrelationSettings
@@ -86,23 +82,24 @@ class Correlator:
 
     def __init__(
         self,
-        reference: Grey,
-        region: Mask | None = None,
+        reference: ImageLike,
+        region: Mask | PathLike | None = None,
         settings: CorrelationSettings | None = None,
         *,
         clip: bool = True,
         threads: int = 0,
     ) -> None:
+        require_kind("settings", settings, CorrelationSettings | None, "give dic.CorrelationSettings()")
         self.settings = settings or CorrelationSettings()
         self._grey = _checked_image(reference, "reference image", self.settings.subset_px)
         self._threads = threads or len(os.sched_getaffinity(0))
         spline = spline_image(self._grey, self.settings.order, self._threads)
         slopes = spline.gradient(self._threads)
-        usable = np.ones(reference.shape, np.bool_)
+        usable = np.ones(self._grey.shape, np.bool_)
         if region is None:
             centres = textured(*slopes, self.settings.subset_px, self._threads)
         else:
-            centres = checked_region(region, reference.shape)
+            centres = checked_region(region, self._grey.shape)
             usable = centres if clip else usable
         self.region = centres
         grid = place_points(centres, usable, self.settings.subset_px, self.settings.step_px)
@@ -116,23 +113,26 @@ class Correlator:
             self._threads,
         )
 
-    def correlate(self, deformed: Grey, *, previous: Field | None = None, hint: Float | None = None) -> Field:
+    def correlate(
+        self, deformed: ImageLike, *, previous: Field | None = None, hint: Float | None = None
+    ) -> Field:
         """Return the displacement field from the reference to `deformed`.
 
         Parameters
         ----------
-        deformed : ndarray of float32, of the reference's shape
+        deformed : ndarray, of the reference's shape, or path
         previous : Field, optional
             The field of the step before, a good start when little happened since.
         hint : ndarray, shape (3, 3), optional
             Expected homography from the reference to the deformed image, from the stage's angle for instance:
-            see `dic.correlation.initial_guess.rigid_motion`.
+            see `dic.rigid_motion`.
 
         Raises
         ------
         CorrelationError
             If the image cannot be used, or shows nothing of the reference's pattern.
         """
+        deformed = grey_image(deformed, "deformed image")
         if deformed.shape != self._grey.shape:
             raise CorrelationError(
                 "deformed image",
@@ -141,7 +141,6 @@ class Correlator:
                 " x ".join(str(n) for n in deformed.shape[::-1]) + " px",
                 "use images of one camera at one format",
             )
-        deformed = _checked_image(deformed, "deformed image", self.settings.subset_px)
         image = TurnableImage(self._reference, deformed, self._mean)
         seeds = self._first_guess(image, previous, hint)
         solver = image.solver(seeds.quarters)
@@ -265,25 +264,15 @@ def _scattered(points: Mask) -> Indices:
         stride -= 1
 
 
-def _checked_image(image: NDArray[np.generic], what: str, subset_px: int) -> Grey:
+def _checked_image(image: ImageLike, name: str, subset_px: int) -> Grey:
     """Return the image as float32, or say why it cannot be used."""
-    if image.ndim != 2 or min(image.shape) < subset_px:
+    grey = grey_image(image, name)
+    if min(grey.shape) < subset_px:
         raise CorrelationError(
-            what,
+            name,
             "read",
-            f"a grey image wider and higher than a subset of {subset_px} px",
-            " x ".join(str(n) for n in image.shape[::-1]),
+            f"an image wider and higher than a subset of {subset_px} px",
+            " x ".join(str(n) for n in grey.shape[::-1]) + " px",
             "use a larger image or a smaller subset",
         )
-    if image.dtype.kind not in "uif":
-        raise CorrelationError(
-            what,
-            "read",
-            "grey levels as integers or floating-point numbers",
-            str(image.dtype),
-            "convert the image",
-        )
-    grey = np.ascontiguousarray(image, np.float32)
-    if not np.isfinite(grey).all():
-        raise CorrelationError(what, "read", "finite grey levels", "NaN or infinity", "repair the image")
     return grey

@@ -8,17 +8,14 @@ adds its error, so updates are made only when the correlation drops.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.correlation.chaining import carried_region, chain
 from dic.correlation.correlator import Correlator
 from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError
-
-Float = NDArray[np.float64]
-Grey = NDArray[np.float32]
-Mask = NDArray[np.bool_]
+from dic.image.given import grey_image
+from dic.typing import Float, Grey, ImageLike, Mask, PathLike
 
 INCREMENTAL = ("auto", "never", "always")
 
@@ -81,9 +78,11 @@ class Series:
 
     Parameters
     ----------
-    reference : ndarray of float32, shape (height, width)
-    region : ndarray of bool, shape (height, width), optional
-    settings : CorrelationSettings
+    reference : ndarray, shape (height, width), or path
+        Grey levels, or an image file.
+    region : ndarray of bool, shape (height, width), or path, optional
+        Where to measure. Without one, points are put wherever the reference has texture.
+    settings : CorrelationSettings, optional
     incremental : str
         "never" compares every image with the reference itself; "always" with the image before; "auto" with
         the reference until correlation drops, then with the last image that was well correlated.
@@ -100,33 +99,54 @@ class Series:
 
     def __init__(
         self,
-        reference: Grey,
-        region: Mask | None = None,
+        reference: ImageLike,
+        region: Mask | PathLike | None = None,
         settings: CorrelationSettings | None = None,
         *,
         incremental: str = "auto",
         clip: bool | None = None,
         threads: int = 0,
     ) -> None:
+        self.require_incremental(incremental)
+        self._incremental, self._threads = incremental, threads
+        self._clip = region is not None if clip is None else clip
+        self._link = _Link(Correlator(reference, region, settings, clip=self._clip, threads=threads))
+        self._first_region = self._link.correlator.region
+
+    @staticmethod
+    def require_incremental(incremental: str) -> None:
+        """Refuse a way of taking new references that there is not.
+
+        Raises
+        ------
+        CorrelationError
+        """
         if incremental not in INCREMENTAL:
             raise CorrelationError(
                 "settings",
                 "incremental correlation",
                 " or ".join(INCREMENTAL),
-                incremental,
-                "correct the setting",
+                str(incremental),
+                "give auto to take a new reference where the correlation drops",
             )
-        self._incremental, self._threads = incremental, threads
-        self._clip = region is not None if clip is None else clip
-        self._link = _Link(Correlator(reference, region, settings, clip=self._clip, threads=threads))
-        self._first_region = self._link.correlator.region
+
+    @property
+    def settings(self) -> CorrelationSettings:
+        """How the images are correlated."""
+        return self._link.correlator.settings
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of the images, px."""
+        height, width = self._first_region.shape
+        return height, width
 
     @property
     def updates(self) -> int:
         """How many times the reference has been replaced so far."""
         return self._link.updates
 
-    def correlate(self, deformed: Grey, *, hint: Float | None = None) -> Field:
+    def correlate(self, deformed: ImageLike, *, hint: Float | None = None) -> Field:
         """Return the displacement field from the first reference to `deformed`.
 
         Where the reference was updated, `std_u_px` and the like are the roots of the summed variances of all
@@ -134,7 +154,7 @@ class Series:
 
         Parameters
         ----------
-        deformed : ndarray of float32, of the reference's shape
+        deformed : ndarray, of the reference's shape, or path
         hint : ndarray, shape (3, 3), optional
             Expected homography from the first reference to this image; not used after an update.
 
@@ -143,6 +163,7 @@ class Series:
         CorrelationError
             If the image cannot be used, or shows nothing of the pattern.
         """
+        deformed = grey_image(deformed, "deformed image")
         link, part = self._measured(deformed, hint)
         total = part if link.before is None else chain(link.before, part)
         self._link = replace(link, quality=link.quality or _quality(part), last=_Last(deformed, part, total))

@@ -228,16 +228,3 @@ def _spread(first: int, last: int, step: int) -> NDArray[np.int64]:
     """
     spare = max(0, last - first) % step
     return np.arange(first + spare // 2, last + 1, step, dtype=np.int64)
-
-
-def checked_region(region: NDArray[np.bool_], shape: tuple[int, ...]) -> Mask:
-    """Return the mask if it has the reference's shape, else raise `CorrelationError`."""
-    if region.shape != shape:
-        raise CorrelationError(
-            "region of interest",
-            "compare with the reference",
-            f"{shape[1]} x {shape[0]} px",
-            f"{region.shape[1]} x {region.shape[0]} px",
-            "draw the mask over an image of the series",
-        )
-    return np.ascontiguousarray(region, np.bool_)

@@ -3,6 +3,7 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +76,18 @@ class Alignment:
         """Standard deviations of `wobble_deg`, shape (2,)."""
         both = np.hstack([np.eye(2), np.eye(2)])
         return np.asarray(np.degrees(np.sqrt(np.diag(both @ self.covariance @ both.T))))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the figures that programs read, in degrees and mm: see `docs/results.md`."""
+        degrees = np.degrees(np.arctan(self.slopes))
+        std = np.degrees(np.sqrt(np.diag(self.covariance)))
+        names = ("specimen_slope_x_deg", "specimen_slope_y_deg", "axis_slope_x_deg", "axis_slope_y_deg")
+        summary = dict(zip(names, degrees.tolist(), strict=True))
+        summary |= {f"{name}_std": value for name, value in zip(names, std.tolist(), strict=True)}
+        summary |= dict(zip(("wobble_x_deg", "wobble_y_deg"), self.wobble_deg.tolist(), strict=True))
+        wobble_std = self.wobble_std_deg.tolist()
+        summary |= dict(zip(("wobble_x_deg_std", "wobble_y_deg_std"), wobble_std, strict=True))
+        return summary | dict(zip(("axis_x_mm", "axis_y_mm"), self.pivot_mm.tolist(), strict=True))
 
 
 def _is_possible(slopes: Float, covariance: Float) -> bool:

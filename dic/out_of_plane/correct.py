@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dic.calibration.calibration import Calibration
-from dic.errors import CorrelationError
+from dic.errors import CorrelationError, require_all
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.rigidity import correct_rotation
@@ -18,17 +18,60 @@ uniformly, with some bending."""
 POISSON_RATIO = 0.33
 
 
-def require_poisson_ratio(poisson_ratio: float) -> None:
-    """Refuse a Poisson's ratio that no metal has.
+@dataclass(frozen=True)
+class Motion:
+    """What is known of a specimen's motion, to correct calibrated strain for motion out of the grid's plane.
+
+    Attributes
+    ----------
+    kind : str
+        "free" (nothing is known: no correction), "rigid" (it is rotated without strain) or "tension" (it is
+        stretched uniformly, with some bending).
+    poisson_ratio : float
+        Of the specimen, for the shape of its bending in tension.
+    alignment : Alignment, optional
+        Of the same fixture, solved before: for rotations, whose specimen need not be rigid then.
 
     Raises
     ------
     CorrelationError
+        If a value cannot be used.
     """
-    if not 0.0 <= poisson_ratio <= 0.5:
-        raise CorrelationError(
-            "settings", "Poisson's ratio", "0 to 0.5", f"{poisson_ratio:g}", "correct --poisson-ratio"
-        )
+
+    kind: str = "free"
+    poisson_ratio: float = POISSON_RATIO
+    alignment: Alignment | None = None
+
+    def __post_init__(self) -> None:
+        checks = [
+            (
+                self.kind in MOTIONS,
+                "motion",
+                f"one of {', '.join(MOTIONS)}",
+                self.kind,
+                "give the motion tension or rigid, or free if it is not known",
+            ),
+            poisson_check(self.poisson_ratio),
+            (
+                self.alignment is None or self.kind == "rigid",
+                "apply alignment",
+                "--motion rigid",
+                self.kind,
+                "give an alignment with --motion rigid only, or leave it out",
+            ),
+        ]
+        require_all(CorrelationError, "settings", checks)
+
+
+def poisson_check(poisson_ratio: float) -> tuple[bool, str, str, object, str]:
+    """Return the check of a Poisson's ratio, for `require_all`."""
+    return (
+        0.0 <= poisson_ratio <= 0.5,
+        "Poisson's ratio",
+        "0 to 0.5",
+        f"{poisson_ratio:g}",
+        "give a Poisson's ratio of 0.33 for most metals",
+    )
 
 
 @dataclass(frozen=True)
@@ -39,42 +82,21 @@ class Corrections:
     alignment: Alignment | None = None
 
 
-def correct(
-    motion: str,
-    measurements: Sequence[Measurement],
-    calibration: Calibration,
-    *,
-    poisson_ratio: float = POISSON_RATIO,
-    alignment: Alignment | None = None,
-) -> Corrections:
+def correct(measurements: Sequence[Measurement], calibration: Calibration, motion: Motion) -> Corrections:
     """Correct one camera's images for motion out of the grid's plane, as far as the motion tells it.
 
     Parameters
     ----------
-    motion : str
-        "free", "rigid" or "tension".
     measurements : sequence of Measurement
         Calibrated, all of the same reference.
     calibration : Calibration
         Of their camera.
-    poisson_ratio : float
-        Of the specimen, for the shape of its bending in tension.
-    alignment : Alignment, optional
-        Of the same fixture, solved before: for rotations, whose specimen need not be rigid then.
-
-    Raises
-    ------
-    CorrelationError
-        If there is no such motion.
+    motion : Motion
     """
-    if motion not in MOTIONS:
-        raise CorrelationError(
-            "settings", "motion", f"one of {', '.join(MOTIONS)}", str(motion), "correct the setting"
-        )
-    if motion == "rigid":
-        rotation = correct_rotation(measurements, calibration, alignment)
+    if motion.kind == "rigid":
+        rotation = correct_rotation(measurements, calibration, motion.alignment)
         return Corrections(rotation.corrections, rotation.alignment)
-    if motion == "tension":
-        return Corrections([correct_tilt(m, calibration, poisson_ratio) for m in measurements])
+    if motion.kind == "tension":
+        return Corrections([correct_tilt(m, calibration, motion.poisson_ratio) for m in measurements])
     reason = "nothing is known of the specimen's motion"
     return Corrections([Correction.refused("none", m, reason) for m in measurements])

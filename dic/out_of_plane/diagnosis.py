@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -193,16 +192,3 @@ def _slopes_text(slopes_deg: Float, std_deg: Float) -> str:
         for slope, std, axis in zip(slopes_deg, std_deg, "XY", strict=True)
     ]
     return " and ".join(parts)
-
-
-def alignment_as_dict(alignment: Alignment) -> dict[str, Any]:
-    """Return an alignment for programs, in degrees and mm."""
-    degrees = np.degrees(np.arctan(alignment.slopes))
-    std = np.degrees(np.sqrt(np.diag(alignment.covariance)))
-    names = ("specimen_slope_x_deg", "specimen_slope_y_deg", "axis_slope_x_deg", "axis_slope_y_deg")
-    summary = dict(zip(names, degrees.tolist(), strict=True))
-    summary |= {f"{name}_std": value for name, value in zip(names, std.tolist(), strict=True)}
-    summary |= dict(zip(("wobble_x_deg", "wobble_y_deg"), alignment.wobble_deg.tolist(), strict=True))
-    wobble_std = alignment.wobble_std_deg.tolist()
-    summary |= dict(zip(("wobble_x_deg_std", "wobble_y_deg_std"), wobble_std, strict=True))
-    return summary | dict(zip(("axis_x_mm", "axis_y_mm"), alignment.pivot_mm.tolist(), strict=True))

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from dic.calibration.calibration import Calibration
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import CalibrationError, CorrelationError
+from dic.errors import CalibrationError
 from dic.pipeline.camera_result import CameraResult
+from dic.pipeline.images import SeriesImage, measure_series
 from dic.pipeline.run_corrections import CorrectionSettings, RunCorrections, correct_run
 from dic.runfile.reader import RunFile, RunInfo, RunStep
-from dic.strain.measurement import measure
 from dic.strain.strain import StrainSettings
 from dic.targets.line_grid.find import find_grid
 
@@ -116,18 +116,18 @@ def _process_camera(
     threads = max(1, len(os.sched_getaffinity(0)) // len(run.cameras))
     series = Series(reference, region, settings, incremental=incremental, clip=False, threads=threads)
     turn = _Turn(calibration, first.angle_deg)
+    images = (
+        SeriesImage(run.image(camera, step), f"step {step.index}", turn.hint(step))
+        for step in others
+        if not stopped.is_set()
+    )
     steps, measurements, failures = [], [], []
-    for step in others:
-        if stopped.is_set():
-            break
-        label = f"step {step.index}"
-        try:
-            image = run.image(camera, step)
-            found = series.correlate(image, hint=turn.hint(step))
-            measurements.append(measure(found, calibration, strain, label=label))
+    for step, found in zip(others, measure_series(series, images, calibration, strain), strict=False):
+        if found.measurement is None:
+            failures.append(f"{run.path}: {camera}, {found.label}: {found.failure}")
+        else:
+            measurements.append(found.measurement)
             steps.append(step)
-        except CorrelationError as error:
-            failures.append(f"{run.path}: {camera}, {label}: {error}")
         on_image()
     return CameraResult(camera, calibration, reference, steps, measurements, failures)
 

@@ -8,9 +8,9 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.errors import CorrelationError
+from dic.errors import CorrelationError, require_all
 from dic.out_of_plane.alignment import Alignment
-from dic.out_of_plane.correct import POISSON_RATIO, Corrections, correct, require_poisson_ratio
+from dic.out_of_plane.correct import POISSON_RATIO, Corrections, Motion, correct, poisson_check
 from dic.out_of_plane.diagnosis import Harmonics, Sensitivity, rotation_findings, tension_findings
 from dic.out_of_plane.two_cameras import TwoCameraStep, correct_with_two_cameras
 from dic.pipeline.camera_result import CameraResult
@@ -39,7 +39,7 @@ class CorrectionSettings:
     alignments: Mapping[str, Alignment] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        require_poisson_ratio(self.poisson_ratio)
+        require_all(CorrelationError, "settings", [poisson_check(self.poisson_ratio)])
 
     def require_use(self, source: str, cameras: Sequence[str], kinds: Set[str]) -> None:
         """Refuse alignments that a run of these cameras and kinds of steps has no use for.
@@ -107,13 +107,9 @@ def correct_run(cameras: Sequence[CameraResult], settings: CorrectionSettings) -
     motion = motion_of({step.kind for camera in cameras for step in camera.steps})
     corrected, findings = {}, {}
     for camera in cameras:
-        found = correct(
-            motion,
-            camera.measurements,
-            camera.calibration,
-            poisson_ratio=settings.poisson_ratio,
-            alignment=settings.alignments.get(camera.camera) if motion == "rigid" else None,
-        )
+        alignment = settings.alignments.get(camera.camera) if motion == "rigid" else None
+        known = Motion(motion, settings.poisson_ratio, alignment)
+        found = correct(camera.measurements, camera.calibration, known)
         corrected[camera.camera] = found
         findings[camera.camera] = _findings(motion, camera, found)
     pair = _pair(cameras) if motion == "tension" else None

@@ -22,7 +22,7 @@ UNEVEN_BLUR = 1.5
 LEAST_WHITENESS = 0.7
 
 
-def findings(quality: Quality) -> list[str]:
+def quality_findings(quality: Quality) -> list[str]:
     """Return a sentence for each limit that an image exceeds, with what to do; empty if it is good."""
     return [
         *_pattern_findings(quality),

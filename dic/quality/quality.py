@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError
-from dic.image.region import checked_region, textured
+from dic.image.given import checked_region
+from dic.image.region import textured
 from dic.image.spline import spline_image
 from dic.quality.noise import noise_of_one, noise_of_two
 from dic.quality.noise_floor import (

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.errors import MeasurementError
-from dic.quality.findings import findings, picture_findings
+from dic.quality.findings import picture_findings, quality_findings
 from dic.quality.picture import assess_picture
 from dic.quality.quality import assess_quality
 from rig.devices import Rig
@@ -66,7 +66,7 @@ def judge(image: Image, bits: int) -> tuple[dict[str, Any], list[str]]:
     except MeasurementError:
         picture = assess_picture(grey, full_level=full_level)
         return picture.as_dict(), [*picture_findings(picture), NO_PATTERN]
-    return quality.as_dict(), findings(quality)
+    return quality.as_dict(), quality_findings(quality)
 
 
 def check_rig(rig: Rig) -> RigCheck:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from dic.calibration.cross_validation import cross_validation_rms
 from dic.calibration.pinhole.camera import Pinhole
 from dic.calibration.pinhole.model import CameraModel
-from dic.calibration.pinhole.prior import Known, Prior
+from dic.calibration.pinhole.prior import KnownCamera, Prior
 from dic.errors import CalibrationError
 from dic.targets.points import GridPoints
 
@@ -59,7 +59,7 @@ class _Solution:
 
 
 def fit_pinhole(
-    grid: GridPoints, image_shape: tuple[int, ...], known: Known | None = None, k2: bool | None = None
+    grid: GridPoints, image_shape: tuple[int, ...], known: KnownCamera | None = None, k2: bool | None = None
 ) -> Pinhole:
     """Fit a camera to the grid points of one image, by least squares in the image.
 
@@ -71,7 +71,7 @@ def fit_pinhole(
     grid : GridPoints
     image_shape : tuple of int
         Height and width, px.
-    known : Known, optional
+    known : KnownCamera, optional
         Prior knowledge of the camera.
     k2 : bool, optional
         Whether to fit k2. Default: cross-validation decides. If it is given, no cross-validation is done.
@@ -87,7 +87,7 @@ def fit_pinhole(
 def fit_pinholes(
     grids: Sequence[GridPoints],
     image_shape: tuple[int, ...],
-    known: Known | None = None,
+    known: KnownCamera | None = None,
     k2: bool | None = None,
 ) -> tuple[Pinhole, ...]:
     """Fit one camera to several images of the grid: one lens, and a pose for each image.
@@ -100,7 +100,7 @@ def fit_pinholes(
     tuple of Pinhole
         One for each image, in the axes of the grid in that image.
     """
-    prior = (known or Known()).prior(image_shape)
+    prior = (known or KnownCamera()).prior(image_shape)
     views = _Views([g.xy_mm for g in grids], [g.uv_px for g in grids], prior)
     _require_points(views)
     chosen, missed_px = _with_or_without_k2(views, grids[0], k2)

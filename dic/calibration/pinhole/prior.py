@@ -25,7 +25,7 @@ _TOO_FAR = 5.0
 
 
 @dataclass(frozen=True)
-class Known:
+class KnownCamera:
     """What the user knows of a camera. A standard deviation of 0 means an exact value.
 
     Attributes
@@ -93,14 +93,14 @@ class Prior:
 
     Attributes
     ----------
-    known : Known
+    known : KnownCamera
     principal_px : ndarray, shape (2,)
     principal_std_px : float
     usual_focal_px : float
         Expected focal length if none is given.
     """
 
-    known: Known
+    known: KnownCamera
     principal_px: Float
     principal_std_px: float
     usual_focal_px: float

@@ -7,7 +7,7 @@ import pytest
 
 from dic.errors import CalibrationError
 from dic.out_of_plane.alignment import Alignment, load_alignment, save_alignment
-from dic.out_of_plane.correct import correct
+from dic.out_of_plane.correct import Motion, correct
 from dic.out_of_plane.rigidity import correct_rotation
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
@@ -154,6 +154,6 @@ def test_motion_names_the_correction():
     calibration = VIEW.calibration()
     states, reference = turned(Misalignment(axis_slope_x_deg=0.2), [90.0, 180.0])
     measurements = VIEW.measurements(states, calibration, reference)
-    assert [c.method for c in correct("rigid", measurements, calibration).images] == ["rigidity"] * 2
-    free = correct("free", measurements, calibration)
+    assert [c.method for c in correct(measurements, calibration, Motion("rigid")).images] == ["rigidity"] * 2
+    free = correct(measurements, calibration, Motion())
     assert all(c.declined is not None and c.method == "none" for c in free.images)

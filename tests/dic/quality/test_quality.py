@@ -9,7 +9,7 @@ from dic.correlation.correlator import Correlator
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError
 from dic.image.spline import spline_image
-from dic.quality.findings import findings
+from dic.quality.findings import quality_findings
 from dic.quality.noise import noise_of_one, noise_of_two
 from dic.quality.noise_floor import predicted_std, squared_gradients
 from dic.quality.quality import assess_quality
@@ -101,7 +101,7 @@ class TestNoise:
         ]
         quality = assess_quality(pair[0], settings=SMALL, second=pair[1])
         assert quality.noise == pytest.approx(2.0, rel=0.05)
-        assert any("smoothed" in sentence for sentence in findings(quality))
+        assert any("smoothed" in sentence for sentence in quality_findings(quality))
 
     def test_of_two_images_that_differ_by_more_is_refused(self):
         first, other = blobs(2.0, seed=1), blobs(2.0, seed=2)
@@ -124,12 +124,12 @@ class TestFocus:
 
     def test_an_image_out_of_focus_and_one_that_is_so_at_a_side_are_told_apart(self):
         wide = CorrelationSettings(subset_px=61)
-        everywhere_blurred = findings(assess_quality(edges(3.0), settings=wide))
+        everywhere_blurred = quality_findings(assess_quality(edges(3.0), settings=wide))
         assert any("px, more than 2 px; focus" in sentence for sentence in everywhere_blurred)
         x = np.arange(320)
-        at_the_right = findings(assess_quality(edges(np.where(x > 213, 3.0, 0.9)), settings=wide))
+        at_the_right = quality_findings(assess_quality(edges(np.where(x > 213, 3.0, 0.9)), settings=wide))
         assert any("right" in sentence and "stop down" in sentence for sentence in at_the_right)
-        assert not any("focus" in s for s in findings(assess_quality(edges(0.9), settings=wide)))
+        assert not any("focus" in s for s in quality_findings(assess_quality(edges(0.9), settings=wide)))
 
 
 class TestNoiseFloor:
@@ -190,7 +190,7 @@ class TestNoiseFloor:
         quality = assess_quality(blobs(5.0), settings=SMALL, wanted_px=0.1)
         assert quality.subset_for_wanted_px < quality.recommended_subset_px
         assert quality.recommended_subset_px >= 3 * quality.speckle_x_px
-        assert any("holds fewer than 3" in sentence for sentence in findings(quality))
+        assert any("holds fewer than 3" in sentence for sentence in quality_findings(quality))
 
 
 class TestLight:
@@ -200,22 +200,24 @@ class TestLight:
         quality = assess_quality(np.clip(grey, low, high).astype(np.float32), settings=SMALL)
         assert quality.dark_share == pytest.approx(0.06, abs=0.001)
         assert quality.bright_share == pytest.approx(0.03, abs=0.001)
-        assert sum("clipped" in sentence for sentence in findings(quality)) == 2
+        assert sum("clipped" in sentence for sentence in quality_findings(quality)) == 2
 
     def test_contrast_compares_bright_with_dark(self):
         # 98 % and 2 % of a normal distribution lie 2.054 deviations of 30 from 128.
         quality = assess_quality(blobs(1.5), settings=SMALL)
         assert quality.contrast == pytest.approx(2.054 * 30 / 128, rel=0.03)
         dull = (1000 + blobs(1.5)).astype(np.float32)
-        assert any("contrast" in sentence for sentence in findings(assess_quality(dull, settings=SMALL)))
+        assert any(
+            "contrast" in sentence for sentence in quality_findings(assess_quality(dull, settings=SMALL))
+        )
 
 
 def test_a_good_image_has_no_findings_and_a_fine_pattern_has(speckle):
     grey = speckle(seed=3, noise=1.0).draw(noise_seed=1)
     good = assess_quality(grey, settings=CorrelationSettings(subset_px=25))
-    assert findings(good) == []
+    assert quality_findings(good) == []
     fine = assess_quality(blobs(0.6, noise=1.0), settings=SMALL)
-    assert sum("finer than 3 px" in sentence for sentence in findings(fine)) == 2
+    assert sum("finer than 3 px" in sentence for sentence in quality_findings(fine)) == 2
 
 
 def test_subsets_without_a_pattern_are_said(speckle):
@@ -223,7 +225,7 @@ def test_subsets_without_a_pattern_are_said(speckle):
     grey[:, 280:] = 128 + np.random.default_rng(1).normal(0, 1, grey[:, 280:].shape)
     quality = assess_quality(grey, everywhere(grey), SMALL)
     assert quality.bare_share == pytest.approx(1 / 3, abs=0.1)
-    assert any("no pattern beyond noise" in sentence for sentence in findings(quality))
+    assert any("no pattern beyond noise" in sentence for sentence in quality_findings(quality))
     assert np.isfinite(quality.floor_px)
 
 

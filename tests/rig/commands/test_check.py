@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from dic.quality.findings import findings
+from dic.quality.findings import quality_findings
 from dic.quality.quality import assess_quality
 from rig.commands.check import NO_PATTERN, judge
 from tests.command_line import run_rig
@@ -33,13 +33,15 @@ def test_a_good_picture_has_the_figures_of_dic_quality_and_nothing_to_say():
 def test_a_speckle_picture_is_judged_by_the_findings_of_dic_quality():
     image = speckles(120.0, 60.0, 0.6)
     _, sentences = judge(image, 8)
-    assert sentences == findings(assess_quality(image.astype(np.float32)))
+    assert sentences == quality_findings(assess_quality(image.astype(np.float32)))
     assert any("finer than 3 px" in sentence for sentence in sentences)
 
 
 def test_the_sensors_highest_level_counts_and_not_the_pictures():
     dark = np.minimum(speckles(120.0, 35.0) * 0.03, 4).astype(np.uint8)
-    assert any("brightest" in sentence for sentence in findings(assess_quality(dark.astype(np.float32))))
+    assert any(
+        "brightest" in sentence for sentence in quality_findings(assess_quality(dark.astype(np.float32)))
+    )
     _, sentences = judge(dark, 8)
     assert sentences
     assert not any("brightest" in sentence for sentence in sentences)

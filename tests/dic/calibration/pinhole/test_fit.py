@@ -10,7 +10,7 @@ import pytest
 from dic.calibration.pinhole.camera import Pinhole
 from dic.calibration.pinhole.fit import fit_pinhole, fit_pinholes
 from dic.calibration.pinhole.model import CameraModel
-from dic.calibration.pinhole.prior import Known
+from dic.calibration.pinhole.prior import KnownCamera
 from dic.errors import CalibrationError
 from dic.targets.points import GridPoints
 from simulators.scene.optics import PinholeCamera
@@ -80,7 +80,7 @@ def test_every_term_of_a_lens_that_opencv_draws_is_found() -> None:
     pose = cv2.Rodrigues(np.radians([0.0, 28.0, 0.0]))[0] @ np.diag([1.0, -1.0, -1.0])
     points = np.column_stack([xy, np.zeros(len(xy))])
     px, _ = cv2.projectPoints(points, cv2.Rodrigues(pose)[0], np.array([0.4, -0.2, 40.0]), matrix, lens)
-    fitted = fit_pinhole(_grid(px[:, 0]), SHAPE, Known(principal_px=(499.5, 449.5)))
+    fitted = fit_pinhole(_grid(px[:, 0]), SHAPE, KnownCamera(principal_px=(499.5, 449.5)))
 
     assert fitted.distortion * 2800.0 ** np.array([2, 4, 1, 1]) == pytest.approx(lens, rel=1e-4)
     assert fitted.focal_px == pytest.approx(2800, rel=1e-5)
@@ -110,7 +110,7 @@ def test_the_focal_length_is_the_less_certain_the_straighter_the_camera_looks() 
 @pytest.mark.parametrize("known", [{"focal_px": 2800.0}, {"distance_mm": 40.0}])
 def test_a_known_length_fixes_a_camera_that_looks_straight(known: dict[str, float]) -> None:
     grid = _seen(_swung(), NOISE_PX)
-    fitted = fit_pinhole(grid, SHAPE, Known(**known))
+    fitted = fit_pinhole(grid, SHAPE, KnownCamera(**known))
 
     assert fitted.focal_px == pytest.approx(2800, rel=1e-4)
     assert fitted.centre_mm[2] == pytest.approx(40, rel=1e-4)
@@ -119,7 +119,7 @@ def test_a_known_length_fixes_a_camera_that_looks_straight(known: dict[str, floa
 
 def test_an_uncertain_length_is_carried_along() -> None:
     grid = _seen(_swung(), NOISE_PX)
-    fitted = fit_pinhole(grid, SHAPE, Known(distance_mm=41.0, distance_std_mm=0.8))
+    fitted = fit_pinhole(grid, SHAPE, KnownCamera(distance_mm=41.0, distance_std_mm=0.8))
 
     # 0.8 mm of 40 mm, and the same share of 2800 px
     assert fitted.centre_std_mm[2] == pytest.approx(0.8, rel=0.05)
@@ -141,7 +141,7 @@ def test_confidence_intervals_hold_the_truth_as_often_as_they_say(
     for _ in range(200):
         # a principal point off the image's middle by what is said of it shifts the whole image
         moved = grid.uv_px + rng.normal(0, off_px, 2) + rng.normal(0, NOISE_PX, grid.uv_px.shape)
-        fitted = fit_pinhole(_grid(moved, 11), SHAPE, Known(**known), k2=False)
+        fitted = fit_pinhole(_grid(moved, 11), SHAPE, KnownCamera(**known), k2=False)
         deviation = np.append(fitted.centre_mm - camera.centre_mm, fitted.focal_px - 2800)
         std = np.append(fitted.centre_std_mm, fitted.focal_std_px)
         hits.append(np.abs(deviation) <= 1.96 * std)
@@ -190,12 +190,12 @@ def test_images_of_the_tilted_grid_fix_the_focal_length_of_a_camera_that_looks_s
 )
 def test_impossible_values_of_a_camera_are_refused(wrong: dict[str, Any], message: str) -> None:
     with pytest.raises(CalibrationError, match=re.escape(message)):
-        Known(**wrong)
+        KnownCamera(**wrong)
 
 
 def test_all_impossible_values_of_a_camera_are_reported_together() -> None:
     with pytest.raises(CalibrationError) as caught:
-        Known(focal_px=-1.0, distance_std_mm=2.0, principal_std_px=-3.0)
+        KnownCamera(focal_px=-1.0, distance_std_mm=2.0, principal_std_px=-3.0)
 
     for option in ("--focal-px", "--distance-mm", "--principal-std-px"):
         assert option in caught.value.remedy
@@ -219,9 +219,9 @@ def test_values_that_the_images_contradict_are_refused() -> None:
 
     # 2800 px in truth; only a principal point far off could make up for it
     with pytest.raises(CalibrationError, match=r"principal point's x that is \d+ standard deviations off"):
-        fit_pinhole(grid, SHAPE, Known(focal_px=2500.0))
+        fit_pinhole(grid, SHAPE, KnownCamera(focal_px=2500.0))
     with pytest.raises(CalibrationError, match="standard deviations off"):
-        fit_pinhole(grid, SHAPE, Known(distance_mm=45.0, distance_std_mm=0.1))
+        fit_pinhole(grid, SHAPE, KnownCamera(distance_mm=45.0, distance_std_mm=0.1))
 
 
 @pytest.mark.parametrize(("focal_px", "distance_mm"), [(600.0, 9.0), (20000.0, 286.0), (200000.0, 2860.0)])
@@ -272,7 +272,7 @@ def test_confidence_intervals_hold_at_every_angle_with_one_image_and_with_three(
         known = dict(given)
         if known:
             known["distance_mm"] = 40.0 + rng.normal(0, 0.5)
-        fitted = fit_pinholes(grids, SHAPE, Known(**known), k2=False)[0]
+        fitted = fit_pinholes(grids, SHAPE, KnownCamera(**known), k2=False)[0]
         deviation = np.append(fitted.centre_mm - camera.centre_mm, fitted.focal_px - 2800)
         hits.append(np.abs(deviation) <= 1.96 * np.append(fitted.centre_std_mm, fitted.focal_std_px))
 

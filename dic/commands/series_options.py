@@ -1,0 +1,238 @@
+"""The options of `dic correlate`, in groups that belong together."""
+
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dic.commands.correlation_options import (
+    incremental_option,
+    poisson_option,
+    step_option,
+    subset_option,
+)
+from dic.commands.option_groups import all_of, option_group
+
+if TYPE_CHECKING:
+    from dic import Alignment, CorrelationSettings, Motion
+    from dic.pipeline.series_files import SeriesFiles
+    from dic.typing import Float, Mask
+
+_FILE = click.Path(path_type=Path)
+
+
+@dataclass(frozen=True)
+class CorrelationOptions:
+    """How to correlate."""
+
+    subset: int
+    step: int
+    spline: int
+    shape: str
+    min_zncc: float
+
+    def settings(self, motion: str) -> "CorrelationSettings":
+        """Return them as the library takes them; the shape function may depend on the motion."""
+        from dic import CorrelationSettings
+
+        shape = self.shape
+        if shape == "auto":
+            # Seen off-axis, a subset that turns does not stay affine.
+            shape = "quadratic" if motion == "rigid" else "affine"
+        return CorrelationSettings(
+            subset_px=self.subset, step_px=self.step, shape=shape, order=self.spline, min_zncc=self.min_zncc
+        )
+
+
+correlation_options = option_group(
+    "correlation",
+    CorrelationOptions,
+    subset_option,
+    step_option,
+    click.option("--spline", default=5, show_default=True, help="Order of the interpolation, 3 or 5."),
+    click.option(
+        "--shape",
+        default="auto",
+        show_default=True,
+        help="Shape function: affine, quadratic, or auto (quadratic with --motion rigid, affine else).",
+    ),
+    click.option(
+        "--min-zncc", default=0.8, show_default=True, help="Points that correlate less are left out."
+    ),
+)
+
+
+@dataclass(frozen=True)
+class RegionOptions:
+    """Where to measure."""
+
+    roi: Path | None
+    polygons: tuple[str, ...]
+
+    def files(self) -> list[Path | None]:
+        """Return the files that `read` reads; None stands for none."""
+        return [self.roi, *(path for path in map(Path, self.polygons) if path.is_file())]
+
+    def read(self, shape: tuple[int, int]) -> "Mask | None":
+        """Return the region in images of a height and width, or None if none was named."""
+        from dic import read_region
+
+        return read_region(self.roi, self.polygons, shape)
+
+
+region_options = option_group(
+    "region",
+    RegionOptions,
+    click.option(
+        "--roi", type=_FILE, help="Mask image, white where to measure. Default: wherever there is texture."
+    ),
+    click.option(
+        "--polygon",
+        "polygons",
+        multiple=True,
+        help='Region as a polygon: "x,y x,y x,y ..." in pixels, or a TOML, JSON or CSV file. May be repeated:'
+        " one inside another is a hole. With --roi, what lies in both.",
+    ),
+)
+
+
+@dataclass(frozen=True)
+class StartOptions:
+    """Where to look for the pattern first."""
+
+    incremental: str
+    hint_text: str | None
+
+    def check(self) -> None:
+        """Refuse what cannot be used, before any image is read."""
+        from dic import Series
+
+        all_of(lambda: Series.require_incremental(self.incremental), self._motion)
+
+    def hint(self, shape: tuple[int, int]) -> "Float | None":
+        """Return the expected homography of every image of this height and width, if there is a hint."""
+        from dic import rigid_motion
+
+        motion = self._motion()
+        if motion is None:
+            return None
+        angle_deg, right_px, down_px = motion
+        return rigid_motion(angle_deg, (right_px, down_px), ((shape[1] - 1) / 2, (shape[0] - 1) / 2))
+
+    def _motion(self) -> tuple[float, float, float] | None:
+        from dic import CorrelationError
+
+        if self.hint_text is None:
+            return None
+        try:
+            numbers = [float(part) for part in self.hint_text.split(",")]
+            angle_deg, right_px, down_px = numbers if len(numbers) == 3 else (*numbers, 0.0, 0.0)
+            if not all(map(isfinite, numbers)):
+                raise ValueError
+        except ValueError as error:
+            expected = 'degrees, or "degrees,right,down"'
+            raise CorrelationError("settings", "hint", expected, self.hint_text, "give --hint 30") from error
+        return angle_deg, right_px, down_px
+
+
+start_options = option_group(
+    "start",
+    StartOptions,
+    incremental_option,
+    click.option(
+        "--hint",
+        "hint_text",
+        help="Expected rigid motion of every image: degrees, counter-clockwise, about the image's centre;"
+        ' or "degrees,right,down" with a shift in px.',
+    ),
+)
+
+
+@dataclass(frozen=True)
+class MotionOptions:
+    """What the specimen does, to correct for it."""
+
+    motion: str
+    poisson_ratio: float
+    alignment_file: Path | None
+    save_alignment: Path | None
+
+    def read(self) -> "Motion":
+        """Return them as the library takes them."""
+        from dic import Motion, load_alignment
+
+        known = None if self.alignment_file is None else load_alignment(self.alignment_file)
+        return Motion(self.motion, self.poisson_ratio, known)
+
+    def require_rotation(self) -> None:
+        """Refuse to save an alignment that will not be solved."""
+        from dic import CorrelationError
+
+        if self.save_alignment is not None and self.motion != "rigid":
+            raise CorrelationError(
+                str(self.save_alignment),
+                "save alignment",
+                "--motion rigid",
+                self.motion,
+                "leave --save-alignment out: only a rotation tells an alignment",
+            )
+
+    def save(self, alignment: "Alignment | None") -> None:
+        """Write the alignment if that was asked for."""
+        from dic import CorrelationError, save_alignment
+
+        if self.save_alignment is None:
+            return
+        if alignment is None:
+            raise CorrelationError(
+                str(self.save_alignment),
+                "save alignment",
+                "one that --motion rigid has solved",
+                "none: see why the images were not corrected",
+                "correlate a rotation of at least 5° with a calibration",
+            )
+        save_alignment(alignment, self.save_alignment)
+
+
+motion_options = option_group(
+    "motion",
+    MotionOptions,
+    click.option(
+        "--motion",
+        default="free",
+        show_default=True,
+        help="What the specimen does, to correct calibrated strain for motion out of the grid's plane:"
+        " rigid (a rotation), tension, or free (unknown: no correction).",
+    ),
+    poisson_option,
+    click.option("--alignment", "alignment_file", type=_FILE, help="Of an earlier rotation on this fixture."),
+    click.option("--save-alignment", type=_FILE, help="Keep the alignment that --motion rigid solves, JSON."),
+)
+
+
+@dataclass(frozen=True)
+class OutputOptions:
+    """What to write."""
+
+    output: Path | None
+    csv_folder: Path | None
+    maps_folder: Path | None
+    json_file: Path | None
+
+    def files(self, deformed: tuple[Path, ...]) -> "SeriesFiles":
+        """Return the files that these images leave behind, but for that of --json."""
+        from dic.pipeline.series_files import SeriesFiles
+
+        return SeriesFiles(self.output, self.csv_folder, self.maps_folder, deformed)
+
+
+output_options = option_group(
+    "outputs",
+    OutputOptions,
+    click.option("-o", "--output", type=_FILE, help="Result file, HDF5."),
+    click.option("--csv", "csv_folder", type=_FILE, help="Folder for one CSV per image."),
+    click.option("--maps", "maps_folder", type=_FILE, help="Folder for one PNG with maps per image."),
+    click.option("--json", "json_file", type=_FILE, help="What is printed, for programs."),
+)

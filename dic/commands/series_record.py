@@ -1,0 +1,70 @@
+"""What `dic correlate` says of its images, one after the other and at the end."""
+
+from typing import TYPE_CHECKING, Any
+
+from dic.commands.series_text import corrected_text, image_text
+from dic.shell.console import fail, say
+
+if TYPE_CHECKING:
+    from dic import Alignment, Calibration, Correction, MeasuredImage, Motion
+
+
+class SeriesRecord:
+    """Prints images as they come in, and keeps what files and programs get at the end.
+
+    Attributes
+    ----------
+    summaries : list of dict
+        Of the images that were measured, JSON-ready.
+    failures : list of dict
+        Of those that could not be measured: `file` and `error`.
+    bad : list of str
+        One sentence per image that was measured badly.
+    corrections : list of Correction
+        Of the images that were measured, as far as they are known.
+    """
+
+    def __init__(self) -> None:
+        self.summaries: list[dict[str, Any]] = []
+        self.failures: list[dict[str, str]] = []
+        self.bad: list[str] = []
+        self.corrections: list[Correction] = []
+        self._waiting: list[MeasuredImage] = []
+
+    def add(self, image: "MeasuredImage", *, rotation: bool) -> None:
+        """Take an image; of a rotation it is kept, as corrections need all images."""
+        measurement = image.measurement
+        if measurement is None:
+            self.fail(image.label, f"{image.failure}")
+            return
+        summary = measurement.summary() | {"good": measurement.good}
+        if image.correction is not None:
+            self._correct(summary, image.correction)
+        if rotation:
+            self._waiting.append(image)
+        self.summaries.append(summary)
+        say(image_text(summary))
+        if measurement.objection is not None:
+            self.bad.append(f"{image.label}: measured, but {measurement.objection}")
+
+    def fail(self, label: str, error: str, consequence: str = "") -> None:
+        """Take an image that was not measured, and the reason."""
+        self.failures.append({"file": label, "error": error})
+        fail((error if label in error else f"{label}: {error}") + consequence)
+
+    def finish(self, calibration: "Calibration | None", motion: "Motion") -> "Alignment | None":
+        """Correct the images of a rotation; return the alignment in use."""
+        from dic import corrected_rotation
+
+        if calibration is None or not self._waiting:
+            return motion.alignment
+        images, alignment = corrected_rotation(self._waiting, calibration, motion)
+        for summary, image in zip(self.summaries, images, strict=True):
+            if image.correction is not None:
+                self._correct(summary, image.correction)
+                say(f"{summary['file'].rpartition('/')[2]}: {corrected_text(summary['corrected'])}")
+        return alignment
+
+    def _correct(self, summary: dict[str, Any], correction: "Correction") -> None:
+        summary["corrected"] = correction.as_dict()
+        self.corrections.append(correction)

@@ -1,0 +1,125 @@
+"""Images and regions as callers give them: arrays, or the files that hold them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from dic.errors import CorrelationError
+from dic.image.polygons import polygon_mask, read_polygons
+from dic.image.read import read_image
+from dic.typing import Grey, Mask, PathLike
+
+
+def grey_image(image: object, name: str) -> Grey:
+    """Return an image's grey levels, (height, width), float32.
+
+    Parameters
+    ----------
+    image : ndarray, shape (height, width), or path
+        Grey levels as integers or floating-point numbers, or a file for `read_image`.
+    name : str
+        What the image is, for messages, such as "reference image".
+
+    Raises
+    ------
+    MeasurementError
+        If the file cannot be read, or the argument is no grey image with finite values.
+    """
+    if isinstance(image, str | Path):
+        return read_image(image)
+    if not isinstance(image, np.ndarray):
+        got, remedy = f"a {type(image).__name__}", "give an array, or the path of an image file"
+    elif image.ndim == 3 and image.shape[2] in (3, 4):
+        got = f"a colour image of {image.shape[1]} × {image.shape[0]} px"
+        remedy = "convert it to grey: image[..., :3].mean(axis=2), or let dic.read_image read its file"
+    elif image.ndim != 2:
+        got, remedy = f"an array of shape {image.shape}", "give one image of shape (height, width)"
+    elif image.dtype.kind not in "uif":
+        got, remedy = (
+            f"values of type {image.dtype}",
+            "convert them to integers or floating-point numbers",
+        )
+    else:
+        grey = np.ascontiguousarray(image, np.float32)
+        if np.isfinite(grey).all():
+            return grey
+        got, remedy = "NaN or infinity among them", "repair the image"
+    raise CorrelationError(name, "read", "finite grey levels of shape (height, width)", got, remedy)
+
+
+def checked_region(region: object, shape: tuple[int, ...]) -> Mask:
+    """Return a region of interest as a mask of an image's shape.
+
+    Parameters
+    ----------
+    region : ndarray of bool, shape (height, width), or path
+        True where to measure, or a file for `read_mask`.
+    shape : (int, int)
+        Height and width of the image.
+
+    Raises
+    ------
+    MeasurementError
+        If the file cannot be read, or the region is not as large as the image.
+    """
+    if isinstance(region, str | Path):
+        region = read_mask(region)
+    if not isinstance(region, np.ndarray):
+        got, remedy = f"a {type(region).__name__}", "give a mask, and settings by their name: settings=…"
+    elif region.shape != shape:
+        got = " x ".join(str(n) for n in region.shape[::-1]) + " px"
+        remedy = "draw the mask over an image of the series"
+    else:
+        return np.ascontiguousarray(region, np.bool_)
+    raise CorrelationError(
+        "region of interest",
+        "compare with the reference",
+        f"a mask of {shape[1]} x {shape[0]} px",
+        got,
+        remedy,
+    )
+
+
+def read_mask(path: PathLike) -> Mask:
+    """Return a mask image as booleans, (height, width): brighter than half of its brightest grey level.
+
+    Raises
+    ------
+    MeasurementError
+        If it cannot be read, or is all of one grey.
+    """
+    mask = read_image(path)
+    if mask.max() <= mask.min():
+        raise CorrelationError(
+            str(path),
+            "read region of interest",
+            "a mask with white where to measure and black elsewhere",
+            "one uniform grey",
+            "draw the mask again, or leave the region out",
+        )
+    return np.asarray(mask > mask.max() / 2, np.bool_)
+
+
+def read_region(roi: PathLike | None, polygons: Sequence[str], shape: tuple[int, ...]) -> Mask | None:
+    """Return what lies both in a mask image and in polygons, (height, width), or None without either.
+
+    Parameters
+    ----------
+    roi : path or None
+        A mask image, white where to measure.
+    polygons : sequence of str
+        Each "x,y x,y x,y …" in pixels, or a file that holds polygons.
+    shape : (int, int)
+        Height and width of the image.
+
+    Raises
+    ------
+    MeasurementError
+        If a file cannot be read, holds no mask or no polygon, or the mask is not as large as the image.
+    """
+    region = None if roi is None else checked_region(roi, shape)
+    if polygons:
+        drawn = polygon_mask([corners for source in polygons for corners in read_polygons(source)], shape)
+        region = drawn if region is None else region & drawn
+    return region

@@ -1,0 +1,163 @@
+"""Images in, measurements out: the loop that serves image files, run files and arrays alike."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dic.calibration.calibration import Calibration
+from dic.calibration.file import load_calibration
+from dic.correlation.series import Series
+from dic.correlation.settings import CorrelationSettings
+from dic.errors import CalibrationError, MeasurementError, require_kind
+from dic.image.given import grey_image
+from dic.out_of_plane.correct import Motion
+from dic.out_of_plane.diagnosis import Sensitivity
+from dic.pipeline.series_corrections import corrected, corrected_rotation, require_calibration
+from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
+from dic.strain.measurement import measure
+from dic.strain.strain import StrainSettings
+from dic.typing import Float, ImageLike, Mask, PathLike
+
+
+@dataclass(frozen=True)
+class SeriesImage:
+    """An image of a series, with what is known of it.
+
+    Attributes
+    ----------
+    image : ndarray, shape (height, width), or path
+    label : str
+        Its name in results.
+    hint : ndarray, shape (3, 3), optional
+        Expected homography from the reference to this image, such as `rigid_motion` gives.
+    """
+
+    image: ImageLike
+    label: str
+    hint: Float | None = None
+
+
+def measure_images(
+    reference: ImageLike,
+    images: ImageLike | Iterable[ImageLike | SeriesImage],
+    *,
+    calibration: Calibration | PathLike | None = None,
+    settings: CorrelationSettings | None = None,
+    strain: StrainSettings | None = None,
+    region: Mask | PathLike | None = None,
+    incremental: str = "auto",
+    motion: Motion | str = "free",
+) -> MeasuredSeries:
+    """Measure displacement and strain of images against their reference.
+
+    An image that cannot be measured is named among the failures; the others are measured. For series that do
+    not fit into memory see `measure_series`.
+
+    Parameters
+    ----------
+    reference : ndarray, shape (height, width), or path
+    images : iterable of ndarray, path or SeriesImage
+        In their order; a single one counts as a series of one.
+    calibration : Calibration or path, optional
+        Of the camera: gives millimetres. Without one everything is in pixels.
+    settings : CorrelationSettings, optional
+        Default: affine shape functions, quadratic ones for a rotation.
+    strain : StrainSettings, optional
+    region : ndarray of bool, shape (height, width), or path, optional
+        Where to measure. Without one, wherever the reference has texture.
+    incremental : str
+        When to take a new reference: "auto" when the correlation drops, "never", or "always".
+    motion : Motion or str
+        What the specimen does, to correct calibrated strain: "free", "rigid" or "tension".
+
+    Raises
+    ------
+    MeasurementError
+        If reference, calibration, region or settings cannot be used.
+    """
+    motion = Motion(motion) if isinstance(motion, str) else motion
+    if isinstance(calibration, str | Path):
+        calibration = load_calibration(calibration)
+    require_calibration(motion, calibration)
+    # Seen off-axis, a subset that turns does not stay affine.
+    settings = settings or CorrelationSettings(shape="quadratic" if motion.kind == "rigid" else "affine")
+    grey = grey_image(reference, "reference image")
+    series = Series(grey, region, settings, incremental=incremental)
+    measured = list(measure_series(series, _several(images), calibration, strain, motion))
+    if calibration is None:
+        return MeasuredSeries(grey, tuple(measured))
+    alignment = motion.alignment
+    if motion.kind == "rigid":
+        measured, alignment = corrected_rotation(measured, calibration, motion)
+    return MeasuredSeries(grey, tuple(measured), alignment, Sensitivity.of(calibration))
+
+
+def measure_series(
+    series: Series,
+    images: Iterable[ImageLike | SeriesImage],
+    calibration: Calibration | None = None,
+    strain: StrainSettings | None = None,
+    motion: Motion | None = None,
+) -> Iterator[MeasuredImage]:
+    """Measure the images of a series one by one, each when it is asked for.
+
+    Nothing of an image is kept once the next is asked for, but what `Series` needs. Whoever stops asking
+    ends the series.
+
+    Parameters
+    ----------
+    series : Series
+        The reference, and how to correlate.
+    images : iterable of ndarray, path or SeriesImage
+        Taken one by one, too.
+    calibration : Calibration, optional
+    strain : StrainSettings, optional
+    motion : Motion, optional
+        Calibrated strain is corrected for it, image by image. A rotation is solved by all images together:
+        for that see `corrected_rotation`.
+
+    Raises
+    ------
+    MeasurementError
+        If the arguments do not go together.
+    """
+    require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=5)")
+    require_calibration(motion, calibration)
+    if calibration is not None and calibration.image_shape != series.shape:
+        (height, width), (own_height, own_width) = calibration.image_shape, series.shape
+        raise CalibrationError(
+            "reference image",
+            "apply calibration",
+            f"{width} × {height} px like the grid image",
+            f"{own_width} × {own_height} px",
+            "calibrate with an image of the same camera and format",
+        )
+    return (
+        corrected(_measured(series, image, number, calibration, strain), calibration, motion)
+        for number, image in enumerate(images, 1)
+    )
+
+
+def _measured(
+    series: Series,
+    image: ImageLike | SeriesImage,
+    number: int,
+    calibration: Calibration | None,
+    strain: StrainSettings | None,
+) -> MeasuredImage:
+    if not isinstance(image, SeriesImage):
+        image = SeriesImage(image, f"image {number}" if isinstance(image, np.ndarray) else str(image))
+    try:
+        field = series.correlate(image.image, hint=image.hint)
+    except MeasurementError as error:
+        return MeasuredImage(image.label, failure=str(error))
+    return MeasuredImage(image.label, measure(field, calibration, strain, label=image.label))
+
+
+def _several(images: ImageLike | Iterable[ImageLike | SeriesImage]) -> Iterable[ImageLike | SeriesImage]:
+    """Return the images one by one; a single image counts as one."""
+    if isinstance(images, str | Path | SeriesImage):
+        return [images]
+    return [images] if isinstance(images, np.ndarray) and images.ndim == 2 else images
