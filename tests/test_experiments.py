@@ -6,18 +6,19 @@ import pytest
 from dic.correlation.settings import CorrelationSettings
 from dic.pipeline.run import process_run
 from rig.run import run_protocol
-from tests.places import EXAMPLES, example
+from tests.places import example
 
 # A quarter of the default's points: means over a thousand of them still have less than 2 µε of noise.
 COARSE = CorrelationSettings(subset_px=31, step_px=20, shape="quadratic")
 MICRO = 1e6
 
 
-def experiment(folder, protocol, rig, changes=()):
-    """Run an example protocol on an example rig with some of its lines changed, and measure it."""
-    rig_file = folder / "rig.toml"
-    rig_file.write_text(example(rig, *changes))
-    outcome = run_protocol(EXAMPLES / f"{protocol}.toml", rig_file, folder / "run.h5")
+def experiment(folder, protocol, rig, increment=None, aligned=None):
+    """Run an example protocol on an example rig, each with one line changed if one is given; measure it."""
+    files = [folder / "protocol.toml", folder / "rig.toml"]
+    for path, name, change in zip(files, (protocol, rig), (increment, aligned), strict=True):
+        path.write_text(example(name, *([change] if change else [])))
+    outcome = run_protocol(*files, folder / "run.h5")
     assert outcome.status == "completed", outcome.reason
     result = process_run(folder / "run.h5", COARSE)
     assert not [failure for camera in result.cameras for failure in camera.failures]
@@ -46,8 +47,8 @@ def at(camera, angle_deg):
 
 
 def test_an_aligned_rotation_is_free_of_strain_at_30_degrees(tmp_path):
-    aligned = [("axis_slope_x_deg = 0.2", "axis_slope_x_deg = 0.0")]
-    cameras, corrections = experiment(tmp_path, "rotation", "rig-virtual-rotation-30", aligned)
+    aligned = ("axis_slope_x_deg = 0.2", "axis_slope_x_deg = 0.0")
+    cameras, corrections = experiment(tmp_path, "rotation", "rig-virtual-rotation-30", aligned=aligned)
     assert len(cameras["off_axis"].measurements) == 16
     for camera in cameras.values():
         assert np.abs(calibrated(camera)).max() < 100
@@ -66,7 +67,9 @@ def test_an_aligned_rotation_is_free_of_strain_at_30_degrees(tmp_path):
 @pytest.mark.parametrize(("angle_deg", "bias"), [(10, 1232), (20, 2548), (30, 4047)])
 def test_an_axis_off_by_a_fifth_of_a_degree_gives_the_papers_bias(tmp_path, angle_deg, bias):
     # Figures of exact geometry, independent of this code: a wobble of 0.2 degrees seen at 180 degrees.
-    cameras, corrections = experiment(tmp_path, "rotation", f"rig-virtual-rotation-{angle_deg}")
+    # Half of the paper's steps tell the same.
+    coarse = ("increment_deg = 22.5", "increment_deg = 45.0")
+    cameras, corrections = experiment(tmp_path, "rotation", f"rig-virtual-rotation-{angle_deg}", coarse)
     off_axis = cameras["off_axis"]
     half_turn = at(off_axis, 180.0)
     exx = calibrated(off_axis)[:, 0]
@@ -81,7 +84,8 @@ def test_an_axis_off_by_a_fifth_of_a_degree_gives_the_papers_bias(tmp_path, angl
 
 
 def test_tension_on_axis_is_the_strain_that_the_specimen_had(tmp_path):
-    cameras, corrections = experiment(tmp_path, "tension", "rig-virtual-tension")
+    coarse = ("increment_mm = 0.3", "increment_mm = 0.6")
+    cameras, corrections = experiment(tmp_path, "tension", "rig-virtual-tension", coarse)
     on_axis, off_axis = cameras["on_axis"], cameras["off_axis"]
     steps = on_axis.steps
     assert [s.kind for s in steps[:4]] == ["load"] * 4
