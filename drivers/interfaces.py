@@ -5,7 +5,6 @@ and third parties' drivers found by entry point (`drivers.registry`) need nothin
 Every call returns soon or raises a `DeviceError`; whoever waits for motion has a deadline of his own.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from enum import Enum
@@ -109,12 +108,6 @@ class RotationStage(Protocol):
     def move_to(self, angle_deg: float) -> None:
         """Begin to move to an absolute angle; refused out of limits or without a reference."""
 
-    def move_by(self, angle_deg: float) -> None:
-        """Begin to move by an angle from where the stage stands; refused like `move_to`, never done twice."""
-
-    def set_speed(self, speed_deg_s: float) -> None:
-        """Set the speed of motions to come; refused unless the device takes it."""
-
     def stop(self) -> None:
         """Stop now, ahead of everything that waits, until the device says that it stands still."""
 
@@ -199,20 +192,6 @@ class Operator(Protocol):
         """Return when the action was done; raise `DeviceError` when it was refused."""
 
 
-class Environment(Protocol):
-    """What surrounds the devices of a simulated rig.
-
-    `addresses` maps names such as ``stage`` to the ports of servers it runs; a rig file refers to them
-    as ``@stage``.
-    """
-
-    clock: Clock
-    addresses: Mapping[str, str]
-
-    def close(self) -> None:
-        """Stop every server; harmless when repeated."""
-
-
 @dataclass(frozen=True)
 class OpenContext:
     """What a driver gets besides its own settings.
@@ -223,7 +202,8 @@ class OpenContext:
         The device's name in the rig file, for messages.
     clock : Clock
     environment : object or None
-        The environment of a simulated rig; simulated devices know its concrete type, real drivers ignore it.
+        The simulated rig, if there is one: its `clock`, and in `addresses` the ports of its servers by name;
+        a rig file refers to them as ``@name``. Simulated devices know its concrete type.
     """
 
     name: str

@@ -95,7 +95,7 @@ class DriverSpec:
     Attributes
     ----------
     kind : str
-        Which of the interfaces in `drivers.interfaces` it implements.
+        Which of the interfaces in `drivers.interfaces` it implements; an ``environment`` is a simulated rig.
     settings : type of Settings
         What the rig file may say about it; unknown keys are refused.
     open : callable

@@ -6,7 +6,7 @@ import tomllib
 import unicodedata
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
@@ -26,8 +26,6 @@ class Settings(BaseModel):
             raise ValueError("a text without control characters is expected")
         return value
 
-
-S = TypeVar("S", bound=BaseModel)
 
 _SHOWN_MAX = 80
 
@@ -103,11 +101,3 @@ def mistakes_in(error: ValidationError, prefix: str = "") -> list[str]:
 
 def _short(text: str) -> str:
     return text if len(text) <= _SHOWN_MAX else f"{text[:_SHOWN_MAX]}…"
-
-
-def validate(model: type[S], data: object, source: str) -> S:
-    """Check `data` against `model`; all mistakes are reported together as one `ConfigurationError`."""
-    try:
-        return model.model_validate(data)
-    except ValidationError as error:
-        raise ConfigurationError(source, mistakes_in(error)) from error

@@ -34,7 +34,7 @@ KNOWN_MANY_ARGUMENTS = {
     "dic/correlation/kernel/propagation.py: _correlate_grid",
 }
 KNOWN_LONG = {"tests/dic/report/test_report.py", "tests/rig/engine/test_engine.py"}
-KNOWN_PATCHED = {"PATIENCE_S", "HOLD_PATIENCE_S", "URGENT_TIMEOUT_S", "STOP_PATIENCE_S", "STOP_ANSWER_S"}
+KNOWN_PATCHED = {"PATIENCE_S"}
 KNOWN_WITHOUT_A_FACE = set(PACKAGES)
 CLOCKS = ("time.sleep", "time.time", "time.monotonic", "datetime.now", "datetime.utcnow")
 

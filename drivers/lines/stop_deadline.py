@@ -1,10 +1,33 @@
-"""How long a stop may be repeated: a deadline that holds on a simulated clock and on a silent line alike."""
+"""How long a stop is repeated: a deadline that holds on a simulated clock and on a silent line alike."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 from drivers.clock import Clock, SystemClock
 from drivers.errors import LinkLost
+
+
+@dataclass(frozen=True)
+class StopTimes:
+    """How a stop or a hold is repeated until the device confirms it.
+
+    Attributes
+    ----------
+    deadline_s : float
+        Unconfirmed after so long, it has failed: only the emergency stop is left.
+    answer_s : float
+        How long one try waits for its answer, even if the rig file lets other answers take longer.
+    poll_s : float
+        From the end of one try to the next.
+    """
+
+    deadline_s: float = 5.0
+    answer_s: float = 1.0
+    poll_s: float = 0.02
+
+
+STOP_TIMES = StopTimes()
 
 
 class StopDeadline:

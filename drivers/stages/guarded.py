@@ -4,19 +4,14 @@ import math
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
-from drivers.clock import Clock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
-from drivers.interfaces import DeviceInfo, StageState
-from drivers.lines.stop_deadline import StopDeadline, calling_for_the_emergency_stop
+from drivers.interfaces import DeviceInfo, OpenContext, StageState
+from drivers.lines.addresses import resolve_address
+from drivers.lines.stop_deadline import StopDeadline, StopTimes, calling_for_the_emergency_stop
 from drivers.stages.port import StagePort
 from drivers.stages.settings import StageSettings
-
-STOP_PATIENCE_S = 5.0
-STOP_ANSWER_S = 1.0
-"""A stop is repeated after so long, however patient the rig file is with other answers."""
-STOP_POLL_S = 0.02
 
 P = TypeVar("P", bound=StagePort)
 
@@ -27,9 +22,11 @@ class GuardedStage(ABC, Generic[P]):
     Parameters
     ----------
     open_port : callable
-        ``open_port(reply_timeout_s)`` opens the port; once more for a stop, when the link was lost.
+        ``open_port(name, url, reply_timeout_s)`` opens the port, and once more for a stop after the link was
+        lost. The name is the device's, with its port, for messages.
     settings : StageSettings
-    clock : Clock
+    context : OpenContext
+    stop_times : StopTimes
 
     Raises
     ------
@@ -39,17 +36,29 @@ class GuardedStage(ABC, Generic[P]):
 
     info: DeviceInfo
 
-    def __init__(self, open_port: Callable[[float], P], settings: StageSettings, clock: Clock) -> None:
+    def __init__(
+        self,
+        open_port: Callable[[str, str, float], P],
+        settings: StageSettings,
+        context: OpenContext,
+        stop_times: StopTimes,
+    ) -> None:
+        self._url = resolve_address(settings.port, context)
+        self._name = f"{context.name} ({self._url})"
         self._open_port = open_port
         self._reply_timeout_s = settings.reply_timeout_s
-        self._port = open_port(self._reply_timeout_s)
-        self._name = self._port.name
+        self._stop_times = stop_times
+        self._port = open_port(self._name, self._url, self._reply_timeout_s)
         self._closed = False
         self._limits_deg = (settings.angle_min_deg, settings.angle_max_deg)
-        self._clock = clock
+        self._clock = context.clock
         self._stops = 0
         self._stop_lock = threading.Lock()
         self._new_link_lock = threading.Lock()
+
+    @abstractmethod
+    def set_up(self) -> None:
+        """Identify the device, write limits and speed and read them back; nothing moves."""
 
     @abstractmethod
     def read(self) -> StageState:
@@ -86,19 +95,6 @@ class GuardedStage(ABC, Generic[P]):
         state = self._ready(step)
         self._begin_move(angle_deg, state, step, permit)
 
-    def move_by(self, angle_deg: float) -> None:
-        """Begin to move by an angle from where the stage stands; raises what `move_to` raises.
-
-        It is sent as an absolute angle: a relative command that is lost, or arrives twice, would leave the
-        stage somewhere else.
-        """
-        step = f"move by {angle_deg:g}°"
-        permit = self._unless_stopped(step)
-        state = self._ready(step)
-        target_deg = state.angle_deg + angle_deg
-        self._require_within(target_deg, step)
-        self._begin_move(target_deg, state, step, permit)
-
     def stop(self) -> None:
         """Stop now; repeated until the device says that the stage stands still.
 
@@ -108,7 +104,7 @@ class GuardedStage(ABC, Generic[P]):
         Raises
         ------
         DeviceTimeout
-            If that is not confirmed within 5 s.
+            If that is not confirmed before the stop's deadline.
         LinkLost
             If the port is gone.
         """
@@ -127,22 +123,23 @@ class GuardedStage(ABC, Generic[P]):
         """Stop a stage that goes on without us; for everything else the link stays lost."""
         with self._new_link_lock:
             self._port.close()
-            port = self._open_port(min(self._reply_timeout_s, STOP_ANSWER_S))
+            timeout_s = min(self._reply_timeout_s, self._stop_times.answer_s)
+            port = self._open_port(self._name, self._url, timeout_s)
             try:
                 self._stop_on(port, lambda: self._stranger(port))
             finally:
                 port.close()
 
     def _stop_on(self, port: P, stranger: Callable[[], str]) -> None:
-        patience = StopDeadline(self._clock, STOP_PATIENCE_S)
+        deadline = StopDeadline(self._clock, self._stop_times.deadline_s)
         got = "silence"
-        while not patience.passed:
+        while not deadline.passed:
             try:
                 if not (got := self._try_to_stop(port) or stranger()):
                     return
             except DeviceTimeout as silence:
                 got = silence.got
-            self._clock.sleep(STOP_POLL_S)
+            self._clock.sleep(self._stop_times.poll_s)
         raise DeviceTimeout(self._name, "stop", "standstill", got, "press the emergency stop")
 
     def close(self) -> None:
@@ -184,10 +181,18 @@ class GuardedStage(ABC, Generic[P]):
         if moving:
             raise self._fault(step, "a standing stage", "a stage in motion", "wait for its end, or stop it")
 
-    def _require_speed(self, speed_deg_s: float, greatest_deg_s: float) -> None:
-        if not 0 < speed_deg_s <= greatest_deg_s:
-            expected = f"a speed above 0 up to {greatest_deg_s:g}°/s"
-            raise self._fault("set speed", expected, f"{speed_deg_s:g}°/s", "correct the rig file")
-
     def _fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
         return DeviceFault(self._name, step, expected, got, remedy)
+
+
+G = TypeVar("G", bound=GuardedStage[Any])
+
+
+def set_up(stage: G) -> G:
+    """Set up a stage whose port is open, and return it; if that fails, its port is closed."""
+    try:
+        stage.set_up()
+    except BaseException:
+        stage.close()
+        raise
+    return stage

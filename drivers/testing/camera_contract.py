@@ -76,7 +76,7 @@ class CameraContract(StreamContract):
         assert not any(np.shares_memory(first.image, frame.image) for frame in later)
 
     def test_a_deadline_that_cannot_be_kept_is_told_in_time(self, bench: CameraBench) -> None:
-        """No number is no patience; and the camera is as good as before."""
+        """A deadline of NaN has passed already; and the camera is as good as before."""
         for timeout_s in (0.0, -1.0, math.nan, bench.interval_s / 4):
             bench.assert_times_out(timeout_s)
             bench.grab()

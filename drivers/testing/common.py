@@ -13,7 +13,7 @@ H = TypeVar("H")
 Counter = Callable[[], int]
 
 POLL_S = 0.05
-PATIENCE_S = 600.0
+LONGEST_S = 600.0
 
 
 def needed(handle: H | None, what: str) -> H:
@@ -23,9 +23,9 @@ def needed(handle: H | None, what: str) -> H:
     return handle
 
 
-def wait_until(done: Callable[[], bool], clock: Clock, patience_s: float = PATIENCE_S) -> None:
-    """Let the clock go on until `done`, ten minutes at most or as long as is said."""
-    end_s = clock.now_s() + patience_s
+def wait_until(done: Callable[[], bool], clock: Clock, within_s: float = LONGEST_S) -> None:
+    """Let the clock go on until `done`, for at most `within_s`."""
+    end_s = clock.now_s() + within_s
     while not done():
         assert clock.now_s() < end_s, "it never ended"
         clock.sleep(POLL_S)

@@ -54,7 +54,7 @@ class SceneClient:
         self._address = address
         self._socket: socket.socket | None = None
 
-    def ask(self, patience_s: float, /, **request: object) -> tuple[dict[str, Any], bytes]:
+    def ask(self, timeout_s: float, /, **request: object) -> tuple[dict[str, Any], bytes]:
         """Send a request and return the answer's head and the bytes that follow it.
 
         Raises
@@ -66,8 +66,8 @@ class SceneClient:
         try:
             if self._socket is None:
                 host, _, port = self._address.rpartition(":")
-                self._socket = socket.create_connection((host, int(port)), patience_s)
-            self._socket.settimeout(patience_s)
+                self._socket = socket.create_connection((host, int(port)), timeout_s)
+            self._socket.settimeout(timeout_s)
             self._socket.sendall(json.dumps(request).encode() + b"\n")
             with self._socket.makefile("rb") as answer:
                 if not (line := answer.readline()).endswith(b"\n"):

@@ -3,41 +3,21 @@
 A bench is opened, given a fault, used, and closed; each use is one call of the driver.
 """
 
-import contextlib
-import importlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 from drivers.clock import VirtualClock
 from drivers.interfaces import OpenContext
+from drivers.lines.stop_deadline import StopTimes
 from simulators.wire.faults import FaultPanel
 
-PATIENCE_S = 0.7
-"""How long a stop or hold is repeated here; 5 s in use."""
-_PATIENCE = {
-    "drivers.stages.guarded": "STOP_PATIENCE_S",
-    "drivers.load_frames.modbus.commands": "HOLD_PATIENCE_S",
-}
+STOP_TIMES = StopTimes(deadline_s=0.7)
+"""How a stop or hold is repeated here; in use for 5 s."""
 
 
 class WrongAnswerError(AssertionError):
     """A driver said something that is not so: worse than any error."""
-
-
-@contextlib.contextmanager
-def short_patience() -> Iterator[None]:
-    """Let stops and holds give up soon."""
-    before = {}
-    for name, constant in _PATIENCE.items():
-        module = importlib.import_module(name)
-        before[module, constant] = getattr(module, constant)
-        setattr(module, constant, PATIENCE_S)
-    try:
-        yield
-    finally:
-        for (module, constant), value in before.items():
-            setattr(module, constant, value)
 
 
 class UnprovenError(AssertionError):

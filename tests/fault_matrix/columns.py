@@ -3,6 +3,13 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from drivers.stages.esp301.settings import EspSettings
+from drivers.stages.esp301.stage import open_stage as open_esp301
+from drivers.stages.zaber.settings import ZaberSettings
+from drivers.stages.zaber.stage import open_stage as open_zaber
+from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
+from simulators.stage.newport import NewportServer
+from simulators.stage.zaber import StageServer, StageTcpServer
 from simulators.wire.faults import CAMERA, LOAD_FRAME, NEWPORT, STAGE
 from tests.fault_matrix.bench import Bench
 from tests.fault_matrix.camera_benches import (
@@ -29,37 +36,28 @@ COLUMNS = [
     Column(
         "zaber-ascii, pty",
         STAGE,
-        lambda: StageBench(
-            "simulators.stage.zaber:StageServer", "drivers.stages.zaber.stage", "ZaberSettings"
-        ),
+        lambda: StageBench(lambda device, _: StageServer(device), ZaberSettings, open_zaber),
     ),
     Column(
         "zaber-ascii, TCP",
         STAGE,
-        lambda: StageBench(
-            "simulators.stage.zaber:StageTcpServer",
-            "drivers.stages.zaber.stage",
-            "ZaberSettings",
-            "socket://",
-        ),
+        lambda: StageBench(lambda device, _: StageTcpServer(device), ZaberSettings, open_zaber, "socket://"),
     ),
     Column(
         "newport-esp301, pty",
         NEWPORT,
-        lambda: StageBench(
-            "simulators.stage.newport:NewportServer", "drivers.stages.esp301.stage", "EspSettings"
-        ),
+        lambda: StageBench(NewportServer, EspSettings, open_esp301),
     ),
-    Column("modbus-frame, TCP, generic", LOAD_FRAME, lambda: LoadFrameBench("LoadFrameServer", "generic")),
+    Column("modbus-frame, TCP, generic", LOAD_FRAME, lambda: LoadFrameBench(LoadFrameServer, "generic")),
     Column(
         "modbus-frame, RTU, scaled-integers",
         LOAD_FRAME,
-        lambda: LoadFrameBench("LoadFrameRtuServer", "scaled-integers"),
+        lambda: LoadFrameBench(LoadFrameRtuServer, "scaled-integers"),
     ),
     Column(
         "modbus-frame, RTU over TCP, separate-words",
         LOAD_FRAME,
-        lambda: LoadFrameBench("LoadFrameRtuTcpServer", "separate-words", "rtu://"),
+        lambda: LoadFrameBench(LoadFrameRtuTcpServer, "separate-words", "rtu://"),
     ),
     Column("simulated-camera", CAMERA, SimulatedCameraBench),
     Column("v4l2, image", CAMERA, V4l2Bench),

@@ -1,11 +1,20 @@
 """Stage and load frame on each of their lines, for `tests.fault_matrix.matrix`."""
 
-import importlib
 import math
+from collections.abc import Callable
 from typing import Any
 
-from drivers.interfaces import OpenContext
-from tests.fault_matrix.bench import Bench, ReportedFault, WrongAnswerError
+from drivers.clock import VirtualClock
+from drivers.interfaces import OpenContext, RotationStage
+from drivers.lines.stop_deadline import StopTimes
+from drivers.load_frames.modbus.load_frame import open_frame
+from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
+from drivers.stages.settings import StageSettings
+from simulators.load_frame.device import LoadFrameDevice
+from simulators.load_frame.layout import LAYOUTS
+from simulators.scene.specimen import Specimen, SpecimenSettings
+from simulators.stage.device import StageDevice
+from tests.fault_matrix.bench import STOP_TIMES, Bench, ReportedFault, WrongAnswerError
 
 REPLY_TIMEOUT_S = 0.35
 ON_FOR_S = 1000.0
@@ -15,16 +24,18 @@ ON_FOR_S = 1000.0
 class StageBench(Bench):
     """A rotation stage on one of its lines."""
 
-    def __init__(self, server: str, driver: str, settings: str, prefix: str = "") -> None:
-        from simulators.stage.device import StageDevice
-
+    def __init__(
+        self,
+        serve: Callable[[StageDevice, VirtualClock], Any],
+        settings: type[StageSettings],
+        open_stage: Callable[[Any, OpenContext, StopTimes], RotationStage],
+        prefix: str = "",
+    ) -> None:
         super().__init__()
         self.device = StageDevice(self.clock, power_up_angle_deg=12.0)
-        module, _, name = server.partition(":")
-        more = (self.clock,) if "newport" in module else ()
-        self._server = getattr(importlib.import_module(module), name)(self.device, *more)
+        self._server = serve(self.device, self.clock)
         self.faults = self._server.faults
-        self._driver, self._settings, self._prefix = importlib.import_module(driver), settings, prefix
+        self._settings, self._open_stage, self._prefix = settings, open_stage, prefix
         self._angle_deg = 20.0
         self._given: list[str] = []
         self.uses = {"read": self._read, "move": self._move, "stop": self._stop}
@@ -36,14 +47,13 @@ class StageBench(Bench):
 
     def opened(self, context: OpenContext) -> Any:
         """Return the driver, opened."""
-        model = getattr(self._driver, self._settings)
-        settings = model(
+        settings = self._settings(
             port=self._prefix + self._server.address,
             angle_min_deg=-5.0,
             angle_max_deg=725.0,
             reply_timeout_s=REPLY_TIMEOUT_S,
         )
-        return self._driver.open_stage(settings, context)
+        return self._open_stage(settings, context, STOP_TIMES)
 
     def prepare(self) -> None:
         """Home, and wait for it."""
@@ -112,16 +122,11 @@ class StageBench(Bench):
 class LoadFrameBench(Bench):
     """A load frame on one of its lines, with one of its maps."""
 
-    def __init__(self, server: str, map_name: str, prefix: str = "") -> None:
-        from simulators.load_frame import modbus as frame_wire
-        from simulators.load_frame.device import LoadFrameDevice
-        from simulators.load_frame.layout import LAYOUTS
-        from simulators.scene.specimen import Specimen, SpecimenSettings
-
+    def __init__(self, serve: Callable[..., Any], map_name: str, prefix: str = "") -> None:
         super().__init__()
         self._specimen = Specimen(SpecimenSettings(grip_slip_mm=0.0))
         self.device = LoadFrameDevice(self.clock, self._specimen)
-        self._server = getattr(frame_wire, server)(self.device, layout=LAYOUTS[map_name])
+        self._server = serve(self.device, layout=LAYOUTS[map_name])
         self.faults = self._server.faults
         self.clock.sleep(ON_FOR_S)
         self._map, self._prefix = map_name, prefix
@@ -136,9 +141,6 @@ class LoadFrameBench(Bench):
 
     def opened(self, context: OpenContext) -> Any:
         """Return the driver, opened."""
-        from drivers.load_frames.modbus.load_frame import open_frame
-        from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
-
         settings = ModbusLoadFrameSettings(
             address=self._prefix + self._server.address,
             map=self._map,
@@ -148,7 +150,7 @@ class LoadFrameBench(Bench):
             # a pseudo-terminal carries no parity bits
             **({"parity": "N"} if self._server.address.startswith("/") else {}),
         )
-        return open_frame(settings, context)
+        return open_frame(settings, context, STOP_TIMES)
 
     def prepare(self) -> None:
         """Read once."""

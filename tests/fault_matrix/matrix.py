@@ -15,7 +15,7 @@ from pathlib import Path
 
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from simulators.wire.faults import CAMERA, FAULTS, Fault
-from tests.fault_matrix.bench import Bench, ReportedFault, UnprovenError, WrongAnswerError, short_patience
+from tests.fault_matrix.bench import Bench, ReportedFault, UnprovenError, WrongAnswerError
 from tests.fault_matrix.columns import COLUMNS, Column
 from tests.places import DOCS
 
@@ -51,7 +51,7 @@ MUST_WORK = {"split:1", "split", "delay", "duplicate:1", "duplicate"}
 """Faults that a driver bears: nothing is lost and nothing is late."""
 AT_A_TIME = 7
 DEADLINE_S = 5.0
-"""A call that takes longer hangs: the longest are a few reply times, or the patience of a stop."""
+"""A call that takes longer hangs: the longest are a few reply times, or the deadline of a stop."""
 SIGNS = {DeviceTimeout: "T", LinkLost: "L", DeviceFault: "F", DeviceError: "E"}
 
 
@@ -190,8 +190,7 @@ def _find_way_back(cell: Cell, bench: Bench) -> None:
 
 def try_column(column: Column) -> dict[str, Cell]:
     """Try every fault on one driver."""
-    with short_patience():
-        return {form: try_cell(column, form) for form in rows(column.device)}
+    return {form: try_cell(column, form) for form in rows(column.device)}
 
 
 def try_all() -> dict[str, dict[str, Cell]]:

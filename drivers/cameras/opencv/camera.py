@@ -119,7 +119,7 @@ class OpencvCamera:
                 )
 
     def _next(self, asked_s: float, timeout_s: float) -> NDArray[np.uint8]:
-        if not self._clock.now_s() - asked_s <= timeout_s:  # no number is no patience
+        if not self._clock.now_s() - asked_s <= timeout_s:  # NaN counts as no time at all
             raise DeviceTimeout(
                 self._name,
                 "grab",

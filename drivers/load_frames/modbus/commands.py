@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 
 from drivers.clock import Clock
 from drivers.errors import DeviceError, DeviceTimeout, LinkLost
-from drivers.lines.stop_deadline import StopDeadline
+from drivers.lines.stop_deadline import StopDeadline, StopTimes
 from drivers.load_frames.modbus.bus.link import Overtaken
 from drivers.load_frames.modbus.command_sequence import CommandSequence
 from drivers.load_frames.modbus.registers.map import RegisterMap
@@ -14,8 +14,6 @@ from drivers.load_frames.modbus.registers.registers import Number
 from drivers.load_frames.modbus.sample_counter import Freshness
 from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 
-HOLD_PATIENCE_S = 5.0
-HOLD_POLL_S = 0.02
 # Switches and machines forget a connection that nobody uses, some without a word.
 HOLD_PROVEN_EVERY_S = 10.0
 COMMAND_ATTEMPTS = 2
@@ -34,6 +32,7 @@ class LoadFrameCommands:
     register_map : RegisterMap
     work, safety : MappedDevice
         Two ways to the same machine, the second for `hold`, which nothing else may delay.
+    hold_times : StopTimes
     """
 
     def __init__(
@@ -43,8 +42,10 @@ class LoadFrameCommands:
         register_map: RegisterMap,
         work: MappedDevice,
         safety: MappedDevice,
+        hold_times: StopTimes,
     ) -> None:
         self._clock = clock
+        self._hold_times = hold_times
         self._map = register_map
         self._work = work
         self._safety = safety
@@ -123,12 +124,12 @@ class LoadFrameCommands:
             raise self._work.fault(step, "acceptance", reason, remedy)
 
     def hold(self) -> None:
-        """Stop and hold position now; repeated until the machine confirms, `DeviceTimeout` after 5 s."""
+        """Stop and hold position now; repeated until it is confirmed, `DeviceTimeout` at the deadline."""
         self._sequence.begin_hold()
         self._doubt = self._doubt or "a hold that was not confirmed"
-        patience = StopDeadline(self._clock, HOLD_PATIENCE_S)
+        deadline = StopDeadline(self._clock, self._hold_times.deadline_s)
         got = "silence"
-        while not patience.passed:
+        while not deadline.passed:
             try:
                 sequence = self._sequence.draw()
                 self._write(self._safety, self._map.commands.hold, {}, sequence)
@@ -144,7 +145,7 @@ class LoadFrameCommands:
                 got = "a crosshead in motion" if executed else "a hold that was not executed"
             except DeviceError as error:
                 got = f"{error.got} instead of {error.expected}"
-            self._clock.sleep(HOLD_POLL_S)
+            self._clock.sleep(self._hold_times.poll_s)
         raise DeviceTimeout(self._work.name, "hold", "a confirmed hold", got, "press the emergency stop")
 
     @contextlib.contextmanager

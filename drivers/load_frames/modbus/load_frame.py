@@ -5,6 +5,7 @@ import math
 from drivers.errors import DeviceTimeout, LinkLost
 from drivers.interfaces import DeviceInfo, LoadFrameLimits, LoadFrameState, OpenContext
 from drivers.lines.addresses import resolve_address
+from drivers.lines.stop_deadline import STOP_TIMES, StopTimes
 from drivers.load_frames.modbus.bus.link import ModbusLink
 from drivers.load_frames.modbus.commands import LoadFrameCommands
 from drivers.load_frames.modbus.find import FINDER
@@ -26,6 +27,7 @@ class ModbusLoadFrame:
     work, safety : MappedDevice
         Two ways to the same machine, the second for `hold`, which nothing else may delay: a connection of
         its own, or the right to go first where there is only one.
+    hold_times : StopTimes
     """
 
     info: DeviceInfo
@@ -38,6 +40,7 @@ class ModbusLoadFrame:
         register_map: RegisterMap,
         work: MappedDevice,
         safety: MappedDevice,
+        hold_times: StopTimes,
     ) -> None:
         self._clock = context.clock
         self._map = register_map
@@ -52,7 +55,7 @@ class ModbusLoadFrame:
             firmware=f"{firmware >> 8}.{firmware & 0xFF}",
             simulated=settings.address.startswith("@"),
         )
-        self._commands = LoadFrameCommands(settings, context.clock, register_map, work, safety)
+        self._commands = LoadFrameCommands(settings, context.clock, register_map, work, safety, hold_times)
         # the machine has them word for word: what differs is only the rounding of its registers
         self.limits = settings.limits
         self._prove_way_for_hold(identity)
@@ -119,7 +122,7 @@ class ModbusLoadFrame:
         Raises
         ------
         DeviceTimeout
-            If the machine does not confirm within 5 s.
+            If the machine does not confirm before the hold's deadline.
         """
         self._commands.hold()
 
@@ -151,7 +154,9 @@ class ModbusLoadFrame:
             raise self._work.fault(step, expected, f"{rate:g} {unit}", "correct the protocol")
 
 
-def open_frame(settings: ModbusLoadFrameSettings, context: OpenContext) -> ModbusLoadFrame:
+def open_frame(
+    settings: ModbusLoadFrameSettings, context: OpenContext, hold_times: StopTimes = STOP_TIMES
+) -> ModbusLoadFrame:
     """Connect, identify the machine, write its limits and read them back; nothing moves.
 
     Raises
@@ -164,13 +169,14 @@ def open_frame(settings: ModbusLoadFrameSettings, context: OpenContext) -> Modbu
     register_map = load_map(settings.map)
     place = settings.place(resolve_address(settings.address, context))
     shared = place.rtu or settings.connections == 1
+    name = f"{context.name} ({place.text})"
     links = [
-        ModbusLink(f"{context.name} ({place.text})", place, settings.unit, settings.reply_timeout_s)
+        ModbusLink(name, place, settings.unit, settings.reply_timeout_s, hold_times.answer_s)
         for _ in range(1 if shared else 2)
     ]
     work, safety = MappedDevice(links[0], register_map), MappedDevice(links[-1], register_map, urgent=True)
     try:
-        return ModbusLoadFrame(settings, context, register_map, work, safety)
+        return ModbusLoadFrame(settings, context, register_map, work, safety, hold_times)
     except BaseException:
         work.close()
         safety.close()

@@ -26,7 +26,7 @@ T = TypeVar("T")
 class EspPort(StagePort):
     """An exclusively opened port; its methods may be called from any thread."""
 
-    def __init__(self, name: str, url: str, baud: int, reply_timeout_s: float) -> None:
+    def __init__(self, baud: int, name: str, url: str, reply_timeout_s: float) -> None:
         super().__init__(name, url, baud, reply_timeout_s)
         self._clock = SystemClock()
         self._turn = Turn()

@@ -1,10 +1,11 @@
 """Rotation stage on a Newport ESP301 (or ESP300, ESP302) motion controller."""
 
 from collections.abc import Callable
+from functools import partial
 
 from drivers.errors import DeviceTimeout
 from drivers.interfaces import DeviceInfo, OpenContext, StageState
-from drivers.lines.addresses import resolve_address
+from drivers.lines.stop_deadline import STOP_TIMES, StopTimes
 from drivers.registry import DriverSpec
 from drivers.stages.esp301.axis import EspAxis
 from drivers.stages.esp301.find import FINDER
@@ -21,7 +22,7 @@ from drivers.stages.esp301.protocol import (
 )
 from drivers.stages.esp301.reference import MOTOR_OFF, Reference
 from drivers.stages.esp301.settings import EspSettings
-from drivers.stages.guarded import STOP_ANSWER_S, GuardedStage
+from drivers.stages.guarded import GuardedStage, set_up
 
 POLL_S = 0.02
 START_POLLS = 5
@@ -33,10 +34,8 @@ SETTING_TOLERANCE = 1e-3
 class EspStage(GuardedStage[EspPort]):
     """A `RotationStage` on an ESP301; construct it with `open_stage`."""
 
-    def __init__(
-        self, settings: EspSettings, context: OpenContext, open_port: Callable[[float], EspPort]
-    ) -> None:
-        super().__init__(open_port, settings, context.clock)
+    def __init__(self, settings: EspSettings, context: OpenContext, stop_times: StopTimes) -> None:
+        super().__init__(partial(EspPort, settings.baud), settings, context, stop_times)
         self._settings = settings
         self._reference = Reference()
         self._axis = EspAxis(self._port, settings.axis, self._reference)
@@ -100,18 +99,13 @@ class EspStage(GuardedStage[EspPort]):
         self._axis.tell(f"PA{angle_deg:.5f}", step, permit)
         self._confirm_start(step, angle_deg, permit)
 
-    def set_speed(self, speed_deg_s: float) -> None:
-        """Set the speed of motions to come and read it back; `DeviceFault` if the stage does not take it."""
-        self._require_speed(speed_deg_s, self._axis.ask("VU?", read_number))
-        self._set("VA", speed_deg_s, "set speed")
-
     def _try_to_stop(self, port: EspPort) -> str:
         port.send(f"{self._axis.number}ST")
-        stands = port.ask_first(f"{self._axis.number}MD?", read_switch, STOP_ANSWER_S)
+        stands = port.ask_first(f"{self._axis.number}MD?", read_switch, self._stop_times.answer_s)
         return "" if stands else "a stage in motion"
 
     def _stranger(self, port: EspPort) -> str:
-        identity = port.ask_first(f"{self._axis.number}ID?", read_name, STOP_ANSWER_S)
+        identity = port.ask_first(f"{self._axis.number}ID?", read_name, self._stop_times.answer_s)
         return "" if identity == self._identity else f"the stage {identity!r}"
 
     def _break_off_search(self) -> None:
@@ -132,7 +126,14 @@ class EspStage(GuardedStage[EspPort]):
         for name, value, step in limits:
             self._set(name, value, step)
         self._refuse_idle_limits()
-        self.set_speed(self._settings.speed_deg_s)
+        self._set_speed(self._settings.speed_deg_s)
+
+    def _set_speed(self, speed_deg_s: float) -> None:
+        greatest_deg_s = self._axis.ask("VU?", read_number)
+        if speed_deg_s > greatest_deg_s:
+            expected, got = f"a speed above 0 up to {greatest_deg_s:g}°/s", f"{speed_deg_s:g}°/s"
+            raise self._fault("set speed", expected, got, "correct speed_deg_s in the rig file")
+        self._set("VA", speed_deg_s, "set speed")
 
     def _signals_to_home_by(self) -> int:
         """Return the home search's mode, the controller's own if none is given; it must look for a signal."""
@@ -214,7 +215,7 @@ class EspStage(GuardedStage[EspPort]):
         )
 
 
-def open_stage(settings: EspSettings, context: OpenContext) -> EspStage:
+def open_stage(settings: EspSettings, context: OpenContext, stop_times: StopTimes = STOP_TIMES) -> EspStage:
     """Open the port, identify controller and stage and write the limits; nothing moves.
 
     Raises
@@ -222,15 +223,7 @@ def open_stage(settings: EspSettings, context: OpenContext) -> EspStage:
     DeviceError
         If the port cannot be opened, nothing answers, or a setting is not taken.
     """
-    url = resolve_address(settings.port, context)
-    name = f"{context.name} ({url})"
-    stage = EspStage(settings, context, lambda timeout_s: EspPort(name, url, settings.baud, timeout_s))
-    try:
-        stage.set_up()
-    except BaseException:
-        stage.close()
-        raise
-    return stage
+    return set_up(EspStage(settings, context, stop_times))
 
 
 SPEC = DriverSpec(kind="stage", settings=EspSettings, open=open_stage, find=FINDER)

@@ -4,10 +4,9 @@ from collections.abc import Callable
 
 from drivers.errors import DeviceTimeout
 from drivers.interfaces import DeviceInfo, OpenContext, StageState
-from drivers.lines.addresses import resolve_address
+from drivers.lines.stop_deadline import STOP_TIMES, StopTimes
 from drivers.registry import DriverSpec
-from drivers.stages.guarded import STOP_ANSWER_S, GuardedStage
-from drivers.stages.settings import SPEED_GREATEST_DEG_S
+from drivers.stages.guarded import GuardedStage, set_up
 from drivers.stages.zaber.find import FINDER
 from drivers.stages.zaber.port import ZaberPort
 from drivers.stages.zaber.protocol import (
@@ -28,10 +27,8 @@ INTERRUPTED = "NI"
 class ZaberStage(GuardedStage[ZaberPort]):
     """A `RotationStage` on a Zaber ASCII line; construct it with `open_stage`."""
 
-    def __init__(
-        self, settings: ZaberSettings, context: OpenContext, open_port: Callable[[float], ZaberPort]
-    ) -> None:
-        super().__init__(open_port, settings, context.clock)
+    def __init__(self, settings: ZaberSettings, context: OpenContext, stop_times: StopTimes) -> None:
+        super().__init__(ZaberPort, settings, context, stop_times)
         self._settings = settings
         # After a fault the stage may still call its reference good: only a whole home search counts then.
         self._doubted = self._seeking = False
@@ -100,14 +97,9 @@ class ZaberStage(GuardedStage[ZaberPort]):
             f"move abs {target}", step, permit, lambda seen: self._microsteps(seen.angle_deg) == target
         )
 
-    def set_speed(self, speed_deg_s: float) -> None:
-        """Set the speed of motions to come and read it back; `DeviceFault` if it is not taken."""
-        self._require_speed(speed_deg_s, SPEED_GREATEST_DEG_S)
-        self._set("maxspeed", round(speed_deg_s * self._settings.microsteps_per_deg * SPEED_UNIT))
-
     def _try_to_stop(self, port: ZaberPort) -> str:
         settings = self._settings
-        reply = port.ask(settings.address, settings.axis, "stop", at_most_s=STOP_ANSWER_S)
+        reply = port.ask(settings.address, settings.axis, "stop", at_most_s=self._stop_times.answer_s)
         if reply.address != settings.address:
             return _foreign(reply)
         if not reply.accepted:
@@ -115,7 +107,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
         return "a stage in motion" if reply.busy else ""
 
     def _stranger(self, port: ZaberPort) -> str:
-        reply = port.ask(self._settings.address, 0, "get system.serial", at_most_s=STOP_ANSWER_S)
+        reply = port.ask(self._settings.address, 0, "get system.serial", at_most_s=self._stop_times.answer_s)
         return "" if reply.data == self.info.serial else f"a device with serial number {reply.data}"
 
     def _break_off_search(self) -> None:
@@ -131,7 +123,8 @@ class ZaberStage(GuardedStage[ZaberPort]):
             limits.reverse()
         for name, value in limits:
             self._set(name, value)
-        self.set_speed(self._settings.speed_deg_s)
+        speed_microsteps_s = self._settings.speed_deg_s * self._settings.microsteps_per_deg
+        self._set("maxspeed", round(speed_microsteps_s * SPEED_UNIT))
 
     def _check_scale(self, scale: float) -> None:
         """Compare with the stage's own microsteps in a turn, where it knows them."""
@@ -224,7 +217,9 @@ def _reason(reply: Reply) -> str:
     return f"rejection {reply.data} ({meaning})"
 
 
-def open_stage(settings: ZaberSettings, context: OpenContext) -> ZaberStage:
+def open_stage(
+    settings: ZaberSettings, context: OpenContext, stop_times: StopTimes = STOP_TIMES
+) -> ZaberStage:
     """Open the port, identify the stage and write its limits; nothing moves.
 
     Raises
@@ -232,15 +227,7 @@ def open_stage(settings: ZaberSettings, context: OpenContext) -> ZaberStage:
     DeviceError
         If the port cannot be opened, nothing answers, or a setting is not taken.
     """
-    url = resolve_address(settings.port, context)
-    name = f"{context.name} ({url})"
-    stage = ZaberStage(settings, context, lambda timeout_s: ZaberPort(name, url, timeout_s))
-    try:
-        stage.set_up()
-    except BaseException:
-        stage.close()
-        raise
-    return stage
+    return set_up(ZaberStage(settings, context, stop_times))
 
 
 SPEC = DriverSpec(kind="stage", settings=ZaberSettings, open=open_stage, find=FINDER)

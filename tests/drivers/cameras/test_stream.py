@@ -14,7 +14,7 @@ from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import OpenContext
 from tests.drivers.cameras.fake_kernel import FakeCamera, FakeSystem
 
-PATIENCE_S = 20.0
+DEADLINE_S = 20.0
 
 
 def opened(plugged: FakeCamera, context: OpenContext) -> V4l2Camera:
@@ -26,7 +26,7 @@ def opened(plugged: FakeCamera, context: OpenContext) -> V4l2Camera:
 
 def take(stream: FrameStream, count: int) -> list[int]:
     """The numbers of the pictures that came."""
-    return [(int(stream.next(PATIENCE_S).image[0, 0]) - 11) // 37 for _ in range(count)]
+    return [(int(stream.next(DEADLINE_S).image[0, 0]) - 11) // 37 for _ in range(count)]
 
 
 def lost(stream: FrameStream, *kinds: LossKind) -> set[int]:
@@ -196,10 +196,10 @@ def test_every_close_waits_until_the_camera_is_let_go(plugged):
 
     def source(timeout_s: float) -> None:
         asked.set()
-        going.wait(PATIENCE_S)
+        going.wait(DEADLINE_S)
 
     stream = FrameStream("camera", source, plugged.clock, interval_s=1.0, silence_s=1.0, on_close=list)
-    asked.wait(PATIENCE_S)
+    asked.wait(DEADLINE_S)
     closers = [threading.Thread(target=stream.close) for _ in range(2)]
     for closer in closers:
         closer.start()

@@ -7,6 +7,7 @@ import pytest
 
 from drivers.clock import VirtualClock
 from drivers.interfaces import OpenContext, RotationStage
+from drivers.lines.stop_deadline import STOP_TIMES, StopTimes
 from simulators.stage.device import StageDevice
 from tests.drivers.stages.esp301.esp301_line import ESP301
 from tests.drivers.stages.stage_kit import StageKit, arrive
@@ -31,8 +32,13 @@ def line(kit: StageKit, device: StageDevice, clock: VirtualClock) -> Iterator[An
 
 
 @pytest.fixture
-def stage(kit: StageKit, line: Any, context: OpenContext) -> Iterator[RotationStage]:
-    opened = kit.open_stage(kit.settings(line.address, reply_timeout_s=0.5), context)
+def stop_times() -> StopTimes:
+    return STOP_TIMES
+
+
+@pytest.fixture
+def stage(kit: StageKit, line: Any, context: OpenContext, stop_times: StopTimes) -> Iterator[RotationStage]:
+    opened = kit.open(context, line.address, stop_times, reply_timeout_s=0.5)
     yield opened
     opened.close()
 

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Any
+
+import pytest
 
 from drivers.clock import VirtualClock
 from drivers.interfaces import OpenContext, RotationStage
+from drivers.lines.stop_deadline import STOP_TIMES, StopTimes
 from simulators.stage.device import StageDevice
 
 Answer = Callable[[], bytes]
@@ -16,17 +18,25 @@ Tamper = Callable[[str, Answer], bytes]
 
 @dataclass(frozen=True)
 class StageKit:
-    """The driver's own `module`, how it is opened, and its simulator on a pty and on TCP.
+    """How a driver is opened, and its simulator on a pty and on TCP.
 
     `settings` takes the port and what shall differ from the usual; `line` has `received`, `motions()` and a
     `tamper` to be set.
     """
 
-    module: ModuleType
-    open_stage: Callable[[Any, OpenContext], RotationStage]
+    open_stage: Callable[[Any, OpenContext, StopTimes], RotationStage]
     settings: Callable[..., Any]
     line: Callable[[StageDevice, VirtualClock], Any]
     tcp_server: Callable[[StageDevice, VirtualClock], Any]
+
+    def open(
+        self, context: OpenContext, port: str, stop_times: StopTimes = STOP_TIMES, **changes: object
+    ) -> RotationStage:
+        return self.open_stage(self.settings(port, **changes), context, stop_times)
+
+
+stops_end_soon = pytest.mark.parametrize("stop_times", [StopTimes(deadline_s=0.3)], ids=["soon"])
+"""In this test a stop that is not confirmed has failed after 0.3 s."""
 
 
 def untampered(command: str, answer: Answer) -> bytes:

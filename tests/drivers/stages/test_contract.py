@@ -20,7 +20,8 @@ from simulators.stage.newport import NewportServer, NewportTcpServer
 from simulators.stage.zaber import StageServer, StageTcpServer
 from simulators.wire.faults import STAGE, FaultPanel
 
-LIMITS = {"angle_min_deg": -5.0, "angle_max_deg": 365.0}
+SPEED_DEG_S = 4.0
+LIMITS = {"angle_min_deg": -5.0, "angle_max_deg": 365.0, "speed_deg_s": SPEED_DEG_S}
 
 
 def zaber(port: str, context: OpenContext) -> RotationStage:
@@ -70,6 +71,7 @@ def bench_on(line: str) -> Iterator[FaultyBench]:
                 clock,
                 LIMITS["angle_min_deg"],
                 LIMITS["angle_max_deg"],
+                speed_deg_s=SPEED_DEG_S,
                 motions=lambda: len(motions),
                 lose_answers=lambda: server.faults.switch_on("drop"),
                 restore=server.faults.clear,

@@ -4,11 +4,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-import drivers.stages.guarded
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
+from drivers.lines.stop_deadline import StopTimes
 from simulators.stage.zaber_settings import StageSettings
 from tests.drivers.stages.esp301.esp301_line import ESP301
-from tests.drivers.stages.stage_kit import arrive
+from tests.drivers.stages.stage_kit import arrive, stops_end_soon
 from tests.drivers.stages.zaber.zaber_line import ZABER
 
 
@@ -54,17 +54,16 @@ def test_a_home_search_that_was_stopped_before_it_was_known_to_have_begun_is_tol
     assert not homed.read().homed
 
 
-def test_a_stop_that_is_never_confirmed_calls_for_the_emergency_stop(homed, line, monkeypatch):
-    monkeypatch.setattr(drivers.stages.guarded, "STOP_PATIENCE_S", 0.3)
+@stops_end_soon
+def test_a_stop_that_is_never_confirmed_calls_for_the_emergency_stop(homed, line):
     line.tamper = lambda command, answer: b""
     with pytest.raises(DeviceTimeout, match="press the emergency stop"):
         homed.stop()
 
 
 @for_each("stop, asks", zaber=("stop", "stop"), esp301=("1ST", "1MD?"))
-def test_a_stop_is_repeated_however_patient_the_rig_file_is(kit, line, context, monkeypatch, stop, asks):
-    monkeypatch.setattr(kit.module, "STOP_ANSWER_S", 0.1)
-    stage = kit.open_stage(kit.settings(line.address, reply_timeout_s=60.0), context)
+def test_a_stop_is_repeated_however_long_the_rig_file_lets_answers_take(kit, line, context, stop, asks):
+    stage = kit.open(context, line.address, StopTimes(answer_s=0.1), reply_timeout_s=60.0)
     lost = iter([True])
     line.tamper = lambda command, answer: b"" if command == asks and next(lost, False) else answer()
     with ThreadPoolExecutor(1) as pool:
@@ -77,12 +76,12 @@ def test_a_stop_is_repeated_however_patient_the_rig_file_is(kit, line, context, 
 def test_a_mute_device_is_a_timeout(kit, line, context):
     line.tamper = lambda command, answer: b""
     with pytest.raises(DeviceTimeout, match=r"expected an answer within 0\.05 s, got silence"):
-        kit.open_stage(kit.settings(line.address, reply_timeout_s=0.05), context)
+        kit.open(context, line.address, reply_timeout_s=0.05)
 
 
 def test_a_port_in_use_is_told(kit, stage, line, context):
     with pytest.raises(LinkLost, match="no other program"):
-        kit.open_stage(kit.settings(line.address), context)
+        kit.open(context, line.address)
 
 
 def test_a_lost_link_is_told_by_every_call(homed, line):
@@ -97,7 +96,7 @@ def test_a_lost_link_is_told_by_every_call(homed, line):
 
 def test_a_stage_whose_link_was_cut_in_motion_is_stopped_over_a_new_one(kit, device, clock, context):
     wire = kit.tcp_server(device, clock)
-    stage = kit.open_stage(kit.settings(f"socket://{wire.address}"), context)
+    stage = kit.open(context, f"socket://{wire.address}")
     stage.home()
     arrive(stage, clock)
     stage.move_to(90.0)
@@ -132,11 +131,10 @@ def test_a_stage_whose_cable_is_back_is_stopped(homed, line, device, clock):
     esp301=("_serial", lambda device: 7777),
 )
 def test_another_stage_where_ours_was_is_not_ours_standing_still(
-    kit, device, clock, context, monkeypatch, identity, another
+    kit, device, clock, context, identity, another
 ):
-    monkeypatch.setattr(drivers.stages.guarded, "STOP_PATIENCE_S", 0.3)
     wire = kit.tcp_server(device, clock)
-    stage = kit.open_stage(kit.settings(f"socket://{wire.address}"), context)
+    stage = kit.open(context, f"socket://{wire.address}", StopTimes(deadline_s=0.3))
     wire._port.drop_clients()
     setattr(wire, identity, another(device))
     with pytest.raises(DeviceTimeout, match=r"expected standstill, got .*7777.*press the emergency stop"):

@@ -2,10 +2,9 @@
 
 import pytest
 
-from drivers.errors import ConfigurationError
 from drivers.registry import find_driver
-from drivers.settings import validate
 from drivers.stages.zaber.settings import ZaberSettings
+from tests.mistakes import mistakes_of
 
 
 @pytest.mark.parametrize(
@@ -14,9 +13,7 @@ from drivers.stages.zaber.settings import ZaberSettings
 def test_mistakes_in_the_rig_file_are_reported_together(driver, further, mistakes):
     spec = find_driver(driver)
     table = {"port": 3, "angle_min_deg": 0.0, "angle_max_deg": float("nan"), "colour": "red"} | further
-    with pytest.raises(ConfigurationError) as caught:
-        validate(spec.settings, table, "rig.toml")
-    assert len(caught.value.mistakes) == mistakes
+    assert len(mistakes_of(spec.settings, table)) == mistakes
 
 
 @pytest.mark.parametrize(
@@ -31,11 +28,11 @@ def test_mistakes_in_the_rig_file_are_reported_together(driver, further, mistake
 )
 def test_numbers_that_no_stage_can_mean_are_a_mistake(key, value):
     table = {"port": "/dev/ttyUSB0", "angle_min_deg": 0.0, "angle_max_deg": 9.0, key: value}
-    with pytest.raises(ConfigurationError, match=key):
-        validate(ZaberSettings, table, "rig.toml")
+    (mistake,) = mistakes_of(ZaberSettings, table)
+    assert mistake.startswith(key)
 
 
 def test_crossed_limits_are_a_mistake():
     table = {"port": "/dev/ttyUSB0", "angle_min_deg": 10.0, "angle_max_deg": 0.0}
-    with pytest.raises(ConfigurationError, match="angle_min_deg must be below angle_max_deg"):
-        validate(ZaberSettings, table, "rig.toml")
+    (mistake,) = mistakes_of(ZaberSettings, table)
+    assert "angle_min_deg must be below angle_max_deg" in mistake

@@ -16,7 +16,7 @@ from drivers.interfaces import OpenContext
 from tests.drivers.cameras.fake_aravis import MISSING_PACKETS
 
 ALONE = ["unshare", "--map-root-user", "--net"]
-PATIENCE_S = 150
+DEADLINE_S = 150
 
 SETTINGS = AravisSettings(
     camera="192.0.2.7", width_px=64, height_px=64, rate_hz=25.0, exposure_us=1000.0
@@ -41,7 +41,7 @@ def lacking() -> str | None:
     return None
 
 
-@pytest.mark.timeout(2 * PATIENCE_S)
+@pytest.mark.timeout(2 * DEADLINE_S)
 def test_the_driver_on_a_camera_of_another_maker() -> None:
     reason = lacking()
     if reason:
@@ -50,7 +50,7 @@ def test_the_driver_on_a_camera_of_another_maker() -> None:
     tests = f"{sys.executable} -m pytest -p no:cacheprovider -q -s -rA --tb=short {guests}"
     script = f"PATH=$PATH:/usr/sbin:/sbin; ip link set lo up && exec {tests}"
     done = subprocess.run(
-        [*ALONE, "sh", "-c", script], capture_output=True, text=True, timeout=PATIENCE_S, check=False
+        [*ALONE, "sh", "-c", script], capture_output=True, text=True, timeout=DEADLINE_S, check=False
     )
     print(done.stdout)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -22,7 +22,7 @@ from tests.real_cameras.kernel_vm.uvc_descriptors import SERIAL
 from tests.real_cameras.kernel_vm.uvc_device import NUMBER_BITS, TIME_BITS
 
 EXPOSURE_US = 8000.0
-PATIENCE_S = 40.0
+DEADLINE_S = 40.0
 
 
 class UsbCamera:
@@ -42,7 +42,7 @@ class UsbCamera:
         self._process.stdin.flush()
 
     def unplug(self) -> dict[str, Any]:
-        said, _ = self._process.communicate(timeout=PATIENCE_S)
+        said, _ = self._process.communicate(timeout=DEADLINE_S)
         return json.loads(said) if said else {}
 
 
@@ -67,7 +67,7 @@ def found(**changes: Any) -> V4l2Camera:
         "exposure_us": EXPOSURE_US,
         "gain": 0,
     }
-    deadline_s = CLOCK.now_s() + PATIENCE_S
+    deadline_s = CLOCK.now_s() + DEADLINE_S
     while True:
         try:
             return opened(**(values | changes))
@@ -194,7 +194,7 @@ def test_unplugged_it_is_found_again_at_another_socket(usb: UsbCamera) -> None:
     with pytest.raises(LinkLost, match="got none; plug the camera in"):
         camera.grab(5.0)
     again = UsbCamera(port=1)
-    deadline_s = CLOCK.now_s() + PATIENCE_S
+    deadline_s = CLOCK.now_s() + DEADLINE_S
     while True:
         try:
             after = camera.grab(5.0)

@@ -28,7 +28,7 @@ PACKAGES = {
 }
 MODULES = ("virtio_pci", "9p", "9pnet_virtio", "virtio_console", "overlay", "vivid", "vhci-hcd", "uvcvideo")
 XZ = b"\xfd7zXZ\x00"
-PATIENCE_S = 450
+DEADLINE_S = 450
 FAILED, LATE = 125, 124
 BASE = f"base-{zlib.crc32(repr(MODULES).encode()):08x}.cpio"
 
@@ -75,7 +75,7 @@ def prepare() -> Path:
     return folder
 
 
-def run(command: list[str], *, timeout_s: float = PATIENCE_S) -> tuple[int, str]:
+def run(command: list[str], *, timeout_s: float = DEADLINE_S) -> tuple[int, str]:
     """Run a command in the machine.
 
     Returns

@@ -59,7 +59,7 @@ def test_two_threads_do_not_talk_at_once_on_one_connection():
     class Client:
         name = "camera"
 
-        def ask(self, patience_s: float, /, **request: object) -> tuple[dict[str, object], bytes]:
+        def ask(self, timeout_s: float, /, **request: object) -> tuple[dict[str, object], bytes]:
             if request["do"] == "camera":
                 return {"vendor": "v", "model": "m", "serial": "s"}, b""
             # broken unless two are in here at once
@@ -76,18 +76,18 @@ def test_two_threads_do_not_talk_at_once_on_one_connection():
 
 
 def test_a_frame_may_take_its_time_to_be_rendered():
-    patience_s = []
+    timeouts_s = []
 
     class Client:
-        def ask(self, patience: float, /, **request: object) -> tuple[dict[str, object], bytes]:
-            patience_s.append(patience)
+        def ask(self, timeout_s: float, /, **request: object) -> tuple[dict[str, object], bytes]:
+            timeouts_s.append(timeout_s)
             if request["do"] == "camera":
                 return {"vendor": "v", "model": "m", "serial": "s"}, b""
             raise DeviceTimeout("camera", "grab", "a frame", "none", "none")
 
     with pytest.raises(DeviceTimeout):
         RemoteCamera(Client(), "x").grab(2.0)
-    assert patience_s == [RENDERING_S, 2.0 + RENDERING_S]
+    assert timeouts_s == [RENDERING_S, 2.0 + RENDERING_S]
 
 
 def test_a_simulation_that_ended_is_said_so(simulation, rig):

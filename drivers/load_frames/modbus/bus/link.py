@@ -11,6 +11,7 @@ from typing import TypeVar
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from drivers.lines.channel import CHANNEL_ERRORS, OvertakenError
 from drivers.lines.request_turn import Turn
+from drivers.lines.stop_deadline import STOP_TIMES
 from drivers.load_frames.modbus.bus.address import ModbusAddress
 from drivers.load_frames.modbus.bus.pdu import (
     NOBODY,
@@ -24,8 +25,6 @@ from drivers.load_frames.modbus.bus.pdu import (
 from drivers.load_frames.modbus.bus.wire import DamagedError, SilenceError, Wire
 
 READ_ATTEMPTS = 2
-# What is urgent is repeated rather than waited for, and connecting is a wait that it cannot end.
-URGENT_TIMEOUT_S = 1.0
 
 T = TypeVar("T")
 
@@ -45,14 +44,24 @@ class ModbusLink:
     unit : int
         The unit identifier behind that address.
     reply_timeout_s : float
-        Deadline for an answer; real time. Connecting and what is urgent get 1 s of it at most.
+        Deadline for an answer; real time.
+    urgent_timeout_s : float
+        At most so much of it is for connecting, a wait that nothing urgent can end, and for what is urgent,
+        which is repeated rather than waited for.
     """
 
-    def __init__(self, name: str, address: ModbusAddress, unit: int, reply_timeout_s: float) -> None:
+    def __init__(
+        self,
+        name: str,
+        address: ModbusAddress,
+        unit: int,
+        reply_timeout_s: float,
+        urgent_timeout_s: float = STOP_TIMES.answer_s,
+    ) -> None:
         self.name = name
         self._address, self._unit = address, unit
         self._reply_timeout_s = reply_timeout_s
-        self._urgent_timeout_s = min(reply_timeout_s, URGENT_TIMEOUT_S)
+        self._urgent_timeout_s = min(reply_timeout_s, urgent_timeout_s)
         self._turn = Turn()
         self._wire: Wire | None = None
         self._suspect = False

@@ -7,7 +7,7 @@ chapters 2.5.1 (frames, silent intervals) and 6.2.2 (CRC).
 import struct
 from typing import Protocol
 
-from drivers.clock import SystemClock
+from drivers.clock import Clock, SystemClock
 from drivers.lines.channel import Channel
 from drivers.load_frames.modbus.bus.pdu import (
     EXCEPTION_BIT,
@@ -122,13 +122,15 @@ class RtuWire:
     channel : Channel
     baud : int, optional
         For the silent interval between frames; None where a gateway keeps it.
+    clock : Clock, optional
+        The machine's own by default.
     """
 
     numbered = False
 
-    def __init__(self, channel: Channel, baud: int | None) -> None:
+    def __init__(self, channel: Channel, baud: int | None, clock: Clock | None = None) -> None:
         self._channel = channel
-        self._clock = SystemClock()
+        self._clock = clock or SystemClock()
         self._character_s = BITS_PER_CHARACTER / baud if baud else 0.0
         self._gap_s = max(GAP_MIN_S, GAP_CHARACTERS * self._character_s) if baud else 0.0
         self._busy_until_s = 0.0

@@ -5,7 +5,7 @@ from drivers.cameras.aravis.settings import AravisSettings
 from drivers.interfaces import OpenContext
 from tests.drivers.cameras.fake_aravis import HEIGHT, INTERVAL_S, WIDTH, FakeLibrary
 
-PATIENCE_S = 20.0
+DEADLINE_S = 20.0
 """Of the machine's clock, for what happens aside; nothing waits so long unless it is wrong."""
 
 

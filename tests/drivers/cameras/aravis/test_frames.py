@@ -9,7 +9,7 @@ from drivers.cameras.aravis.session import OTHER_SIZE
 from drivers.cameras.losses import LossKind
 from drivers.errors import DeviceFault
 from drivers.registry import find_driver
-from tests.drivers.cameras.aravis.opening import PATIENCE_S, opened
+from tests.drivers.cameras.aravis.opening import DEADLINE_S, opened
 from tests.drivers.cameras.fake_aravis import HEIGHT, INTERVAL_S, MISSING_PACKETS, WIDTH
 
 
@@ -53,7 +53,7 @@ def test_the_counter_of_16_bits_goes_round_without_a_loss(library, context):
     library.first_id = 65535 - 20
     camera = opened(library, context)
     with camera.stream() as stream:
-        sequences = [stream.next(PATIENCE_S).sequence for _ in range(60)]
+        sequences = [stream.next(DEADLINE_S).sequence for _ in range(60)]
     camera.close()
     assert np.diff(sequences).tolist() == [1] * 59
     assert sequences[0] < 65535 < sequences[-1]

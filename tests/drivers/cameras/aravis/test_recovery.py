@@ -7,7 +7,7 @@ import pytest
 
 from drivers.cameras.aravis.camera import AravisCamera
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
-from tests.drivers.cameras.aravis.opening import PATIENCE_S, opened
+from tests.drivers.cameras.aravis.opening import DEADLINE_S, opened
 from tests.drivers.cameras.fake_aravis import INTERVAL_S, FakeLibrary
 
 
@@ -17,7 +17,7 @@ def given_up_and_slow_to_open(library: FakeLibrary, camera: AravisCamera) -> thr
     with pytest.raises(DeviceTimeout, match="got none"):
         camera.grab(0.5)
     answer, opens = threading.Event(), library.camera_new
-    library.camera_new = lambda name: answer.wait(PATIENCE_S) and opens(name)
+    library.camera_new = lambda name: answer.wait(DEADLINE_S) and opens(name)
     return answer
 
 
@@ -28,13 +28,13 @@ def test_a_silent_camera_is_opened_anew_and_another_one_in_its_place_refused(lib
         camera.grab(0.5)
     library.gone = True
     with pytest.raises(LinkLost, match="expected the camera with serial number G1, got Device not found"):
-        camera.grab(PATIENCE_S)
+        camera.grab(DEADLINE_S)
     library.gone = library.silent = False
     library.serial = "G2"
     with pytest.raises(LinkLost, match="got the camera with serial number G2"):
-        camera.grab(PATIENCE_S)
+        camera.grab(DEADLINE_S)
     library.serial, library.taken = "G1", -1
-    assert camera.grab(PATIENCE_S).flags == 0
+    assert camera.grab(DEADLINE_S).flags == 0
     camera.close()
     assert library.held == 0
     assert not any(thread.name.startswith("close") for thread in threading.enumerate())
@@ -47,7 +47,7 @@ def test_a_camera_that_stops_answering_is_lost_and_found_again(library, context)
     with pytest.raises(LinkLost, match="verify frame_rate: expected 32, got Device not found; check"):
         camera.grab(1.0)
     library.gone, library.taken = False, -1
-    assert camera.grab(PATIENCE_S).flags == 0
+    assert camera.grab(DEADLINE_S).flags == 0
     camera.close()
     assert library.held == 0
 
@@ -60,7 +60,7 @@ def test_calls_keep_their_deadlines_while_a_camera_is_opened_again(library, cont
         with pytest.raises(DeviceTimeout, match="got a connection that is still being given up or made"):
             camera.grab(0.01)
     answer.set()
-    assert camera.grab(PATIENCE_S).flags == 0
+    assert camera.grab(DEADLINE_S).flags == 0
     camera.close()
     assert library.held == 0
 
@@ -81,13 +81,13 @@ def test_a_call_does_not_wait_for_another_beyond_its_deadline(library, context, 
 
     def slowly(stream: int, timeout_us: int) -> int:
         asked.set()
-        going.wait(PATIENCE_S)
+        going.wait(DEADLINE_S)
         return pops(stream, timeout_us)
 
     library.stream_timeout_pop_buffer = slowly
     other = threading.Thread(target=camera.grab, args=(1.0,))
     other.start()
-    asked.wait(PATIENCE_S)
+    asked.wait(DEADLINE_S)
     with pytest.raises(DeviceTimeout, match="a camera that no other call uses, got one in use"):
         camera.grab(0.01)
     closing = threading.Thread(target=camera.close)
@@ -100,7 +100,7 @@ def test_a_call_does_not_wait_for_another_beyond_its_deadline(library, context, 
     assert library.held == 0
 
 
-def test_a_camera_is_not_given_up_for_a_call_without_patience(library, context):
+def test_a_camera_is_not_given_up_for_a_call_without_a_deadline_that_can_be_kept(library, context):
     camera = opened(library, context)
     opens = []
     library.camera_new = opens.append

@@ -6,6 +6,7 @@ import pytest
 
 from drivers.clock import VirtualClock
 from drivers.interfaces import OpenContext
+from drivers.lines.stop_deadline import STOP_TIMES, StopTimes
 from drivers.load_frames.modbus.load_frame import ModbusLoadFrame, open_frame
 from simulators.load_frame.device import LoadFrameDevice
 from tests.drivers.load_frames.modbus.watched_port import Port, settings
@@ -31,8 +32,13 @@ def port(device: LoadFrameDevice) -> Iterator[Port]:
 
 
 @pytest.fixture
-def frame(port: Port, context: OpenContext) -> Iterator[ModbusLoadFrame]:
-    opened = open_frame(settings(port.address), context)
+def hold_times() -> StopTimes:
+    return STOP_TIMES
+
+
+@pytest.fixture
+def frame(port: Port, context: OpenContext, hold_times: StopTimes) -> Iterator[ModbusLoadFrame]:
+    opened = open_frame(settings(port.address), context, hold_times)
     yield opened
     opened.close()
     opened.close()

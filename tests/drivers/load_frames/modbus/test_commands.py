@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from drivers.clock import VirtualClock
+from drivers.lines.stop_deadline import STOP_TIMES
 from drivers.load_frames.modbus.commands import LoadFrameCommands
 from drivers.load_frames.modbus.registers.map import load_map
 from drivers.load_frames.modbus.registers.registers import Block, Number
@@ -34,7 +35,7 @@ def test_the_heartbeat_goes_round_and_always_changes():
     """A night has more of them than 16 bits can count."""
     machine = Listener()
     settings = ModbusLoadFrameSettings(address="host:502", load_max_n=100.0, displacement_max_mm=1.0)
-    commands = LoadFrameCommands(settings, VirtualClock(), load_map("generic"), machine, machine)  # type: ignore[arg-type]
+    commands = LoadFrameCommands(settings, VirtualClock(), load_map("generic"), machine, machine, STOP_TIMES)  # type: ignore[arg-type]
     for _ in range(2**16 + 2):
         commands.stay_in_charge()
     assert all(beat != after for beat, after in zip(machine.beats, machine.beats[1:], strict=False))

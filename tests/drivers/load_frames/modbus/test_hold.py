@@ -6,9 +6,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-import drivers.load_frames.modbus.bus.link
-import drivers.load_frames.modbus.commands
 from drivers.errors import DeviceFault, DeviceTimeout
+from drivers.lines.stop_deadline import StopTimes
 from drivers.load_frames.modbus.load_frame import open_frame
 from tests.drivers.load_frames.modbus.watched_port import (
     COMMAND_ADDRESS,
@@ -99,9 +98,9 @@ def test_a_motion_command_overtaken_by_hold_is_not_executed(port, device, contex
     frame.close()
 
 
-def test_a_hold_does_not_wait_for_its_own_proof(port, device, clock, context, monkeypatch):
-    monkeypatch.setattr(drivers.load_frames.modbus.bus.link, "URGENT_TIMEOUT_S", 60.0)
-    frame = open_frame(settings(port.address, reply_timeout_s=60.0, watchdog_s=60.0), context)
+def test_a_hold_does_not_wait_for_its_own_proof(port, device, clock, context):
+    slow = settings(port.address, reply_timeout_s=60.0, watchdog_s=60.0)
+    frame = open_frame(slow, context, StopTimes(answer_s=60.0))
     frame.go_to_displacement(1.0, 0.01)
     clock.sleep(10.5)
     states = iter([False, True])
@@ -148,7 +147,7 @@ def test_a_hold_that_is_acknowledged_but_not_executed_is_repeated(frame, port, d
 
 
 def test_a_hold_is_repeated_before_a_long_answer_would_have_come(port, device, context):
-    """With a minute's patience for an answer there would be one try, and the engine would give up first."""
+    """If one try waited a minute for its answer, the engine would give up first."""
     frame = open_frame(settings(port.address, reply_timeout_s=60.0), context)
     frame.go_to_displacement(1.0, 0.1)
     lost = iter([True])
@@ -182,16 +181,15 @@ def test_hold_goes_on_from_the_number_of_whoever_commanded_the_machine_meanwhile
     assert [sequence for _, sequence in port.commands] == [20_000, 1, 20_001]
 
 
-def test_a_hold_that_is_never_confirmed_calls_for_the_emergency_stop(frame, port, monkeypatch):
-    monkeypatch.setattr(drivers.load_frames.modbus.commands, "HOLD_PATIENCE_S", 0.5)
+@pytest.mark.parametrize("hold_times", [StopTimes(deadline_s=0.5)])
+def test_a_hold_that_is_never_confirmed_calls_for_the_emergency_stop(frame, port):
     port.tamper = lambda request, answer: None
     with pytest.raises(DeviceTimeout, match=r"hold: expected a confirmed hold, .*press the emergency stop"):
         frame.hold()
 
 
-def test_no_motion_begins_until_a_hold_was_confirmed(port, device, context, monkeypatch):
-    monkeypatch.setattr(drivers.load_frames.modbus.commands, "HOLD_PATIENCE_S", 0.1)
-    frame = open_frame(settings(port.address, reply_timeout_s=0.1), context)
+def test_no_motion_begins_until_a_hold_was_confirmed(port, device, context):
+    frame = open_frame(settings(port.address, reply_timeout_s=0.1), context, StopTimes(deadline_s=0.1))
     port.tamper = lambda request, answer: request[:5] if is_command(request) else answer()
     with pytest.raises(DeviceTimeout, match="press the emergency stop"):
         frame.hold()

@@ -2,8 +2,8 @@
 
 import pytest
 
-import drivers.load_frames.modbus.commands
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
+from drivers.lines.stop_deadline import StopTimes
 from drivers.load_frames.modbus.load_frame import open_frame
 from tests.drivers.load_frames.modbus.watched_port import Answer, is_state, settings, wait
 
@@ -15,8 +15,8 @@ def test_a_cable_pulled_and_replugged_between_two_reads_is_survived(frame, port)
     frame.hold()
 
 
-def test_a_server_that_is_gone_is_a_lost_link(frame, port, monkeypatch):
-    monkeypatch.setattr(drivers.load_frames.modbus.commands, "HOLD_PATIENCE_S", 0.1)
+@pytest.mark.parametrize("hold_times", [StopTimes(deadline_s=0.1)])
+def test_a_server_that_is_gone_is_a_lost_link(frame, port):
     port.close()
     with pytest.raises(LinkLost):
         frame.read()

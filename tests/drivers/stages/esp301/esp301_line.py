@@ -1,8 +1,8 @@
 """A simulated Newport ESP301 whose line a test may watch and tamper with."""
 
-import drivers.stages.esp301.stage
 from drivers.clock import VirtualClock
 from drivers.stages.esp301.settings import EspSettings
+from drivers.stages.esp301.stage import open_stage
 from simulators.stage.device import StageDevice
 from simulators.stage.newport import NewportServer, NewportTcpServer
 from tests.drivers.stages.stage_kit import StageKit, Tamper, untampered
@@ -29,6 +29,4 @@ def settings(port: str, **changes: object) -> EspSettings:
     return EspSettings.model_validate(values | changes)
 
 
-ESP301 = StageKit(
-    drivers.stages.esp301.stage, drivers.stages.esp301.stage.open_stage, settings, EspLine, NewportTcpServer
-)
+ESP301 = StageKit(open_stage, settings, EspLine, NewportTcpServer)

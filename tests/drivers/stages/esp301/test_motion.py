@@ -3,7 +3,7 @@
 import pytest
 
 from drivers.errors import DeviceFault
-from tests.drivers.stages.stage_kit import arrive
+from tests.drivers.stages.stage_kit import Answer, arrive
 
 
 def test_a_move_to_where_it_stands_is_done(homed):
@@ -24,20 +24,17 @@ def test_a_move_beyond_the_controllers_limits_is_refused_and_fails_nothing(homed
     assert homed.read().homed
 
 
-@pytest.mark.parametrize("speed_deg_s", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_speed_that_is_none_is_refused(homed, line, speed_deg_s):
-    with pytest.raises(DeviceFault, match="set speed: expected a speed above 0 up to 40°/s"):
-        homed.set_speed(speed_deg_s)
-    assert not [command for command in line.received if command.startswith("1VA")]
+def test_a_failure_that_another_command_heard_of_first_is_not_forgotten(homed, line, device, clock):
+    def run_into_a_limit_switch(command: str, answer: Answer) -> bytes:
+        reply = answer()
+        if command.startswith("1PA"):
+            # it stops the stage, and leaves the motor on
+            device.fail("FE")
+        return reply
 
-
-def test_a_failure_that_another_command_heard_of_first_is_not_forgotten(homed, device, clock):
-    homed.move_to(90.0)
-    clock.sleep(1.0)
-    # a limit switch stops the stage, and leaves the motor on
-    device.fail("FE")
-    with pytest.raises(DeviceFault, match="set speed: expected acceptance, got error 104"):
-        homed.set_speed(5.0)
+    line.tamper = run_into_a_limit_switch
+    with pytest.raises(DeviceFault, match="move to 90°: expected acceptance, got error 104"):
+        homed.move_to(90.0)
     for _ in range(2):
         with pytest.raises(DeviceFault, match="read position: expected no fault, got error 104"):
             homed.read()

@@ -2,11 +2,11 @@
 
 import pytest
 
-from drivers.errors import ConfigurationError, DeviceFault
-from drivers.settings import validate
+from drivers.errors import DeviceFault
 from drivers.stages.esp301.settings import EspSettings
 from drivers.stages.esp301.stage import open_stage
 from tests.drivers.stages.esp301.esp301_line import settings
+from tests.mistakes import mistakes_of
 
 
 def test_opening_sends_what_the_manual_says_and_moves_nothing(stage, line, device):
@@ -54,10 +54,9 @@ def test_a_home_search_that_looks_for_no_signal_is_refused(line, context):
     line.home_mode = 0
     with pytest.raises(DeviceFault, match="a home search that looks for a signal"):
         open_stage(settings(line.address), context)
-    with pytest.raises(ConfigurationError, match="home_mode"):
-        validate(
-            EspSettings, {"port": "x", "angle_min_deg": 0, "angle_max_deg": 1, "home_mode": 0}, "rig.toml"
-        )
+    table = {"port": "x", "angle_min_deg": 0.0, "angle_max_deg": 1.0, "home_mode": 0}
+    (mistake,) = mistakes_of(EspSettings, table)
+    assert mistake.startswith("home_mode")
 
 
 def test_errors_from_before_the_opening_are_no_fault(line, device, context):

@@ -5,11 +5,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-import drivers.stages.guarded
 from drivers.errors import DeviceFault, DeviceTimeout
-from drivers.stages.esp301.stage import EspStage, open_stage
+from drivers.stages.esp301.stage import open_stage
 from tests.drivers.stages.esp301.esp301_line import EspLine, settings
-from tests.drivers.stages.stage_kit import Answer, untampered
+from tests.drivers.stages.stage_kit import Answer, stops_end_soon, untampered
 
 
 def swallow_first_position(line: EspLine) -> threading.Event:
@@ -38,11 +37,10 @@ def test_stop_goes_out_while_a_question_waits_and_the_question_is_asked_again(ho
         assert 0.0 < reading.result(30.0).angle_deg < 90.0
 
 
-@pytest.mark.parametrize("move", [EspStage.move_to, EspStage.move_by])
-def test_stop_keeps_back_a_move_that_was_not_sent_yet(homed, line, move):
+def test_stop_keeps_back_a_move_that_was_not_sent_yet(homed, line):
     polled = swallow_first_position(line)
     with ThreadPoolExecutor(1) as pool:
-        moving = pool.submit(move, homed, 90.0)
+        moving = pool.submit(homed.move_to, 90.0)
         assert polled.wait(30.0)
         homed.stop()
         with pytest.raises(DeviceFault, match="no stop meanwhile"):
@@ -92,15 +90,16 @@ def test_stop_is_repeated_until_standstill_is_confirmed(homed, line, device, clo
     assert line.received.count("1ST") >= 3
 
 
-def test_a_stop_under_a_flood_ends_in_time(homed, line, monkeypatch):
-    monkeypatch.setattr(drivers.stages.guarded, "STOP_PATIENCE_S", 0.3)
+@stops_end_soon
+def test_a_stop_under_a_flood_ends_in_time(homed, line):
     line.tamper = lambda command, answer: b"x\n" * 2000
     with ThreadPoolExecutor(1) as pool, pytest.raises(DeviceTimeout, match="press the emergency stop"):
         pool.submit(homed.stop).result(30.0)
 
 
+@stops_end_soon
 @pytest.mark.parametrize("late", [0, 1])
-def test_a_stray_answer_does_not_confirm_a_standstill(homed, line, clock, monkeypatch, late):
+def test_a_stray_answer_does_not_confirm_a_standstill(homed, line, clock, late):
     homed.move_to(90.0)
     clock.sleep(1.0)
     held: list[bytes] = []
@@ -114,7 +113,6 @@ def test_a_stray_answer_does_not_confirm_a_standstill(homed, line, clock, monkey
         return (held.pop() if held else b"") + answer()
 
     line.tamper = stray
-    monkeypatch.setattr(drivers.stages.guarded, "STOP_PATIENCE_S", 0.3)
     with pytest.raises(DeviceTimeout, match="press the emergency stop"):
         homed.stop()
     line.tamper = untampered

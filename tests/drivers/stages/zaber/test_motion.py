@@ -40,14 +40,6 @@ def test_a_move_lasts_as_long_as_its_speed_says(homed, clock):
     assert clock.now_s() - start_s == pytest.approx(9.05, abs=0.051)
 
 
-def test_a_motion_by_an_angle_is_sent_as_an_absolute_one(homed, line, clock):
-    homed.move_by(10.0)
-    arrive(homed, clock)
-    homed.move_by(-2.5)
-    arrive(homed, clock)
-    assert line.motions() == ["move abs 64000", "move abs 48000"]
-
-
 @pytest.mark.parametrize("angle_deg", [-5.1, 725.1, float("nan"), float("inf")])
 def test_angles_out_of_limits_are_refused_before_anything_is_sent(homed, line, angle_deg):
     with pytest.raises(DeviceFault, match="from -5° to 725°"):
@@ -55,24 +47,10 @@ def test_angles_out_of_limits_are_refused_before_anything_is_sent(homed, line, a
     assert line.received == []
 
 
-@pytest.mark.parametrize("angle_deg", [-5.1, 725.1, float("nan")])
-def test_a_motion_by_an_angle_out_of_limits_is_refused_by_the_program_itself(homed, line, angle_deg):
-    with pytest.raises(DeviceFault, match=r"move by .*expected an angle from -5° to 725°"):
-        homed.move_by(angle_deg)
-    assert line.received == ["get pos"]
-
-
 def test_the_stages_own_rejection_is_told(homed, device):
     device.limit_max = 10 * 6400
     with pytest.raises(DeviceFault, match=r"BADDATA .*out of range"):
         homed.move_to(20.0)
-
-
-@pytest.mark.parametrize("speed_deg_s", [0.0, -1.0, float("nan"), float("inf"), 1e308])
-def test_a_speed_that_is_none_is_refused_before_anything_is_sent(homed, line, speed_deg_s):
-    with pytest.raises(DeviceFault, match="set speed: expected a speed above 0 up to 10000°/s"):
-        homed.set_speed(speed_deg_s)
-    assert line.received == []
 
 
 def test_motion_without_a_reference_is_refused(stage, line):

@@ -9,8 +9,8 @@ import drivers.stages.guarded
 import drivers.stages.zaber.stage
 from drivers.errors import DeviceFault, DeviceTimeout
 from drivers.stages.zaber.protocol import lrc
-from drivers.stages.zaber.stage import ZaberStage, open_stage
-from tests.drivers.stages.stage_kit import Answer, arrive
+from drivers.stages.zaber.stage import open_stage
+from tests.drivers.stages.stage_kit import Answer, arrive, stops_end_soon
 from tests.drivers.stages.zaber.zaber_line import answered, settings
 
 
@@ -44,8 +44,7 @@ def test_stop_goes_out_while_another_request_waits_for_its_answer(line, device, 
     stage.close()
 
 
-@pytest.mark.parametrize("move", [ZaberStage.move_to, ZaberStage.move_by])
-def test_stop_keeps_back_a_move_that_was_not_sent_yet(line, device, clock, context, move):
+def test_stop_keeps_back_a_move_that_was_not_sent_yet(line, device, clock, context):
     stage = open_stage(settings(line.address, reply_timeout_s=30.0), context)
     stage.home()
     arrive(stage, clock)
@@ -62,7 +61,7 @@ def test_stop_keeps_back_a_move_that_was_not_sent_yet(line, device, clock, conte
     line.received.clear()
     line.tamper = hold_back
     with ThreadPoolExecutor(1) as pool:
-        moving = pool.submit(move, stage, 90.0)
+        moving = pool.submit(stage.move_to, 90.0)
         assert polled.wait(30.0)
         stage.stop()
         with pytest.raises(DeviceFault, match="no stop meanwhile"):
@@ -102,15 +101,15 @@ def test_stop_is_repeated_until_standstill_is_confirmed(homed, line, device, clo
     assert line.received.count("stop") >= 4
 
 
-def test_a_refused_stop_is_no_standstill(homed, line, monkeypatch):
-    monkeypatch.setattr(drivers.stages.guarded, "STOP_PATIENCE_S", 0.3)
+@stops_end_soon
+def test_a_refused_stop_is_no_standstill(homed, line):
     line.tamper = lambda command, answer: answered(answer(), "RJ IDLE -- AGAIN")
     with pytest.raises(DeviceTimeout, match=r"got rejection AGAIN .*press the emergency stop"):
         homed.stop()
 
 
-def test_another_devices_standstill_is_not_this_ones(homed, line, device, clock, monkeypatch):
-    monkeypatch.setattr(drivers.stages.guarded, "STOP_PATIENCE_S", 0.3)
+@stops_end_soon
+def test_another_devices_standstill_is_not_this_ones(homed, line, device, clock):
     homed.move_to(90.0)
     clock.sleep(1.0)
 

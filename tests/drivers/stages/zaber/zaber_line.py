@@ -1,8 +1,8 @@
 """A simulated Zaber stage whose line a test may watch and tamper with."""
 
-import drivers.stages.zaber.stage
 from drivers.stages.zaber.protocol import lrc
 from drivers.stages.zaber.settings import ZaberSettings
+from drivers.stages.zaber.stage import open_stage
 from simulators.stage.device import StageDevice
 from simulators.stage.zaber import StageServer, StageTcpServer
 from tests.drivers.stages.stage_kit import Answer, StageKit, Tamper, untampered
@@ -47,8 +47,7 @@ def answered(reply: bytes, words: str) -> bytes:
 
 
 ZABER = StageKit(
-    drivers.stages.zaber.stage,
-    drivers.stages.zaber.stage.open_stage,
+    open_stage,
     settings,
     lambda device, clock: ZaberLine(device),
     lambda device, clock: StageTcpServer(device),

@@ -13,12 +13,12 @@ from drivers.load_frames.modbus.bus.link import ModbusLink
 from simulators.wire.tcp_server import TcpServer
 
 Device = Callable[[bytes], bytes]
-# long enough for a busy machine; tests that wait for nothing have less patience
-PATIENT_S, IMPATIENT_S = 10.0, 0.2
+# long enough for a busy machine; tests that wait in vain take less
+LONG_S, SHORT_S = 10.0, 0.2
 
 
 @contextmanager
-def served(device: Device, reply_timeout_s: float = PATIENT_S) -> Iterator[ModbusLink]:
+def served(device: Device, reply_timeout_s: float = LONG_S) -> Iterator[ModbusLink]:
     """A link to a server that hands every request, MBAP header included, to `device` and sends its answer."""
 
     def converse(connection: socket.socket) -> None:
@@ -88,7 +88,7 @@ def test_silence_to_a_write_is_one_request_only():
         return b""
 
     with (
-        served(device, IMPATIENT_S) as link,
+        served(device, SHORT_S) as link,
         pytest.raises(DeviceTimeout, match="write holding registers 5 to 6"),
     ):
         link.write(5, [1, 2])
@@ -102,7 +102,7 @@ def test_a_read_is_repeated_once_after_silence():
         requests.append(request)
         return reply(request, bytes.fromhex("03 02 0007")) if len(requests) == 2 else b""
 
-    with served(device, IMPATIENT_S) as link:
+    with served(device, SHORT_S) as link:
         assert link.read("holding", 0, 1) == [7]
 
 
@@ -117,7 +117,7 @@ def test_a_read_is_repeated_once_after_silence():
 )
 def test_an_answer_to_something_else_is_not_believed(pdu):
     with (
-        served(lambda request: reply(request, bytes.fromhex(pdu)), IMPATIENT_S) as link,
+        served(lambda request: reply(request, bytes.fromhex(pdu)), SHORT_S) as link,
         pytest.raises((LinkLost, DeviceTimeout)),
     ):
         link.read("input", 0, 1)
@@ -140,7 +140,7 @@ def test_an_answer_of_another_transaction_or_unit_is_not_believed():
         return bytes(answer)
 
     for device in (late, elsewhere):
-        with served(device, IMPATIENT_S) as link, pytest.raises((DeviceTimeout, LinkLost)):
+        with served(device, SHORT_S) as link, pytest.raises((DeviceTimeout, LinkLost)):
             link.read("input", 0, 1)
 
 
@@ -178,7 +178,7 @@ def test_answers_to_other_requests_without_end_are_silence():
             connection.sendall(strange)
 
     server = TcpServer(converse, "127.0.0.1", 0)
-    link = ModbusLink("frame", ModbusAddress(server.address), unit=1, reply_timeout_s=IMPATIENT_S)
+    link = ModbusLink("frame", ModbusAddress(server.address), unit=1, reply_timeout_s=SHORT_S)
     with ThreadPoolExecutor(1) as pool:
         writing = pool.submit(link.write, 1, [1])
         assert asked.wait(30.0)
@@ -194,7 +194,7 @@ def test_answers_to_other_requests_without_end_are_silence():
 def test_a_long_strange_answer_is_told_in_short():
     answer = bytes.fromhex("04 F0") + bytes(240)
     with (
-        served(lambda request: reply(request, answer), IMPATIENT_S) as link,
+        served(lambda request: reply(request, answer), SHORT_S) as link,
         pytest.raises(LinkLost, match=r"expected 1 registers, got 04 f0( 00){38} … \(242 bytes\)"),
     ):
         link.read("input", 0, 1)

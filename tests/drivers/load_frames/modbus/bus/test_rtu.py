@@ -9,7 +9,6 @@ from itertools import pairwise
 
 import pytest
 
-import drivers.load_frames.modbus.bus.wire
 from drivers.clock import VirtualClock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.lines.channel import OvertakenError
@@ -18,8 +17,8 @@ from drivers.load_frames.modbus.bus.link import ModbusLink, Overtaken
 from drivers.load_frames.modbus.bus.wire import DamagedError, RtuWire, SilenceError, crc
 from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 
-# long enough for a busy machine; tests that wait for nothing have less patience
-PATIENT_S, IMPATIENT_S = 10.0, 0.2
+# long enough for a busy machine; tests that wait in vain take less
+LONG_S, SHORT_S = 10.0, 0.2
 
 
 class Slave:
@@ -70,12 +69,12 @@ def linked(slave: Slave, reply_timeout_s: float) -> Iterator[ModbusLink]:
 
 @pytest.fixture
 def link(slave: Slave) -> Iterator[ModbusLink]:
-    yield from linked(slave, PATIENT_S)
+    yield from linked(slave, LONG_S)
 
 
 @pytest.fixture
-def impatient(slave: Slave) -> Iterator[ModbusLink]:
-    yield from linked(slave, IMPATIENT_S)
+def hasty(slave: Slave) -> Iterator[ModbusLink]:
+    yield from linked(slave, SHORT_S)
 
 
 def test_the_checksum_is_that_of_the_specification():
@@ -115,10 +114,10 @@ def test_an_exception_is_a_fault(slave, link):
         (b"", "none"),
     ],
 )
-def test_a_damaged_cut_doubled_or_missing_answer_is_a_timeout_that_says_so(slave, impatient, answer, got):
+def test_a_damaged_cut_doubled_or_missing_answer_is_a_timeout_that_says_so(slave, hasty, answer, got):
     slave.answer = lambda request: answer
     with pytest.raises(DeviceTimeout, match=got):
-        impatient.read("input", 0, 1)
+        hasty.read("input", 0, 1)
     # once more after quiet, and not a third time
     assert len(slave.requests) == 2
 
@@ -136,18 +135,18 @@ def test_what_came_before_a_request_is_not_its_answer(slave, link):
     assert link.read("input", 8, 1) == [10]
 
 
-def test_a_damaged_acknowledgement_is_not_followed_by_a_second_write(slave, impatient):
+def test_a_damaged_acknowledgement_is_not_followed_by_a_second_write(slave, hasty):
     slave.answer = lambda request: framed("01 10 0001 0001")[:-1] + b"\x00"
     with pytest.raises(DeviceTimeout):
-        impatient.write(1, [7])
+        hasty.write(1, [7])
     assert len(slave.requests) == 1
 
 
 @pytest.mark.parametrize("answer", ["02 04 02 000A", "01 03 02 000A", "01 04 04 000A 000B", "01 2B 0E 01"])
-def test_an_answer_of_another_unit_function_or_length_is_not_believed(slave, impatient, answer):
+def test_an_answer_of_another_unit_function_or_length_is_not_believed(slave, hasty, answer):
     slave.answer = lambda request: framed(answer)
     with pytest.raises(LinkLost, match="nothing else answers at this address"):
-        impatient.read("input", 8, 1)
+        hasty.read("input", 8, 1)
 
 
 def answers_one_late(times: int) -> Callable[[bytes], bytes]:
@@ -167,32 +166,32 @@ def answers_one_late(times: int) -> Callable[[bytes], bytes]:
     return answer
 
 
-def test_one_late_answer_is_waited_out_and_never_taken_for_the_next_ones(slave, impatient):
-    impatient.prove_by("input", 32, [1, 2, 3])
+def test_one_late_answer_is_waited_out_and_never_taken_for_the_next_ones(slave, hasty):
+    hasty.prove_by("input", 32, [1, 2, 3])
     slave.answer = answers_one_late(1)
-    assert impatient.read("input", 8, 1) == [7]
+    assert hasty.read("input", 8, 1) == [7]
     # asked, late; the proof, and with it the late answer; the proof alone; asked again
     assert [request[3] for request in slave.requests] == [8, 32, 32, 8]
 
 
-def test_answers_that_are_always_one_late_are_never_believed(slave, impatient):
+def test_answers_that_are_always_one_late_are_never_believed(slave, hasty):
     """Without quiet and proof each would be one behind for ever."""
-    impatient.prove_by("input", 32, [1, 2, 3])
+    hasty.prove_by("input", 32, [1, 2, 3])
     slave.answer = answers_one_late(100)
     with pytest.raises((DeviceTimeout, LinkLost)):
-        impatient.read("input", 8, 1)
+        hasty.read("input", 8, 1)
 
 
 def test_a_pseudo_terminal_is_opened_as_often_as_needed(slave):
     """It has no parity bit, and the system refuses to set one on it for the second time."""
     slave.answer = lambda request: framed("01 04 02 000A")
     for _ in range(3):
-        link = ModbusLink("frame", ModbusAddress(slave.path, parity="E"), unit=1, reply_timeout_s=PATIENT_S)
+        link = ModbusLink("frame", ModbusAddress(slave.path, parity="E"), unit=1, reply_timeout_s=LONG_S)
         assert link.read("input", 8, 1) == [10]
         link.close()
 
 
-def test_what_is_urgent_ends_the_wait_of_others_and_their_reading_goes_on_after_it(slave, impatient):
+def test_what_is_urgent_ends_the_wait_of_others_and_their_reading_goes_on_after_it(slave, hasty):
     asked = threading.Event()
 
     def mute_first(request: bytes) -> bytes:
@@ -203,14 +202,14 @@ def test_what_is_urgent_ends_the_wait_of_others_and_their_reading_goes_on_after_
 
     slave.answer = mute_first
     with ThreadPoolExecutor(1) as pool:
-        reading = pool.submit(impatient.read, "input", 8, 1)
+        reading = pool.submit(hasty.read, "input", 8, 1)
         assert asked.wait(30.0)
-        impatient.write(0, [1], urgent=True)
+        hasty.write(0, [1], urgent=True)
         assert reading.result(30.0) == [5]
     assert [request[1] for request in slave.requests] == [4, 16, 4]
 
 
-def test_a_write_that_was_overtaken_is_not_repeated(slave, impatient):
+def test_a_write_that_was_overtaken_is_not_repeated(slave, hasty):
     asked = threading.Event()
 
     def mute_first(request: bytes) -> bytes:
@@ -221,9 +220,9 @@ def test_a_write_that_was_overtaken_is_not_repeated(slave, impatient):
 
     slave.answer = mute_first
     with ThreadPoolExecutor(1) as pool:
-        writing = pool.submit(impatient.write, 9, [1])
+        writing = pool.submit(hasty.write, 9, [1])
         assert asked.wait(30.0)
-        impatient.write(0, [1], urgent=True)
+        hasty.write(0, [1], urgent=True)
         with pytest.raises(Overtaken, match="a hold that went first"):
             writing.result(30.0)
     assert len(slave.requests) == 2
@@ -315,14 +314,13 @@ class Babble:
         return b"?" if self.pieces >= 0 else b""
 
 
-def test_quiet_is_waited_for_but_not_for_ever(monkeypatch):
+def test_quiet_is_waited_for_but_not_for_ever():
     channel = Babble(pieces=50)
-    monkeypatch.setattr(drivers.load_frames.modbus.bus.wire, "SystemClock", lambda: channel.clock)
-    RtuWire(channel, 19_200).quieten(0.1, None)  # type: ignore[arg-type]
+    RtuWire(channel, 19_200, channel.clock).quieten(0.1, None)  # type: ignore[arg-type]
     assert channel.pieces == -1
     channel.pieces = 10**6
     with pytest.raises(SilenceError, match="other bytes all the time"):
-        RtuWire(channel, 19_200).quieten(0.1, None)  # type: ignore[arg-type]
+        RtuWire(channel, 19_200, channel.clock).quieten(0.1, None)  # type: ignore[arg-type]
 
 
 class Recorder:
@@ -344,12 +342,11 @@ class Recorder:
 
 
 @pytest.mark.parametrize(("baud", "gap_s"), [(9600, 3.5 * 11 / 9600), (115_200, 0.00175)])
-def test_frames_are_apart_by_the_silence_of_the_specification(monkeypatch, baud, gap_s):
+def test_frames_are_apart_by_the_silence_of_the_specification(baud, gap_s):
     """MODBUS over Serial Line V1.02, 2.5.1.1: 3.5 characters of 11 bits, 1.750 ms above 19 200 baud."""
     clock = VirtualClock()
-    monkeypatch.setattr(drivers.load_frames.modbus.bus.wire, "SystemClock", lambda: clock)
     channel = Recorder(clock)
-    wire = RtuWire(channel, baud)  # type: ignore[arg-type]
+    wire = RtuWire(channel, baud, clock)  # type: ignore[arg-type]
     request = bytes.fromhex("04 0008 0001")
     wire.ask(1, request, 1.0, None)
     wire.ask(1, request, 1.0, None)
