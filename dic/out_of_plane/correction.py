@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,12 +13,12 @@ from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.uncertainty import Points
 from dic.strain.displacement import Displacement, calibrated_displacement
 from dic.strain.measurement import Measurement
-from dic.strain.strain import MeanStrain
+from dic.strain.strain import MeanStrain, StrainField, StrainSettings, strain_field
 
 Float = NDArray[np.float64]
 
 _CLEARLY_BETTER = 0.95
-"""The bicubic map must miss left-out points by less than this part of what the pinhole does."""
+"""Cross-validation must find the bicubic map better than this part of what it finds of the pinhole."""
 
 _STEP = 1e-3
 """Part of the camera's distance over which derivatives by its centre are taken."""
@@ -36,28 +37,45 @@ class Correction:
         Corrected; as calibrated where the correction was declined.
     displacement : Displacement
         Within the specimen's plane; as calibrated where the correction was declined.
-    before, after : Plane or None
-        Where the surface was in the reference and in this image.
+    strain_settings : StrainSettings
+        Which local strain, and from what.
+    after : Plane or None
+        Where the surface was in this image.
     after_std : ndarray, shape (3,), or None
         Standard deviations of slope x, slope y and shift (mm) of `after`; NaN for what was not measured.
     declined : str or None
         Why the data were left alone.
+    stored_strain : StrainField or None
+        Local strain as a result file holds it. Without one `strain` is computed when it is first asked for.
     """
 
     method: str
     mean: MeanStrain
     displacement: Displacement
-    before: Plane | None = None
+    strain_settings: StrainSettings
     after: Plane | None = None
     after_std: Float | None = None
     declined: str | None = None
+    stored_strain: StrainField | None = None
 
     @classmethod
     def refused(cls, method: str, measurement: Measurement, reason: str) -> "Correction":
         """Return a correction that leaves a calibrated measurement alone."""
         if measurement.calibrated is None or measurement.calibrated_mean is None:
             raise ValueError("only calibrated measurements can be corrected")
-        return cls(method, measurement.calibrated_mean, measurement.calibrated, declined=reason)
+        return cls(
+            method,
+            measurement.calibrated_mean,
+            measurement.calibrated,
+            measurement.strain_settings,
+            declined=reason,
+            stored_strain=measurement.stored_strain,
+        )
+
+    @cached_property
+    def strain(self) -> StrainField:
+        """Local strain of the displacement."""
+        return self.stored_strain or strain_field(self.displacement, self.strain_settings)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the figures that programs read, JSON-ready: see `docs/results.md`."""

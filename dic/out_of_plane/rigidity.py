@@ -188,15 +188,11 @@ class _Solved:
         """Return the correction of one step."""
         points, at = self.steps.points[place], slice(4 * place, 4 * place + 4)
         before, after = self.alignment.before, self.alignment.after(self.steps.angles_deg[place])
-        mean = strain_of_gradient(
-            self.gradients[place],
-            self.covariance[at, at],
-            len(points.before_mm),
-            measurement.strain_settings.measure,
-        )
+        settings, n = measurement.strain_settings, len(points.before_mm)
+        mean = strain_of_gradient(self.gradients[place], self.covariance[at, at], n, settings.measure)
         moved = moved_out_of_plane(points.displacement, self.centre_mm, before, after)
         std = self.alignment.after_std(self.steps.angles_deg[place])
-        return Correction(self.method, mean, moved, before, after, np.array([*std, np.nan]))
+        return Correction(self.method, mean, moved, settings, after, np.array([*std, np.nan]))
 
 
 def _error_rows(steps: Steps, slopes: Float, centre_mm: Float, slope_rows: Float) -> Float:

@@ -73,15 +73,15 @@ def correct_tilt(measurement: Measurement, calibration: Calibration, poisson_rat
     total = np.concatenate([weights + fit.slope_weights @ by_slope.T, fit.slope_weights], axis=2)
     covariance = points.covariance(total, by_centre(estimate, pinhole.centre_mm))
     gradient = _gradient(points, pinhole.centre_mm, fit.plane)
-    measure = measurement.strain_settings.measure
-    mean = strain_of_gradient(gradient, covariance[:4, :4], len(points.before_mm), measure)
+    settings = measurement.strain_settings
+    mean = strain_of_gradient(gradient, covariance[:4, :4], len(points.before_mm), settings.measure)
     change = np.abs(gradient - _gradient(points, pinhole.centre_mm, Plane())).max()
     std = np.sqrt(np.diag(covariance))
     if std[:4].max() > _USEFUL and change < 2 * std[:4].max():
         reason = f"the tilt is too uncertain here (strain ± {1e6 * std[:4].max():.0f} µε)"
         return Correction.refused("tilt", measurement, reason)
     after_std = np.array([*std[4:], np.nan])
-    return Correction("tilt", mean, moved, Plane(), fit.plane, after_std)
+    return Correction("tilt", mean, moved, settings, fit.plane, after_std)
 
 
 def _gradient(points: Points, centre_mm: Float, plane: Plane) -> Float:

@@ -136,18 +136,18 @@ def _step(measurements: tuple[Measurement, Measurement], joint: JointSolution) -
     system, estimates, covariance = joint.system, joint.estimates, joint.covariance
     heights, plane = Heights.of(system.pairs, system.centres_mm), Plane(*map(float, estimates[8:]))
     plane_std = np.sqrt(np.diag(covariance)[8:])
-    measure, shared = measurements[0].strain_settings.measure, len(system.pairs.chosen)
+    settings, shared = measurements[0].strain_settings, len(system.pairs.chosen)
     corrections = []
     cameras = zip((system.pairs.first, system.pairs.second), system.centres_mm, strict=True)
     for k, (points, centre_mm) in enumerate(cameras):
         at = slice(4 * k, 4 * k + 4)
-        mean = strain_of_gradient(estimates[at].reshape(2, 2), covariance[at, at], shared, measure)
+        mean = strain_of_gradient(estimates[at].reshape(2, 2), covariance[at, at], shared, settings.measure)
         moved = moved_out_of_plane(points.displacement, centre_mm, Plane(), plane)
-        corrections.append(Correction("two cameras", mean, moved, Plane(), plane, plane_std))
+        corrections.append(Correction("two cameras", mean, moved, settings, plane, plane_std))
     certainty = np.array([1.0 / np.trace(covariance[at, at]) for at in (slice(0, 4), slice(4, 8))])
     weigh = np.kron(certainty / certainty.sum(), np.eye(4))
     gradient, errors = weigh @ estimates[:8], weigh @ covariance[:8, :8] @ weigh.T
-    mean = strain_of_gradient(gradient.reshape(2, 2), errors, shared, measure)
+    mean = strain_of_gradient(gradient.reshape(2, 2), errors, shared, settings.measure)
     return TwoCameraStep((corrections[0], corrections[1]), mean, *_height_maps(system.pairs, heights))
 
 

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from dic.out_of_plane.correction import Correction
 from dic.strain.measurement import Measurement
-from dic.strain.strain import strain_field
 
 Float = NDArray[np.float64]
 
@@ -21,8 +20,7 @@ def panels(measurement: Measurement, correction: Correction | None = None) -> li
     They are corrected where there is a correction that applies, else calibrated, else raw.
     """
     if correction is not None and correction.declined is None:
-        shown, kind = correction.displacement, "corrected"
-        strain = strain_field(shown, measurement.strain_settings)
+        shown, strain, kind = correction.displacement, correction.strain, "corrected"
     else:
         shown, strain = measurement.calibrated or measurement.raw, measurement.strain
         kind = "calibrated" if measurement.calibrated is not None else "raw"

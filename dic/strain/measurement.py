@@ -34,6 +34,12 @@ class Measurement:
         Width of the virtual strain gauge: of the pixels that a local strain comes from.
     gauge_mm : float or None
         The same on the specimen, in the middle of the grid, when there is a calibration.
+    raw_mean : MeanStrain
+        Of the displacements in pixels, from the points that `calibrated_mean` uses too.
+    calibrated_mean : MeanStrain or None
+        Of the calibrated displacements.
+    stored_strain : StrainField or None
+        Local strain as a result file holds it. Without one `strain` is computed when it is first asked for.
     """
 
     label: str
@@ -43,6 +49,9 @@ class Measurement:
     strain_settings: StrainSettings
     gauge_px: int
     gauge_mm: float | None
+    raw_mean: MeanStrain
+    calibrated_mean: MeanStrain | None
+    stored_strain: StrainField | None = None
 
     def __repr__(self) -> str:
         return f"Measurement({self.label!r}, {self.field}, {self.mean})"
@@ -58,22 +67,9 @@ class Measurement:
         return self.calibrated_mean or self.raw_mean
 
     @cached_property
-    def raw_mean(self) -> MeanStrain:
-        """Mean strain of the displacements in pixels, from the points that `calibrated_mean` uses too."""
-        valid = None if self.calibrated is None else self.calibrated.valid
-        return mean_strain(self.raw, valid, self.strain_settings.measure)
-
-    @cached_property
-    def calibrated_mean(self) -> MeanStrain | None:
-        """Mean strain of the calibrated displacements."""
-        if self.calibrated is None:
-            return None
-        return mean_strain(self.calibrated, measure=self.strain_settings.measure)
-
-    @cached_property
     def strain(self) -> StrainField:
         """Local strain, calibrated if there is a calibration, raw otherwise."""
-        return strain_field(self.calibrated or self.raw, self.strain_settings)
+        return self.stored_strain or strain_field(self.calibrated or self.raw, self.strain_settings)
 
     @property
     def good(self) -> bool:
@@ -141,7 +137,10 @@ def measure(
     gauge_px = strain.gauge_px(field.settings)
     raw = raw_displacement(field)
     if calibration is None:
-        return Measurement(label, field, raw, None, strain, gauge_px, None)
+        raw_mean = mean_strain(raw, measure=strain.measure)
+        return Measurement(label, field, raw, None, strain, gauge_px, None, raw_mean, None)
     calibrated = calibrated_displacement(field, calibration)
+    raw_mean = mean_strain(raw, calibrated.valid, strain.measure)
+    calibrated_mean = mean_strain(calibrated, measure=strain.measure)
     gauge_mm = gauge_px * calibration.mm_per_px
-    return Measurement(label, field, raw, calibrated, strain, gauge_px, gauge_mm)
+    return Measurement(label, field, raw, calibrated, strain, gauge_px, gauge_mm, raw_mean, calibrated_mean)

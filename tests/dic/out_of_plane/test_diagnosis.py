@@ -52,7 +52,7 @@ def test_an_alignment_that_cannot_be_is_refused(wrong, tmp_path):
 
 def loaded(shift_mm, std_mm):
     stds = np.array([1e-6, 1e-6, std_mm])
-    correction = Correction("two cameras", None, None, Plane(), Plane(0.01, 0.0, shift_mm), stds)
+    correction = Correction("two cameras", None, None, None, Plane(0.01, 0.0, shift_mm), stds)
     return tension_findings([correction], np.array([1000.0]))[1]
 
 

@@ -136,7 +136,7 @@ def correction(measurement: Measurement, strains: tuple[float, ...], plane: Plan
     exx, eyy, exy = strains
     mean = replace(mean, exx=exx, eyy=eyy, exy=exy, exx_std=3e-6, eyy_std=3e-6, exy_std=3e-6)
     std = np.array([*np.radians([0.001, 0.001]), np.nan])
-    return Correction("tilt", mean, measurement.calibrated, Plane(), plane, std)
+    return Correction("tilt", mean, measurement.calibrated, measurement.strain_settings, plane, std)
 
 
 def corrected_tension_run() -> RunResult:
