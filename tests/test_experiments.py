@@ -104,10 +104,10 @@ def test_tension_on_axis_is_the_strain_that_the_specimen_had(tmp_path):
     assert np.abs(difference[elastic][:, [0, 2]]).max() < 60
     # Corrected, by one camera and by two, it is the strain that the specimen had.
     assert corrections.motion == "tension"
-    assert corrections.pair == ("off_axis", "on_axis")
+    assert corrections.joint.cameras == ("off_axis", "on_axis")
     one = corrected(corrections.cameras["off_axis"].images)
     two = MICRO * np.array(
-        [[b.mean.exx, b.mean.eyy, b.mean.exy] for _, b in sorted(corrections.both.items()) if b.mean]
+        [[b.mean.exx, b.mean.eyy, b.mean.exy] for _, b in sorted(corrections.joint.steps.items()) if b.mean]
     )
     assert len(two) == len(measured)
     np.testing.assert_allclose(one[elastic], measured[elastic], atol=50)
@@ -116,5 +116,5 @@ def test_tension_on_axis_is_the_strain_that_the_specimen_had(tmp_path):
     assert (np.abs(one - measured) < 0.002 * scale + 50).all()
     assert (np.abs(two - measured) < 0.002 * scale + 20).all()
     # The grips tip the specimen by up to 0.1 degrees about X.
-    last = corrections.both[steps[-1].index].plane
+    last = corrections.joint.steps[steps[-1].index].plane
     np.testing.assert_allclose(np.degrees([last.slope_x, last.slope_y]), [0.0, -0.1], atol=0.005)

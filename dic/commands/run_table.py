@@ -7,6 +7,7 @@ import numpy as np
 if TYPE_CHECKING:
     from dic.pipeline.camera_result import CameraResult
     from dic.pipeline.run import RunResult
+    from dic.pipeline.run_corrections import JointCorrections
     from dic.runfile.reader import RunStep
     from dic.strain.measurement import Measurement
     from dic.strain.strain import MeanStrain
@@ -23,9 +24,9 @@ def table(result: "RunResult") -> str:
     for camera in result.cameras:
         lines += _camera_lines(result, camera)
         lines += [f"  {finding}" for finding in corrections.findings[camera.camera]]
-    if corrections.pair is not None:
-        lines += _pair_lines(result)
-        lines += [f"  {finding}" for finding in corrections.findings.get("both", [])]
+    if corrections.joint is not None:
+        lines += _joint_lines(result, corrections.joint)
+        lines += [f"  {finding}" for finding in corrections.joint.findings]
     return "\n".join(lines)
 
 
@@ -49,24 +50,23 @@ def _camera_lines(result: "RunResult", camera: "CameraResult") -> list[str]:
     return lines
 
 
-def _pair_lines(result: "RunResult") -> list[str]:
-    corrections = result.corrections
-    first, second = corrections.pair or ("", "")
+def _joint_lines(result: "RunResult", joint: "JointCorrections") -> list[str]:
+    first, second = joint.cameras
     lines = [
         f"{first} and {second} together: motion of the specimen's plane by parallax",
         _step_heading() + _strain_heading("corr.") + f" {'± exx':>6} {'± eyy':>6} {'± exy':>6}"
         f"  µε {'shift':>8} {'±':>5} µm {'slope x':>8} {'slope y':>8} °",
     ]
     steps = {step.index: step for camera in result.cameras for step in camera.steps}
-    for index, both in sorted(corrections.both.items()):
-        if both.declined or both.mean is None or both.plane is None or both.plane_std is None:
-            lines.append(_step_cells(steps[index], 0) + f"  not corrected: {both.declined}")
+    for index, found in sorted(joint.steps.items()):
+        if found.declined or found.mean is None or found.plane is None or found.plane_std is None:
+            lines.append(_step_cells(steps[index], 0) + f"  not corrected: {found.declined}")
             continue
-        slopes = np.degrees(np.arctan([both.plane.slope_x, both.plane.slope_y]))
-        stds = " ".join(f"{1e6 * getattr(both.mean, f'{name}_std'):6.0f}" for name in _STRAINS)
+        slopes = np.degrees(np.arctan([found.plane.slope_x, found.plane.slope_y]))
+        stds = " ".join(f"{1e6 * getattr(found.mean, f'{name}_std'):6.0f}" for name in _STRAINS)
         lines.append(
-            f"{_step_cells(steps[index], both.mean.points)} {_strain_cells(both.mean)} {stds}"
-            f"     {1e3 * both.plane.shift_mm:z8.2f} {1e3 * both.plane_std[2]:5.2f}   "
+            f"{_step_cells(steps[index], found.mean.points)} {_strain_cells(found.mean)} {stds}"
+            f"     {1e3 * found.plane.shift_mm:z8.2f} {1e3 * found.plane_std[2]:5.2f}   "
             f" {slopes[0]:z8.4f} {slopes[1]:z8.4f}"
         )
     return lines
@@ -145,20 +145,16 @@ def as_dict(result: "RunResult") -> dict[str, Any]:
         "settings": vars(result.settings),
         "motion": result.corrections.motion,
         "cameras": cameras,
-        "both": _both_as_dict(result),
+        "both": None if result.corrections.joint is None else _joint_as_dict(result.corrections.joint),
     }
 
 
-def _both_as_dict(result: "RunResult") -> dict[str, Any] | None:
-    corrections = result.corrections
-    if corrections.pair is None:
-        return None
+def _joint_as_dict(joint: "JointCorrections") -> dict[str, Any]:
     steps = []
-    for index, both in sorted(corrections.both.items()):
-        plane = both.corrections[0].as_dict()
+    for index, found in sorted(joint.steps.items()):
+        plane = found.corrections[0].as_dict()
         shape = {name: value for name, value in plane.items() if name.startswith(("slope", "shift"))}
-        mean = {} if both.mean is None else both.mean.as_dict()
-        applied = {"applied": both.declined is None, "reason": both.declined}
+        mean = {} if found.mean is None else found.mean.as_dict()
+        applied = {"applied": found.declined is None, "reason": found.declined}
         steps.append({"index": index} | mean | shape | applied)
-    findings = corrections.findings.get("both", [])
-    return {"cameras": list(corrections.pair), "steps": steps, "findings": findings}
+    return {"cameras": list(joint.cameras), "steps": steps, "findings": joint.findings}

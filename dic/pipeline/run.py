@@ -3,8 +3,7 @@
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 from pathlib import Path
 from threading import Event
 
@@ -27,18 +26,26 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RunResult:
-    """All that was measured in a run; the reference step itself is not among the measurements."""
+    """All that was measured in a run, and corrected; the reference step itself is not among the measurements.
+
+    Attributes
+    ----------
+    source : str
+        The run file.
+    info : RunInfo
+    settings : CorrelationSettings
+    correcting : CorrectionSettings
+    cameras : list of CameraResult
+    corrections : RunCorrections
+        Of the strains, for motion out of the grid's plane.
+    """
 
     source: str
     info: RunInfo
     settings: CorrelationSettings
+    correcting: CorrectionSettings
     cameras: list[CameraResult]
-    correcting: CorrectionSettings = field(default_factory=CorrectionSettings)
-
-    @cached_property
-    def corrections(self) -> RunCorrections:
-        """The strains corrected for motion out of the grid's plane."""
-        return correct_run(self.cameras, self.correcting)
+    corrections: RunCorrections
 
 
 def process_run(
@@ -97,7 +104,8 @@ def process_run(
                 # The pool waits for its threads: without this an interrupt takes as long as the whole run.
                 stopped.set()
                 raise
-        return RunResult(str(path), run.info, settings, cameras, correcting)
+        corrections = correct_run(cameras, correcting)
+        return RunResult(str(path), run.info, settings, correcting, cameras, corrections)
 
 
 def _process_camera(

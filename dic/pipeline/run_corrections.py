@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dic.errors import CorrelationError, require_all
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correct import POISSON_RATIO, Corrections, Motion, correct, poisson_check
+from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.diagnosis import Harmonics, Sensitivity, rotation_findings, tension_findings
 from dic.out_of_plane.two_cameras import TwoCameraStep, correct_with_two_cameras
 from dic.pipeline.camera_result import CameraResult
@@ -78,6 +79,25 @@ class CorrectionSettings:
 
 
 @dataclass(frozen=True)
+class JointCorrections:
+    """What two cameras found together, each step by their joint solution.
+
+    Attributes
+    ----------
+    cameras : tuple of str
+        The one further aside first.
+    steps : dict of int to TwoCameraStep
+        By number of the step, in the order of the run.
+    findings : list of str
+        Sentences on the set-up.
+    """
+
+    cameras: tuple[str, str]
+    steps: dict[int, TwoCameraStep]
+    findings: list[str]
+
+
+@dataclass(frozen=True)
 class RunCorrections:
     """What is known of a run once its motion out of the grid's plane is accounted for.
 
@@ -87,19 +107,34 @@ class RunCorrections:
         "rigid", "tension", or "free" if the steps tell no motion.
     cameras : dict of str to Corrections
         Of each camera on its own, in the order of its measurements.
-    pair : tuple of str or None
-        The cameras that were used together, the one further aside first.
-    both : dict of int to TwoCameraStep
-        By number of the step.
     findings : dict of str to list of str
-        By camera, and under "both" for the pair: sentences on the set-up.
+        By camera: sentences on the set-up.
+    joint : JointCorrections or None
+        None if no two cameras could be used together.
     """
 
     motion: str
     cameras: dict[str, Corrections]
-    pair: tuple[str, str] | None
-    both: dict[int, TwoCameraStep]
     findings: dict[str, list[str]]
+    joint: JointCorrections | None = None
+
+    def best(self, camera: str, step: int, place: int) -> Correction:
+        """Return the joint solution's correction of a camera's step if it applies, else the camera's own.
+
+        Parameters
+        ----------
+        camera : str
+        step : int
+            Number of the step.
+        place : int
+            Of the step among the camera's measurements.
+        """
+        joint = self.joint
+        if joint is not None and camera in joint.cameras and step in joint.steps:
+            found = joint.steps[step]
+            if found.declined is None:
+                return found.corrections[joint.cameras.index(camera)]
+        return self.cameras[camera].images[place]
 
 
 def correct_run(cameras: Sequence[CameraResult], settings: CorrectionSettings) -> RunCorrections:
@@ -113,13 +148,7 @@ def correct_run(cameras: Sequence[CameraResult], settings: CorrectionSettings) -
         corrected[camera.camera] = found
         findings[camera.camera] = _findings(motion, camera, found)
     pair = _pair(cameras) if motion == "tension" else None
-    both = {} if pair is None else _together(*pair)
-    if pair is not None and both:
-        steps = [step for step in pair[0].steps if step.index in both]
-        loads_n = np.array([step.load_n for step in steps])
-        findings["both"] = tension_findings([both[step.index].corrections[0] for step in steps], loads_n)
-    names = None if pair is None else (pair[0].camera, pair[1].camera)
-    return RunCorrections(motion, corrected, names, both, findings)
+    return RunCorrections(motion, corrected, findings, None if pair is None else _together(*pair))
 
 
 def motion_of(kinds: Set[str]) -> str:
@@ -159,11 +188,13 @@ def _pair(cameras: Sequence[CameraResult]) -> tuple[CameraResult, CameraResult] 
     return first[1], second[1]
 
 
-def _together(first: CameraResult, second: CameraResult) -> dict[int, TwoCameraStep]:
+def _together(first: CameraResult, second: CameraResult) -> JointCorrections:
     others = {step.index: m for step, m in zip(second.steps, second.measurements, strict=True)}
     calibrations = first.calibration, second.calibration
-    return {
-        step.index: correct_with_two_cameras((measurement, others[step.index]), calibrations)
-        for step, measurement in zip(first.steps, first.measurements, strict=True)
-        if step.index in others
-    }
+    steps, loads_n = {}, []
+    for step, measurement in zip(first.steps, first.measurements, strict=True):
+        if step.index in others:
+            steps[step.index] = correct_with_two_cameras((measurement, others[step.index]), calibrations)
+            loads_n.append(step.load_n)
+    findings = tension_findings([found.corrections[0] for found in steps.values()], np.array(loads_n))
+    return JointCorrections((first.camera, second.camera), steps, findings)

@@ -1,27 +1,31 @@
 """The result file of a run: everything `process_run` found, so that a report needs nothing else."""
 
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
 from dic.calibration.file import read_calibration, write_calibration
-from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import RunFileError
+from dic.out_of_plane.alignment import Alignment
+from dic.out_of_plane.correct import Corrections
 from dic.pipeline.camera_result import CameraResult
 from dic.pipeline.run import RunResult
-from dic.pipeline.run_corrections import CorrectionSettings
-from dic.results.writer import FORMAT, VERSION, ResultWriter
+from dic.pipeline.run_corrections import CorrectionSettings, JointCorrections, RunCorrections, correct_run
+from dic.results.reader import read_corrections, read_measurements, read_two_cameras
+from dic.results.schema import FORMAT, VERSION
+from dic.results.writer import ResultWriter
 from dic.runfile.reader import RunInfo, RunStep
-from dic.strain.measurement import measure
-from dic.strain.strain import StrainSettings
 
+_JOINT = "both"
 _STEP_UNITS = {
     "index": "1", "target": "by kind: N, mm or deg", "load_n": "N", "displacement_mm": "mm",
     "angle_deg": "deg", "time_s": "s",
 }  # fmt: skip
+_ALIGNMENT_UNITS = {"slopes": "1", "covariance": "1", "pivot_mm": "mm"}
 
 
 def save_run_result(result: RunResult, path: Path) -> None:
@@ -32,35 +36,30 @@ def save_run_result(result: RunResult, path: Path) -> None:
     RunFileError
         If the file cannot be written.
     """
+    corrections = result.corrections
     with ResultWriter(path) as writer:
         run = writer.group("run")
-        run.attrs.update(asdict(result.info) | {"source": result.source})
+        run.attrs.update(asdict(result.info) | {"source": result.source, "motion": corrections.motion})
         for camera in result.cameras:
-            name = f"cameras/{camera.camera}"
-            for measurement in camera.measurements:
-                writer.add(f"{name}/series", measurement)
-            group = writer.group(name)
-            group.attrs["failures"] = "\n".join(camera.failures)
-            group.create_dataset("reference", data=camera.reference).attrs["units"] = "grey level"
-            write_calibration(group.create_group("calibration"), camera.calibration)
-            _write_steps(group.create_group("steps"), camera.steps)
-            if camera.measurements:
-                corrections = result.corrections.cameras[camera.camera].images
-                writer.add_corrections(f"{name}/series", corrections)
+            _write_camera(writer, camera, corrections)
+        if corrections.joint is not None:
+            joint = corrections.joint
+            writer.add_two_cameras(_JOINT, joint.cameras, joint.steps)
+            _write_texts(writer.group(_JOINT), "findings", joint.findings)
         writer.group("settings").attrs["correcting"] = result.correcting.as_text()
         writer.group("settings").attrs.update(vars(result.settings))
 
 
 def load_run_result(path: Path) -> RunResult:
-    """Read the result file of a run.
+    """Read the result file of a run, every value as it stands there.
+
+    Of a file that was written before result files held everything, what it lacks is computed anew.
 
     Raises
     ------
     RunFileError
         If the file is missing, cut off, or no result file of a run.
     """
-    import h5py
-
     if not path.is_file():
         raise _refusal(path, "no such file")
     try:
@@ -69,64 +68,93 @@ def load_run_result(path: Path) -> RunResult:
                 raise _refusal(path, "an HDF5 file of another kind")
             if file.attrs["file_format_version"] != VERSION:
                 raise _refusal(path, f"version {file.attrs['file_format_version']}, newer than this program")
-            run = dict(file["run"].attrs)
-            info = RunInfo(**{f.name: _plain(run[f.name]) for f in fields(RunInfo)})
-            attributes = {k: _plain(v) for k, v in file["settings"].attrs.items()}
-            correcting = CorrectionSettings.from_text(attributes.pop("correcting"))
-            settings = CorrelationSettings(**attributes)
-            cameras = [_read_camera(name, group, settings) for name, group in file["cameras"].items()]
-            return RunResult(str(run["source"]), info, settings, cameras, correcting)
+            return _read_run(file)
     except (KeyError, TypeError) as error:
         raise _refusal(path, "a result file that lacks some of its data") from error
     except OSError as error:
         raise _refusal(path, "a file that was cut off or is no HDF5") from error
 
 
-def _write_steps(group: Any, steps: list[RunStep]) -> None:
-    group.attrs["kind"] = [step.kind for step in steps]
-    for name, units in _STEP_UNITS.items():
-        group.create_dataset(name, data=[getattr(step, name) for step in steps]).attrs["units"] = units
+def _write_camera(writer: ResultWriter, camera: CameraResult, corrections: RunCorrections) -> None:
+    name, found = f"cameras/{camera.camera}", corrections.cameras[camera.camera]
+    for measurement in camera.measurements:
+        writer.add(f"{name}/series", measurement)
+    group = writer.group(name)
+    group.attrs["failures"] = "\n".join(camera.failures)
+    group.create_dataset("reference", data=camera.reference).attrs["units"] = "grey level"
+    write_calibration(group.create_group("calibration"), camera.calibration)
+    steps = group.create_group("steps")
+    steps.attrs["kind"] = [step.kind for step in camera.steps]
+    for column, units in _STEP_UNITS.items():
+        steps.create_dataset(column, data=[getattr(s, column) for s in camera.steps]).attrs["units"] = units
+    if camera.measurements:
+        places = enumerate(zip(camera.steps, found.images, strict=True))
+        joint = {k for k, (s, image) in places if corrections.best(camera.camera, s.index, k) is not image}
+        writer.add_corrections(f"{name}/series", found.images, joint)
+    if found.alignment is not None:
+        for key, units in _ALIGNMENT_UNITS.items():
+            dataset = group.create_dataset(f"alignment/{key}", data=getattr(found.alignment, key))
+            dataset.attrs["units"] = units
+    _write_texts(group, "findings", corrections.findings[camera.camera])
 
 
-def _read_camera(name: str, group: Any, settings: CorrelationSettings) -> CameraResult:
+def _write_texts(group: Any, name: str, texts: list[str]) -> None:
+    group.create_dataset(name, data=texts, dtype=h5py.string_dtype())
+
+
+def _read_run(file: h5py.File) -> RunResult:
+    run = dict(file["run"].attrs)
+    info = RunInfo(**{f.name: _plain(run[f.name]) for f in fields(RunInfo)})
+    attributes = {k: _plain(v) for k, v in file["settings"].attrs.items()}
+    correcting = CorrectionSettings.from_text(attributes.pop("correcting"))
+    settings = CorrelationSettings(**attributes)
+    cameras = [_read_camera(name, group) for name, group in file["cameras"].items()]
+    # Files that were written before name no motion, and lack alignments, findings and two cameras' steps.
+    anew = None if "motion" in run else correct_run(cameras, correcting)
+    corrected = {c.camera: _read_corrections(file["cameras"][c.camera], c, anew) for c in cameras}
+    if anew is not None:
+        corrections = replace(anew, cameras=corrected)
+    else:
+        findings = {c.camera: _read_texts(file["cameras"][c.camera], "findings") for c in cameras}
+        joint = _read_joint(file[_JOINT], cameras) if _JOINT in file else None
+        corrections = RunCorrections(str(run["motion"]), corrected, findings, joint)
+    return RunResult(str(run["source"]), info, settings, correcting, cameras, corrections)
+
+
+def _read_camera(name: str, group: h5py.Group) -> CameraResult:
     calibration = read_calibration(group["calibration"])
     columns = {column: group["steps"][column][:] for column in _STEP_UNITS}
     steps = []
     for k, kind in enumerate(group["steps"].attrs["kind"]):
         values = {column: float(values[k]) for column, values in columns.items() if column != "index"}
         steps.append(RunStep(index=int(columns["index"][k]), kind=str(kind), **values))
-    measurements = []
-    if steps:
-        series = group["series"]
-        strain = StrainSettings(
-            **{f.name: _plain(series.attrs[f"strain_{f.name}"]) for f in fields(StrainSettings)}
-        )
-        for k, label in enumerate(series["label"].asstr()[:]):
-            field = _read_field(series, k, settings)
-            measurements.append(measure(field, calibration, strain, label=str(label)))
+    measurements = read_measurements(group["series"], calibration) if steps else []
     failures = [line for line in str(group.attrs["failures"]).split("\n") if line]
     return CameraResult(name, calibration, group["reference"][:], steps, measurements, failures)
 
 
-def _read_field(series: Any, k: int, settings: CorrelationSettings) -> Field:
-    def joined(u: str, v: str, gradient: str) -> Any:
-        slopes = np.moveaxis(series[gradient][k], -1, 0)
-        return np.stack([series[u][k], *slopes[:2], series[v][k], *slopes[2:]], axis=-1)
+def _read_corrections(group: h5py.Group, camera: CameraResult, anew: RunCorrections | None) -> Corrections:
+    solved = None if anew is None else anew.cameras[camera.camera]
+    images = []
+    if camera.measurements:
+        images = read_corrections(
+            group["series"], camera.measurements, None if solved is None else solved.images
+        )
+    if solved is not None:
+        return Corrections(images, solved.alignment)
+    if "alignment" not in group:
+        return Corrections(images)
+    return Corrections(images, Alignment(**{key: group["alignment"][key][:] for key in _ALIGNMENT_UNITS}))
 
-    return Field(
-        x_px=series["x_px"][:],
-        y_px=series["y_px"][:],
-        warps=joined("u_px", "v_px", "gradient"),
-        std=joined("std_u_px", "std_v_px", "std_gradient"),
-        zncc=series["zncc"][k],
-        iterations=series["iterations"][k].astype(np.int16),
-        status=series["status"][k].astype(np.int8),
-        active=series["active"][:].astype(np.bool_),
-        start=str(series["start"].asstr()[k]),
-        settings=settings,
-        # Files of the time before runs were measured over new references have none.
-        updates=int(series["updates"][k]) if "updates" in series else 0,
-    )
+
+def _read_joint(group: h5py.Group, cameras: list[CameraResult]) -> JointCorrections:
+    measured = {c.camera: {s.index: m for s, m in zip(c.steps, c.measurements, strict=True)} for c in cameras}
+    pair, steps = read_two_cameras(group, measured)
+    return JointCorrections(pair, steps, _read_texts(group, "findings"))
+
+
+def _read_texts(group: h5py.Group, name: str) -> list[str]:
+    return [str(text) for text in group[name].asstr()[:]]
 
 
 def _plain(value: Any) -> Any:

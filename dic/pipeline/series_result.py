@@ -1,14 +1,13 @@
 """What became of the images of a series."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 from dic.errors import CorrelationError
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.diagnosis import Sensitivity
 from dic.strain.measurement import Measurement
-from dic.strain.strain import MeanStrain, StrainField, strain_field
+from dic.strain.strain import MeanStrain, StrainField
 from dic.typing import Grey
 
 
@@ -48,13 +47,10 @@ class MeasuredImage:
         """
         return self._measured.mean if self._corrected is None else self._corrected.mean
 
-    @cached_property
+    @property
     def strain(self) -> StrainField:
         """Local strain: corrected if the correction applies, else calibrated, else raw; raises as `mean`."""
-        measurement = self._measured
-        if self._corrected is None:
-            return measurement.strain
-        return strain_field(self._corrected.displacement, measurement.strain_settings)
+        return self._measured.strain if self._corrected is None else self._corrected.strain
 
     @property
     def _corrected(self) -> Correction | None:

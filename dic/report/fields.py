@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-from dic.out_of_plane.correction import Correction
-from dic.pipeline.run_corrections import RunCorrections
 from dic.report import rotation, tension
 from dic.report.series import Run
 from dic.report.style import png_uri
@@ -21,14 +19,6 @@ class FieldPicture:
     uri: str
 
 
-def best_correction(corrections: RunCorrections, camera: str, step: int, place: int) -> Correction:
-    """Return the correction by both cameras if they make one at this step, else the camera's own."""
-    both = corrections.both.get(step)
-    if corrections.pair is not None and camera in corrections.pair and both is not None and not both.declined:
-        return both.corrections[corrections.pair.index(camera)]
-    return corrections.cameras[camera].images[place]
-
-
 def field_pictures(run: Run) -> list[FieldPicture]:
     """Return the maps of every camera at the telling steps of the run's kind."""
     telling = rotation.telling_steps if run.kind == "rotation" else tension.telling_steps
@@ -38,7 +28,7 @@ def field_pictures(run: Run) -> list[FieldPicture]:
             measured = {s.index: k for k, s in enumerate(camera.steps)}
             if step.index in measured:
                 at = measured[step.index]
-                correction = best_correction(run.result.corrections, camera.camera, step.index, at)
+                correction = run.result.corrections.best(camera.camera, step.index, at)
                 figure = draw_maps(camera.measurements[at], camera.reference, "", correction)
                 pictures.append(FieldPicture(camera.camera, step, words, png_uri(figure, dpi=90)))
     return pictures

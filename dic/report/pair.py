@@ -64,13 +64,13 @@ def pair_series(result: RunResult, labels: dict[str, str]) -> PairSeries | None:
     labels : dict of str to str
         What the report calls each camera.
     """
-    corrections = result.corrections
-    if corrections.pair is None or not corrections.both:
+    joint = result.corrections.joint
+    if joint is None or not joint.steps:
         return None
-    first, second = corrections.pair
+    first, second = joint.cameras
     steps = {step.index: step for camera in result.cameras for step in camera.steps}
-    indices = sorted(corrections.both)
-    found = [corrections.both[index] for index in indices]
+    indices = sorted(joint.steps)
+    found = [joint.steps[index] for index in indices]
     figures = np.array([_figures(step) for step in found])
     return PairSeries(
         (first, second),

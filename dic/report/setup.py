@@ -28,13 +28,11 @@ class Findings:
 
 def findings(run: Run) -> list[Findings]:
     """Return the findings by camera, the on-axis one first, and of two cameras together."""
-    said = run.result.corrections.findings
-    labels = [(series.camera, series.label) for series in run.cameras]
-    if run.pair is not None:
-        labels.append(("both", run.pair.label))
-    return [
-        Findings(label, [_sentence(text) for text in said[name]]) for name, label in labels if said.get(name)
-    ]
+    corrections = run.result.corrections
+    said = [(series.label, corrections.findings.get(series.camera, [])) for series in run.cameras]
+    if run.pair is not None and corrections.joint is not None:
+        said.append((run.pair.label, corrections.joint.findings))
+    return [Findings(label, [_sentence(text) for text in texts]) for label, texts in said if texts]
 
 
 def camera_rows(run: Run) -> list[list[str]]:

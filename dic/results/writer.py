@@ -1,7 +1,7 @@
 """The result file: fields and strains of whole series, HDF5, layout in `docs/results.md`."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -10,19 +10,11 @@ import numpy as np
 
 from dic.errors import RunFileError
 from dic.out_of_plane.correction import Correction
+from dic.out_of_plane.two_cameras import TwoCameraStep
+from dic.results.schema import FORMAT, LOCAL_KEYS, MEAN_KEYS, PLANE_UNITS, VERSION, strain_units
+from dic.strain.displacement import Displacement
 from dic.strain.measurement import Measurement
-from dic.strain.strain import STRAIN_KEYS
-
-FORMAT = "offaxis-results"
-VERSION = 1
-CORRECTION_UNITS = {
-    "slope_x_deg": "deg",
-    "slope_y_deg": "deg",
-    "slope_x_deg_std": "deg",
-    "slope_y_deg_std": "deg",
-    "shift_mm": "mm",
-    "shift_mm_std": "mm",
-}
+from dic.strain.strain import MeanStrain, StrainField
 
 
 class ResultWriter:
@@ -63,13 +55,16 @@ class ResultWriter:
         else:
             self._partial.unlink(missing_ok=True)
 
+    def group(self, name: str) -> Any:
+        """Return the group `name` of the open file, made if it does not exist."""
+        return self._file.require_group(name)
+
     def add(self, series: str, measurement: Measurement) -> None:
         """Append a measurement to a series, which its first measurement creates."""
         group = self._file.get(series)
         if group is None:
-            group = self._create(series, measurement)
-        n = len(group["label"])
-        field = measurement.field
+            group = _create_series(self._file.create_group(series), measurement)
+        field, calibrated = measurement.field, measurement.calibrated
         rows: dict[str, Any] = {
             "label": measurement.label,
             "start": field.start,
@@ -84,96 +79,172 @@ class ResultWriter:
             "iterations": field.iterations,
             "updates": field.updates,
         }
-        rows |= {name: getattr(measurement.strain, name) for name in STRAIN_KEYS}
-        rows |= {f"raw_mean/{name}": getattr(measurement.raw_mean, name) for name in STRAIN_KEYS}
-        if measurement.calibrated is not None and measurement.calibrated_mean is not None:
-            vector = measurement.calibrated.vector
-            rows |= {"U_mm": vector[..., 0], "V_mm": vector[..., 1], "valid": measurement.calibrated.valid}
-            mean = measurement.calibrated_mean
-            rows |= {f"calibrated_mean/{name}": getattr(mean, name) for name in STRAIN_KEYS}
+        rows |= _strain_rows(measurement.strain) | _mean_rows(measurement.raw_mean, "raw_mean/")
+        if calibrated is not None and measurement.calibrated_mean is not None:
+            rows |= _displacement_rows(calibrated)
+            rows |= _mean_rows(measurement.calibrated_mean, "calibrated_mean/")
+        n = len(group["label"])
         for name, value in rows.items():
             dataset = group[name]
             dataset.resize(n + 1, axis=0)
             dataset[n] = value
 
-    def add_corrections(self, series: str, corrections: Sequence[Correction]) -> None:
-        """Write the corrected mean strains of a whole series, of which all measurements were added before."""
-        import h5py
+    def add_corrections(
+        self, place: str, corrections: Sequence[Correction], elsewhere: Collection[int] = ()
+    ) -> None:
+        """Write what the corrections of a whole series found.
 
-        group = self._file[series].create_group("corrected_mean")
-        summaries = [correction.as_dict() for correction in corrections]
-        for name in STRAIN_KEYS:
-            group[name] = _column(summaries, name)
-            group[name].attrs["units"] = _strain_units(name)
-        for name, units in CORRECTION_UNITS.items():
-            group[name] = _column(summaries, name)
-            group[name].attrs["units"] = units
-        group["applied"] = np.array([summary["applied"] for summary in summaries], np.uint8)
-        group["applied"].attrs["units"] = "1"
-        for name in ("method", "reason"):
-            texts = [summary[name] or "" for summary in summaries]
-            group.create_dataset(name, data=texts, dtype=h5py.string_dtype())
+        Parameters
+        ----------
+        place : str
+            The group to write into.
+        corrections : sequence of Correction
+            In the order of the images.
+        elsewhere : collection of int
+            Places in the series whose corrected field another group keeps, for fields take most of the file.
+        """
+        group = self._file.require_group(place)
+        _write_correction_table(group.create_group("corrected_mean"), corrections)
+        applied = [k for k, correction in enumerate(corrections) if correction.declined is None]
+        if not applied:
+            return
+        local = group.create_group("corrected")
+        # All images of a series have the same points, in the same plane of the reference.
+        position = corrections[applied[0]].displacement.position
+        _create_displacement(local, position, len(corrections))
+        _create_strain(local, position.shape[:2], len(corrections))
+        for k in sorted({*applied} - {*elsewhere}):
+            rows = _displacement_rows(corrections[k].displacement) | _strain_rows(corrections[k].strain)
+            for name, value in rows.items():
+                local[name][k] = value
 
-    def group(self, name: str) -> Any:
-        """Return the group `name` of the open file, made if it does not exist."""
-        return self._file.require_group(name)
-
-    def _create(self, series: str, measurement: Measurement) -> Any:
-        import h5py
-
-        group = self._file.create_group(series)
-        group.attrs.update(vars(measurement.settings))
-        strain = measurement.strain_settings
-        group.attrs.update({f"strain_{name}": value for name, value in vars(strain).items()})
-        group.attrs["strain_gauge_px"] = measurement.gauge_px
-        if measurement.gauge_mm is not None:
-            group.attrs["strain_gauge_mm"] = measurement.gauge_mm
-        field = measurement.field
-        shape = field.status.shape
-
-        def growing(name: str, units: str, dtype: Any, row: tuple[int, ...] = ()) -> None:
-            dataset = group.create_dataset(
-                name, (0, *row), dtype, maxshape=(None, *row), chunks=(1 if row else 256, *row)
-            )
-            if units:
-                dataset.attrs["units"] = units
-
-        def fixed(name: str, units: str, data: Any) -> None:
-            group[name] = data
-            group[name].attrs["units"] = units
-
-        fixed("x_px", "px", field.x_px)
-        fixed("y_px", "px", field.y_px)
-        fixed("active", "1", field.active.astype(np.uint8))
-        for name in ("label", "start"):
-            growing(name, "", h5py.string_dtype())
-        for name, units in (("u_px", "px"), ("v_px", "px"), ("zncc", "1")):
-            growing(name, units, "f8", shape)
-        growing("gradient", "1", "f8", (*shape, 4))
-        growing("std_u_px", "px", "f8", shape)
-        growing("std_v_px", "px", "f8", shape)
-        growing("std_gradient", "1", "f8", (*shape, 4))
-        growing("status", "1", "u1", shape)
-        growing("iterations", "1", "u2", shape)
-        growing("updates", "1", "u2")
-        for name in STRAIN_KEYS:
-            growing(name, _strain_units(name), "f8", shape)
-            growing(f"raw_mean/{name}", _strain_units(name), "f8")
-        if measurement.calibrated is not None:
-            fixed("X_mm", "mm", measurement.calibrated.position[..., 0])
-            fixed("Y_mm", "mm", measurement.calibrated.position[..., 1])
-            growing("U_mm", "mm", "f8", shape)
-            growing("V_mm", "mm", "f8", shape)
-            growing("valid", "1", "u1", shape)
-            for name in STRAIN_KEYS:
-                growing(f"calibrated_mean/{name}", _strain_units(name), "f8")
-        return group
+    def add_two_cameras(self, place: str, cameras: tuple[str, str], steps: dict[int, TwoCameraStep]) -> None:
+        """Write what two cameras found together, by number of the step, into the group `place`."""
+        group, found = self._file.require_group(place), list(steps.values())
+        group.attrs["cameras"] = list(cameras)
+        _write(group, "step", "1", np.array(list(steps), np.int64))
+        _write_means(group.create_group("mean"), [step.mean for step in found])
+        _write_reasons(group, [step.declined for step in found])
+        maps = [step.heights_mm for step in found if step.heights_mm is not None]
+        for name in ("heights_mm", "heights_std_mm") if maps else ():
+            dataset = _rows(group, name, "mm", maps[0].shape, len(found))
+            for k, step in enumerate(found):
+                if getattr(step, name) is not None:
+                    dataset[k] = getattr(step, name)
+        for k, camera in enumerate(cameras):
+            self.add_corrections(f"{place}/{camera}", [step.corrections[k] for step in found])
 
 
-def _column(summaries: Sequence[dict[str, Any]], name: str) -> Any:
-    values = [summary.get(name) for summary in summaries]
-    return np.array([np.nan if value is None else value for value in values], np.float64)
+def _create_series(group: Any, measurement: Measurement) -> Any:
+    """Write what all measurements of a series share, and make what grows with each."""
+    import h5py
+
+    group.attrs.update(vars(measurement.settings))
+    strain = measurement.strain_settings
+    group.attrs.update({f"strain_{name}": value for name, value in vars(strain).items()})
+    group.attrs["strain_gauge_px"] = measurement.gauge_px
+    if measurement.gauge_mm is not None:
+        group.attrs["strain_gauge_mm"] = measurement.gauge_mm
+    field = measurement.field
+    shape = field.status.shape
+    _write(group, "x_px", "px", field.x_px)
+    _write(group, "y_px", "px", field.y_px)
+    _write(group, "active", "1", field.active.astype(np.uint8))
+    for name in ("label", "start"):
+        _rows(group, name, "", dtype=h5py.string_dtype())
+    for name, units in (("u_px", "px"), ("v_px", "px"), ("zncc", "1")):
+        _rows(group, name, units, shape)
+    _rows(group, "gradient", "1", (*shape, 4))
+    _rows(group, "std_u_px", "px", shape)
+    _rows(group, "std_v_px", "px", shape)
+    _rows(group, "std_gradient", "1", (*shape, 4))
+    _rows(group, "status", "1", shape, dtype="u1")
+    _rows(group, "iterations", "1", shape, dtype="u2")
+    _rows(group, "updates", "1", dtype="u2")
+    _create_strain(group, shape)
+    _create_means(group.create_group("raw_mean"))
+    if measurement.calibrated is not None:
+        _create_displacement(group, measurement.calibrated.position)
+        _create_means(group.create_group("calibrated_mean"))
+    return group
 
 
-def _strain_units(name: str) -> str:
-    return "deg" if name.startswith("direction_deg") else "1"
+def _create_strain(group: Any, shape: tuple[int, ...], n: int = 0) -> None:
+    for name in LOCAL_KEYS:
+        _rows(group, name, strain_units(name), shape, n)
+
+
+def _create_displacement(group: Any, position: Any, n: int = 0) -> None:
+    for k, axis in enumerate("XY"):
+        _write(group, f"{axis}_mm", "mm", position[..., k])
+    for name in ("U_mm", "V_mm"):
+        _rows(group, name, "mm", position.shape[:2], n)
+    _rows(group, "valid", "1", position.shape[:2], n, "u1")
+
+
+def _create_means(group: Any) -> None:
+    for name in MEAN_KEYS:
+        _rows(group, name, strain_units(name), dtype="i8" if name == "points" else "f8")
+
+
+def _strain_rows(strain: StrainField) -> dict[str, Any]:
+    return {name: getattr(strain, name) for name in LOCAL_KEYS}
+
+
+def _mean_rows(mean: MeanStrain, place: str) -> dict[str, Any]:
+    return {f"{place}{name}": getattr(mean, name) for name in MEAN_KEYS}
+
+
+def _displacement_rows(displacement: Displacement) -> dict[str, Any]:
+    vector = displacement.vector
+    return {"U_mm": vector[..., 0], "V_mm": vector[..., 1], "valid": displacement.valid}
+
+
+def _write_correction_table(group: Any, corrections: Sequence[Correction]) -> None:
+    import h5py
+
+    _write_means(group, [correction.mean for correction in corrections])
+    summaries = [correction.as_dict() for correction in corrections]
+    for name, units in PLANE_UNITS.items():
+        values = [summary.get(name) for summary in summaries]
+        _write(group, name, units, np.array([np.nan if v is None else v for v in values], np.float64))
+    methods = [correction.method for correction in corrections]
+    group.create_dataset("method", data=methods, dtype=h5py.string_dtype())
+    _write_reasons(group, [correction.declined for correction in corrections])
+
+
+def _write_means(group: Any, means: Sequence[MeanStrain | None]) -> None:
+    for name in MEAN_KEYS:
+        dtype, unknown = (np.int64, 0) if name == "points" else (np.float64, np.nan)
+        values = [unknown if mean is None else getattr(mean, name) for mean in means]
+        _write(group, name, strain_units(name), np.array(values, dtype))
+
+
+def _write_reasons(group: Any, declined: Iterable[str | None]) -> None:
+    import h5py
+
+    reasons = list(declined)
+    _write(group, "applied", "1", np.array([reason is None for reason in reasons], np.uint8))
+    group.create_dataset("reason", data=[reason or "" for reason in reasons], dtype=h5py.string_dtype())
+
+
+def _write(group: Any, name: str, units: str, data: Any) -> None:
+    group[name] = data
+    group[name].attrs["units"] = units
+
+
+def _rows(
+    group: Any, name: str, units: str, shape: tuple[int, ...] = (), n: int = 0, dtype: Any = "f8"
+) -> Any:
+    """Return a new dataset of `n` rows that can grow; rows that nobody writes are NaN and take no room."""
+    dataset = group.create_dataset(
+        name,
+        (n, *shape),
+        dtype,
+        maxshape=(None, *shape),
+        chunks=(1 if shape else 256, *shape),
+        fillvalue=np.nan if dtype == "f8" else None,
+    )
+    if units:
+        dataset.attrs["units"] = units
+    return dataset

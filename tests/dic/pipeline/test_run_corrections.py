@@ -39,5 +39,7 @@ def test_the_pair_is_that_of_the_largest_parallax():
         measured = view.measurements([State()], calibration)
         cameras.append(CameraResult(name, calibration, np.zeros((800, 800)), [step], measured, []))
     corrected = correct_run(cameras, CorrectionSettings())
-    assert (corrected.motion, corrected.pair) == ("tension", ("right", "left"))
-    assert set(corrected.both) == {1}
+    assert corrected.motion == "tension"
+    assert corrected.joint is not None
+    assert corrected.joint.cameras == ("right", "left")
+    assert set(corrected.joint.steps) == {1}

@@ -22,7 +22,7 @@ from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.two_cameras import TwoCameraStep
 from dic.pipeline.camera_result import CameraResult
 from dic.pipeline.run import RunResult
-from dic.pipeline.run_corrections import RunCorrections
+from dic.pipeline.run_corrections import CorrectionSettings, JointCorrections, RunCorrections
 from dic.report import write_report
 from dic.report.setup_figures import in_grid_axes
 from dic.runfile.reader import RunInfo, RunStep
@@ -101,7 +101,7 @@ def tension_run(bias: float = 0.001, **info: Any) -> RunResult:
     strains = [(-0.0003 * k, 0.001 * k) for k in range(1, 5)]
     on_axis = camera("on_axis", steps, [stretch(x, y) for x, y in strains])
     off_axis = camera("off_axis", steps, [stretch(x, y - bias) for x, y in strains])
-    return RunResult("runs/tension.h5", replace(INFO, **info), CorrelationSettings(), [off_axis, on_axis])
+    return uncorrected("runs/tension.h5", replace(INFO, **info), [off_axis, on_axis])
 
 
 def rotation_run(angle_deg: float, peak: float, **info: Any) -> RunResult:
@@ -112,7 +112,7 @@ def rotation_run(angle_deg: float, peak: float, **info: Any) -> RunResult:
     off_axis = camera("off_axis", steps, [turn(a, peak * (1 if a == 180.0 else 0.5)) for a in angles])
     configuration = f"[cameras.on_axis]\n[cameras.off_axis]\npan_deg = {angle_deg}\n"
     said = replace(INFO, title="A rotation test", configuration=configuration, **info)
-    return RunResult("runs/rotation.h5", said, CorrelationSettings(), [on_axis, off_axis])
+    return uncorrected("runs/rotation.h5", said, [on_axis, off_axis])
 
 
 STRAIGHT = "the camera looks too straight on"
@@ -123,9 +123,13 @@ def given(result: RunResult, motion: str, cameras: dict[str, Corrections], **mor
     for seen in result.cameras:
         declined = [Correction.refused("none", m, STRAIGHT) for m in seen.measurements]
         cameras.setdefault(seen.camera, Corrections(declined))
-    said: dict[str, Any] = {"pair": None, "both": {}, "findings": {}} | more
-    vars(result)["corrections"] = RunCorrections(motion, cameras, **said)
-    return result
+    return replace(result, corrections=RunCorrections(motion, cameras, **({"findings": {}} | more)))
+
+
+def uncorrected(source: str, info: RunInfo, cameras: list[CameraResult]) -> RunResult:
+    nothing = RunCorrections("free", {}, {})
+    result = RunResult(source, info, CorrelationSettings(), CorrectionSettings(), cameras, nothing)
+    return given(result, "free", {})
 
 
 def correction(measurement: Measurement, strains: tuple[float, ...], plane: Plane) -> Correction:
@@ -161,9 +165,8 @@ def corrected_tension_run() -> RunResult:
         result,
         "tension",
         {"off_axis": Corrections(images)},
-        pair=("off_axis", "on_axis"),
-        both=both,
-        findings={"off_axis": ["the specimen tilted by -0.08°"], "both": ["it moved"], "on_axis": []},
+        findings={"off_axis": ["the specimen tilted by -0.08°"], "on_axis": []},
+        joint=JointCorrections(("off_axis", "on_axis"), both, ["it moved"]),
     )
 
 
@@ -241,9 +244,6 @@ def number(text: str) -> float:
 
 def written(tmp_path: Path, *results: RunResult) -> str:
     path = tmp_path / "report.html"
-    for result in results:
-        if "corrections" not in vars(result):
-            given(result, "free", {})
     write_report(results, path)
     return path.read_text(encoding="utf-8")
 
@@ -270,7 +270,7 @@ def troubled_html(tmp_path_factory: pytest.TempPathFactory) -> str:
     lost.status[:] = Status.NOT_CONVERGED
     lost.warps[:] = np.nan
     on_axis.measurements[0] = measure(lost, on_axis.calibration, label="step 2")
-    return written(tmp_path_factory.mktemp("troubled"), run)
+    return written(tmp_path_factory.mktemp("troubled"), given(run, "free", {}))
 
 
 @pytest.fixture(scope="module")
@@ -340,7 +340,7 @@ def test_set_up_is_what_geometry_says_of_the_camera(tmp_path: Path) -> None:
     known = [replace(c, calibration=replace(c.calibration, pinhole=pinhole)) for c in run.cameras]
     run = given(
         replace(run, cameras=known), "tension", dict(run.corrections.cameras),
-        pair=run.corrections.pair, both=run.corrections.both, findings=run.corrections.findings,
+        joint=run.corrections.joint, findings=run.corrections.findings,
     )  # fmt: skip
     page = Page(written(tmp_path, run))
     row = page.table("setup")[3]
@@ -377,7 +377,7 @@ def test_harmonics_are_shown_where_the_angles_tell_them(tmp_path: Path, rotation
     run = rotation_run(30.0, 0.001)
     full = replace(run, cameras=[camera("on_axis", steps, [turn(a, 0.001) for a in angles])])
     alt = "Strain in the grid's axes with its harmonics"
-    assert Page(written(tmp_path, full)).values("alt").count(alt) == 1
+    assert Page(written(tmp_path, given(full, "free", {}))).values("alt").count(alt) == 1
     # Three angles do not tell five coefficients.
     assert alt not in Page(rotation_html).values("alt")
 
@@ -527,7 +527,7 @@ def test_same_run_gives_the_same_file(tmp_path: Path, tension_html: str) -> None
 def test_no_run_and_no_folder_are_refused_in_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(RunFileError, match="at least one run"):
         write_report([], tmp_path / "report.html")
-    empty = RunResult("none.h5", replace(INFO), CorrelationSettings(), [])
+    empty = uncorrected("none.h5", replace(INFO), [])
     with pytest.raises(RunFileError, match="a folder that can be written to") as caught:
         write_report([empty], tmp_path / "nowhere" / "report.html")
     assert "\n" not in str(caught.value)

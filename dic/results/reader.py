@@ -1,0 +1,208 @@
+"""Series of result files as they stand there: nothing is measured or corrected again.
+
+Files that were written before means came with their number of points lack some of what a measurement holds.
+Only that is computed anew; every value that stands in the file is the file's.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from dic.calibration.calibration import Calibration
+from dic.correlation.field import Field
+from dic.correlation.settings import CorrelationSettings
+from dic.out_of_plane.correction import Correction
+from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.two_cameras import TwoCameraStep
+from dic.results.schema import LOCAL_KEYS, MEAN_KEYS
+from dic.strain.displacement import Displacement, raw_displacement
+from dic.strain.measurement import Measurement, measure
+from dic.strain.strain import MeanStrain, StrainField, StrainSettings
+from dic.typing import Float
+
+
+def read_measurements(series: Any, calibration: Calibration | None) -> list[Measurement]:
+    """Return the measurements of a series.
+
+    Displacements come without the gradients and errors from which strain was computed.
+
+    Parameters
+    ----------
+    series : h5py.Group
+        As `ResultWriter.add` writes it.
+    calibration : Calibration or None
+        Of the camera, for files that lack something.
+
+    Raises
+    ------
+    KeyError, TypeError
+        If the series is none.
+    """
+    settings = CorrelationSettings(**_attributes(series, CorrelationSettings))
+    strain = StrainSettings(**_attributes(series, StrainSettings, "strain_"))
+    return [
+        _read_measurement(series, k, _read_field(series, k, settings), strain, calibration)
+        for k in range(len(series["label"]))
+    ]
+
+
+def read_corrections(
+    group: Any, measurements: Sequence[Measurement], anew: Sequence[Correction] | None = None
+) -> list[Correction]:
+    """Return the corrections of a series.
+
+    A field that another group of the file keeps is NaN.
+
+    Parameters
+    ----------
+    group : h5py.Group
+        As `ResultWriter.add_corrections` writes it.
+    measurements : sequence of Measurement
+        That were corrected.
+    anew : sequence of Correction, optional
+        The same solved anew, for files that lack something.
+    """
+    return [
+        _read_correction(group, k, measurement, None if anew is None else anew[k])
+        for k, measurement in enumerate(measurements)
+    ]
+
+
+def read_two_cameras(
+    group: Any, measurements: Mapping[str, Mapping[int, Measurement]]
+) -> tuple[tuple[str, str], dict[int, TwoCameraStep]]:
+    """Return which two cameras were used together, and what they found, by number of the step.
+
+    Parameters
+    ----------
+    group : h5py.Group
+        As `ResultWriter.add_two_cameras` writes it.
+    measurements : mapping of str to mapping of int to Measurement
+        By camera and number of the step.
+    """
+    first, second = map(str, group.attrs["cameras"])
+    indices = [int(index) for index in group["step"]]
+    found = [
+        read_corrections(group[camera], [measurements[camera][index] for index in indices])
+        for camera in (first, second)
+    ]
+    steps = {}
+    for k, (index, one, other) in enumerate(zip(indices, *found, strict=True)):
+        declined = _read_reason(group, k)
+        if declined is not None:
+            steps[index] = TwoCameraStep((one, other), declined=declined)
+            continue
+        heights = group["heights_mm"][k], group["heights_std_mm"][k]
+        steps[index] = TwoCameraStep((one, other), _read_mean(group["mean"], k), *heights)
+    return (first, second), steps
+
+
+def _read_measurement(
+    series: Any, k: int, field: Field, strain: StrainSettings, calibration: Calibration | None
+) -> Measurement:
+    label, anew = str(series["label"].asstr()[k]), None
+    if "points" not in series["raw_mean"]:
+        anew = measure(field, calibration, strain, label=label)
+    raw_mean = _read_mean(series["raw_mean"], k, None if anew is None else anew.raw_mean)
+    calibrated, calibrated_mean, gauge_mm = None, None, None
+    if "calibrated_mean" in series:
+        calibrated = _read_displacement(series, k)
+        mean = None if anew is None else anew.calibrated_mean
+        calibrated_mean = _read_mean(series["calibrated_mean"], k, mean)
+        gauge_mm = float(series.attrs["strain_gauge_mm"])
+    return Measurement(
+        label=label,
+        field=field,
+        raw=raw_displacement(field),
+        calibrated=calibrated,
+        strain_settings=strain,
+        gauge_px=int(series.attrs["strain_gauge_px"]),
+        gauge_mm=gauge_mm,
+        raw_mean=raw_mean,
+        calibrated_mean=calibrated_mean,
+        stored_strain=_read_strain(series, k),
+    )
+
+
+def _read_correction(group: Any, k: int, measurement: Measurement, anew: Correction | None) -> Correction:
+    table, declined = group["corrected_mean"], _read_reason(group["corrected_mean"], k)
+    displacement, strain = measurement.calibrated, measurement.stored_strain
+    if declined is None and anew is not None:
+        displacement, strain = anew.displacement, anew.stored_strain
+    elif declined is None:
+        displacement = _read_displacement(group["corrected"], k)
+        strain = _read_strain(group["corrected"], k)
+    if displacement is None:
+        raise KeyError("calibrated displacement")
+    after, after_std = _read_plane(table, k)
+    return Correction(
+        method=str(table["method"].asstr()[k]),
+        mean=_read_mean(table, k, None if anew is None else anew.mean),
+        displacement=displacement,
+        strain_settings=measurement.strain_settings,
+        after=after,
+        after_std=after_std,
+        declined=declined,
+        stored_strain=strain,
+    )
+
+
+def _read_field(series: Any, k: int, settings: CorrelationSettings) -> Field:
+    def joined(u: str, v: str, gradient: str) -> Float:
+        slopes = np.moveaxis(series[gradient][k], -1, 0)
+        return np.stack([series[u][k], *slopes[:2], series[v][k], *slopes[2:]], axis=-1)
+
+    return Field(
+        x_px=series["x_px"][:],
+        y_px=series["y_px"][:],
+        warps=joined("u_px", "v_px", "gradient"),
+        std=joined("std_u_px", "std_v_px", "std_gradient"),
+        zncc=series["zncc"][k],
+        iterations=series["iterations"][k].astype(np.int16),
+        status=series["status"][k].astype(np.int8),
+        active=series["active"][:].astype(np.bool_),
+        start=str(series["start"].asstr()[k]),
+        settings=settings,
+        # Files of the time before runs were measured over new references have none.
+        updates=int(series["updates"][k]) if "updates" in series else 0,
+    )
+
+
+def _read_displacement(group: Any, k: int) -> Displacement:
+    position = np.stack([group["X_mm"][:], group["Y_mm"][:]], axis=-1)
+    vector = np.stack([group["U_mm"][k], group["V_mm"][k]], axis=-1)
+    return Displacement(position, vector, group["valid"][k].astype(np.bool_), "mm")
+
+
+def _read_strain(group: Any, k: int) -> StrainField:
+    return StrainField(**{name: group[name][k] for name in LOCAL_KEYS})
+
+
+def _read_mean(group: Any, k: int, anew: MeanStrain | None = None) -> MeanStrain:
+    values: dict[str, Any] = {} if anew is None else dict(vars(anew))
+    return MeanStrain(**(values | {name: _plain(group[name][k]) for name in MEAN_KEYS if name in group}))
+
+
+def _read_plane(table: Any, k: int) -> tuple[Plane | None, Float | None]:
+    slopes_deg = np.array([table["slope_x_deg"][k], table["slope_y_deg"][k]])
+    if np.isnan(slopes_deg).any():
+        return None, None
+    slope_x, slope_y = np.tan(np.radians(slopes_deg)).tolist()
+    std_deg = [table["slope_x_deg_std"][k], table["slope_y_deg_std"][k]]
+    std = np.array([*np.radians(std_deg), table["shift_mm_std"][k]])
+    return Plane(slope_x, slope_y, float(table["shift_mm"][k])), std
+
+
+def _read_reason(group: Any, k: int) -> str | None:
+    return None if group["applied"][k] else str(group["reason"].asstr()[k])
+
+
+def _attributes(group: Any, settings: type[Any], prefix: str = "") -> dict[str, Any]:
+    return {field.name: _plain(group.attrs[prefix + field.name]) for field in fields(settings)}
+
+
+def _plain(value: Any) -> Any:
+    """Return a value of an HDF5 file as the Python value it was."""
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,24 @@
+"""Names and units in result files, for their writer and reader; the layout is in `docs/results.md`."""
+
+from dataclasses import fields
+
+from dic.strain.strain import STRAIN_KEYS, MeanStrain
+
+FORMAT = "offaxis-results"
+VERSION = 1
+MEAN_KEYS = tuple(field.name for field in fields(MeanStrain))
+LOCAL_KEYS = STRAIN_KEYS
+PLANE_UNITS = {
+    "slope_x_deg": "deg",
+    "slope_y_deg": "deg",
+    "slope_x_deg_std": "deg",
+    "slope_y_deg_std": "deg",
+    "shift_mm": "mm",
+    "shift_mm_std": "mm",
+}
+"""Where a correction found the specimen's plane, under the names of `Correction.as_dict`."""
+
+
+def strain_units(name: str) -> str:
+    """Return the units of a value of `MEAN_KEYS` or `LOCAL_KEYS`."""
+    return "deg" if "_deg" in name else "1"
