@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.assessment.paper import BASE, FINE
 from dic.calibration.bicubic import BicubicMap
@@ -11,6 +10,7 @@ from dic.calibration.pinhole.camera import Pinhole
 from dic.calibration.pinhole.fit import fit_pinhole
 from dic.calibration.pinhole.prior import KnownCamera
 from dic.targets.points import GridPoints
+from dic.typing import Float
 
 NOISE_PX = 0.01
 """Standard deviation of one image coordinate of the noisy grid points."""
@@ -69,6 +69,6 @@ def _errors(camera: Pinhole, noise_px: float, repetitions: int) -> dict[str, flo
 
 
 def _mean_square(camera: Pinhole, fitted: BicubicMap | Pinhole) -> float:
-    image_px: NDArray[np.float64] = camera.project(FINE.points_mm())
-    error_px: NDArray[np.float64] = camera.project(fitted.map(image_px)) - image_px
+    image_px: Float = camera.project(FINE.points_mm())
+    error_px: Float = camera.project(fitted.map(image_px)) - image_px
     return float((error_px**2).sum(axis=1).mean())

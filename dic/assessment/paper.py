@@ -10,12 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.calibration.bicubic import BicubicMap
 from dic.calibration.pinhole.camera import Pinhole
-
-Float = NDArray[np.float64]
+from dic.typing import Float
 
 CLAIM_PX = 0.02
 """The paper's claim: the errors on the base and the fine grid stay below this at all angles up to 30°."""
@@ -117,13 +115,13 @@ SWEEPS = (
 )
 
 
-def back_projected_error(camera: Pinhole, points: PointSet) -> NDArray[np.float64]:
+def back_projected_error(camera: Pinhole, points: PointSet) -> Float:
     """Return the error on the sensor, px, shape (count, count); the first row is the bottom of the grid."""
     grid_mm = BASE.points_mm()
     bicubic = BicubicMap.fit(camera.project(grid_mm), grid_mm)
     image_px = camera.project(points.points_mm())
     again_px = camera.project(bicubic.map(image_px))
-    error: NDArray[np.float64] = np.linalg.norm(again_px - image_px, axis=1)
+    error: Float = np.linalg.norm(again_px - image_px, axis=1)
     return error.reshape(points.count, points.count)
 
 

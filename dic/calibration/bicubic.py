@@ -3,11 +3,9 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
-
-Float = NDArray[np.float64]
+from dic.typing import Float
 
 
 @dataclass(frozen=True)
@@ -26,18 +24,18 @@ class BicubicMap:
     scale_px : float
         Pixels per unit of ξ and η.
     coefficient_errors : ndarray, shape (16, 2, q)
-        mm; the product with q independent errors of unit variance is the errors of the coefficients. q = 0
-        if the errors are not known.
+        E, mm: the errors of the coefficients are E·e, with q independent errors e of unit variance. q = 0 if
+        they are not known.
 
     References
     ----------
     Helm and Deaner, *Off-Axis Two-Dimensional Digital Image Correlation*, equations 1 and 2.
     """
 
-    coefficients: NDArray[np.float64]
-    centre_px: NDArray[np.float64]
+    coefficients: Float
+    centre_px: Float
     scale_px: float
-    coefficient_errors: NDArray[np.float64] = field(default_factory=lambda: np.zeros((16, 2, 0)))
+    coefficient_errors: Float = field(default_factory=lambda: np.zeros((16, 2, 0)))
 
     @classmethod
     def fit(cls, points_px: Float, points_mm: Float) -> "BicubicMap":
@@ -80,7 +78,7 @@ class BicubicMap:
         result: Float = _monomials(self._normalised(px)) @ self.coefficients.reshape(16, 2)
         return result
 
-    def jacobian(self, px: Float) -> NDArray[np.float64]:
+    def jacobian(self, px: Float) -> Float:
         """Return ``∂(X, Y)/∂(x, y)`` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
         powers = _powers(self._normalised(px))
         slopes = np.zeros_like(powers)
@@ -89,17 +87,15 @@ class BicubicMap:
         by_y = np.einsum("ni,nj,ijc->nc", powers[:, 0], slopes[:, 1], self.coefficients)
         return np.stack([by_x, by_y], axis=-1)
 
-    def error_factors(self, px: Float) -> NDArray[np.float64]:
+    def error_factors(self, px: Float) -> Float:
         """Return F, shape (n, 2, q), mm: the errors of mapped points (n, 2) have the covariance F Fᵀ.
 
-        F follows from the residuals of the fit. A systematic misfit of the surfaces counts as scatter, too.
+        F follows from the residuals of the fit. So a systematic misfit of the surfaces increases F, too.
         """
         design = _monomials(self._normalised(px))
         return np.asarray(np.einsum("nk,kcq->ncq", design, self.coefficient_errors))
 
-    def _coefficient_errors(
-        self, design: NDArray[np.float64], points_px: Float, points_mm: Float
-    ) -> NDArray[np.float64]:
+    def _coefficient_errors(self, design: Float, points_px: Float, points_mm: Float) -> Float:
         """Return `coefficient_errors` for errors of the image points that are as large as the residuals."""
         jacobian = self.jacobian(points_px)
         residual_mm = self.map(points_px) - points_mm
@@ -117,12 +113,12 @@ class BicubicMap:
         return (np.asarray(px, np.float64).reshape(-1, 2) - self.centre_px) / self.scale_px
 
 
-def _powers(points: Float) -> NDArray[np.float64]:
+def _powers(points: Float) -> Float:
     square = points * points
     return np.stack([np.ones_like(points), points, square, square * points], axis=-1)
 
 
-def _monomials(points: Float) -> NDArray[np.float64]:
+def _monomials(points: Float) -> Float:
     powers = _powers(points)
     return (powers[:, 0, :, None] * powers[:, 1, None, :]).reshape(-1, 16)
 

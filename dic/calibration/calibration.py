@@ -6,7 +6,6 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.calibration.bicubic import BicubicMap
 from dic.calibration.cross_validation import cross_validation_rms
@@ -16,8 +15,8 @@ from dic.calibration.pinhole.prior import KnownCamera
 from dic.calibration.residuals import PlaneMap, Residuals
 from dic.errors import CalibrationError
 from dic.targets.points import GridPoints
+from dic.typing import Float, Mask
 
-Float = NDArray[np.float64]
 Model = Literal["bicubic", "pinhole"]
 
 _CLEARLY_BETTER = 0.95
@@ -158,19 +157,19 @@ class Calibration:
         """
         return self._in_use.map(px)
 
-    def jacobian(self, px: Float) -> NDArray[np.float64]:
+    def jacobian(self, px: Float) -> Float:
         """Return ``∂(X, Y)/∂(x, y)`` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
         return self._in_use.jacobian(px)
 
-    def error_factors(self, px: Float) -> NDArray[np.float64]:
+    def error_factors(self, px: Float) -> Float:
         """Return F, shape (n, 2, q), mm: the map's errors at image points (n, 2) have the covariance F Fᵀ.
 
-        F follows from the scatter of the grid points in the image. Each column belongs to one error that acts
-        at all points. So the factors of the difference of two points are the difference of their factors.
+        F follows from the scatter of the grid points in the image. Each column belongs to one source of error
+        that all points share. So the difference of two mapped points has the difference of their F.
         """
         return self._in_use.error_factors(px)
 
-    def inside(self, px: Float) -> NDArray[np.bool_]:
+    def inside(self, px: Float) -> Mask:
         """Tell which image points (n, 2) lie within the calibrated area; NaN is outside.
 
         The area is the polygon of the outermost grid points, for both models. Outside it the bicubic map
@@ -245,7 +244,7 @@ class Calibration:
 
 
 def _bicubic_cross_validation_px(grid: GridPoints) -> float:
-    def prediction_errors(left_out: NDArray[np.bool_]) -> Float:
+    def prediction_errors(left_out: Mask) -> Float:
         kept = BicubicMap.fit(grid.uv_px[~left_out], grid.xy_mm[~left_out])
         at = grid.uv_px[left_out]
         off_mm = kept.map(at) - grid.xy_mm[left_out]

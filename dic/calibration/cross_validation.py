@@ -3,16 +3,14 @@
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.targets.points import GridPoints
-
-Float = NDArray[np.float64]
+from dic.typing import Float, Mask
 
 FOLDS = 5
 
 
-def folds(grid: GridPoints) -> Iterator[NDArray[np.bool_]]:
+def folds(grid: GridPoints) -> Iterator[Mask]:
     """Yield boolean arrays (n,) that are True for the points to leave out, a fifth of all points at a time.
 
     Each array leaves out every fifth point of each line, staggered from line to line. Each point is left out
@@ -25,7 +23,7 @@ def folds(grid: GridPoints) -> Iterator[NDArray[np.bool_]]:
             yield left_out
 
 
-def cross_validation_rms(grid: GridPoints, prediction_errors: Callable[[NDArray[np.bool_]], Float]) -> float:
+def cross_validation_rms(grid: GridPoints, prediction_errors: Callable[[Mask], Float]) -> float:
     """Return the root mean square length of the prediction errors of all points.
 
     Parameters

@@ -27,7 +27,7 @@ _PINHOLE_UNITS = {
     "noise_px": "px",
     "cross_validation_px": "px",
 }
-# Names in the file that differ from the attribute's name: older files must stay readable.
+# Names in the file that differ from the attribute's name. They stay, so that older files can be read.
 _KEYS = {"cross_validation_px": "left_out_px"}
 
 

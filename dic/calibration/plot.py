@@ -4,15 +4,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.calibration.calibration import Calibration
 from dic.calibration.residuals import Residuals
+from dic.typing import Grey
 
-Float = NDArray[np.float64]
 
-
-def draw_calibration(calibration: Calibration, image: NDArray[np.float32]) -> Any:
+def draw_calibration(calibration: Calibration, image: Grey) -> Any:
     """Return a matplotlib figure: first the grid points and the axes, then the residuals of each model.
 
     The arrows of each model have their own magnification. Their colours have one scale for all models.
@@ -47,14 +45,12 @@ def draw_calibration(calibration: Calibration, image: NDArray[np.float32]) -> An
     return figure
 
 
-def plot_calibration(path: Path, calibration: Calibration, image: NDArray[np.float32]) -> None:
+def plot_calibration(path: Path, calibration: Calibration, image: Grey) -> None:
     """Write `draw_calibration`'s figure as a PNG file."""
     draw_calibration(calibration, image).savefig(path, dpi=100, format="png")
 
 
-def _draw_image(
-    axes: Any, calibration: Calibration, image: NDArray[np.float32], limits: tuple[float, float]
-) -> None:
+def _draw_image(axes: Any, calibration: Calibration, image: Grey, limits: tuple[float, float]) -> None:
     outline = np.vstack([calibration.outline_px, calibration.outline_px[:1]])
     axes.imshow(image, cmap="gray", vmin=limits[0], vmax=limits[1])
     axes.plot(*outline.T, color="tab:orange", linewidth=1)

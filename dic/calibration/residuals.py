@@ -4,11 +4,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.targets.points import GridPoints
-
-Float = NDArray[np.float64]
+from dic.typing import Float
 
 
 class PlaneMap(Protocol):
@@ -17,10 +15,10 @@ class PlaneMap(Protocol):
     def map(self, px: Float) -> Float:
         """Return grid coordinates (n, 2) in mm of image points (n, 2) in px."""
 
-    def jacobian(self, px: Float) -> NDArray[np.float64]:
+    def jacobian(self, px: Float) -> Float:
         """Return ``∂(X, Y)/∂(x, y)`` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
 
-    def error_factors(self, px: Float) -> NDArray[np.float64]:
+    def error_factors(self, px: Float) -> Float:
         """Return F, shape (n, 2, q), mm: the errors of mapped points (n, 2) have the covariance F Fᵀ."""
 
 

@@ -1,13 +1,9 @@
 """The noise of the grey levels, from one image or from two images of the specimen at rest."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.errors import CorrelationError
-
-Float = NDArray[np.float64]
-Grey = NDArray[np.float32]
-Mask = NDArray[np.bool_]
+from dic.typing import Grey, Mask
 
 # The fourth difference along both axes keeps only the highest spatial frequencies. The optics do not transmit
 # these, so they contain noise but no texture.

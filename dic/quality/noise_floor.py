@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 
 from dic.correlation.settings import CorrelationSettings
 from dic.image.spline import SplineImage, slope_noise_gain
-
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from dic.typing import Float, Indices, Mask
 
 _POINTS = 150
 _WIDEST_PX = 151
@@ -23,7 +21,7 @@ _WIDEST_PX = 151
 _LEAST_SHARE = 0.5
 
 
-def sample_points(centres: Mask, subset_px: int) -> NDArray[np.int64]:
+def sample_points(centres: Mask, subset_px: int) -> Indices:
     """Return about 150 points (n, 2), spread evenly over the `centres` whose subset is in the image."""
     r, (height, width) = subset_px // 2, centres.shape
     allowed = np.zeros_like(centres)
@@ -33,7 +31,7 @@ def sample_points(centres: Mask, subset_px: int) -> NDArray[np.int64]:
     return np.stack([columns, rows], axis=1) * step + step // 2
 
 
-def squared_gradients(spline: SplineImage, points: NDArray[np.int64], region: Mask, subset_px: int) -> Float:
+def squared_gradients(spline: SplineImage, points: Indices, region: Mask, subset_px: int) -> Float:
     """Return the sums of squared gradients along x and y, (n, 2), at `points`, noise included."""
     subsets = _subsets([*spline.gradient(), region], points, subset_px)
     return np.array([[(use * fx**2).sum(), (use * fy**2).sum()] for fx, fy, use in subsets])
@@ -42,7 +40,7 @@ def squared_gradients(spline: SplineImage, points: NDArray[np.int64], region: Ma
 def predicted_std(
     spline: SplineImage,
     noise: float,
-    points: NDArray[np.int64],
+    points: Indices,
     region: Mask,
     settings: CorrelationSettings,
 ) -> Float:
@@ -145,9 +143,7 @@ def _terms(settings: CorrelationSettings) -> Float:
     return np.column_stack(terms)
 
 
-def _subsets(
-    planes: list[NDArray[np.generic]], points: NDArray[np.int64], subset_px: int
-) -> Iterator[list[Float]]:
+def _subsets(planes: list[NDArray[np.generic]], points: Indices, subset_px: int) -> Iterator[list[Float]]:
     """Yield for each point its subset of each plane, (subset_px, subset_px)."""
     r = subset_px // 2
     for x, y in points:

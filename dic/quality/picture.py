@@ -4,14 +4,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.quality.noise import noise_of_one
 from dic.quality.speckle import edge_blur
-
-Float = NDArray[np.float64]
-Grey = NDArray[np.float32]
-Mask = NDArray[np.bool_]
+from dic.typing import Float, Grey, Mask
 
 TILES = 3
 """Number of tiles across and down in which the focus is judged."""

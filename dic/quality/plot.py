@@ -4,17 +4,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.quality.findings import FINEST_SPECKLE_PX
 from dic.quality.picture import TILES
 from dic.quality.quality import Quality
+from dic.typing import Float, Grey, Indices
 
 WIDE = 1.75
 """An image wider than so many of its heights is drawn above the other panels, any other one beside them."""
 
 
-def draw_quality(quality: Quality, image: NDArray[np.float32]) -> Any:
+def draw_quality(quality: Quality, image: Grey) -> Any:
     """Return a matplotlib figure: noise floor and blur over the image, autocorrelation and histogram.
 
     Parameters
@@ -40,12 +40,12 @@ def draw_quality(quality: Quality, image: NDArray[np.float32]) -> Any:
     return figure
 
 
-def plot_quality(path: Path, quality: Quality, image: NDArray[np.float32]) -> None:
+def plot_quality(path: Path, quality: Quality, image: Grey) -> None:
     """Write `draw_quality`'s figure as a PNG file."""
     draw_quality(quality, image).savefig(path, dpi=100, format="png")
 
 
-def _draw_floor(figure: Any, axes: Any, quality: Quality, image: NDArray[np.float32]) -> None:
+def _draw_floor(figure: Any, axes: Any, quality: Quality, image: Grey) -> None:
     low, high = np.percentile(image, [0.5, 99.5])
     axes.imshow(image, cmap="gray", vmin=low, vmax=high)
     if not quality.region.all():
@@ -77,7 +77,7 @@ def _draw_floor(figure: Any, axes: Any, quality: Quality, image: NDArray[np.floa
     axes.set_axis_off()
 
 
-def _middles(at: NDArray[np.int64]) -> NDArray[np.float64]:
+def _middles(at: Indices) -> Float:
     edges = np.linspace(at.min(), at.max() + 1, TILES + 1)
     return (edges[1:] + edges[:-1]) / 2
 
@@ -94,7 +94,7 @@ def _draw_covariance(axes: Any, quality: Quality) -> None:
     axes.legend()
 
 
-def _draw_levels(axes: Any, quality: Quality, image: NDArray[np.float32]) -> None:
+def _draw_levels(axes: Any, quality: Quality, image: Grey) -> None:
     levels = image[quality.region]
     # One bin for each grey level, or for several if there are more than 256.
     width = max(1.0, np.ceil((levels.max() - levels.min()) / 256))

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError
@@ -21,13 +20,10 @@ from dic.quality.noise_floor import (
 )
 from dic.quality.picture import Picture, assess_picture
 from dic.quality.speckle import autocovariance, even_light, speckle_size
-
-Float = NDArray[np.float64]
-Grey = NDArray[np.float32]
-Mask = NDArray[np.bool_]
+from dic.typing import Float, Grey, Indices, Mask
 
 SPECKLES_PER_SUBSET = 3.0
-"""Least number in a row: with fewer speckles, neighbouring subsets look alike."""
+"""Least number of speckles across a subset: with fewer, neighbouring subsets look alike."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +69,7 @@ class Quality(Picture):
     speckle_x_px: float
     speckle_y_px: float
     sssig: Float
-    points: NDArray[np.int64]
+    points: Indices
     std_px: Float
     subset_for_wanted_px: int | None
     mean_gradient: float
@@ -223,7 +219,7 @@ def _share_of_textured(std_px: Float) -> float:
     return 0.95 * float(np.isfinite(std_px).all(axis=1).mean())
 
 
-def _points(centres: Mask, subset_px: int) -> NDArray[np.int64]:
+def _points(centres: Mask, subset_px: int) -> Indices:
     points = sample_points(centres, subset_px)
     if not len(points):
         raise _no_room(subset_px, "a region along the image's edge")

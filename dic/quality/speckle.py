@@ -1,13 +1,9 @@
 """The size of the speckles in an image, and the blur of their edges."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.errors import CorrelationError
-
-Float = NDArray[np.float64]
-Grey = NDArray[np.float32]
-Mask = NDArray[np.bool_]
+from dic.typing import Float, Grey, Mask
 
 _LIGHT_PX = 101
 """Width of the moving mean that separates light from speckles: speckles are much smaller than this."""

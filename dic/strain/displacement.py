@@ -79,7 +79,7 @@ def raw_displacement(field: Field) -> Displacement:
 
 
 def calibrated_displacement(field: Field, calibration: Calibration) -> Displacement:
-    """Return a field's displacements in millimetres of the grid.
+    """Return a field's displacements in millimetres on the grid's plane.
 
     The start and the end of each displacement are mapped. If one of them is outside the calibrated area, the
     displacement is an extrapolation: it keeps its value but is not valid. Errors of the calibration are not

@@ -7,12 +7,9 @@ noise than n independent measurements.
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 from dic.strain.displacement import Displacement, Noise
-
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from dic.typing import Float, Mask
 
 # Least share of valid points in a window.
 _MIN_WINDOW_SHARE = 0.5
@@ -163,7 +160,7 @@ def _covariances(weights: Float, factors: Float, overlap: Float) -> Float:
     total = np.zeros((n, 4, 4))
     for axis in (0, 1):
         parts = (factors[:, :, axis, None] * weights[:, None]).reshape(n, 4, places)
-        # One large product is many times faster than n small ones.
+        # One large matrix product is many times faster than n small ones.
         shared = (parts.reshape(4 * n, places) @ overlap).reshape(n, 4, places)
         total += parts @ np.swapaxes(shared, 1, 2)
     return total

@@ -7,9 +7,8 @@ state.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
+from dic.typing import Float
 
 MEASURES = ("green-lagrange", "small", "hencky")
 

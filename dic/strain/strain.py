@@ -4,15 +4,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError, require_all
 from dic.strain.displacement import Displacement
 from dic.strain.fit import fitted_gradients, mean_gradient
 from dic.strain.measures import COMPONENTS, MEASURES, strain_of
-
-Float = NDArray[np.float64]
+from dic.typing import Float, Mask
 
 SOURCES = ("fit", "quadratic-fit", "shape")
 """Sources of local strain: a plane or a quadratic surface fitted to a window, or the shape function."""
@@ -152,7 +150,7 @@ class StrainField:
 
 def mean_strain(
     displacement: Displacement,
-    valid: NDArray[np.bool_] | None = None,
+    valid: Mask | None = None,
     measure: str = "green-lagrange",
 ) -> MeanStrain:
     """Return the strain of the affine displacement that fits the valid points best, by least squares.

@@ -4,11 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
+from dic.typing import Float, Indices
 
-Float = NDArray[np.float64]
 XAxis = str | float | None
 
 _AMBIGUOUS_DEG = 5.0
@@ -42,7 +41,7 @@ class Axes:
         """Numbers, 0 or 1, of the lattice axes that X and Y follow."""
         return (1, 0) if self.swap else (0, 1)
 
-    def columns_and_rows(self, index: NDArray[np.int64], spans: tuple[range, range]) -> NDArray[np.int64]:
+    def columns_and_rows(self, index: Indices, spans: tuple[range, range]) -> Indices:
         """Return columns and rows (n, 2), from 0, of lattice indices (n, 2) within `spans`."""
         result = np.empty_like(index)
         for which, axis in enumerate(self.lattice_axes):

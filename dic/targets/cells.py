@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.typing import Float, Grey, Indices
+
 _MIN_CELL_AREA_PX = 12
 _SEEDS = 12
 # Largest distance of a neighbour from its predicted place, as a fraction of the lattice vector.
@@ -26,12 +28,12 @@ class CellLattice:
         True if the lines between the cells are darker than the cells.
     """
 
-    index: NDArray[np.int64]
-    centre_px: NDArray[np.float64]
+    index: Indices
+    centre_px: Float
     dark_lines: bool
 
 
-def find_cells(grey: NDArray[np.float32], expected: int) -> CellLattice:
+def find_cells(grey: Grey, expected: int) -> CellLattice:
     """Return the largest lattice of cells that the image shows.
 
     A black top-hat (the morphological closing minus the image) shows dark lines; it ignores slow changes of
@@ -59,9 +61,7 @@ def find_cells(grey: NDArray[np.float32], expected: int) -> CellLattice:
     return best
 
 
-def _enclosed_regions(
-    grey: NDArray[np.float32], width_px: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _enclosed_regions(grey: Grey, width_px: int) -> tuple[Float, Float]:
     """Return centres (n, 2) and areas (n,) of the regions enclosed by dark lines narrower than `width_px`."""
     import cv2
 
@@ -79,9 +79,7 @@ def _enclosed_regions(
     return centres[compact].astype(np.float64), area[compact].astype(np.float64)
 
 
-def lattice_of_regions(
-    centres: NDArray[np.float64], areas: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def lattice_of_regions(centres: Float, areas: Float) -> tuple[Indices, Indices]:
     """Return the largest lattice that regions with centres (n, 2) and areas (n,) form.
 
     Returns
@@ -121,9 +119,7 @@ def lattice_of_regions(
     return np.array(list(best), np.int64).reshape(-1, 2), np.array(list(best.values()), np.int64)
 
 
-def _local_basis(
-    centres: NDArray[np.float64], areas: NDArray[np.float64], neighbours: NDArray[Any]
-) -> NDArray[np.float64] | None:
+def _local_basis(centres: Float, areas: Float, neighbours: NDArray[Any]) -> Float | None:
     """Return two lattice vectors (2, 2), or None if there are none.
 
     A lattice vector leads to a neighbour of similar area that has another such neighbour opposite to it.
@@ -131,7 +127,7 @@ def _local_basis(
     cell = neighbours[0]
     alike = [other for other in neighbours[1:] if 0.5 < areas[other] / areas[cell] < 2]
     steps = centres[alike] - centres[cell]
-    basis: list[NDArray[np.float64]] = []
+    basis: list[Float] = []
     for step in steps:
         length = np.linalg.norm(step)
         if np.linalg.norm(steps + step, axis=1).min() > 0.2 * length:
@@ -143,7 +139,7 @@ def _local_basis(
     return None
 
 
-def along_short_vectors(index: NDArray[np.int64], centres: NDArray[np.float64]) -> NDArray[np.int64]:
+def along_short_vectors(index: Indices, centres: Float) -> Indices:
     """Return lattice indices (n, 2) along the shortest lattice vectors (Gauss's lattice reduction).
 
     Where a cell is missing, `_local_basis` may have taken a diagonal as a lattice vector.
@@ -162,10 +158,10 @@ def along_short_vectors(index: NDArray[np.int64], centres: NDArray[np.float64]) 
 
 def _grow(
     tree: Any,
-    centres: NDArray[np.float64],
-    areas: NDArray[np.float64],
+    centres: Float,
+    areas: Float,
     seed: int,
-    basis: NDArray[np.float64],
+    basis: Float,
 ) -> dict[tuple[int, int], int]:
     """Return the number of the region at each lattice index that is reached from region `seed`.
 

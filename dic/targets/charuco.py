@@ -1,12 +1,12 @@
 """Corners of a ChArUco board: its markers identify each corner, so part of the board may be hidden."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
 from dic.targets.checkerboard import as_bytes, refine
 from dic.targets.lattice import fits_lattice
 from dic.targets.points import GridPoints
+from dic.typing import Float, Grey, Indices
 
 # Smallest share of the corners that must be visible.
 _SUFFICIENT = 0.5
@@ -16,7 +16,7 @@ _REMEDY = "check that the board is sharp and evenly lit, and that --squares and 
 
 
 def find_charuco(
-    grey: NDArray[np.float32],
+    grey: Grey,
     squares: tuple[int, int],
     pitch_mm: float,
     marker_side: float,
@@ -31,14 +31,12 @@ def find_charuco(
     Raises
     ------
     CalibrationError
-        If the dictionary is unknown, or too few corners are visible.
+        If too few corners are visible.
     """
     import cv2
 
-    number = getattr(cv2.aruco, dictionary, None) if dictionary.startswith("DICT_") else None
     lines = (squares[0] - 1, squares[1] - 1)
-    if number is None:
-        raise _refusal(source, "a dictionary of OpenCV", dictionary, "give --dictionary DICT_5X5_100")
+    number = getattr(cv2.aruco, dictionary)
     board = cv2.aruco.CharucoBoard(squares, 1.0, marker_side, cv2.aruco.getPredefinedDictionary(number))
     corners, ids, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(as_bytes(grey))
     found = 0 if ids is None else len(ids)
@@ -62,7 +60,14 @@ def find_charuco(
     return GridPoints.on_lattice(index[by_row], refined[by_row], lines, pitch_mm, (), "mark")
 
 
-def _pitch_px(index: NDArray[np.int64], px: NDArray[np.float64]) -> float:
+def is_dictionary(name: str) -> bool:
+    """Tell whether OpenCV has a dictionary of markers with this name."""
+    import cv2
+
+    return name.startswith("DICT_") and hasattr(cv2.aruco, name)
+
+
+def _pitch_px(index: Indices, px: Float) -> float:
     """Return the length of the shorter lattice vector, from an affine map fitted to all corners."""
     affine = np.linalg.lstsq(np.column_stack([index, np.ones(len(index))]), px, rcond=None)[0]
     return float(np.linalg.norm(affine[:2], axis=1).min())

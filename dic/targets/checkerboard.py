@@ -8,8 +8,8 @@ from dic.targets.axes import Axes, XAxis, axes_in_image
 from dic.targets.lattice import fits_lattice
 from dic.targets.points import GridPoints
 from dic.targets.sampled_image import GridImage
+from dic.typing import Float, Grey
 
-Float = NDArray[np.float64]
 # Radius of the disc in which a corner is refined, in pitches: the disc must not reach the next corner.
 _WINDOW = 0.4
 # Smallest share of the corners that must pass the refinement.
@@ -19,7 +19,7 @@ _STEPS = 6
 
 
 def find_checkerboard(
-    grey: NDArray[np.float32], squares: tuple[int, int], pitch_mm: float, source: str, x_axis: XAxis
+    grey: Grey, squares: tuple[int, int], pitch_mm: float, source: str, x_axis: XAxis
 ) -> GridPoints:
     """Return all inner corners of a checkerboard; see `dic.targets.find.CheckerboardTarget`.
 
@@ -78,7 +78,7 @@ def _refusal(source: str, squares: tuple[int, int], got: str) -> CalibrationErro
     )
 
 
-def refine(grey: NDArray[np.float32], px: Float, half_window_px: float) -> Float:
+def refine(grey: Grey, px: Float, half_window_px: float) -> Float:
     """Return refined corners (n, 2), px: the centres of point symmetry of the image.
 
     Two crossing straight edges look the same after a rotation by 180° about their crossing, also in
@@ -121,14 +121,14 @@ def _gradient(image: GridImage, points: Float) -> Float:
     return np.stack([image.sample(points + step) - image.sample(points - step) for step in steps], axis=-1)
 
 
-def as_bytes(grey: NDArray[np.float32]) -> NDArray[np.uint8]:
+def as_bytes(grey: Grey) -> NDArray[np.uint8]:
     """Return grey levels stretched to 0 … 255, for detectors that take only 8-bit images."""
     low, high = (float(value) for value in np.percentile(grey, (0.1, 99.9)))
     stretched = np.rint((grey - low) * (255.0 / max(high - low, 1e-6)))
     return np.asarray(np.clip(stretched, 0, 255), np.uint8)
 
 
-def _first_square_is_dark(grey: NDArray[np.float32], px: Float) -> bool:
+def _first_square_is_dark(grey: Grey, px: Float) -> bool:
     """Tell whether the square outside the first corner, diagonally, is dark; all squares vote."""
     centre = (px[:-1, :-1] + px[1:, :-1] + px[:-1, 1:] + px[1:, 1:]) / 4
     column, row = np.rint(centre).astype(int).transpose(2, 0, 1)

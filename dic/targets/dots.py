@@ -1,26 +1,23 @@
 """Centres of round dots: centroids, corrected for the shift that perspective causes."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
 from dic.targets.axes import Axes, XAxis, axes_in_image
 from dic.targets.cells import along_short_vectors, lattice_of_regions
 from dic.targets.lattice import LatticeShape, fits_lattice
 from dic.targets.points import GridPoints
+from dic.typing import Float, Grey, Indices, Mask
 
-Float = NDArray[np.float64]
 # Smallest share of the dots that must be found.
 _SUFFICIENT = 0.9
 # Reach of a blurred edge beyond the dot.
 _EDGE_PX = 2.5
-# Elements of a disc over which the shift by perspective is integrated.
+# The shift by perspective is integrated over so many rings and spokes of a dot.
 _RINGS, _SPOKES = 6, 24
 
 
-def find_dots(
-    grey: NDArray[np.float32], dots: tuple[int, int], pitch_mm: float, source: str, x_axis: XAxis
-) -> GridPoints:
+def find_dots(grey: Grey, dots: tuple[int, int], pitch_mm: float, source: str, x_axis: XAxis) -> GridPoints:
     """Return the centres of a lattice of dots; see `dic.targets.find.DotTarget`.
 
     Raises
@@ -60,9 +57,7 @@ def find_dots(
     )
 
 
-def _lattice(
-    grey: NDArray[np.float32], expected: int
-) -> tuple[NDArray[np.int64], Float, NDArray[np.int64], NDArray[np.float32]]:
+def _lattice(grey: Grey, expected: int) -> tuple[Indices, Float, Indices, Grey]:
     """Return the largest lattice of blobs and the image, negated if needed so that dots are bright.
 
     The lattice is given by indices (n, 2), centres (n, 2) in px and bounding boxes (n, 4): left, top, width,
@@ -84,7 +79,7 @@ def _lattice(
     return best_index, best_centre, best_boxes, best_image
 
 
-def _blobs(signed: NDArray[np.float32], width_px: int) -> tuple[Float, Float, NDArray[np.int64]]:
+def _blobs(signed: Grey, width_px: int) -> tuple[Float, Float, Indices]:
     """Return centres (n, 2), areas (n,) and boxes (n, 4) of bright blobs narrower than `width_px`."""
     import cv2
 
@@ -103,9 +98,7 @@ def _blobs(signed: NDArray[np.float32], width_px: int) -> tuple[Float, Float, ND
     return centres[like].astype(np.float64), area[like].astype(np.float64), stats[like, :4]
 
 
-def _centroids(
-    signed: NDArray[np.float32], centre_px: Float, boxes: NDArray[np.int64]
-) -> tuple[Float, Float]:
+def _centroids(signed: Grey, centre_px: Float, boxes: Indices) -> tuple[Float, Float]:
     """Return centroids (n, 2), px, and areas (n,), px², of dots; the local background is subtracted."""
     result, area = np.empty_like(centre_px), np.empty(len(centre_px))
     rows, columns = signed.shape
@@ -122,7 +115,7 @@ def _centroids(
     return result, area
 
 
-def _dot_pixels(patch: Float) -> NDArray[np.bool_]:
+def _dot_pixels(patch: Float) -> Mask:
     """Tell which pixels belong to the dot or to its blurred edge; the other pixels only add noise.
 
     The ellipse has the second moments of the pixels above half height. A filled ellipse reaches to twice its
@@ -138,7 +131,7 @@ def _dot_pixels(patch: Float) -> NDArray[np.bool_]:
     return np.asarray(reach < 1 + _EDGE_PX / shortest_px)
 
 
-def _background(patch: Float, beside: NDArray[np.bool_]) -> Float:
+def _background(patch: Float, beside: Mask) -> Float:
     """Return the background of a dot: a plane through the grey levels of the pixels `beside` it.
 
     Outliers, such as the pixels of an object that hides a neighbouring dot, are rejected.

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.errors import CalibrationError, Check, require_all
 from dic.targets.axes import XAxis
 from dic.targets.points import GridPoints
+from dic.typing import Grey
 
 _FEWEST = 5
 
@@ -85,7 +85,7 @@ Target = LineGridTarget | CheckerboardTarget | CharucoTarget | DotTarget
 
 
 def find_target(
-    image: NDArray[np.float32],
+    image: Grey,
     spec: Target,
     source: str = "target image",
     *,
@@ -171,13 +171,22 @@ def _require_possible(spec: Target, source: str) -> None:
         ),
     ]
     if isinstance(spec, CharucoTarget):
-        checks.append(
+        from dic.targets.charuco import is_dictionary
+
+        checks += [
             (
                 not pitch_possible or 0 < spec.marker_mm < spec.pitch_mm,
                 "side of a marker",
                 f"between 0 and the pitch, {spec.pitch_mm:g} mm",
                 f"{spec.marker_mm:g} mm",
                 f"give --marker-mm {0.7 * spec.pitch_mm:g}",
-            )
-        )
+            ),
+            (
+                is_dictionary(spec.dictionary),
+                "dictionary",
+                "a dictionary of OpenCV",
+                spec.dictionary,
+                "give --dictionary DICT_5X5_100",
+            ),
+        ]
     require_all(CalibrationError, source, checks)

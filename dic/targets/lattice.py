@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
+from dic.typing import Float, Mask
 
 
 @dataclass(frozen=True)
@@ -22,10 +21,10 @@ class LatticeShape:
         Normalised index = (index − centre)/scale.
     """
 
-    homography: NDArray[np.float64]
-    correction: NDArray[np.float64]
-    centre: NDArray[np.float64]
-    scale: NDArray[np.float64]
+    homography: Float
+    correction: Float
+    centre: Float
+    scale: Float
 
     @classmethod
     def fit(cls, index: Float, px: Float) -> "LatticeShape":
@@ -62,12 +61,12 @@ class LatticeShape:
         return (self.map(index + half) - self.map(index - half)) * 10.0
 
 
-def fits_lattice(index: Float, px: Float) -> NDArray[np.bool_]:
+def fits_lattice(index: Float, px: Float) -> Mask:
     """Tell which points (n,) fit the map through all points; dirt, for example, moves points.
 
     A point may deviate by eight times the median deviation. Points that are NaN do not fit.
     """
-    result: NDArray[np.bool_] = np.asarray(np.isfinite(px).all(axis=-1))
+    result: Mask = np.asarray(np.isfinite(px).all(axis=-1))
     if np.count_nonzero(result) < 16:
         return result
     index, px = index[result], px[result]
@@ -76,6 +75,6 @@ def fits_lattice(index: Float, px: Float) -> NDArray[np.bool_]:
     return result
 
 
-def _cubics(unit: Float) -> NDArray[np.float64]:
+def _cubics(unit: Float) -> Float:
     x, y = unit[..., 0], unit[..., 1]
     return np.stack([x**i * y**j for i in range(4) for j in range(4 - i)], axis=-1)

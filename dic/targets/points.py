@@ -3,7 +3,8 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+
+from dic.typing import Float, Indices
 
 
 @dataclass(frozen=True)
@@ -30,9 +31,9 @@ class GridPoints:
         ``"assumed"`` (the direction closest to the image's right).
     """
 
-    index: NDArray[np.int64]
-    xy_mm: NDArray[np.float64]
-    uv_px: NDArray[np.float64]
+    index: Indices
+    xy_mm: Float
+    uv_px: Float
     lines: tuple[int, int]
     pitch_mm: float
     warnings: tuple[str, ...] = field(default=())
@@ -41,8 +42,8 @@ class GridPoints:
     @classmethod
     def on_lattice(
         cls,
-        index: NDArray[np.int64],
-        uv_px: NDArray[np.float64],
+        index: Indices,
+        uv_px: Float,
         lines: tuple[int, int],
         pitch_mm: float,
         warnings: tuple[str, ...] = (),
@@ -62,7 +63,7 @@ class GridPoints:
         """Number of points that were found."""
         return len(self.index)
 
-    def outline_px(self) -> NDArray[np.float64]:
+    def outline_px(self) -> Float:
         """Return the points found in the outermost rows and columns, ordered around the rim; (m, 2), px."""
         column, row = self.index[:, 0], self.index[:, 1]
         right, top = self.lines[0] - 1, self.lines[1] - 1
@@ -74,5 +75,5 @@ class GridPoints:
         ]
         ways = [column, row, -column, -row]
         order = [np.flatnonzero(side)[np.argsort(way[side])] for side, way in zip(sides, ways, strict=True)]
-        outline: NDArray[np.float64] = self.uv_px[np.concatenate(order)]
+        outline: Float = self.uv_px[np.concatenate(order)]
         return outline

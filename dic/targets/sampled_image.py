@@ -1,12 +1,9 @@
 """Grey levels between pixels, profiles across grid lines, and a measure of whether a line is there."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.targets.lattice import LatticeShape
-
-Float = NDArray[np.float64]
-
+from dic.typing import Float, Grey
 
 PROFILE_OFFSETS = np.linspace(-0.45, 0.45, 37)
 
@@ -18,7 +15,7 @@ class GridImage:
     which is too coarse here.
     """
 
-    def __init__(self, grey: NDArray[np.float32], dark_lines: bool) -> None:
+    def __init__(self, grey: Grey, dark_lines: bool) -> None:
         from scipy.ndimage import spline_filter
 
         self._coefficients = spline_filter(

@@ -3,11 +3,9 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.calibration.pinhole.lens import distort, distortion_basis, distortion_jacobian, folded, undistort
-
-Float = NDArray[np.float64]
+from dic.typing import Float
 
 PARAMETERS = ("focal_px", "x_px", "y_px", "k1", "k2", "p1", "p2", "rx", "ry", "rz", "Cx_mm", "Cy_mm", "Cz_mm")
 """Rows and columns of `Pinhole.covariance`; rx, ry, rz are a small rotation of the camera's axes."""
@@ -42,11 +40,11 @@ class Pinhole:
     """
 
     focal_px: float
-    principal_px: NDArray[np.float64]
-    distortion: NDArray[np.float64]
-    rotation: NDArray[np.float64]
-    centre_mm: NDArray[np.float64]
-    covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((len(PARAMETERS),) * 2))
+    principal_px: Float
+    distortion: Float
+    rotation: Float
+    centre_mm: Float
+    covariance: Float = field(default_factory=lambda: np.zeros((len(PARAMETERS),) * 2))
     noise_px: float = 0.0
     cross_validation_px: float = float("nan")
 
@@ -75,12 +73,12 @@ class Pinhole:
         return cls(focal_px, np.array(principal_px, float), lens, rotation, rotation[2] * distance_mm)
 
     @property
-    def centre_covariance_mm2(self) -> NDArray[np.float64]:
+    def centre_covariance_mm2(self) -> Float:
         """Covariance of `centre_mm`, shape (3, 3)."""
         return self.covariance[10:, 10:]
 
     @property
-    def centre_std_mm(self) -> NDArray[np.float64]:
+    def centre_std_mm(self) -> Float:
         """Standard deviation of `centre_mm`, shape (3,)."""
         return np.sqrt(np.diag(self.centre_covariance_mm2))
 
@@ -140,7 +138,7 @@ class Pinhole:
         hit: Float = self.centre_mm[:2] - self.centre_mm[2] * direction[:, :2] / depth
         return hit
 
-    def jacobian(self, px: Float) -> NDArray[np.float64]:
+    def jacobian(self, px: Float) -> Float:
         """Return ``∂(X, Y)/∂(x, y)`` of `map` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
         ideal = self._ideal(px)
         direction = self._directions(ideal)
@@ -150,7 +148,7 @@ class Pinhole:
         by_ideal = -self.centre_mm[2] * (slopes[:2] * depth - across * slopes[2:]) / depth**2
         with np.errstate(invalid="ignore"):
             by_seen = np.linalg.inv(_identity_for_nan(distortion_jacobian(ideal, self.distortion)))
-        jacobian: NDArray[np.float64] = by_ideal @ by_seen
+        jacobian: Float = by_ideal @ by_seen
         jacobian[~np.isfinite(ideal).all(axis=1)] = np.nan
         return jacobian
 
@@ -162,7 +160,7 @@ class Pinhole:
         direction = self._directions(self._ideal(px))
         return np.asarray(direction / np.linalg.norm(direction, axis=1, keepdims=True))
 
-    def error_factors(self, px: Float) -> NDArray[np.float64]:
+    def error_factors(self, px: Float) -> Float:
         """Return F, shape (n, 2, q), mm: the errors of mapped points (n, 2) have the covariance F Fᵀ.
 
         F follows from `covariance`. Errors of strongly correlated parameters, such as focal length and
@@ -172,7 +170,7 @@ class Pinhole:
         moved = self._slopes_by_parameters(self.map(px)) @ self._parameter_factors()
         return np.asarray(-self.jacobian(px) @ moved)
 
-    def centre_factors(self) -> NDArray[np.float64]:
+    def centre_factors(self) -> Float:
         """Return F, shape (3, q), mm: the errors of `centre_mm` have the covariance F Fᵀ.
 
         Each column belongs to the same error as in `error_factors`. So the errors of the map and of the
@@ -180,7 +178,7 @@ class Pinhole:
         """
         return self._parameter_factors()[10:]
 
-    def _parameter_factors(self) -> NDArray[np.float64]:
+    def _parameter_factors(self) -> Float:
         """Return F, shape (13, q), with `covariance` = F Fᵀ."""
         std = np.sqrt(np.diag(self.covariance))
         fitted = np.flatnonzero(std)
@@ -190,7 +188,7 @@ class Pinhole:
         factors[fitted] = std[fitted, None] * directions * np.sqrt(np.maximum(variances, 0.0))
         return factors
 
-    def _slopes_by_parameters(self, points_mm: Float) -> NDArray[np.float64]:
+    def _slopes_by_parameters(self, points_mm: Float) -> Float:
         """Return the derivatives (n, 2, 13) of the image points of grid points (n, 2) by `PARAMETERS`."""
         seen = points_mm @ self.rotation[:, :2].T - self.rotation @ self.centre_mm
         ideal = self.focal_px * seen[:, :2] * np.array([-1.0, 1.0]) / seen[:, 2:]
@@ -221,5 +219,5 @@ def _crossed(axis: Float, vectors: Float) -> Float:
     return np.asarray(np.cross(axis, vectors), np.float64)
 
 
-def _identity_for_nan(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+def _identity_for_nan(matrices: Float) -> Float:
     return np.where(np.isfinite(matrices), matrices, np.eye(2))

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.calibration.cross_validation import cross_validation_rms
 from dic.calibration.pinhole.camera import Pinhole
@@ -21,8 +20,7 @@ from dic.calibration.pinhole.model import CameraModel
 from dic.calibration.pinhole.prior import KnownCamera, Prior
 from dic.errors import CalibrationError
 from dic.targets.points import GridPoints
-
-Float = NDArray[np.float64]
+from dic.typing import Float, Mask
 
 _FEWEST_POINTS = 10
 _K2 = 4
@@ -44,7 +42,7 @@ class _Views:
     uv_px: list[Float]
     prior: Prior
 
-    def without(self, left_out: NDArray[np.bool_]) -> "_Views":
+    def without(self, left_out: Mask) -> "_Views":
         """Return the views without the points `left_out` (n,) of the first image."""
         xy, uv = self.xy_mm[0][~left_out], self.uv_px[0][~left_out]
         return replace(self, xy_mm=[xy, *self.xy_mm[1:]], uv_px=[uv, *self.uv_px[1:]])
@@ -146,7 +144,7 @@ def _first_solution(views: _Views) -> "_Solution":
 
 
 def _cross_validation_px(views: _Views, whole: "_Solution", first: GridPoints, *, k2: bool) -> float:
-    def prediction_errors(left_out: NDArray[np.bool_]) -> Float:
+    def prediction_errors(left_out: Mask) -> Float:
         kept = views.without(left_out)
         model = replace(whole.model, xy_mm=kept.xy_mm)
         least = _LeastSquares(kept, model, whole.noise_px, k2=k2)
@@ -224,7 +222,7 @@ class _LeastSquares:
         covariance[np.ix_(free, free)] = _inverse_square(self._equations(parameters)[1][:, free])
         return covariance
 
-    def _free(self, parameters: Float) -> NDArray[np.bool_]:
+    def _free(self, parameters: Float) -> Mask:
         free = np.ones(len(parameters), bool)
         free[_K2] = self._k2
         return free

@@ -7,9 +7,8 @@ is barrel distortion.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
+from dic.typing import Float, Mask
 
 _MOST_STEPS = 50
 _EXACT_PX = 1e-10
@@ -77,12 +76,12 @@ def undistort(distorted_px: Float, distortion: Float) -> Float:
     return ideal
 
 
-def folded(ideal_px: Float, distortion: Float) -> NDArray[np.bool_]:
+def folded(ideal_px: Float, distortion: Float) -> Mask:
     """Tell at which ideal points (n, 2) the distortion folds the image over; False for NaN."""
     jacobian = distortion_jacobian(ideal_px, distortion)
     determinant = jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] ** 2
     # past two folds the determinant is positive again, but both directions are reversed
-    reversed_: NDArray[np.bool_] = (determinant <= 0) | (jacobian[:, 0, 0] + jacobian[:, 1, 1] <= 0)
+    reversed_: Mask = (determinant <= 0) | (jacobian[:, 0, 0] + jacobian[:, 1, 1] <= 0)
     return reversed_
 
 

@@ -16,11 +16,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.calibration.pinhole.lens import distort, distortion_basis, distortion_jacobian
-
-Float = NDArray[np.float64]
+from dic.typing import Float
 
 LENS = 7
 POSE = 6

@@ -5,11 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.errors import CalibrationError, Check, require_all
-
-Float = NDArray[np.float64]
+from dic.typing import Float
 
 PRINCIPAL_SHARE = 0.01
 """Standard deviation of the principal point if it is not given, as a fraction of the image's width."""
@@ -18,7 +16,8 @@ PRINCIPAL_SHARE = 0.01
 # nothing else determines the focal length. Without it, the fit would diverge to infinity in that case.
 _USUAL_WIDTHS = 3.0
 _USUAL_LOG_STD = math.log(3.0)
-# Standard deviation of an exact value: in px for the principal point, as a fraction for the lengths.
+# Standard deviation of a value that is given as exact: px for the principal point, a fraction of the value
+# for focal length and distance.
 _EXACTLY = 1e-6
 # Deviation from a known value, in standard deviations, that counts as a contradiction.
 _TOO_FAR = 5.0

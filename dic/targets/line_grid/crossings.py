@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.targets.line_grid.trace import LineTrace, median_where
+from dic.typing import Float, Indices, Mask
 
-Float = NDArray[np.float64]
 # Number of segments to which a parabola is fitted.
 _SEGMENTS = 4
 # The window of these segments may be shifted by `_MOST_SHIFT` segments from the intersection. Each segment of
@@ -31,7 +30,7 @@ class _LocalCurve:
     normal: Float
     scale: Float
     coefficients: Float
-    sound: NDArray[np.bool_]
+    sound: Mask
 
     def miss(self, points: Float) -> tuple[Float, Float]:
         """Return the distances (…,) of points (…, 2) from the curves, px, and their gradients (…, 2)."""
@@ -43,7 +42,7 @@ class _LocalCurve:
         return distance, gradient
 
 
-def intersect(first: LineTrace, second: LineTrace, predicted: Float) -> tuple[Float, NDArray[np.bool_]]:
+def intersect(first: LineTrace, second: LineTrace, predicted: Float) -> tuple[Float, Mask]:
     """Return the intersections of the lines of two directions.
 
     Parameters
@@ -91,7 +90,7 @@ def _local_curves(trace: LineTrace, predicted: Float) -> _LocalCurve:
     return _LocalCurve(predicted, tangent, normal, scale, coefficients, sound)
 
 
-def _windows(seen: Float) -> NDArray[np.int64]:
+def _windows(seen: Float) -> Indices:
     """Return the numbers of the four segments used at each intersection, (lines, segments + 1, 4).
 
     Usually these are two segments on either side of the intersection. At the grid's rim, and where something
@@ -111,7 +110,7 @@ def _windows(seen: Float) -> NDArray[np.int64]:
     return first[..., None] + np.arange(used)
 
 
-def _visible_nearby(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _visible_nearby(valid: Mask) -> Mask:
     """Tell at which intersections (lines, segments + 1) the nearest half segment of one side is valid."""
     half = valid.shape[-1] // 2
     none = np.zeros((len(valid), 1), bool)
@@ -120,7 +119,7 @@ def _visible_nearby(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(np.hstack([none, before]) | np.hstack([after, none]))
 
 
-def _robust_parabolas(s: Float, h: Float, valid: NDArray[np.bool_]) -> tuple[Float, NDArray[np.bool_]]:
+def _robust_parabolas(s: Float, h: Float, valid: Mask) -> tuple[Float, Mask]:
     """Return least-squares parabolas (…, 3) and the stations (…, n) within four standard deviations."""
     design = np.stack([np.ones_like(s), s, s * s], axis=-1)
     kept = valid

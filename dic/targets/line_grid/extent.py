@@ -1,12 +1,12 @@
 """Which of the lines that a lattice predicts are really in the image: this gives the number of lines."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.targets.cells import CellLattice
 from dic.targets.lattice import LatticeShape
 from dic.targets.line_grid.trace import median_where
 from dic.targets.sampled_image import GridImage, line_evidence, line_irregularity, profiles_across
+from dic.typing import Float, Indices, Mask
 
 # Least height of a segment and of a whole line, as fractions of the usual height of the lines between cells.
 _SEGMENT_SEEN = 0.4
@@ -50,9 +50,7 @@ def line_extents(image: GridImage, shape: LatticeShape, cells: CellLattice) -> t
     return found[0], found[1]
 
 
-def _between_cells(
-    cells: CellLattice, axis: int, low: NDArray[np.int64], shape: tuple[int, ...]
-) -> NDArray[np.bool_]:
+def _between_cells(cells: CellLattice, axis: int, low: Indices, shape: tuple[int, ...]) -> Mask:
     """Tell which segments (lines, segments) lie between two found cells."""
     known = {(int(i), int(j)) for i, j in cells.index}
     between = np.zeros(shape, bool)
@@ -63,7 +61,7 @@ def _between_cells(
     return between
 
 
-def _visible_lines(profiles: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _visible_lines(profiles: Float, between: Mask) -> Mask:
     """Tell which lines (lines,) are in the image, from profiles (lines, segments, stations, offsets)."""
     usual = _usual_evidence(line_evidence(profiles), between)
     # only segments within the grid: for a small grid, most of the others lie beyond its rim
@@ -73,11 +71,11 @@ def _visible_lines(profiles: NDArray[np.float64], between: NDArray[np.bool_]) ->
     together = np.moveaxis(relative, 1, -1)
     whole = median_where(np.isfinite(together), together, fallback=0.0)[..., 0]
     most = np.sort(segments)[-max(1, len(segments) // 4)]
-    result: NDArray[np.bool_] = (segments > _MOST_SEGMENTS * most) & (line_evidence(whole) > _LINE_SEEN)
+    result: Mask = (segments > _MOST_SEGMENTS * most) & (line_evidence(whole) > _LINE_SEEN)
     return result if np.any(result) else np.asarray(between.any(axis=1))
 
 
-def _with_partly_hidden_lines(like_lines: NDArray[np.bool_], first: int, last: int) -> tuple[int, int]:
+def _with_partly_hidden_lines(like_lines: Mask, first: int, last: int) -> tuple[int, int]:
     """Return the numbers of the first and the last line, partly hidden outer lines included.
 
     Parameters
@@ -97,7 +95,7 @@ def _with_partly_hidden_lines(like_lines: NDArray[np.bool_], first: int, last: i
     return first, last
 
 
-def _segments_of_lines(profiles: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _segments_of_lines(profiles: Float, between: Mask) -> Mask:
     """Tell which segments (lines, segments) have the profile of the segments between known cells.
 
     All three stations of a segment must have that shape and height. Speckles may look like a line at one
@@ -119,11 +117,11 @@ def _segments_of_lines(profiles: NDArray[np.float64], between: NDArray[np.bool_]
         agreement = 1 - (rest**2).sum(axis=-1) / np.maximum((smooth**2).sum(axis=-1), 1e-12)
         sized = (height > 0.5) & (height < 2.0)
         best = np.maximum(best, np.where(sized, agreement, -np.inf).min(axis=-1))
-    result: NDArray[np.bool_] = best > _AGREEMENT
+    result: Mask = best > _AGREEMENT
     return result
 
 
-def _usual_evidence(evidence: NDArray[np.float64], between: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _usual_evidence(evidence: Float, between: Mask) -> Float:
     """Return for every segment the median evidence of the nearest segments between known cells."""
     from scipy.ndimage import distance_transform_edt, median_filter
 

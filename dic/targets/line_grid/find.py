@@ -11,7 +11,6 @@ The steps:
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
 from dic.targets.axes import Axes, XAxis, axes_in_image
@@ -23,6 +22,7 @@ from dic.targets.line_grid.mark import find_mark, grid_spans, within
 from dic.targets.line_grid.trace import trace_lines
 from dic.targets.points import GridPoints
 from dic.targets.sampled_image import GridImage
+from dic.typing import Float, Grey, Mask
 
 __all__ = ["GridPoints", "find_grid"]
 
@@ -34,7 +34,7 @@ _REMEDY = (
 
 
 def find_grid(
-    image: NDArray[np.float32],
+    image: Grey,
     lines: tuple[int, int] = (21, 21),
     pitch_mm: float = 0.5,
     source: str = "grid image",
@@ -113,9 +113,7 @@ def _require_possible(lines: tuple[int, int], pitch_mm: float, source: str) -> N
         )
 
 
-def _crossings(
-    image: GridImage, shape: LatticeShape, extents: tuple[range, range]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def _crossings(image: GridImage, shape: LatticeShape, extents: tuple[range, range]) -> tuple[Float, Mask]:
     """Return the intersections (n0, n1, 2) in px, and which of them (n0, n1) are reliable."""
     predicted = shape.map(np.stack(np.meshgrid(*extents, indexing="ij"), axis=-1).astype(float))
     first, second = (trace_lines(image, shape, axis, extents[axis], extents[1 - axis]) for axis in (0, 1))
@@ -126,7 +124,7 @@ def _crossings(
     return crossing, sound
 
 
-def _lattice_vectors(shape: LatticeShape, extents: tuple[range, range]) -> NDArray[np.float64]:
+def _lattice_vectors(shape: LatticeShape, extents: tuple[range, range]) -> Float:
     """Return the two lattice vectors (2, 2) at the middle of the grid, px."""
     middle = np.array([(span[0] + span[-1]) / 2 if len(span) else 0.0 for span in extents])
     return np.stack([shape.step(middle, 0), shape.step(middle, 1)])

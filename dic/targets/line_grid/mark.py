@@ -8,18 +8,17 @@ without a dot lies towards +X and +Y.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.targets.axes import Axes, axes_towards
 from dic.targets.lattice import LatticeShape
 from dic.targets.sampled_image import GridImage
-
-Float = NDArray[np.float64]
+from dic.typing import Float
 
 # Radii in pitches at which grey levels are sampled: within a dot, whose radius is 0.15, and just outside it.
 _DOT, _RING = 0.07, 0.26
-# Least darkness of a dot relative to the lines, and of the faintest dot relative to the darkest.
+# Least darkness of a dot relative to the lines.
 _DARK = 0.5
+# Least darkness of the faintest of the three dots relative to the darkest.
 _ALIKE = 0.5
 
 

@@ -3,12 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.targets.lattice import LatticeShape
 from dic.targets.sampled_image import GridImage, station_index
+from dic.typing import Float, Mask
 
-Float = NDArray[np.float64]
 _SAMPLE_PX = 0.5
 _PASSES = 3
 # A misfit below this fraction of a line's depth is always accepted: interpolation and rounding of grey levels
@@ -32,7 +31,7 @@ class LineTrace:
     """
 
     station_px: Float
-    valid: NDArray[np.bool_]
+    valid: Mask
 
 
 @dataclass(frozen=True)
@@ -93,7 +92,7 @@ class _Template:
         result: Float = self.offsets_px * (beside + (on_line - beside) * self.level)
         return result
 
-    def offsets(self, profiles: Float) -> tuple[Float, NDArray[np.bool_]]:
+    def offsets(self, profiles: Float) -> tuple[Float, Mask]:
         """Return the lines' offsets c in px, and which of them are valid, both (lines, segments, stations).
 
         ``I(s) ≈ b + e·S(s) + d·T(s) − d·c·T'(s) − w·s·T'(s)`` is fitted by least squares. T is the template.
@@ -114,8 +113,8 @@ class _Template:
         return np.where(valid, offsets, 0.0), valid
 
 
-def median_where(mask: NDArray[np.bool_], values: Float, fallback: float) -> Float:
-    """Return the medians of `values` where `mask`, over the last axis, which is kept; `fallback` if none."""
+def median_where(mask: Mask, values: Float, fallback: float) -> Float:
+    """Return the medians (…, 1) of `values` (…, n) where `mask` is True; `fallback` where it is all False."""
     some = mask.any(axis=-1, keepdims=True)
     medians: Float = np.nanmedian(
         np.where(some, np.where(mask, values, np.nan), fallback), axis=-1, keepdims=True
@@ -252,7 +251,7 @@ def _coarse_offsets(profiles: Float, offsets_px: Float) -> Float:
     return usual
 
 
-def _straightened(measured: Float, valid: NDArray[np.bool_], fractions: Float, fallback: Float) -> Float:
+def _straightened(measured: Float, valid: Mask, fractions: Float, fallback: Float) -> Float:
     """Return the offsets on a straight line fitted to each segment; `fallback` if few stations are valid."""
     t = fractions - fractions.mean()
     weight = valid.astype(float)

@@ -209,3 +209,11 @@ def test_what_is_not_the_target_is_refused(target: Target, picture: str) -> None
 def test_a_target_that_cannot_be_is_refused(target: Target, sentence: str) -> None:
     with pytest.raises(CalibrationError, match=sentence):
         find_target(np.zeros((100, 100), np.float32), target)
+
+
+def test_all_mistakes_in_a_target_are_reported_together() -> None:
+    with pytest.raises(CalibrationError) as caught:
+        find_target(np.zeros((100, 100), np.float32), CharucoTarget((4, 9), 1.0, 2.0, "DICT_UNKNOWN"))
+
+    for option in ("--squares 5x9", "--marker-mm 0.7", "--dictionary DICT_5X5_100"):
+        assert option in caught.value.remedy
