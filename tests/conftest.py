@@ -1,9 +1,11 @@
 """What tests of more than one package share: real images and speckle pictures with exact truth."""
 
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,6 +41,13 @@ def real_images() -> Path:
     if not folder.is_dir():
         pytest.skip("the real image series are not on this machine (expected in ../shared/data)")
     return folder
+
+
+@pytest.fixture
+def serve() -> Iterator[Callable[[Any], Any]]:
+    """`serve(server)` returns the server and closes it with the test."""
+    with ExitStack() as servers:
+        yield lambda server: servers.enter_context(closing(server))
 
 
 def unmoved(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

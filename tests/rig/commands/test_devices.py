@@ -1,10 +1,8 @@
 """`rig devices` with simulated devices at real ports, and a system folder made by hand."""
 
 import tomllib
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
@@ -24,17 +22,6 @@ from tests.command_line import run_rig
 from tests.spring import Spring
 
 VISION = "GigE Vision and USB3 Vision cameras"
-
-
-@pytest.fixture
-def serve() -> Iterator[Callable[[Any], Any]]:
-    with ExitStack() as stack:
-
-        def start(server: Any) -> Any:
-            stack.callback(server.close)
-            return server
-
-        yield start
 
 
 @pytest.fixture

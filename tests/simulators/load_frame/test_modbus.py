@@ -184,22 +184,16 @@ def test_a_machine_that_was_switched_on_again_knows_of_no_command(server, client
     assert outcome(client) == (0, 0)
 
 
-def test_set_points_apart_are_used_by_the_command_that_follows(clock):
-    server = LoadFrameServer(LoadFrameDevice(clock, Spring()), layout=LAYOUTS["separate-words"])
-    try:
-        targets = struct.pack(">ffff", 0.5, 0.25, 0.0, 0.0)
-        assert server.answer(1, bytes.fromhex("10 0000 0008 10") + targets) == bytes.fromhex("10 0000 0008")
-        assert server.answer(1, bytes.fromhex("10 0010 0002 04 0201 0001")) == bytes.fromhex("10 0010 0002")
-        clock.sleep(1.0)
-        assert server.device.displacement_mm() == pytest.approx(0.25, abs=0.25 * 0.021)
-    finally:
-        server.close()
+def test_set_points_apart_are_used_by_the_command_that_follows(clock, serve):
+    server = serve(LoadFrameServer(LoadFrameDevice(clock, Spring()), layout=LAYOUTS["separate-words"]))
+    targets = struct.pack(">ffff", 0.5, 0.25, 0.0, 0.0)
+    assert server.answer(1, bytes.fromhex("10 0000 0008 10") + targets) == bytes.fromhex("10 0000 0008")
+    assert server.answer(1, bytes.fromhex("10 0010 0002 04 0201 0001")) == bytes.fromhex("10 0010 0002")
+    clock.sleep(1.0)
+    assert server.device.displacement_mm() == pytest.approx(0.25, abs=0.25 * 0.021)
 
 
-def test_a_machine_with_one_table_has_no_input_registers(clock):
-    server = LoadFrameServer(LoadFrameDevice(clock, Spring()), layout=LAYOUTS["scaled-integers"])
-    try:
-        assert server.answer(1, bytes.fromhex("04 0100 0001")) == bytes.fromhex("84 02")
-        assert server.answer(1, bytes.fromhex("03 0100 0001")) == bytes.fromhex("03 02 0001")
-    finally:
-        server.close()
+def test_a_machine_with_one_table_has_no_input_registers(clock, serve):
+    server = serve(LoadFrameServer(LoadFrameDevice(clock, Spring()), layout=LAYOUTS["scaled-integers"]))
+    assert server.answer(1, bytes.fromhex("04 0100 0001")) == bytes.fromhex("84 02")
+    assert server.answer(1, bytes.fromhex("03 0100 0001")) == bytes.fromhex("03 02 0001")

@@ -190,27 +190,24 @@ PEERS = [
 
 @pytest.mark.parametrize("order", ["ABCD", "CDAB"])
 @pytest.mark.parametrize(("peer", "line"), PEERS, ids=[f"{peer.__name__} {line}" for peer, line in PEERS])
-def test_others_read_and_write_the_simulated_frame(peer, line, order):
+def test_others_read_and_write_the_simulated_frame(peer, line, order, serve):
     clock = VirtualClock()
     device = LoadFrameDevice(clock, Spring())
-    server = SERVERS[line](device, layout=replace(GENERIC, word_order=order))
+    server = serve(SERVERS[line](device, layout=replace(GENERIC, word_order=order)))
+    client = peer(server.address, line, order)
     try:
-        client = peer(server.address, line, order)
-        try:
-            device.go_to_displacement(0.625, 0.5)
-            clock.sleep(10.0)
-            assert client.read_input_float(STATE_DISPLACEMENT) == 0.625
-            assert client.read_input_float(STATE_DISPLACEMENT - 2) == 3125.0
-            assert client.read_float(LIMIT_LOAD_MAX) == 50_000.0
-            client.write_float(WATCHDOG, 2.5)
-            assert device.watchdog_s == 2.5
-            client.write_one(HEARTBEAT, 77)
-            assert device.heartbeat == 77
-            words = [2, *_parted(0.75, order), *_parted(0.5, order), 0, 0, 0, 0, 9]
-            client.write_many(COMMAND, words)
-            clock.sleep(1.0)
-            assert device.displacement_mm() == pytest.approx(0.75, rel=1e-12)
-        finally:
-            client.close()
+        device.go_to_displacement(0.625, 0.5)
+        clock.sleep(10.0)
+        assert client.read_input_float(STATE_DISPLACEMENT) == 0.625
+        assert client.read_input_float(STATE_DISPLACEMENT - 2) == 3125.0
+        assert client.read_float(LIMIT_LOAD_MAX) == 50_000.0
+        client.write_float(WATCHDOG, 2.5)
+        assert device.watchdog_s == 2.5
+        client.write_one(HEARTBEAT, 77)
+        assert device.heartbeat == 77
+        words = [2, *_parted(0.75, order), *_parted(0.5, order), 0, 0, 0, 0, 9]
+        client.write_many(COMMAND, words)
+        clock.sleep(1.0)
+        assert device.displacement_mm() == pytest.approx(0.75, rel=1e-12)
     finally:
-        server.close()
+        client.close()

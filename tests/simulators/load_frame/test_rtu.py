@@ -1,7 +1,6 @@
 """Modbus RTU as bytes on a pty and on TCP, against the specification's own frames."""
 
 import os
-import select
 import socket
 
 import pytest
@@ -11,6 +10,7 @@ from drivers.clock import VirtualClock
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer
 from simulators.load_frame.modbus_framing import crc, cut_rtu
+from tests.simulators.terminal import listen, terminal_of
 from tests.spring import Spring
 
 
@@ -22,9 +22,8 @@ def device():
 @pytest.fixture
 def terminal(device):
     server = LoadFrameRtuServer(device)
-    opened = os.open(server.address, os.O_RDWR | os.O_NOCTTY)
-    yield opened
-    os.close(opened)
+    with terminal_of(server.address) as opened:
+        yield opened
     server.close()
     server.close()
 
@@ -32,10 +31,7 @@ def terminal(device):
 def exchange(terminal: int, request: str, size: int) -> str:
     """Send a message given in hexadecimal and return the answer of `size` bytes, and whatever follows."""
     os.write(terminal, bytes.fromhex(request))
-    received = b""
-    while select.select([terminal], [], [], 10.0 if len(received) < size else 0.05)[0]:
-        received += os.read(terminal, 300)
-    return received.hex(" ")
+    return listen(terminal, size).hex(" ")
 
 
 @pytest.mark.parametrize(
@@ -112,12 +108,9 @@ def test_no_stretch_longer_than_a_message_is_checked(monkeypatch):
     assert max(checked) <= 256
 
 
-def test_the_same_frames_on_tcp(device):
-    server = LoadFrameRtuTcpServer(device)
+def test_the_same_frames_on_tcp(device, serve):
+    server = serve(LoadFrameRtuTcpServer(device))
     host, _, port = server.address.partition(":")
-    try:
-        with socket.create_connection((host, int(port)), 10.0) as client:
-            client.sendall(bytes.fromhex(sealed("01 04 00 20 00 03")))
-            assert client.makefile("rb").read(11).hex(" ") == "01 04 06 00 03 5b 61 01 04 66 3a"
-    finally:
-        server.close()
+    with socket.create_connection((host, int(port)), 10.0) as client:
+        client.sendall(bytes.fromhex(sealed("01 04 00 20 00 03")))
+        assert client.makefile("rb").read(11).hex(" ") == "01 04 06 00 03 5b 61 01 04 66 3a"

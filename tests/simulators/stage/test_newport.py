@@ -1,11 +1,11 @@
 import os
-import select
 
 import pytest
 
 from drivers.clock import VirtualClock
 from simulators.stage.device import StageDevice
 from simulators.stage.newport import NewportServer
+from tests.simulators.terminal import listen, terminal_of
 
 
 @pytest.fixture
@@ -137,15 +137,7 @@ def test_limits_speed_and_identity_can_be_read_back(server):
 
 
 def test_lines_end_with_a_carriage_return_on_the_terminal(server):
-    terminal = os.open(server.address, os.O_RDWR | os.O_NOCTTY)
-    try:
+    with terminal_of(server.address) as terminal:
         os.write(terminal, b"1MO\r1M")
         os.write(terminal, b"O?\rTE?\r")
-        received = b""
-        while received.count(b"\n") < 2:
-            ready, _, _ = select.select([terminal], [], [], 10.0)
-            assert ready
-            received += os.read(terminal, 100)
-    finally:
-        os.close(terminal)
-    assert received == b"1\r\n0\r\n"
+        assert listen(terminal, 6) == b"1\r\n0\r\n"

@@ -120,16 +120,13 @@ def device():
 
 
 @pytest.mark.parametrize("line", [StageServer, StageTcpServer], ids=["pty", "TCP"])
-def test_the_vendors_client_drives_the_stage(device, line):
+def test_the_vendors_client_drives_the_stage(device, line, serve):
     python = interpreter("zaber-motion", "zaber-motion==10.*")
-    server = line(device)
-    try:
-        address = server.address
-        # the client takes the name for the port's own, which a link is not
-        said = json.loads(run(python, "-c", ZABER_MOTION, os.path.realpath(address) if line is StageServer
-                              else address))  # fmt: skip
-    finally:
-        server.close()
+    server = serve(line(device))
+    address = server.address
+    # the client takes the name for the port's own, which a link is not
+    said = json.loads(run(python, "-c", ZABER_MOTION, os.path.realpath(address) if line is StageServer
+                          else address))  # fmt: skip
     assert said == {
         "serial": 110001.0,
         "flags before": ["WR"],
@@ -146,13 +143,10 @@ def test_the_vendors_client_drives_the_stage(device, line):
     assert moves == ["move 64000", "move 51200", "move 128000"]
 
 
-def test_the_vendors_older_client_drives_it_without_ids_and_checksums(device):
+def test_the_vendors_older_client_drives_it_without_ids_and_checksums(device, serve):
     python = interpreter("zaber.serial", "zaber.serial==0.9.*")
-    server = StageServer(device)
-    try:
-        said = json.loads(run(python, "-c", ZABER_SERIAL, server.address))
-    finally:
-        server.close()
+    server = serve(StageServer(device))
+    said = json.loads(run(python, "-c", ZABER_SERIAL, server.address))
     assert said == {
         "absolute": 64000,
         "relative": 51200,
@@ -163,15 +157,12 @@ def test_the_vendors_older_client_drives_it_without_ids_and_checksums(device):
 
 
 @pytest.mark.parametrize("line", [NewportServer, NewportTcpServer], ids=["pty", "TCP"])
-def test_pymeasure_drives_the_stage_on_an_esp301(device, line):
+def test_pymeasure_drives_the_stage_on_an_esp301(device, line, serve):
     python = interpreter("pymeasure", "pymeasure==0.16.*", "pyvisa-py", "pyserial")
-    server = line(device, SystemClock())
-    try:
-        host, _, port = server.address.rpartition(":")
-        resource = f"TCPIP::{host}::{port}::SOCKET" if host else f"ASRL{server.address}::INSTR"
-        said = json.loads(run(python, "-c", PYMEASURE, resource))
-    finally:
-        server.close()
+    server = serve(line(device, SystemClock()))
+    host, _, port = server.address.rpartition(":")
+    resource = f"TCPIP::{host}::{port}::SOCKET" if host else f"ASRL{server.address}::INSTR"
+    said = json.loads(run(python, "-c", PYMEASURE, resource))
     assert said == {
         "off": False,
         "refused": ["Newport ESP300 axis 1 reported the error: MOTOR NOT ENABLED"],

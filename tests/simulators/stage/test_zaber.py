@@ -1,5 +1,4 @@
 import os
-import select
 import socket
 import threading
 
@@ -8,6 +7,7 @@ import pytest
 from drivers.clock import VirtualClock
 from simulators.stage.device import StageDevice
 from simulators.stage.zaber import StageServer, StageTcpServer
+from tests.simulators.terminal import listen, terminal_of
 
 
 @pytest.fixture
@@ -16,10 +16,8 @@ def clock() -> VirtualClock:
 
 
 @pytest.fixture
-def server(clock):
-    opened = StageServer(StageDevice(clock))
-    yield opened
-    opened.close()
+def server(clock, serve):
+    return serve(StageServer(StageDevice(clock)))
 
 
 @pytest.mark.parametrize(
@@ -117,18 +115,11 @@ def test_a_stage_takes_another_address_and_answers_with_checksums_when_told(serv
 
 
 def test_bytes_may_come_in_pieces_on_the_terminal(server):
-    terminal = os.open(server.address, os.O_RDWR | os.O_NOCTTY)
-    try:
+    with terminal_of(server.address) as terminal:
         for piece in (b"/1 0 0", b"0 get pos:2D\r", b"\n/1 0 01 get pos:2C\n"):
             os.write(terminal, piece)
-        received = b""
-        while received.count(b"\n") < 2:
-            ready, _, _ = select.select([terminal], [], [], 10.0)
-            assert ready
-            received += os.read(terminal, 100)
-    finally:
-        os.close(terminal)
-    assert received == b"@01 0 00 OK IDLE WR 0:BE\r\n@01 0 01 OK IDLE WR 0:BD\r\n"
+        expected = b"@01 0 00 OK IDLE WR 0:BE\r\n@01 0 01 OK IDLE WR 0:BD\r\n"
+        assert listen(terminal, len(expected)) == expected
 
 
 def test_clients_on_tcp_share_one_stage(clock):

@@ -1,7 +1,6 @@
 """What each fault does to the bytes on the line, told from outside."""
 
 import os
-import select
 import socket
 import subprocess
 import sys
@@ -17,36 +16,25 @@ from simulators.stage.zaber import StageServer, StageTcpServer, StageWire
 from simulators.wire.faults import FAULTS, FaultPanel, names, parse
 from simulators.wire.line import Line
 from simulators.wire.rig_faults import RigFaults
+from tests.simulators.terminal import listen, terminal_of
 
 FIRST, SECOND = b"@01 0 00 OK IDLE WR 0:BE\r\n", b"@01 0 01 OK IDLE WR 0:BD\r\n"
 """Answers to `get pos` with the ids 00 and 01; checksums from the vendor's way of counting."""
 
 
 @pytest.fixture
-def server():
-    opened = StageServer(StageDevice(VirtualClock()))
-    yield opened
-    opened.close()
+def server(serve):
+    return serve(StageServer(StageDevice(VirtualClock())))
 
 
 def talk(server: StageServer, messages: list[bytes], sizes: list[int]) -> list[bytes]:
     """Send messages one after the other and return what came after each: so many bytes and no more."""
-    terminal = os.open(server.address, os.O_RDWR | os.O_NOCTTY)
-    try:
+    with terminal_of(server.address) as terminal:
         answers = []
         for message, size in zip(messages, sizes, strict=True):
             os.write(terminal, message)
             answers.append(listen(terminal, size))
         return answers
-    finally:
-        os.close(terminal)
-
-
-def listen(terminal: int, size: int) -> bytes:
-    received = b""
-    while select.select([terminal], [], [], 10.0 if len(received) < size else 0.05)[0]:
-        received += os.read(terminal, 200)
-    return received
 
 
 @pytest.mark.parametrize(
@@ -108,15 +96,12 @@ def test_a_dropped_answer_is_to_a_command_that_was_executed(server):
 
 
 def test_an_unplugged_terminal_is_gone_and_comes_back_under_its_name(server):
-    terminal = os.open(server.address, os.O_RDWR | os.O_NOCTTY)
-    try:
+    with terminal_of(server.address) as terminal:
         server.faults.switch_on("unplug")
         with pytest.raises(OSError, match=r"\[Errno 5\]"):
             os.write(terminal, b"/\n")
-        with pytest.raises(FileNotFoundError):
-            os.open(server.address, os.O_RDWR | os.O_NOCTTY)
-    finally:
-        os.close(terminal)
+        with pytest.raises(FileNotFoundError), terminal_of(server.address):
+            pass
     server.faults.clear("unplug")
     assert talk(server, [b"/1 0 00 get pos:2D\n"], [len(FIRST)]) == [FIRST]
 
@@ -140,19 +125,16 @@ def test_what_a_killed_simulation_left_behind_is_swept_away(tmp_path, monkeypatc
 
 
 @pytest.mark.parametrize("name", ["e-stop", "limit", "reset", "stall"])
-def test_faults_of_the_stage_end_its_motion(name):
+def test_faults_of_the_stage_end_its_motion(name, serve):
     clock = VirtualClock()
     device = StageDevice(clock)
-    server = StageServer(device)
-    try:
-        device.move_to(640_000)
-        clock.sleep(1.0)
-        assert device.moving
-        server.faults.switch_on(name)
-        assert not device.moving
-        assert 0.0 < device.angle_deg() < 100.0
-    finally:
-        server.close()
+    server = serve(StageServer(device))
+    device.move_to(640_000)
+    clock.sleep(1.0)
+    assert device.moving
+    server.faults.switch_on(name)
+    assert not device.moving
+    assert 0.0 < device.angle_deg() < 100.0
 
 
 @pytest.mark.parametrize(
@@ -232,19 +214,16 @@ def test_a_stage_may_be_reset_a_second_time():
         assert "WR" in device.flags
 
 
-def test_a_port_that_another_program_took_meanwhile_is_said_and_comes_back_later():
-    server = StageTcpServer(StageDevice(VirtualClock()))
-    try:
-        server.faults.switch_on("unplug")
-        host, port = server.address.split(":")
-        with socket.create_server((host, int(port))), pytest.raises(OSError, match="in use"):
-            server.faults.clear()
-        assert server.faults.active == ["unplug"]
+def test_a_port_that_another_program_took_meanwhile_is_said_and_comes_back_later(serve):
+    server = serve(StageTcpServer(StageDevice(VirtualClock())))
+    server.faults.switch_on("unplug")
+    host, port = server.address.split(":")
+    with socket.create_server((host, int(port))), pytest.raises(OSError, match="in use"):
         server.faults.clear()
-        assert server.faults.active == []
-        socket.create_connection((host, int(port)), 10.0).close()
-    finally:
-        server.close()
+    assert server.faults.active == ["unplug"]
+    server.faults.clear()
+    assert server.faults.active == []
+    socket.create_connection((host, int(port)), 10.0).close()
 
 
 def test_a_fault_that_is_just_being_switched_on_is_cleared_after_that():

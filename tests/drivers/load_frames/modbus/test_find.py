@@ -1,9 +1,6 @@
 """Simulated load frames at every kind of Modbus address: the map that fits is found, and nothing moves."""
 
 import socket
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
-from typing import Any
 
 import pytest
 
@@ -13,17 +10,6 @@ from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServ
 
 GENERIC_STATE = b"\x04\x00\x00"
 """How a request for the block `state` of the map `generic` begins: function 4, address 0."""
-
-
-@pytest.fixture
-def serve() -> Iterator[Callable[[Any], Any]]:
-    with ExitStack() as stack:
-
-        def start(server: Any) -> Any:
-            stack.callback(server.close)
-            return server
-
-        yield start
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
