@@ -2,12 +2,12 @@
 
 import threading
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from drivers.clock import VirtualClock
 from drivers.interfaces import OpenContext
+from tests.open_lines import open_lines
 
 
 @pytest.fixture
@@ -23,17 +23,7 @@ def context(clock: VirtualClock) -> OpenContext:
 @pytest.fixture(autouse=True)
 def nothing_is_left_open() -> Iterator[None]:
     threads = set(threading.enumerate())
-    sockets = _sockets()
+    sockets = open_lines()
     yield
     assert set(threading.enumerate()) <= threads
-    assert _sockets() <= sockets
-
-
-def _sockets() -> set[str]:
-    names = set()
-    for link in Path("/proc/self/fd").iterdir():
-        try:
-            names.add(str(link.readlink()))
-        except FileNotFoundError:
-            continue
-    return {name for name in names if name.startswith(("socket:", "pipe:", "/dev/pts", "/dev/ptmx"))}
+    assert open_lines() <= sockets

@@ -11,12 +11,12 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from simulators.wire.faults import CAMERA, FAULTS, Fault
 from tests.fault_matrix.bench import Bench, ReportedFault, UnprovenError, WrongAnswerError
 from tests.fault_matrix.columns import COLUMNS, Column
+from tests.open_lines import open_lines
 from tests.places import DOCS
 
 DOCUMENT = DOCS / "fault-matrix.md"
@@ -98,7 +98,7 @@ def rows(device: str) -> list[str]:
 
 def try_cell(column: Column, form: str) -> Cell:
     """Let a fault strike a driver, use it, take the fault away, and find the way back."""
-    threads, descriptors = set(threading.enumerate()), _descriptors()
+    threads, descriptors = set(threading.enumerate()), open_lines()
     cell, bench = Cell(), column.make()
     try:
         bench.open()
@@ -124,7 +124,7 @@ def try_cell(column: Column, form: str) -> Cell:
     cell.broken += [f"{held} {what} left" for what, held in bench.left_behind().items() if held]
     if left := [thread.name for thread in threading.enumerate() if thread not in threads]:
         cell.broken.append(f"threads left: {', '.join(left)}")
-    if left := sorted(_descriptors() - descriptors):
+    if left := sorted(open_lines() - descriptors):
         cell.broken.append(f"descriptors left: {', '.join(left)}")
     return cell
 
@@ -202,16 +202,6 @@ def try_all() -> dict[str, dict[str, Cell]]:
 
 def _try_column(place: int) -> dict[str, Cell]:
     return try_column(COLUMNS[place])
-
-
-def _descriptors() -> set[str]:
-    names = set()
-    for link in Path("/proc/self/fd").iterdir():
-        try:
-            names.add(str(link.readlink()))
-        except FileNotFoundError:
-            continue
-    return {name for name in names if name.startswith(("socket:", "pipe:", "/dev/pts", "/dev/ptmx"))}
 
 
 def table(columns: dict[str, dict[str, str]]) -> str:
