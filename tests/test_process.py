@@ -100,48 +100,53 @@ run_protocol(Path({str(short_protocol(tmp_path))!r}), rig, folder / "killed.h5",
         assert [round(step.angle_deg, 1) for step in camera.steps] == [22.5]
 
 
-class TestNoRunFile:
-    def check_refused(self, path, word):
-        with pytest.raises(RunFileError, match=word):
-            RunFile(path)
+@pytest.mark.parametrize(
+    ("content", "word"),
+    [(None, "no such file"), (b"not a run", "cut off or is no HDF5")],
+    ids=["none", "text"],
+)
+def test_what_is_no_hdf5_file_is_no_run(tmp_path, content, word):
+    if content is not None:
+        (tmp_path / "run.h5").write_bytes(content)
+    with pytest.raises(RunFileError, match=word):
+        RunFile(tmp_path / "run.h5")
 
-    def test_missing(self, tmp_path):
-        self.check_refused(tmp_path / "none.h5", "no such file")
 
-    def test_text(self, tmp_path):
-        (tmp_path / "text.h5").write_text("not a run")
-        self.check_refused(tmp_path / "text.h5", "cut off or is no HDF5")
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.95])
+def test_a_run_file_that_was_cut_off_is_refused(run_file, tmp_path, share):
+    content = run_file.read_bytes()
+    (tmp_path / "cut.h5").write_bytes(content[: int(share * len(content))])
+    with pytest.raises(RunFileError, match="cut off"):
+        RunFile(tmp_path / "cut.h5")
 
-    @pytest.mark.parametrize("share", [0.05, 0.5, 0.95])
-    def test_cut_off(self, run_file, tmp_path, share):
-        content = run_file.read_bytes()
-        (tmp_path / "cut.h5").write_bytes(content[: int(share * len(content))])
-        self.check_refused(tmp_path / "cut.h5", "cut off")
 
-    def test_another_kind(self, tmp_path):
-        with h5py.File(tmp_path / "other.h5", "w") as file:
-            file["x"] = 1
-        self.check_refused(tmp_path / "other.h5", "another kind")
+def test_an_hdf5_file_of_another_kind_is_no_run(tmp_path):
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["x"] = 1
+    with pytest.raises(RunFileError, match="another kind"):
+        RunFile(tmp_path / "other.h5")
 
-    def test_a_run_that_ended_before_the_reference(self, run_file, tmp_path):
-        short = tmp_path / "short.h5"
-        short.write_bytes(run_file.read_bytes())
-        with h5py.File(short, "r+") as file:
-            for column in file["entry/steps"].values():
-                column.resize((1,))
-        with pytest.raises(RunFileError, match="finished reference step"):
-            process_run(short)
 
-    def test_a_damaged_image_is_named(self, run_file, tmp_path):
-        spoiled = tmp_path / "spoiled.h5"
-        spoiled.write_bytes(run_file.read_bytes())
-        with h5py.File(spoiled, "r+") as file:
-            offset = file["entry/instrument/off_axis/data"].id.get_chunk_info(0).byte_offset
-        with spoiled.open("r+b") as raw:
-            raw.seek(offset + 1000)
-            raw.write(b"\xff\x00\xff\x00")
-        with pytest.raises(RunFileError, match="damaged images of off_axis at step 0"):
-            process_run(spoiled)
+def test_a_run_that_ended_before_the_reference_is_refused(run_file, tmp_path):
+    short = tmp_path / "short.h5"
+    short.write_bytes(run_file.read_bytes())
+    with h5py.File(short, "r+") as file:
+        for column in file["entry/steps"].values():
+            column.resize((1,))
+    with pytest.raises(RunFileError, match="finished reference step"):
+        process_run(short)
+
+
+def test_a_damaged_image_is_named(run_file, tmp_path):
+    spoiled = tmp_path / "spoiled.h5"
+    spoiled.write_bytes(run_file.read_bytes())
+    with h5py.File(spoiled, "r+") as file:
+        offset = file["entry/instrument/off_axis/data"].id.get_chunk_info(0).byte_offset
+    with spoiled.open("r+b") as raw:
+        raw.seek(offset + 1000)
+        raw.write(b"\xff\x00\xff\x00")
+    with pytest.raises(RunFileError, match="damaged images of off_axis at step 0"):
+        process_run(spoiled)
 
 
 def test_a_run_whose_grid_image_is_no_grid_says_so(run_file, tmp_path):

@@ -52,7 +52,7 @@ def test_least_squares_average_noise_down() -> None:
     assert np.sqrt((error**2).mean()) == pytest.approx(1e-3 * np.sqrt(16 / 441), rel=0.35)
 
 
-def test_not_a_number_stays_so() -> None:
+def test_a_place_that_is_not_a_number_is_mapped_to_none() -> None:
     px = _lattice()
 
     assert np.isnan(BicubicMap.fit(px, _surface(px)).map(np.array([[np.nan, 3.0]]))).all()

@@ -227,5 +227,5 @@ class TestRegionsAndMotion:
             ("--shape", "cubic", "affine or quadratic"),
         ],
     )
-    def test_what_makes_no_sense_is_refused(self, folder, option, value, sentence):
+    def test_regions_and_motions_that_make_no_sense_are_refused(self, folder, option, value, sentence):
         assert sentence in refusal("correlate", folder / "ref.png", folder / "moved.png", option, value)

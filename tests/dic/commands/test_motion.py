@@ -102,7 +102,7 @@ def test_figures_are_kept_although_there_is_no_alignment_to_save(turned, tmp_pat
     assert len(json.loads(report.read_text())["images"]) == 1
 
 
-def test_one_image_of_a_rotation_is_left_alone(turned):
+def test_one_image_of_a_rotation_is_not_corrected(turned):
     studio, reference, images = turned
     printed, report = studio.correlate(reference, images[:1], "--motion", "rigid")
     corrected = report["images"][0]["corrected"]

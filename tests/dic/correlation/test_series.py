@@ -161,6 +161,6 @@ def test_memory_does_not_grow_with_the_number_of_images(speckle, incremental, im
     assert growth < image.nbytes
 
 
-def test_an_unknown_way_is_refused(speckle):
+def test_an_unknown_way_of_taking_new_references_is_refused(speckle):
     with pytest.raises(CorrelationError, match="auto or never or always, got sometimes"):
         Series(speckle().draw(), settings=SETTINGS, incremental="sometimes")

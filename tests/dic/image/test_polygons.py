@@ -21,7 +21,7 @@ def test_the_same_polygon_from_the_command_line_and_from_every_kind_of_file(tmp_
         np.testing.assert_array_equal(polygon, TRIANGLE)
 
 
-def test_a_table_may_hold_several(tmp_path):
+def test_a_table_may_hold_several_polygons(tmp_path):
     rows = [f"{x},{y},outer" for x, y in SQUARE] + [f"{x},{y},inner" for x, y in TRIANGLE]
     (tmp_path / "p.csv").write_text("\n".join(["x_px,y_px,polygon", *rows]))
     assert [len(p) for p in read_polygons(str(tmp_path / "p.csv"))] == [4, 3]

@@ -1,4 +1,3 @@
-import pickle
 from pathlib import Path
 
 import cv2
@@ -6,7 +5,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from dic.errors import CorrelationError, ImageError, MeasurementError
+from dic.errors import ImageError
 from dic.image.read import read_image, require_same_size
 
 
@@ -160,16 +159,6 @@ def test_images_of_different_size_are_refused() -> None:
     with pytest.raises(ImageError, match=r"c: .*60 × 50 px like a, got 61 × 50 px"):
         require_same_size(images, ["a", "b", "c"])
     require_same_size(images[:2], ["a", "b"])
-
-
-def test_errors_come_back_whole_from_another_process() -> None:
-    error = CorrelationError("a.png", "correlate", "texture", "none", "paint it")
-
-    copy = pickle.loads(pickle.dumps(error))
-
-    assert type(copy) is CorrelationError
-    assert isinstance(copy, MeasurementError)
-    assert str(copy) == "a.png: correlate: expected texture, got none; paint it"
 
 
 @pytest.mark.parametrize("level", [1e30, -1e10, 1e300])

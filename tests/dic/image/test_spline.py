@@ -32,6 +32,6 @@ def test_gradient_is_the_slope_of_scipys_spline(noise_image, order):
     np.testing.assert_allclose(along_y[10:80, 10:100], (grey(h, 0) - grey(-h, 0)) / (2 * h), atol=2e-3)
 
 
-def test_other_orders_are_refused(noise_image):
+def test_a_spline_of_another_order_is_refused(noise_image):
     with pytest.raises(ValueError, match="expected one of"):
         spline_image(noise_image, 4)

@@ -80,7 +80,7 @@ def test_local_displacements_are_corrected_too():
 @pytest.mark.parametrize(
     ("within", "reason"), [(necking, "not uniform"), (sheared, "not uniform"), (torn, "uniform|one body")]
 )
-def test_motion_that_is_not_uniform_is_left_alone(within, reason, slope_deg):
+def test_motion_that_is_not_uniform_is_not_corrected(within, reason, slope_deg):
     measurement, found = corrected(State(Pose.sloped(0.0, slope_deg), np.eye(2), within))
     assert found.declined is not None
     assert any(words in found.declined for words in reason.split("|"))
@@ -94,7 +94,7 @@ def test_a_calibration_without_a_camera_is_no_help():
     assert found.declined == "the calibration knows no camera centre"
 
 
-def test_too_few_points_are_left_alone():
+def test_too_few_points_are_not_corrected():
     _, found = corrected(State(), replace(VIEW, half_mm=1.0))
     assert found.declined is not None
     assert "too few" in found.declined
@@ -114,7 +114,7 @@ def test_noise_too_large_to_tell_a_tilt_is_named():
     assert "too uncertain" in found.declined
 
 
-def test_nothing_is_claimed_of_the_shift():
+def test_one_camera_claims_nothing_of_the_shift():
     _, found = corrected(State(Pose.sloped(0.0, 0.1, 0.01)))
     figures = found.as_dict()
     assert figures["shift_mm"] is None
