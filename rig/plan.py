@@ -8,7 +8,8 @@ from typing import Any
 
 from rig.errors import ProtocolError
 from rig.facts import UNKNOWN_RIG, RigFacts, objections
-from rig.protocol.protocol import UNITS, Protocol, ProtocolStep, TensionProtocol
+from rig.protocol.protocol import Protocol, TensionProtocol
+from rig.protocol.step import UNITS, ProtocolStep
 
 SECONDS_PER_IMAGE = 0.1
 """Assumed for exposure, transfer and recording; the rest of the duration follows from the protocol."""

@@ -14,7 +14,8 @@ import numpy as np
 from dic.runfile import schema
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame, LoadFrameState, StageState
 from rig.errors import RecordingError
-from rig.protocol.protocol import Grid, ProtocolStep, Reading, Sample
+from rig.protocol.protocol import Grid, Sample
+from rig.protocol.step import ProtocolStep, Reading
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 

@@ -7,7 +7,8 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from dic.runfile.reader import RunFile, RunInfo
-from rig.protocol.protocol import ProtocolStep, parse_protocol
+from rig.protocol.protocol import parse_protocol
+from rig.protocol.step import ProtocolStep
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ from rig.engine.settle import settle
 from rig.engine.status import Outcome, State, Status
 from rig.engine.watch import Watch
 from rig.errors import Aborted, LimitViolation, ProtocolError, RigError
-from rig.protocol.protocol import Protocol, ProtocolStep, Reading, RotationProtocol, TensionProtocol
+from rig.protocol.protocol import Protocol, RotationProtocol, TensionProtocol
+from rig.protocol.step import ProtocolStep, Reading
 from rig.recorder import Recorder, StepRecord
 
 

@@ -6,7 +6,7 @@ from drivers.errors import DeviceFault
 from drivers.interfaces import LoadFrameState
 from rig.devices import Rig
 from rig.engine.watch import Watch
-from rig.protocol.protocol import Reading
+from rig.protocol.step import Reading
 from rig.recorder import Recorder
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from drivers.clock import Clock
 from rig.errors import SettleTimeout
-from rig.protocol.protocol import Reading
+from rig.protocol.step import Reading
 
 
 def settle(

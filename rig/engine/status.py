@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from dic.runfile.schema import RunStatus
-from rig.protocol.protocol import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, Reading
 
 
 class State(Enum):

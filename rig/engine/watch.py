@@ -1,7 +1,8 @@
 """The limits a protocol declares, watched at every reading of the load frame."""
 
 from rig.errors import LimitViolation, SpecimenBroken
-from rig.protocol.protocol import Limits, Reading
+from rig.protocol.protocol import Limits
+from rig.protocol.step import Reading
 
 
 class Watch:

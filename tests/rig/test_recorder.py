@@ -12,7 +12,8 @@ import pytest
 
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame
 from rig.errors import RecordingError
-from rig.protocol.protocol import Grid, ProtocolStep, Reading, Sample
+from rig.protocol.protocol import Grid, Sample
+from rig.protocol.step import ProtocolStep, Reading
 from rig.recorder import Recorder, RunHeader, StepRecord
 from tests.places import ROOT
 

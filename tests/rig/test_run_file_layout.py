@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame, LoadFrameState, StageState
-from rig.protocol.protocol import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, Reading
 from rig.recorder import Recorder, StepRecord
 from tests.places import DOCS
 from tests.rig.test_recorder import HEADER, START

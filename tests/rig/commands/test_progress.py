@@ -7,7 +7,7 @@ import pytest
 from rig.commands import progress
 from rig.commands.progress import run_progress
 from rig.engine.status import State, Status
-from rig.protocol.protocol import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, Reading
 
 
 class NotedBar:

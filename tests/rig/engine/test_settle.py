@@ -3,7 +3,7 @@ import pytest
 from drivers.clock import VirtualClock
 from rig.engine.settle import settle
 from rig.errors import SettleTimeout
-from rig.protocol.protocol import Reading
+from rig.protocol.step import Reading
 
 
 def wait(load_at, *, dwell_s=1.0, timeout_s=10.0):

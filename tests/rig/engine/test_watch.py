@@ -2,7 +2,8 @@ import pytest
 
 from rig.engine.watch import Watch
 from rig.errors import LimitViolation, SpecimenBroken
-from rig.protocol.protocol import Limits, Reading
+from rig.protocol.protocol import Limits
+from rig.protocol.step import Reading
 
 LIMITS = Limits(load_max_n=12_000.0, displacement_max_mm=5.0, break_load_drop=0.3)
 

@@ -7,7 +7,8 @@ from pydantic import ValidationError
 from drivers.errors import ConfigurationError
 from rig.errors import ProtocolError
 from rig.protocol.plasticity import PlasticCriterion
-from rig.protocol.protocol import Reading, TensionProtocol, increments, read_protocol
+from rig.protocol.protocol import TensionProtocol, increments, read_protocol
+from rig.protocol.step import Reading
 from tests.places import EXAMPLES, example
 
 
