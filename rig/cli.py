@@ -13,11 +13,10 @@ from dic.shell.console import run as run_command
 from dic.shell.console import say
 from dic.shell.output_paths import require_places
 from drivers.errors import ConfigurationError, DeviceError
-from rig.errors import RigError
+from rig import RigError
 
 if TYPE_CHECKING:
-    from rig.engine.status import Outcome
-    from rig.recorder import StepRecord
+    from rig import Outcome, StepRecord
 
 NOT_GOOD = 1
 
@@ -45,17 +44,11 @@ def cli() -> None:
 @_JSON
 def plan(protocol: Path, rig_path: Path | None, json_path: Path | None) -> None:
     """Print every step of PROTOCOL, duration, bytes and worst load. Nothing moves."""
-    from rig.facts import UNKNOWN_RIG, facts_of_file
-    from rig.plan import make_plan, plan_dict, plan_lines
-    from rig.protocol.protocol import read_protocol
-    from rig.run import read_both
+    from rig import plan_protocol
+    from rig.commands.plan import plan_dict, plan_lines
 
     require_places([protocol, rig_path], [json_path])
-    if rig_path is None:
-        made = make_plan(read_protocol(protocol), UNKNOWN_RIG)
-    else:
-        files = read_both(protocol, rig_path)
-        made = make_plan(files.protocol, facts_of_file(files.rig_file))
+    made = plan_protocol(protocol, rig_path)
     _finish(plan_lines(made), plan_dict(made), json_path, good=not made.objections)
 
 
@@ -66,19 +59,15 @@ def plan(protocol: Path, rig_path: Path | None, json_path: Path | None) -> None:
 @_JSON
 def run(protocol: Path, rig_path: Path, output: Path | None, json_path: Path | None) -> None:
     """Run PROTOCOL and write one run file. Ctrl-C holds the load frame, stops the stage and ends the run."""
+    from rig import run_protocol
     from rig.commands.progress import run_progress
-    from rig.run import run_protocol
 
     run_path = output or Path(f"{protocol.stem}.h5")
     require_places([protocol, rig_path, run_path], [json_path])
     records: list[StepRecord] = []
-
-    def on_step(record: "StepRecord") -> None:
-        records.append(record)
-        say(_step_line(record))
-
+    on_step = (records.append, lambda record: say(_step_line(record)))
     with run_progress() as on_status:
-        outcome = run_protocol(protocol, rig_path, run_path, on_status=[on_status], on_step=[on_step])
+        outcome = run_protocol(protocol, rig_path, run_path, on_status=[on_status], on_step=on_step)
     lines = [f"{outcome.status}: {outcome.steps_done} steps in {run_path}"]
     for sentence in filter(None, (outcome.reason, *outcome.lost_listeners)):
         say(f"rig: {sentence}", err=True)
@@ -90,9 +79,8 @@ def run(protocol: Path, rig_path: Path, output: Path | None, json_path: Path | N
 @_JSON
 def check(rig_path: Path, json_path: Path | None) -> None:
     """Open the devices of RIG, read identity, state and limits, take one image each. Nothing moves."""
+    from rig import open_rig, read_rig
     from rig.commands.check import check_rig
-    from rig.devices import open_rig
-    from rig.rigfile import read_rig
 
     require_places([rig_path], [json_path])
     with open_rig(read_rig(rig_path)) as rig:
@@ -133,7 +121,7 @@ def verify(run_file: Path, json_path: Path | None) -> None:
     """Read every image of a run file against its checksum and say what is missing; cut-off runs too."""
     from dataclasses import asdict
 
-    from rig.commands.verify import verify_run
+    from rig import verify_run
 
     require_places([run_file], [json_path])
     found = verify_run(run_file)

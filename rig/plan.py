@@ -4,12 +4,11 @@ import math
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rig.errors import ProtocolError
 from rig.facts import UNKNOWN_RIG, RigFacts, objections
 from rig.protocol.protocol import Protocol, TensionProtocol
-from rig.protocol.step import UNITS, ProtocolStep
+from rig.protocol.step import ProtocolStep
 
 SECONDS_PER_IMAGE = 0.1
 """Assumed for exposure, transfer and recording; the rest of the duration follows from the protocol."""
@@ -110,61 +109,8 @@ def require_feasible(plan: Plan, folder: Path) -> None:
         )
 
 
-def plan_lines(plan: Plan) -> list[str]:
-    """Return the plan as lines of text."""
-    lines = [f"{plan.title} ({plan.kind})", "step  kind          target        about"]
-    for planned in plan.steps:
-        step = planned.step
-        target = "" if math.isnan(step.target) else f"{step.target:g} {UNITS[step.kind]}"
-        note = "  if the specimen demands it" if step.conditional else ""
-        about = _format_s(planned.duration_s)
-        lines.append(f"{step.index:4d}  {step.kind:<12}  {target:<10}  {about:>8}{note}")
-    at_most = " at most" if any(planned.step.conditional for planned in plan.steps) else ""
-    lines.append(
-        f"{len(plan.steps)} steps{at_most}, about {_format_s(plan.duration_s)} without the operator's time; "
-        + (
-            "images: as the rig has cameras"
-            if plan.images is None
-            else f"{plan.images} images, {format_bytes(plan.size_bytes)}"
-        )
-    )
-    if at_most:
-        lines.append(
-            f"worst load {plan.worst_load_n:g} N, worst displacement {plan.worst_displacement_mm:g} mm: "
-            "the limits of the protocol, as the specimen decides how many increments it takes to yield"
-        )
-    return lines + [f"not on this rig: {objection}" for objection in plan.objections]
-
-
-def plan_dict(plan: Plan) -> dict[str, Any]:
-    """Return the plan for JSON: what is unknown or does not apply is None."""
-    return {
-        "title": plan.title,
-        "kind": plan.kind,
-        "steps": [
-            {
-                "index": planned.step.index,
-                "kind": planned.step.kind,
-                "target": _known(planned.step.target),
-                "unit": UNITS[planned.step.kind],
-                "conditional": planned.step.conditional,
-                "duration_s": planned.duration_s,
-            }
-            for planned in plan.steps
-        ],
-        "duration_s": plan.duration_s,
-        "images": plan.images,
-        "size_bytes": plan.size_bytes,
-        "worst_load_n": _known(plan.worst_load_n),
-        "worst_displacement_mm": _known(plan.worst_displacement_mm),
-        "objections": plan.objections,
-    }
-
-
-def format_bytes(size: int | None) -> str:
+def format_bytes(size: int) -> str:
     """Return a size as people read it."""
-    if size is None:
-        return "size unknown until the cameras are open"
     return f"{size / 1e6:.1f} MB" if size < 1e9 else f"{size / 1e9:.1f} GB"
 
 
@@ -173,13 +119,3 @@ def _motion_s(step: ProtocolStep, before: float, facts: RigFacts) -> float | Non
         return 0.0
     rate = facts.speed_deg_s if step.kind == "rotation" else step.rate
     return None if rate is None else (step.target - before) / rate
-
-
-def _format_s(duration_s: float | None) -> str:
-    if duration_s is None:
-        return "unknown"
-    return f"{duration_s:.1f} s" if duration_s < 120.0 else f"{duration_s / 60.0:.1f} min"
-
-
-def _known(value: float) -> float | None:
-    return None if math.isnan(value) else value

@@ -49,7 +49,7 @@ class Recorder:
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         A file that does not exist yet; an existing one is never overwritten.
     header : RunHeader
     cameras : mapping of str to CameraInfo
@@ -60,17 +60,17 @@ class Recorder:
 
     def __init__(
         self,
-        path: Path,
+        path: str | Path,
         header: RunHeader,
         cameras: Mapping[str, CameraInfo],
         *,
         stage: DeviceInfo | None = None,
         load_frame: DeviceInfo | None = None,
     ) -> None:
-        self.path = path
+        self.path = Path(path)
         with self._writing("creating the run file"):
             # HDF5 would create the file before it finds the folder unwritable, or truncate on a wrong mode.
-            self._file = h5py.File(path, "x", libver="latest")
+            self._file = h5py.File(self.path, "x", libver="latest")
         with self._writing("creating the run file"):
             self._entry = _create_entry(self._file, header)
             instrument = _create_group(self._entry, "instrument", schema.INSTRUMENT)

@@ -66,7 +66,7 @@ class _RigTable(Settings):
     simulated: bool = Field(default=False, strict=True)
 
 
-def read_rig(path: Path) -> RigFile:
+def read_rig(path: str | Path) -> RigFile:
     """Read a rig file; nothing is opened.
 
     Raises
@@ -74,6 +74,7 @@ def read_rig(path: Path) -> RigFile:
     ConfigurationError
         If the file cannot be read or any table has mistakes; those of all tables are listed together.
     """
+    path = Path(path)
     data, text = read_toml_text(path)
     mistakes = [f"{key}: unknown key; remove it or correct its name" for key in data if key not in _KNOWN]
     rig = _read_rig_table(data.get("rig"), mistakes)

@@ -1,4 +1,4 @@
-"""One call from two files to a run file: what `rig run` does."""
+"""From the two files that people write to a plan or to a run file: what `rig plan` and `rig run` do."""
 
 import hashlib
 import platform
@@ -15,14 +15,14 @@ from rig.engine.engine import Engine
 from rig.engine.signals import aborting_on_signals
 from rig.engine.status import Outcome, Status
 from rig.facts import confirm, facts_of_file
-from rig.plan import make_plan, require_feasible
-from rig.protocol.protocol import Protocol, read_protocol_text
+from rig.plan import Plan, make_plan, require_feasible
+from rig.protocol.protocol import Protocol, read_protocol, read_protocol_text
 from rig.recorder import Recorder, RunHeader, StepRecord, run_file_exists
 from rig.rigfile import RigFile, read_rig
 
 
 @dataclass(frozen=True)
-class ReadFiles:
+class _ReadFiles:
     """The two files of a run, each read once; `definition` is the text of the protocol's file."""
 
     protocol: Protocol
@@ -30,10 +30,29 @@ class ReadFiles:
     rig_file: RigFile
 
 
+def plan_protocol(protocol_path: str | Path, rig_path: str | Path | None = None) -> Plan:
+    """Plan a protocol for a rig; nothing is opened.
+
+    Parameters
+    ----------
+    protocol_path, rig_path : str or Path
+        The protocol and the rig file. Without a rig the plan tells what every rig would do.
+
+    Raises
+    ------
+    ConfigurationError
+        If one of the two files has mistakes; those of both are listed.
+    """
+    if rig_path is None:
+        return make_plan(read_protocol(protocol_path))
+    files = _read_both(protocol_path, rig_path)
+    return make_plan(files.protocol, facts_of_file(files.rig_file))
+
+
 def run_protocol(
-    protocol_path: Path,
-    rig_path: Path,
-    run_path: Path,
+    protocol_path: str | Path,
+    rig_path: str | Path,
+    run_path: str | Path,
     *,
     on_status: Iterable[Callable[[Status], None]] = (),
     on_step: Iterable[Callable[[StepRecord], None]] = (),
@@ -42,9 +61,9 @@ def run_protocol(
 
     Parameters
     ----------
-    protocol_path, rig_path : Path
+    protocol_path, rig_path : str or Path
         The protocol and the rig file.
-    run_path : Path
+    run_path : str or Path
         The run file; it must not exist.
     on_status, on_step : iterable of callable, optional
         As for `Engine`.
@@ -56,7 +75,7 @@ def run_protocol(
     ProtocolError, RecordingError, DeviceError
         If the run cannot begin. Nothing has moved then.
     """
-    files = read_both(protocol_path, rig_path)
+    files, run_path = _read_both(protocol_path, rig_path), Path(run_path)
     protocol = files.protocol
     if run_path.exists():
         raise run_file_exists(run_path)
@@ -70,7 +89,7 @@ def run_protocol(
             return engine.run()
 
 
-def read_both(protocol_path: Path, rig_path: Path) -> ReadFiles:
+def _read_both(protocol_path: str | Path, rig_path: str | Path) -> _ReadFiles:
     """Read protocol and rig file; the mistakes of both are reported together as one `ConfigurationError`."""
     try:
         protocol, definition = read_protocol_text(protocol_path)
@@ -81,10 +100,10 @@ def read_both(protocol_path: Path, rig_path: Path) -> ReadFiles:
             mistakes = [f"{e.source}: {mistake}" for e in (error, other) for mistake in e.mistakes]
             raise ConfigurationError(f"{protocol_path} and {rig_path}", mistakes) from other
         raise
-    return ReadFiles(protocol, definition, read_rig(rig_path))
+    return _ReadFiles(protocol, definition, read_rig(rig_path))
 
 
-def _create_run_file(run_path: Path, files: ReadFiles, rig: Rig) -> Recorder:
+def _create_run_file(run_path: Path, files: _ReadFiles, rig: Rig) -> Recorder:
     start = rig.clock.utc()
     definition, configuration = files.definition, files.rig_file.text
     digest = hashlib.sha256((definition + configuration).encode()).hexdigest()

@@ -63,8 +63,8 @@ class RunFile:
         If the file is missing, cut off, damaged or no run file.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
         self._file = self._open()
         try:
             self._read()

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rig.errors import Aborted, RigError
-from rig.run import run_protocol
+from rig import Aborted, RigError, run_protocol
 
 if TYPE_CHECKING:
     from dic.pipeline.run import RunResult

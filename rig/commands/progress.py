@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from dic.shell.progress import progress
-from rig.engine.status import State, Status
+from rig import State, Status
 
 
 @contextmanager

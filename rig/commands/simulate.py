@@ -10,8 +10,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Protocol, cast
 
-from rig.errors import RigError
-from rig.rigfile import read_rig
+from rig import RigError, read_rig
 
 GROUP = "offaxis.simulators"
 NAME = "virtual-rig"

@@ -44,7 +44,7 @@ class Verification:
     problems: list[str]
 
 
-def verify_run(path: Path) -> Verification:
+def verify_run(path: str | Path) -> Verification:
     """Read every image of a run file and check it against its checksum.
 
     Also reads a run that is being recorded and one whose program was killed.
@@ -65,7 +65,7 @@ def verify_run(path: Path) -> Verification:
             if kinds.count(kind) != 1
         ]
         cameras = {name: _check_camera(run, name, problems) for name in run.cameras}
-        return Verification(path, status, run.info.status_reason, done, len(planned), cameras, problems)
+        return Verification(run.path, status, run.info.status_reason, done, len(planned), cameras, problems)
 
 
 def _check_camera(run: RunFile, name: str, problems: list[str]) -> CameraCheck:

@@ -257,7 +257,7 @@ def _too_fine(name: str, increment: float, tolerance: float) -> list[str]:
     return [f"{name} must be more than twice its settle tolerance, {tolerance:g}, got {increment:g}"]
 
 
-def read_protocol(path: Path) -> Protocol:
+def read_protocol(path: str | Path) -> Protocol:
     """Read a protocol from TOML.
 
     Raises
@@ -268,9 +268,9 @@ def read_protocol(path: Path) -> Protocol:
     return read_protocol_text(path)[0]
 
 
-def read_protocol_text(path: Path) -> tuple[Protocol, str]:
+def read_protocol_text(path: str | Path) -> tuple[Protocol, str]:
     """Return a protocol and the text of its file, read once; raises like `read_protocol`."""
-    table, text = read_toml_text(path)
+    table, text = read_toml_text(Path(path))
     try:
         return parse_protocol(table), text
     except ValidationError as error:

@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from rig.commands.plan import plan_lines
 from rig.errors import ProtocolError
 from rig.facts import RigFacts
-from rig.plan import SECONDS_PER_IMAGE, make_plan, plan_lines, require_feasible
+from rig.plan import SECONDS_PER_IMAGE, make_plan, require_feasible
 from rig.protocol.protocol import RotationProtocol, TensionProtocol
 
 
