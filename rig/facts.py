@@ -75,7 +75,7 @@ def objections(protocol: Protocol, facts: RigFacts) -> list[str]:
     """Return one sentence for everything the protocol wants and the rig cannot do; empty when all is well."""
     if isinstance(protocol, TensionProtocol):
         if facts.has_load_frame is False:
-            return ["a tension protocol needs a [load_frame] in the rig file; run it on another rig"]
+            return ["a tension protocol needs a [load_frame] in the rig file; add it, or take another rig"]
         limits, loading, stretching = protocol.limits, protocol.loading, protocol.stretching
         return _above(
             [
@@ -86,16 +86,20 @@ def objections(protocol: Protocol, facts: RigFacts) -> list[str]:
             ]
         )
     if facts.has_stage is False:
-        return ["a rotation protocol needs a [stage] in the rig file; run it on another rig"]
+        return ["a rotation protocol needs a [stage] in the rig file; add it, or take another rig"]
     rotation, settle = protocol.rotation, protocol.settle
     found = _above([("rotation.total_deg", rotation.total_deg, facts.angle_max_deg, "deg")])
     if facts.angle_min_deg is not None and facts.angle_min_deg > 0.0:
         found.append(
-            f"the reference is at 0 deg, but the stage goes down to {facts.angle_min_deg:g} deg only"
+            f"the reference is at 0 deg, but stage.angle_min_deg is {facts.angle_min_deg:g}; lower it to 0"
         )
     if facts.speed_deg_s is not None:
         needed_s = rotation.increment_deg / facts.speed_deg_s + settle.dwell_s
-        found += _above([("a step with its dwell", needed_s, settle.timeout_s, "s ")])
+        if needed_s > settle.timeout_s:
+            found.append(
+                f"settle.timeout_s is {settle.timeout_s:g}, but a step and its dwell take {needed_s:g} s; "
+                "raise it above that"
+            )
     return found
 
 

@@ -98,7 +98,9 @@ def require_feasible(plan: Plan, folder: Path) -> None:
             "; ".join(plan.objections),
         )
     if not folder.is_dir():
-        raise ProtocolError(str(folder), "a folder for the run file", "none", "create it")
+        raise ProtocolError(
+            str(folder), "a folder for the run file", "none", "create it, or name another with -o"
+        )
     needed, free = int((plan.size_bytes or 0) * _SPACE_MARGIN), shutil.disk_usage(folder).free
     if needed > free:
         raise ProtocolError(

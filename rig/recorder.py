@@ -89,7 +89,7 @@ class Recorder:
         with self._writing(f"recording an image of {camera}"):
             return self._cameras[camera].append(frame, step=self._steps.length)
 
-    def frame_state(self, state: LoadFrameState) -> None:
+    def load_frame_state(self, state: LoadFrameState) -> None:
         """Append what the load frame said."""
         if self._load_frame is not None:
             with self._writing("recording the load"):
@@ -163,7 +163,7 @@ class Recorder:
                 str(self.path),
                 f"{what} to succeed",
                 " ".join(str(error).split()),
-                "check free space and permissions of the folder",
+                "check free space and permissions of the folder, or name another file with -o",
             ) from error
 
 

@@ -76,7 +76,10 @@ def read_rig(path: str | Path) -> RigFile:
     """
     path = Path(path)
     data, text = read_toml_text(path)
-    mistakes = [f"{key}: unknown key; remove it or correct its name" for key in data if key not in _KNOWN]
+    known = ", ".join(sorted(_KNOWN))
+    mistakes = [
+        f"{key}: unknown key; remove it, or name it one of {known}" for key in data if key not in _KNOWN
+    ]
     rig = _read_rig_table(data.get("rig"), mistakes)
     devices = {
         key: _read_device(key, data[key], kind, mistakes) for key, kind in _SINGLE.items() if key in data
@@ -84,7 +87,7 @@ def read_rig(path: str | Path) -> RigFile:
     cameras = _read_cameras(data.get("cameras"), mistakes)
     operator = devices.get("operator")
     if "operator" not in data:
-        mistakes.append("operator: is missing; add it")
+        mistakes.append('operator: is missing; add it, such as [operator] with driver = "console-operator"')
     if mistakes or rig is None or operator is None:
         raise ConfigurationError(str(path), mistakes)
     return RigFile(
@@ -118,10 +121,12 @@ def _read_cameras(table: object, mistakes: list[str]) -> dict[str, DeviceEntry]:
     cameras = {}
     for name, settings in table.items():
         if not name.isidentifier():
-            mistakes.append(f"cameras.{name}: a name of letters, digits and _ is expected; rename it")
+            mistakes.append(f"cameras.{name}: a name of letters, digits and _ is expected, such as off_axis")
         if name in ("stage", "load_frame"):
             # The run file keeps all devices side by side.
-            mistakes.append(f"cameras.{name}: a name that is not another device's is expected; rename it")
+            mistakes.append(
+                f"cameras.{name}: a name that is not another device's is expected, such as off_axis"
+            )
         entry = _read_device(f"cameras.{name}", settings, "camera", mistakes)
         if entry is not None:
             cameras[name] = entry
@@ -141,7 +146,8 @@ def _read_device(where: str, table: object, kind: DeviceKind, mistakes: list[str
         return None
     if spec.kind != kind:
         mistakes.append(
-            f"{where}.driver: a driver of kind {kind} is expected, {driver!r} is one of kind {spec.kind}"
+            f"{where}.driver: a driver of kind {kind} is expected, {driver!r} is one of kind {spec.kind}; "
+            f"name a driver of kind {kind}"
         )
         return None
     try:

@@ -35,8 +35,8 @@ class Engine:
         any of these --abort, exception--> SAFING --> ABORTED | FAILED
 
     PREPARING asks the operator, finds the stage's reference and zeroes the load frame. MOVING lasts until
-    the value has settled. IMAGING ends when the step is on file. SAFING holds the frame and stops the stage
-    before anything else is done, and then the run file is closed.
+    the value has settled. IMAGING ends when the step is on file. SAFING holds the load frame and stops the
+    stage before anything else is done, and then the run file is closed.
 
     Parameters
     ----------
@@ -161,7 +161,8 @@ class Engine:
                 f"{self._status.step}, zeroing the load frame",
                 f"a load within {protocol.loading.tare_max_n:g} N",
                 f"{reading.load_n:.1f} N",
-                "unload the specimen: a real load must not be zeroed away",
+                "unload the specimen, as a real load must not be zeroed away; if it is none, raise "
+                f"loading.tare_max_n above {abs(reading.load_n):.1f}",
             )
         self._event("info", f"load frame: zero at {reading.load_n:.1f} N, {reading.displacement_mm:.4f} mm")
         self._load_frame.tare()
@@ -290,7 +291,7 @@ class Engine:
                 f"a {self._protocol.kind} protocol",
                 f"a [{needed}] in the rig file",
                 "none",
-                "run it on another rig",
+                f"add a [{needed}], or run the protocol on a rig that has one",
             )
 
     @property

@@ -36,7 +36,7 @@ def take_image(
         step,
         "an image without error flags",
         f"{_ATTEMPTS} flagged images, the last with {frame.flags:#x}",
-        "check cable and bandwidth of the camera",
+        "check the camera's cable, or let fewer cameras share its bus",
     )
 
 
@@ -47,7 +47,7 @@ def _require_fresh(name: str, frame: Frame, asked_s: float, step: str) -> None:
             step,
             "an image exposed after it was asked for",
             f"one exposed {asked_s - frame.exposed_s:.3f} s before",
-            "use a driver that discards waiting images",
+            "use a driver that discards the images that wait",
         )
 
 
@@ -61,5 +61,5 @@ def _require_format(name: str, camera: Camera, frame: Frame, step: str) -> None:
             step,
             f"an image of {shape[1]} x {shape[0]} px as {np.dtype(dtype)}",
             f"shape {frame.image.shape} as {frame.image.dtype}",
-            "the driver announces another format than it delivers",
+            "mend the driver: it announces another format than it delivers",
         )

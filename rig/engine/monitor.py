@@ -40,12 +40,12 @@ class Monitor:
         load_n = displacement_mm = angle_deg = math.nan
         moving = False
         if self._rig.load_frame is not None:
-            frame = self._rig.load_frame.read()
-            self._recorder.frame_state(frame)
-            _require_no_faults(frame, step)
-            load_n, displacement_mm = frame.load_n, frame.displacement_mm
+            state = self._rig.load_frame.read()
+            self._recorder.load_frame_state(state)
+            _require_no_faults(state, step)
+            load_n, displacement_mm = state.load_n, state.displacement_mm
             # A machine that regulates at its target may call that moving.
-            moving = frame.moving and not frame.at_target
+            moving = state.moving and not state.at_target
         if self._rig.stage is not None:
             stage = self._rig.stage.read()
             self._recorder.stage_state(stage)

@@ -53,7 +53,7 @@ def settle(
                 step,
                 f"{expected} for {dwell_s:g} s within {timeout_s:g} s",
                 _describe(reading),
-                "check the device, or correct the tolerance or the timeout in the protocol",
+                f"check the device, or raise settle.timeout_s above {timeout_s:g} or the tolerance",
             )
         clock.sleep(poll_s)
 

@@ -30,9 +30,10 @@ class Watch:
         SpecimenBroken
             If the load fell by more than the declared fraction of the highest one.
         """
+        limits = self._limits
         values = (
-            (reading.load_n, self._limits.load_max_n, "load", "N"),
-            (reading.displacement_mm, self._limits.displacement_max_mm, "displacement", "mm"),
+            (reading.load_n, limits.load_max_n, "load", "N"),
+            (reading.displacement_mm, limits.displacement_max_mm, "displacement", "mm"),
         )
         for value, limit, name, unit in values:
             # So that NaN, which is never above anything, does not pass.
@@ -41,14 +42,16 @@ class Watch:
                     step,
                     f"a {name} within {limit:g} {unit}",
                     f"{value:.6g} {unit}",
-                    "look at the specimen before anything moves again",
+                    "look at the specimen before anything moves again; only if it is sound, raise "
+                    f"limits.{name}_max_{unit.lower()} above {limit:g}",
                 )
         self._highest_n = max(self._highest_n, reading.load_n)
-        lowest_n = (1.0 - self._limits.break_load_drop) * self._highest_n
+        lowest_n = (1.0 - limits.break_load_drop) * self._highest_n
         if self._highest_n >= self._carried_n and reading.load_n < lowest_n:
             raise SpecimenBroken(
                 step,
                 f"a load above {lowest_n:.0f} N after {self._highest_n:.0f} N",
                 f"{reading.load_n:.0f} N",
-                "the specimen broke or slipped out of the grips: the images up to here are on file",
+                "the specimen broke or slipped out of the grips: the images up to here are on file; "
+                f"if it did neither, raise limits.break_load_drop above {limits.break_load_drop:g}",
             )

@@ -166,7 +166,8 @@ class TensionProtocol(Settings):
                 f"loading to {loads_n[-1]:.0f} N",
                 f"an increment of less than {fraction:g} of the highest stiffness",
                 "none",
-                "check the specimen, or correct increments_max or [loading.plastic]",
+                f"check the specimen; raise loading.increments_max above {self.loading.increments_max} if it "
+                f"had not yielded, or loading.plastic.stiffness_fraction above {fraction:g} if it had",
             )
         for step in self._displacement_steps(reading.displacement_mm):
             execute(step)

@@ -69,7 +69,10 @@ def test_tension_beyond_the_rig_is_refused_before_anything_moves(tension_protoco
         (RigFacts(has_stage=False), "a rotation protocol needs a [stage]"),
         (RigFacts(angle_max_deg=359.0), "rotation.total_deg is 360, but the rig allows 359 deg"),
         (RigFacts(angle_min_deg=1.0), "the reference is at 0 deg"),
-        (RigFacts(speed_deg_s=0.1), "a step with its dwell is 225.5, but the rig allows 60 s"),
+        (
+            RigFacts(speed_deg_s=0.1),
+            "settle.timeout_s is 60, but a step and its dwell take 225.5 s",
+        ),
     ],
 )
 def test_rotation_beyond_the_rig_is_refused_before_anything_moves(rotation_protocol, facts, objection):

@@ -30,7 +30,7 @@ def recorded(tmp_path) -> Path:
     recorder = Recorder(path, HEADER, CAMERAS, stage=DEVICE, load_frame=DEVICE)
     for _ in range(READINGS):
         recorder.stage_state(StageState(1.0, False, True, (), 2.0))
-        recorder.frame_state(LoadFrameState(1.0, 2.0, False, True, True, 1, (), 3.0))
+        recorder.load_frame_state(LoadFrameState(1.0, 2.0, False, True, True, 1, (), 3.0))
     for index in range(STEPS):
         frames = {}
         for name, camera in CAMERAS.items():

@@ -31,9 +31,15 @@ def test_a_break_is_judged_once_the_declared_load_was_carried():
         watch(2000.0, 0.0)
 
 
-@pytest.mark.parametrize("reading", [Reading(0.0, 12_000.1, 1.0), Reading(0.0, 0.0, -5.1)])
-def test_limits_hold_in_both_directions(reading):
-    with pytest.raises(LimitViolation):
+@pytest.mark.parametrize(
+    ("reading", "setting"),
+    [
+        (Reading(0.0, 12_000.1, 1.0), "limits.load_max_n above 12000"),
+        (Reading(0.0, 0.0, -5.1), "limits.displacement_max_mm above 5"),
+    ],
+)
+def test_limits_hold_in_both_directions_and_are_named(reading, setting):
+    with pytest.raises(LimitViolation, match=f"only if it is sound, raise {setting}$"):
         Watch(LIMITS, carried_n=2000.0).check(reading, "step 3")
 
 
