@@ -6,6 +6,7 @@ from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -202,6 +203,11 @@ class FakeRig:
             load_frame=self.load_frame.info if self.load_frame else None,
         )
         return Engine(self.protocol, rig, recorder, on_status=[self._note, *on_status], on_step=on_step)
+
+    def events(self) -> list[str]:
+        """What the run file says that happened."""
+        with h5py.File(self.path) as file:
+            return [message.decode() for message in file["entry/events/message"][()]]
 
     def _note(self, status) -> None:
         if not self.states or self.states[-1] != status.state.name:

@@ -27,11 +27,6 @@ def mute_camera(count, frame):
     raise DeviceTimeout("cameras.on_axis", "grab", "an image", "none", "check the cable")
 
 
-def events(path) -> list[str]:
-    with h5py.File(path) as file:
-        return [message.decode() for message in file["entry/events/message"][()]]
-
-
 def test_all_listeners_are_told_the_same_in_the_same_order(rotation):
     told = [[], [], []]
     steps = [[], []]
@@ -55,7 +50,7 @@ def test_listener_that_raises_hurts_neither_the_run_nor_the_others(tension):
     assert others[-1].state is State.COMPLETED
     (lost,) = outcome.lost_listeners
     assert "ZeroDivisionError: a bug; it is told no more" in lost
-    assert events(tension.path).count(lost) == 1
+    assert tension.events().count(lost) == 1
 
 
 def test_listener_to_steps_that_raises_is_told_no_more(rotation):
