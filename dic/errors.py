@@ -74,26 +74,19 @@ def require_all(error: type[MeasurementError], source: str, checks: Iterable[Che
 
 
 def joined(errors: Sequence[MeasurementError]) -> MeasurementError:
-    """Return one error that says what several say, of the first one's class."""
+    """Return one error, of the first one's class, whose message is the sentences of all errors."""
     first, *others = errors
-    if not others:
-        return first
-    return type(first)(
-        " and ".join(dict.fromkeys(error.source for error in errors)),
-        " and ".join(error.step for error in errors),
-        " and ".join(error.expected for error in errors),
-        " and ".join(error.got for error in errors),
-        "; ".join(error.remedy for error in errors),
-    )
+    remedy = ". ".join([first.remedy, *(str(error) for error in others)])
+    return type(first)(first.source, first.step, first.expected, first.got, remedy)
 
 
 def require_kind(name: str, value: object, kind: Any, remedy: str) -> None:
-    """Refuse an argument of another kind than what a function takes.
+    """Refuse an argument of a wrong type.
 
     Parameters
     ----------
     name : str
-        Of the argument.
+        Name of the argument.
     value : object
     kind : type or union of types
     remedy : str

@@ -144,7 +144,7 @@ def assess_quality(
     wanted_px : float
         Wanted standard deviation of one point's displacement.
     full_level : float, optional
-        The highest grey level that the sensor can give; the image's own without one.
+        Highest grey level of the sensor. Default: the highest of the image.
 
     Raises
     ------

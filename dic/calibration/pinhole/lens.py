@@ -30,7 +30,7 @@ def distort(ideal_px: Float, distortion: Float) -> Float:
     Parameters
     ----------
     ideal_px : ndarray, shape (n, 2)
-        From the principal point, px.
+        Coordinates from the principal point, px.
     distortion : ndarray, shape (4,)
         k1, k2, p1, p2.
     """

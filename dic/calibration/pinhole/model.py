@@ -57,7 +57,7 @@ class CameraModel:
         return np.concatenate(seen), np.vstack(slopes)
 
     def distortion(self, parameters: Float) -> Float:
-        """Return k1, k2, p1, p2 in powers of px."""
+        """Return k1, k2, p1 and p2, shape (4,), in px⁻², px⁻⁴, px⁻¹ and px⁻¹."""
         coefficients: Float = parameters[3:LENS] / self.scale_px**_POWERS
         return coefficients
 

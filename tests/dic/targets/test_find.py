@@ -216,4 +216,4 @@ def test_all_mistakes_in_a_target_are_reported_together() -> None:
         find_target(np.zeros((100, 100), np.float32), CharucoTarget((4, 9), 1.0, 2.0, "DICT_UNKNOWN"))
 
     for option in ("--squares 5x9", "--marker-mm 0.7", "--dictionary DICT_5X5_100"):
-        assert option in caught.value.remedy
+        assert f"; give {option}" in str(caught.value)
