@@ -1,1 +1,1 @@
-"""Removing the false strain of a specimen that left the grid's plane."""
+"""Corrections for the false strain of a specimen that left the grid's plane."""

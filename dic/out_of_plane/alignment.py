@@ -1,4 +1,4 @@
-"""How the specimen and the axis of its stage lie in the grid's axes."""
+"""The alignment of a rotation set-up: slopes of the specimen and of the stage's axis against the grid."""
 
 import json
 from dataclasses import dataclass
@@ -15,12 +15,12 @@ Float = NDArray[np.float64]
 
 _FORMAT = "offaxis-alignment"
 _SMALL = 1e-6
-"""Slope over which derivatives are taken."""
+"""Step of the slope for numerical derivatives."""
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """How specimen and stage lie in the grid's axes; it belongs to a fixture and can serve other runs.
+    """Slopes of specimen and stage axis against the grid. They belong to a fixture and can serve other runs.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class Alignment:
     @property
     def wobble_deg(self) -> Float:
         """Slopes x and y of the axis against the specimen's normal, degrees, shape (2,)."""
-        # The normal of a plane of slopes (a, b) leans by (-a, -b).
+        # The normal of a plane with slopes (a, b) is tilted by (-a, -b).
         return np.asarray(np.degrees(np.arctan(self.slopes[2:] + self.slopes[:2])))
 
     @property
@@ -91,7 +91,7 @@ class Alignment:
 
 
 def _is_possible(slopes: Float, covariance: Float) -> bool:
-    """Tell whether a specimen and a stage can lie so, and the covariance is one."""
+    """Tell whether slopes and pivot are finite and small enough, and the covariance is a valid one."""
     rounding = 1e-9 * np.abs(covariance).max()
     symmetric = np.abs(covariance - covariance.T).max() <= rounding
     return bool(np.abs(slopes).max() <= 1.0 and symmetric and np.linalg.eigvalsh(covariance)[0] >= -rounding)
@@ -109,7 +109,7 @@ def load_alignment(path: Path) -> Alignment:
     Raises
     ------
     CalibrationError
-        If the file is missing or holds none.
+        If the file is missing or holds no alignment.
     """
     shapes = {"slopes": (4,), "covariance": (4, 4), "pivot_mm": (2,)}
     got = "no such file"

@@ -1,4 +1,4 @@
-"""Which correction fits which motion of a specimen."""
+"""The choice of the correction that fits the motion of the specimen."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class Motion:
     poisson_ratio : float
         Of the specimen, for the shape of its bending in tension.
     alignment : Alignment, optional
-        Of the same fixture, solved before: for rotations, whose specimen need not be rigid then.
+        An alignment solved before on the same fixture, for rotations. The specimen need not be rigid then.
 
     Raises
     ------
@@ -76,14 +76,14 @@ def poisson_check(poisson_ratio: float) -> tuple[bool, str, str, object, str]:
 
 @dataclass(frozen=True)
 class Corrections:
-    """The corrections of the images of one camera, in order, and the alignment they rest on, if any."""
+    """The corrections of one camera's images, in order, and the alignment that was used, if any."""
 
     images: list[Correction]
     alignment: Alignment | None = None
 
 
 def correct(measurements: Sequence[Measurement], calibration: Calibration, motion: Motion) -> Corrections:
-    """Correct one camera's images for motion out of the grid's plane, as far as the motion tells it.
+    """Correct one camera's images for motion out of the grid's plane by the method that fits the motion.
 
     Parameters
     ----------

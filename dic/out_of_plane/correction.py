@@ -1,4 +1,4 @@
-"""What a correction for motion out of the grid's plane gives, whichever way it was found."""
+"""The result of a correction for motion out of the grid's plane, by any method."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,12 +21,12 @@ _CLEARLY_BETTER = 0.95
 """Cross-validation must find the bicubic map better than this part of what it finds of the pinhole."""
 
 _STEP = 1e-3
-"""Part of the camera's distance over which derivatives by its centre are taken."""
+"""Step for numerical derivatives by the camera's centre, as a fraction of its distance."""
 
 
 @dataclass(frozen=True)
 class Correction:
-    """The strain of one image after the false strain of its motion out of the grid's plane was taken away.
+    """The strain of one image without the false strain of its motion out of the grid's plane.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Correction:
     after_std : ndarray, shape (3,), or None
         Standard deviations of slope x, slope y and shift (mm) of `after`; NaN for what was not measured.
     declined : str or None
-        Why the data were left alone.
+        Why no correction was made; None if it was.
     stored_strain : StrainField or None
         Local strain as a result file holds it. Without one `strain` is computed when it is first asked for.
     """
@@ -60,7 +60,7 @@ class Correction:
 
     @classmethod
     def refused(cls, method: str, measurement: Measurement, reason: str) -> "Correction":
-        """Return a correction that leaves a calibrated measurement alone."""
+        """Return the correction of a measurement that stays as calibrated, with the reason."""
         if measurement.calibrated is None or measurement.calibrated_mean is None:
             raise ValueError("only calibrated measurements can be corrected")
         return cls(
@@ -98,8 +98,8 @@ class Correction:
 def points_of(measurement: Measurement, calibration: Calibration) -> Points:
     """Return the valid points of a measurement, mapped by the pinhole unless bicubic is clearly better.
 
-    Both differ by up to 0.01 px, which matters where points move far; and only the pinhole's map and centre
-    belong together.
+    The two maps differ by up to 0.01 px, which matters where points move far. Only the pinhole's map is
+    consistent with the pinhole's centre.
     """
     best, field = calibration.using(_mapped_by(calibration)), measurement.field
     displacement = calibrated_displacement(field, best)

@@ -1,4 +1,4 @@
-"""What a set-up's false strain says about the set-up: how sensitive it is, what is misaligned, what to do."""
+"""Diagnosis of a set-up from its false strain: its sensitivity, what is misaligned, and what to do."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ Float = NDArray[np.float64]
 
 _HARMONICS = 5
 _CLEAR = 3.0
-"""A misalignment is spoken of from this many standard deviations on."""
+"""A misalignment is reported if it exceeds this many standard deviations."""
 
 _WORTH_DEG = 0.01
 _MICRO = 1e6
@@ -31,7 +31,7 @@ class Sensitivity:
     per_mdeg : float
         Strain in the direction of the camera's tilt for a slope of a thousandth of a degree in it.
     per_um, per_um_std : float
-        Isotropic strain for a micrometre towards the camera, and how well the camera's distance tells it.
+        Isotropic strain for a shift of one micrometre towards the camera, and its standard deviation.
     """
 
     off_axis_deg: float
@@ -41,7 +41,7 @@ class Sensitivity:
 
     @classmethod
     def of(cls, calibration: Calibration) -> "Sensitivity | None":
-        """Return that of a calibrated camera, None if its centre is not known."""
+        """Return the sensitivity of a calibrated camera; None if the camera's centre is not known."""
         if calibration.pinhole is None:
             return None
         x, y, z = calibration.pinhole.centre_mm
@@ -52,7 +52,7 @@ class Sensitivity:
 
     @property
     def text(self) -> str:
-        """What people read."""
+        """The sensitivity in one sentence."""
         return (
             f"{self.off_axis_deg:.1f}° off-axis: {_MICRO * self.per_mdeg:.1f} µε per millidegree of tilt, "
             f"{_MICRO * self.per_um:.1f} ± {_MICRO * self.per_um_std:.1f} µε per µm towards the camera"
@@ -63,25 +63,25 @@ class Sensitivity:
 class Harmonics:
     """Strain against the angle of rotation φ, as c₀ + c₁ cos φ + s₁ sin φ + c₂ cos 2φ + s₂ sin 2φ.
 
-    Strain is that in the grid's axes, which stand still: a wobble then shows once a turn, a grid that was
-    tilted against the specimen twice.
+    Strain is given in the grid's axes, which do not rotate. A wobble then appears once per turn; a grid
+    tilted against the specimen appears twice per turn.
 
     Attributes
     ----------
     coefficients : ndarray, shape (5, 3)
-        In this order, of exx, eyy, exy.
+        Rows in the order of the formula; columns exx, eyy, exy.
     """
 
     coefficients: Float
 
     @classmethod
     def of(cls, angles_deg: Float, strains: Float) -> "Harmonics | None":
-        """Fit them by least squares; None if the angles do not tell them apart.
+        """Fit the coefficients by least squares; None if the angles do not determine them.
 
         Parameters
         ----------
         angles_deg : ndarray, shape (n,)
-            By which the specimen was turned since the reference.
+            Rotation of the specimen since the reference.
         strains : ndarray, shape (n, 3)
             exx, eyy, exy in the axes of the undeformed specimen, which turn with it; NaN where unknown.
         """
@@ -101,7 +101,7 @@ class Harmonics:
 
 
 def in_grid_axes(angles_deg: Float, strains: Float) -> Float:
-    """Return strains in the axes of the specimen, which turn with it, in those that stand still: R E Rᵀ.
+    """Transform strains from the axes of the rotating specimen to the fixed axes of the grid: R E Rᵀ.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def in_grid_axes(angles_deg: Float, strains: Float) -> Float:
 
 
 def rotation_findings(harmonics: Harmonics | None, alignment: Alignment | None) -> list[str]:
-    """Return what a rotation says about the alignment of stage, specimen and grid, and what to do."""
+    """Return sentences on the alignment of stage, specimen and grid, and what to do about it."""
     findings = []
     if harmonics is not None:
         first, second = _MICRO * harmonics.amplitudes.max(axis=1)
@@ -152,7 +152,7 @@ def rotation_findings(harmonics: Harmonics | None, alignment: Alignment | None) 
 
 
 def tension_findings(corrections: Sequence[Correction], loads_n: Float) -> list[str]:
-    """Return how the specimen tilted and shifted with the load, and what to do."""
+    """Return sentences on how the specimen tilted and shifted with the load, and what to do about it."""
     applied = [
         (load_n, c.after, c.after_std)
         for load_n, c in zip(loads_n, corrections, strict=True)
@@ -175,7 +175,7 @@ def tension_findings(corrections: Sequence[Correction], loads_n: Float) -> list[
 
 
 def _shift_text(shifts_um: Sequence[tuple[float, float]]) -> str:
-    """Return how far a specimen moved towards the camera; of each step the shift and its deviation."""
+    """Return how far a specimen moved towards the camera, from each step's shift and its std."""
     if all(abs(shift) <= _CLEAR * std for shift, std in shifts_um):
         return f"it kept its distance from the camera to ± {max(std for _, std in shifts_um):.1f} µm"
     moved = [shift for shift, _ in shifts_um]

@@ -1,4 +1,4 @@
-"""Two cameras with calibrations of their own, adjusted until they agree on what both see."""
+"""The joint solution of two cameras, whose calibrations are adjusted until both measure the same strain."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from dic.strain.fit import gradient_weights, slopes_of
 Float = NDArray[np.float64]
 
 _SYSTEMATIC = 2e-6
-"""How far the strains of one set of points may differ between the cameras for reasons unaccounted for."""
+"""Standard deviation of the strain difference between the cameras that no modelled error explains."""
 
 _STEPS = 3
 _SMALL = 1e-6
@@ -22,20 +22,20 @@ _SMALL = 1e-6
 
 @dataclass(frozen=True)
 class JointSystem:
-    """Both cameras of a step, and how errors reach their corrected gradients and the plane.
+    """Both cameras of a step, and the propagation of errors to corrected gradients and plane.
 
-    All estimates stand in one row: the gradients' elements of the first and the second camera, of the points
-    that both see, then slope x, slope y and shift of the plane, eleven in all.
+    The eleven estimates are: four gradient elements of the first camera, four of the second camera (both of
+    the points that both cameras see), then slope x, slope y and shift of the plane.
 
-    A camera that looks straight on hardly knows its distance, and a wrong one makes the cameras disagree on
-    the strain of these points. So both calibrations, maps and centres, are adjusted within their own
-    uncertainty until the cameras agree.
+    The calibration of a camera that looks straight at the grid hardly determines its distance. A wrong
+    distance gives the cameras different strains for the same points. So both calibrations (maps and centres)
+    are adjusted within their own uncertainty until the strains are equal.
 
     Attributes
     ----------
     pairs : Pairs
     centres_mm : tuple of ndarray, shape (3,)
-        Of the cameras, as adjusted.
+        The cameras' centres, as adjusted.
     """
 
     pairs: Pairs
@@ -43,7 +43,7 @@ class JointSystem:
 
     @classmethod
     def of(cls, pairs: Pairs) -> "JointSystem":
-        """Begin with the centres as calibrated."""
+        """Return the system with the centres as calibrated."""
         calibrations = pairs.first.calibration, pairs.second.calibration
         first, second = (c.pinhole.centre_mm for c in calibrations if c.pinhole is not None)
         return cls(pairs, (first, second))
@@ -59,7 +59,7 @@ class JointSystem:
         return np.array([*np.ravel(gradients), plane.slope_x, plane.slope_y, plane.shift_mm])
 
     def weights(self) -> tuple[Float, Float]:
-        """Return by which displacements of either camera's points enter the estimates, (points, 2, 11)."""
+        """Return for each camera the weights of its displacements in the estimates, (points, 2, 11)."""
         plane, of_plane = Heights.of(self.pairs, self.centres_mm).plane()
         weights = gradient_weights(self.pairs.first.before_mm[self.pairs.chosen])
         by_plane = [
@@ -86,14 +86,15 @@ class JointSystem:
         )
 
     def noise_and_calibrations(self) -> tuple[Float, Float, Float]:
-        """Return the estimates' errors but for what the centres add, and the errors of the centres.
+        """Return the estimates' errors without the part of the centres, and the errors of the centres.
 
         Returns
         -------
         noise : ndarray, shape (11, 11)
             Covariance from noise and interpolation.
         of_maps, of_centres : ndarray, shapes (11, q) and (6, q)
-            What calibration errors of unit variance do to the estimates through the maps, and to the centres.
+            Effect of calibration errors of unit variance on the estimates through the maps, and on the
+            centres.
         """
         noise, of_maps, of_centres = np.zeros((11, 11)), [], []
         for points, weights in zip((self.pairs.first, self.pairs.second), self.weights(), strict=True):
@@ -104,9 +105,9 @@ class JointSystem:
         return noise, np.hstack(of_maps), block_diagonal(of_centres)
 
     def solve(self) -> "JointSolution":
-        """Adjust the calibrations until both cameras see one strain.
+        """Adjust the calibrations until both cameras measure the same strain.
 
-        Calibration errors are counted in their standard deviations.
+        The adjustment minimises calibration errors in units of their standard deviations.
         """
         noise, of_maps, of_centres = self.noise_and_calibrations()
         apart = np.hstack([np.eye(4), -np.eye(4), np.zeros((4, 3))])
@@ -120,7 +121,7 @@ class JointSystem:
             first, second = (np.concatenate(self.centres_mm) + of_centres @ shift).reshape(2, 3)
             current = JointSystem(self.pairs, (first, second))
             estimates = current.estimates(current.centres_mm) + of_maps @ shift
-        # Errors enter directly and through the adjustment, which also leaves some of the calibrations open.
+        # Errors act directly and through the adjustment, which determines the calibrations only in part.
         gain = by_shift @ left @ slopes.T @ certain
         direct, still_open = np.eye(11) - gain @ apart, by_shift @ left
         total = direct @ noise @ direct.T + still_open @ still_open.T + _SYSTEMATIC**2 * gain @ gain.T
@@ -129,7 +130,7 @@ class JointSystem:
 
 @dataclass(frozen=True)
 class JointSolution:
-    """Both cameras with calibrations adjusted to each other, and what they say then.
+    """Both cameras with adjusted calibrations, and the estimates of the adjusted system.
 
     Attributes
     ----------
@@ -137,7 +138,7 @@ class JointSolution:
     estimates : ndarray, shape (11,)
     covariance : ndarray, shape (11, 11)
     shift_needed : float
-        By how many standard deviations the calibrations were adjusted, all together.
+        Norm of the adjustment, in standard deviations of the calibrations.
     """
 
     system: JointSystem

@@ -1,11 +1,11 @@
-"""Heights from two cameras: how far their calibrated positions of one material point lie apart.
+"""Heights from two cameras, by the difference of their calibrated positions of a material point.
 
 Both cameras are calibrated on the same grid. A point at the height z over it is mapped by the camera with the
 centre C to m = P + (m - C) z/Cz, P being the point itself (X, Y). So two cameras differ by
 
     m₁ - m₂ = z e,    e = (m₁ - C₁)/C₁z - (m₂ - C₂)/C₂z,
 
-exactly. Along e the difference tells the height, across e it must vanish.
+exactly. The component along e gives the height; the component across e must vanish.
 """
 
 from dataclasses import dataclass
@@ -26,17 +26,18 @@ Float = NDArray[np.float64]
 class Pairs:
     """Material points that both cameras see.
 
-    A material point is known by its calibrated position in the reference. That holds as far as the specimen
-    lay in the grid's plane then; a gap g displaces it by about g tan θ, which matters where strain changes.
+    A material point is identified by its calibrated position in the reference image. This assumes that the
+    specimen lay in the grid's plane then. A gap g shifts the position by about g tan θ, which matters only
+    where strain varies.
 
     Attributes
     ----------
     first, second : Points
-        Of either camera.
+        The points of the two cameras.
     chosen : ndarray of int, shape (n,)
         Which points of the first camera have a partner.
     partner : sparse array, shape (n, points of the second)
-        By which the second camera's points enter the displacement at these (bilinear interpolation).
+        Bilinear interpolation from the second camera's points to the partners of the first camera's points.
     """
 
     first: Points
@@ -46,7 +47,7 @@ class Pairs:
 
     @classmethod
     def of(cls, first: Points, second: Points, field: Field) -> "Pairs":
-        """Find the partners; `field` is that of the second camera."""
+        """Find the partners; `field` is the second camera's field."""
         px = _seen_by(second.calibration, first.before_mm)
         column = (px[:, 0] - field.x_px[0]) / _pitch(field.x_px)
         row = (px[:, 1] - field.y_px[0]) / _pitch(field.y_px)
@@ -66,15 +67,15 @@ class Pairs:
         return cls(first, second, chosen, csr_array(entries, shape=(len(chosen), int(number.max()) + 1)))
 
     def positions_mm(self) -> tuple[Float, Float]:
-        """Return where either camera maps the material points in the deformed images, (n, 2) each."""
+        """Return the material points' calibrated positions in the deformed images, (n, 2) for each camera."""
         start = self.first.before_mm[self.chosen]
         moved = self.second.after_mm - self.second.before_mm
         return self.first.after_mm[self.chosen], start + self.partner @ moved
 
     def rises(self, centres_mm: tuple[Float, Float]) -> tuple[Float, Float]:
-        """Return how far either camera shifts the material points for each mm of height, (n, 2) each.
+        """Return the shift of the calibrated position per mm of height, (n, 2) for each camera.
 
-        Their difference is the parallax e.
+        The difference of the two is the parallax e.
         """
         first, second = self.positions_mm()
         of_first, of_second = centres_mm
@@ -86,7 +87,7 @@ def _pitch(places_px: NDArray[np.int64]) -> float:
 
 
 def _seen_by(calibration: Calibration, points_mm: Float) -> Float:
-    """Return where a camera sees points (n, 2) of the grid's plane, by its own map."""
+    """Return the pixels (n, 2) at which a camera sees points (n, 2) of the grid's plane, by its own map."""
     if calibration.pinhole is None:
         raise ValueError("this calibration knows no camera centre")
     px = calibration.pinhole.project(points_mm)
@@ -98,15 +99,15 @@ def _seen_by(calibration: Calibration, points_mm: Float) -> Float:
 
 @dataclass(frozen=True)
 class Heights:
-    """How high material points lie over the grid in the deformed images, relative to the reference.
+    """Heights of material points above the grid's plane in the deformed images, relative to the reference.
 
     Attributes
     ----------
     position_mm : ndarray, shape (n, 2)
-        X and Y of the points themselves.
+        True X and Y of the points.
     z_mm : ndarray, shape (n,)
     across_mm : ndarray, shape (n,)
-        The difference of both cameras across the parallax, which should be noise.
+        Difference of the cameras across the parallax; pure noise if the model holds.
     parallax : ndarray, shape (n, 2)
         The vector e.
     """
@@ -118,7 +119,7 @@ class Heights:
 
     @classmethod
     def of(cls, pairs: Pairs, centres_mm: tuple[Float, Float]) -> "Heights":
-        """Triangulate the pairs, given both cameras' centres (3,), which must lie apart."""
+        """Triangulate the pairs with the cameras' centres (3,), which must differ."""
         first, second = pairs.positions_mm()
         rise, other = pairs.rises(centres_mm)
         e, apart = rise - other, first - second
@@ -128,13 +129,13 @@ class Heights:
         return cls(first - rise * z[:, None], z, across, e)
 
     def plane(self) -> tuple[Plane, Float]:
-        """Return the plane that fits best, and by what the differences m₁ - m₂ enter it.
+        """Return the plane of least squares, and the weights of the differences m₁ - m₂ in it.
 
         Returns
         -------
         plane : Plane
         weights : ndarray, shape (n, 2, 3)
-            For slope x, slope y and shift (mm).
+            Weights for slope x, slope y and shift (mm).
         """
         terms = np.column_stack([self.position_mm, np.ones(len(self.z_mm))])
         design = (self.parallax[:, :, None] * terms[:, None, :]).reshape(-1, 3)

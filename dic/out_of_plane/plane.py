@@ -1,8 +1,8 @@
-"""The plane in which a specimen's surface lies, and where calibrated points are on it.
+"""The plane of a specimen's surface, and the positions of calibrated points on it.
 
-A calibration maps a pixel's ray to where it meets the grid's plane z = 0. A surface that lies elsewhere is
-met somewhere else on the same ray, from the camera's centre C through (m, 0), m being the calibrated point.
-With z = w + a x + b y the point is C + t ((m, 0) - C),
+A calibration maps a pixel to the point m where its ray meets the grid's plane z = 0. A surface elsewhere
+meets the same ray, which runs from the camera's centre C through (m, 0), at another point. With z = w + a x +
+b y the point is C + t ((m, 0) - C),
 
     t = (Cz - w - a Cx - b Cy) / (Cz + a (mx - Cx) + b (my - Cy)).
 """
@@ -47,7 +47,7 @@ class Plane:
 
     @property
     def axes(self) -> Float:
-        """Unit vectors (2, 3) within the plane: X and Y, turned into it by the shortest way."""
+        """Unit vectors (2, 3) within the plane: X and Y, rotated into the plane by the smallest angle."""
         normal = self.normal
         across = np.array([-normal[1], normal[0], 0.0])
         sine = np.hypot(normal[0], normal[1])
@@ -58,12 +58,12 @@ class Plane:
         return np.array([turned(v, k, float(sine), float(normal[2])) for v in (X, Y)])
 
     def within(self, calibrated_mm: Float, centre_mm: Float) -> Float:
-        """Return where calibrated points are on the surface, in isometric coordinates within the plane.
+        """Return the positions of calibrated points on the surface, in coordinates that preserve lengths.
 
         Parameters
         ----------
         calibrated_mm : ndarray, shape (…, 2)
-            Where rays meet the grid's plane.
+            Points where rays meet the grid's plane.
         centre_mm : ndarray, shape (3,)
             The camera's centre in the grid's axes.
 
@@ -111,7 +111,7 @@ def turned(v: Float, k: Float, sine: float, cosine: float) -> Float:
 def moved_out_of_plane(
     calibrated: Displacement, centre_mm: Float, before: Plane, after: Plane
 ) -> Displacement:
-    """Return the displacement within the surface of a specimen that went from one plane to another.
+    """Return the displacement within the surface of a specimen that moved from one plane to another.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def moved_out_of_plane(
     centre_mm : ndarray, shape (3,)
         The camera's centre in the grid's axes.
     before, after : Plane
-        Where the surface was in the reference and is in the deformed image.
+        Planes of the surface in the reference and in the deformed image.
     """
     here_mm, there_mm = calibrated.position, calibrated.position + calibrated.vector
     position, moved = before.within(here_mm, centre_mm), after.within(there_mm, centre_mm)

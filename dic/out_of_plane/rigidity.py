@@ -29,12 +29,12 @@ _FEWEST_STEPS = 2
 _LEAST_TURN_DEG = 5.0
 _SMALL = 1e-6
 _RIGID = 5.0
-"""Strain left over, in standard deviations (rms), up to which the specimen counts as rigid."""
+"""The specimen counts as rigid up to this remaining strain, in standard deviations (rms)."""
 
 
 @dataclass(frozen=True)
 class RotationCorrection:
-    """The corrections of all images of a rotation, in order, and the alignment they come from, if any."""
+    """The corrections of all images of a rotation, in order, and the alignment that was used, if any."""
 
     corrections: list[Correction]
     alignment: Alignment | None
@@ -45,7 +45,7 @@ def correct_rotation(
 ) -> RotationCorrection:
     """Correct the images of a rotated specimen for its wobble and for the tilt of the grid.
 
-    Where the method does not apply, the measurements are left alone and the reason given.
+    Where the method does not apply, the measurements stay as calibrated, with the reason.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def correct_rotation(
     calibration : Calibration
         Of their camera.
     alignment : Alignment, optional
-        Solved before on the same fixture; the specimen need not be rigid then.
+        An alignment solved before on the same fixture. The specimen need not be rigid then.
     """
     usable = [k for k, m in enumerate(measurements) if m.calibrated_mean is not None and _points(m)]
     steps = None
@@ -133,7 +133,7 @@ class _Solved:
 
     @classmethod
     def from_steps(cls, steps: Steps, centre_mm: Float) -> "_Solved | None":
-        """Solve the alignment of these steps; None if they do not tell it."""
+        """Solve the alignment of these steps; None if they do not determine it."""
         noise, of_map, of_centre = gradient_errors(steps)
         to_strain = block_diagonal([by_gradient(G) for G in steps.gradients(np.zeros(4), centre_mm)])
         of_strain = to_strain @ (noise + of_map @ of_map.T) @ to_strain.T
@@ -144,7 +144,8 @@ class _Solved:
         if solution is None:
             return None
         slopes, gain, by_slope = solution
-        # The slopes' errors: those of the strains, and what of the prior is left where these do not tell.
+        # Errors of the slopes: from the strains, and from the prior where strains do not determine the
+        # slopes.
         slope_rows = -np.hstack([gain @ to_strain, np.eye(4) - gain @ by_slope])
 
         def estimate(centre: Float) -> Float:
@@ -178,7 +179,7 @@ class _Solved:
         return cls("alignment", steps, centre_mm, alignment, steps.gradients(slopes, centre_mm), covariance)
 
     def strain_left(self) -> float:
-        """Return the strain that is left, in standard deviations, rms."""
+        """Return the remaining strain, in standard deviations, rms."""
         to_strain = block_diagonal([by_gradient(G) for G in self.gradients])
         deviations = np.sqrt(np.diag(to_strain @ self.covariance @ to_strain.T))
         strains = self.steps.strains(self.alignment.slopes, self.centre_mm)
@@ -196,7 +197,7 @@ class _Solved:
 
 
 def _error_rows(steps: Steps, slopes: Float, centre_mm: Float, slope_rows: Float) -> Float:
-    """Return by which errors of the gradients, and the others of `slope_rows`, enter gradients and slopes."""
+    """Return the matrix from errors of the gradients and of `slope_rows` to gradients and slopes."""
     by_slope = np.column_stack(
         [
             (steps.gradients(slopes + d, centre_mm) - steps.gradients(slopes - d, centre_mm)).ravel()

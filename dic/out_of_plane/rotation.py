@@ -1,9 +1,9 @@
-"""Rotation seen by one camera: the misalignment of stage and specimen, told from strain by rigidity.
+"""Rotation seen by one camera: the misalignment of stage and specimen, solved from rigidity.
 
-A turn about the grid's normal keeps the height of every point, so any two of its steps differ by an exactly
-affine motion, in which a tilt looks like nothing but strain. A rotated specimen, however, has none. So the
-slopes of the specimen at the reference and of the stage's axis, four numbers for the whole run, are found for
-which no step has strain.
+A rotation about the grid's normal keeps the height of every point. Two steps therefore differ by an exactly
+affine motion, in which a tilt cannot be told from strain. A rotated specimen, however, has no strain. So four
+slopes are solved for the whole run, two of the specimen in the reference and two of the stage's axis, such
+that no step has strain.
 """
 
 from collections.abc import Sequence
@@ -21,11 +21,11 @@ from dic.strain.fit import gradient_weights, slopes_of
 Float = NDArray[np.float64]
 
 PRIOR_SLOPE = np.tan(np.radians(1.0))
-"""Standard deviation of all four slopes before anything was measured: they are some tenths of a degree. It
-decides only what the images do not tell, such as all of it for a camera that looks straight on."""
+"""Prior standard deviation of the four slopes, some tenths of a degree. It matters only where the images do
+not determine the slopes, for instance for a camera that looks straight at the grid."""
 
 _SYSTEMATIC = 0.3e-6
-"""Strain errors that nothing else accounts for, such as the spline's; keeps the weights finite."""
+"""Standard deviation of strain errors that are not modelled, such as the spline's; keeps weights finite."""
 
 _STEPS = 10
 _SMALL = 1e-6
@@ -39,12 +39,12 @@ class Steps:
     Attributes
     ----------
     points : sequence of Points
-        Of each step.
+        The points of each step.
     angles_deg : ndarray, shape (steps,)
-        By which the specimen was turned since the reference.
+        Rotation of the specimen since the reference.
     pivot_mm : ndarray, shape (2,)
     systematic : float
-        Standard deviation of strain errors that are no noise, of each step.
+        Standard deviation, per step, of strain errors that do not come from noise.
     """
 
     points: Sequence[Points]
@@ -54,14 +54,14 @@ class Steps:
 
     @classmethod
     def of(cls, points: Sequence[Points], systematic: float = _SYSTEMATIC) -> "Steps":
-        """Take the angles and the pivot from the calibrated motions themselves."""
+        """Return the steps with angles and pivot estimated from the calibrated motions."""
         motions = [(step.before_mm, step.after_mm) for step in points]
         return cls(points, *_turns_and_pivot(motions), systematic)
 
     def seen_on(self, slopes: Float, centre_mm: Float) -> "Steps":
-        """Return the same with angles and pivot as they are within the specimen's plane.
+        """Return the same steps with angles and pivot measured within the specimen's plane.
 
-        False strain falsifies angles by as much as itself, which times the wobble is some millionths.
+        False strain changes the angles by its own amount; multiplied by the wobble this is some 1e-6.
         """
         angles_deg, pivot_mm = _turns_and_pivot(self._motions(slopes, centre_mm))
         return replace(self, angles_deg=angles_deg, pivot_mm=pivot_mm)
@@ -71,7 +71,7 @@ class Steps:
         return np.array([slopes_of(b, a - b) for b, a in self._motions(slopes, centre_mm)])
 
     def _motions(self, slopes: Float, centre_mm: Float) -> list[tuple[Float, Float]]:
-        """Return where points were and went within the specimen's plane, two (n, 2) for each step."""
+        """Return positions within the specimen's plane before and after, two (n, 2) for each step."""
         alignment = Alignment(slopes, np.zeros((4, 4)), self.pivot_mm)
         before = alignment.before
         return [
@@ -87,12 +87,12 @@ class Steps:
 
 
 def systematic_strain(settings: CorrelationSettings, calibration: Calibration) -> float:
-    """Return the standard deviation of the strain errors of a turn that come from no noise.
+    """Return the standard deviation of strain errors of a rotation that do not come from noise.
 
-    Perspective makes the warp of a subset non-affine. An affine shape function of width s then gives the
-    warp's mean, off by s²/24 of its Laplacian, and the strain is off by that much of its third derivatives.
-    Those of a turned plane are up to 6 g² with g = sin θ / f, the relative change of scale per pixel; half of
-    it is typical of all steps. Quadratic shape functions follow.
+    Perspective makes the warp of a subset non-affine. An affine subset of width s then measures the mean of
+    the warp, which differs from its centre value by s²/24 times the Laplacian; the strain differs by s²/24
+    times third derivatives. For a rotated plane these are at most 6 g², with the relative change of scale per
+    pixel g = sin θ / f; half of it is typical. Quadratic shape functions follow the warp.
     """
     if settings.shape != "affine" or calibration.pinhole is None:
         return _SYSTEMATIC
@@ -101,12 +101,12 @@ def systematic_strain(settings: CorrelationSettings, calibration: Calibration) -
 
 
 def _turns_and_pivot(motions: Sequence[tuple[Float, Float]]) -> tuple[Float, Float]:
-    """Return the angles (steps,) by which points turned, degrees, and what stayed where it was, (2,)."""
+    """Return the rotation angles (steps,) in degrees, and the pivot (2,), the point that did not move."""
     gradients = np.array([slopes_of(before, after - before) for before, after in motions])
     F = gradients + np.eye(2)
     angles_deg = np.degrees(np.arctan2(F[:, 1, 0] - F[:, 0, 1], F[:, 0, 0] + F[:, 1, 1]))
     turns = _turns(angles_deg)
-    # The pivot x stays where it is: x = after + R (x - before).
+    # The pivot x does not move: x = after + R (x - before).
     sides = [a.mean(axis=0) - R @ b.mean(axis=0) for (b, a), R in zip(motions, turns, strict=True)]
     pivot = np.linalg.lstsq(np.concatenate(np.eye(2) - turns), np.concatenate(sides), rcond=None)[0]
     return angles_deg, pivot
@@ -125,17 +125,17 @@ def by_gradient(gradient: Float) -> Float:
 
 
 def gradient_errors(steps: Steps) -> tuple[Float, Float, Float]:
-    """Return what errors all mean gradients have.
+    """Return the errors of all mean gradients.
 
-    Half of each step's noise is that of the reference image. It misplaces the material points themselves, so
-    it is common to all steps and turns with them.
+    Half of each step's noise is noise of the reference image. It displaces the material points, so it is
+    common to all steps and rotates with them.
 
     Returns
     -------
     noise : ndarray, shape (4 steps, 4 steps)
         Covariance from noise.
     of_map, of_centre : ndarray, shapes (4 steps, q) and (3, q)
-        What calibration errors of unit variance do to the gradients, and to the camera's centre (mm).
+        Effect of calibration errors of unit variance on the gradients, and on the camera's centre (mm).
     """
     of_maps, turns = [], [np.kron(turn, np.eye(2)) for turn in _turns(steps.angles_deg)]
     own, reference = [], np.zeros((4, 4))
@@ -151,7 +151,7 @@ def gradient_errors(steps: Steps) -> tuple[Float, Float, Float]:
 
 
 def _turns(angles_deg: Float) -> Float:
-    """Return the matrices (steps, 2, 2) of turns from X to Y."""
+    """Return rotation matrices (steps, 2, 2), positive from X to Y."""
     c, s = np.cos(np.radians(angles_deg)), np.sin(np.radians(angles_deg))
     return np.moveaxis(np.array([[c, -s], [s, c]]), -1, 0)
 
@@ -159,7 +159,7 @@ def _turns(angles_deg: Float) -> Float:
 def solve_alignment(
     steps: Steps, centre_mm: Float, covariance: Float, start: Float | None = None
 ) -> tuple[Float, Float, Float] | None:
-    """Find the slopes that leave no strain, by least squares weighted with the strains' covariance.
+    """Find the slopes for which no strain remains, by least squares weighted with the strains' covariance.
 
     Parameters
     ----------
@@ -169,17 +169,17 @@ def solve_alignment(
     covariance : ndarray, shape (3 steps, 3 steps)
         Of the mean strains.
     start : ndarray, shape (4,), optional
-        Slopes that are known to be near.
+        Slopes close to the solution.
 
     Returns
     -------
     slopes : ndarray, shape (4,)
     gain : ndarray, shape (4, 3 steps)
-        By which errors of the strains, changed in sign, enter the slopes.
+        Derivative of the slopes by errors of the strains, with its sign changed.
     by_slope : ndarray, shape (3 steps, 4)
         Derivative of the strains by the slopes.
 
-    Instead of all, None if no slopes are found: seen straight on, tilts make no false strain that would tell.
+    None instead of these if no slopes are found: seen straight on, tilts cause no false strain to solve from.
     """
     slopes = np.zeros(4) if start is None else start
     prior = np.eye(4) / PRIOR_SLOPE**2
@@ -190,7 +190,7 @@ def solve_alignment(
         )
         weighted = np.linalg.solve(covariance, by_slope).T
         gain = np.linalg.inv(weighted @ by_slope + prior) @ weighted
-        # The prior pulls towards 0: the whole of the slopes enters, not the step alone.
+        # The prior pulls the slopes towards 0, so it applies to the slopes, not to the step alone.
         step = gain @ (by_slope @ slopes - strains) - slopes
         slopes = slopes + step
         if np.abs(step).max() < _CLOSE:

@@ -1,8 +1,8 @@
 """Tension seen by one camera: each image corrected for the tilt of its specimen since the reference.
 
-`dic.out_of_plane.tilt` tells tilt from strain where the strain is uniform. What an affine motion, bending and
-tilt leave speaks against that: polynomials of second and third degree against uniform strain, all else
-against one body. Then the image is left alone.
+`dic.out_of_plane.tilt` separates tilt from strain if the strain is uniform. What remains beside affine
+motion, bending and tilt tests this: polynomials of second and third degree mean that strain is not uniform,
+other residuals that the points are not one body. In both cases the image stays as calibrated.
 """
 
 import numpy as np
@@ -22,24 +22,24 @@ Float = NDArray[np.float64]
 _FEWEST_POINTS = 30
 
 _MOST_TURN_DEG = 5.0
-"""A turn within the plane takes the tilt that the specimen had in the reference along: false strain of the
-tilt times the turn (rad), in which no signature tells."""
+"""Tilt of the specimen in the reference, which a rotation within the plane takes along. It causes false
+strain of the tilt times the rotation (rad), which has no projective signature."""
 
 _UNEVEN_PX = 0.002
-"""A remainder (rms) up to this much, above what noise explains, is borne: the spline's and the lens's."""
+"""Largest accepted remainder (rms) beyond noise; spline and lens cause that much."""
 
 _TORN = 2.0
-"""Residuals are borne up to this many times what noise explains."""
+"""Largest accepted residuals, as a multiple of what noise explains."""
 
 _BEYOND_NOISE = 3.0
 _USEFUL = 100e-6
-"""A correction that is not significant must be at least this certain (standard deviation of strain)."""
+"""Largest standard deviation of strain of a correction that is not significant."""
 
 
 def correct_tilt(measurement: Measurement, calibration: Calibration, poisson_ratio: float) -> Correction:
     """Correct one image of a tension test for the tilt of its specimen since the reference.
 
-    Where the method does not apply, the measurement is left alone and the reason given.
+    Where the method does not apply, the measurement stays as calibrated, with the reason.
 
     Parameters
     ----------
@@ -85,13 +85,13 @@ def correct_tilt(measurement: Measurement, calibration: Calibration, poisson_rat
 
 
 def _gradient(points: Points, centre_mm: Float, plane: Plane) -> Float:
-    """Return the mean displacement gradient (2, 2) of the points, the deformed ones seen on `plane`."""
+    """Return the mean displacement gradient (2, 2) of the points, with deformed positions on `plane`."""
     moved = plane.within(points.after_mm, centre_mm) - points.before_mm
     return slopes_of(points.before_mm, moved)
 
 
 def _unsuitable(measurement: Measurement, points: Points) -> str | None:
-    """Return why there is nothing to tell a tilt from, or None if there is."""
+    """Return why a tilt cannot be determined from this measurement; None if it can."""
     mean, n = measurement.calibrated_mean, len(points.before_mm)
     if mean is None or n < _FEWEST_POINTS or not points.determine(2):
         return (
@@ -107,7 +107,7 @@ def _unsuitable(measurement: Measurement, points: Points) -> str | None:
 
 
 def _uneven(fit: TiltFit, points: Points, mm_per_px: float) -> str | None:
-    """Return why the field is not affine motion, bending and tilt, or None if it is."""
+    """Return why the field is not affine motion, bending and tilt; None if it is."""
     noise = points.displacement.noise
     if noise is None:
         return "the displacements come without their noise"

@@ -1,9 +1,9 @@
 """Slopes of a specimen's plane from one camera's view of a displacement field, by their projective signature.
 
-The linear part of a tilt's displacement looks like strain, its quadratic part (a x² + b x y, a x y + b y²)/Cz
-does not: no uniform strain has one. Bending within the plane is quadratic too, (-(y² + ν x²)/2, x y) κ and
-the same with the axes exchanged, but of another shape. So the slopes are found for which the points, seen on
-the sloped plane, moved by an affine motion and bending.
+The linear part of the displacement by a tilt looks like strain. Its quadratic part, (a x² + b x y, a x y + b
+y²)/Cz, does not: uniform strain has no quadratic part. Bending within the plane is quadratic too, (-(y² + ν
+x²)/2, x y) κ and the same with the axes exchanged, but has another shape. So the slopes are solved for which
+the points, placed on the sloped plane, moved by an affine motion and bending.
 """
 
 from dataclasses import dataclass
@@ -18,13 +18,13 @@ Float = NDArray[np.float64]
 
 _STEPS = 8
 _CLOSE = 1e-9
-"""A step of the slopes that ends the iteration; 1e-9 makes less than 1e-3 µε."""
+"""Step of the slopes at which the iteration ends; 1e-9 changes strain by less than 1e-3 µε."""
 
 _SMALL = 1e-6
-"""Slope over which derivatives are taken."""
+"""Step of the slope for numerical derivatives."""
 
 _MIMICKED = 0.1
-"""Terms of which less than this part is left beside the fit say nothing of their own."""
+"""Terms of the remainder are dropped if less than this fraction of them is independent of the fit."""
 
 
 @dataclass(frozen=True)
@@ -34,17 +34,17 @@ class TiltFit:
     Attributes
     ----------
     plane : Plane
-        Where the surface is in the deformed image, relative to the reference.
+        Plane of the surface in the deformed image, relative to the reference.
     slope_weights : ndarray, shape (n, 2, 2)
-        By which errors of the displacements, on the sloped plane, enter the two slopes.
+        Weights of displacement errors, on the sloped plane, in the two slopes.
     by_slope : ndarray, shape (n, 2, 2)
-        Derivative of the positions on the plane by the slopes, the last axis.
+        Derivative of the positions on the plane by the slopes (last axis).
     residual_mm : ndarray, shape (n, 2)
-        What affine motion, bending and tilt leave.
+        Displacement that affine motion, bending and tilt do not explain.
     remainder_mm : ndarray, shape (n, 2)
-        The part of it that is a polynomial of second and third degree.
+        The part of the residual that is a polynomial of second and third degree.
     remainder_weights : ndarray, shape (n, 2, 14)
-        By which the residual enters the remainder's coefficients.
+        Weights of the residual in the remainder's coefficients.
     terms : ndarray, shape (n, 2, 14)
         The remainder's terms.
     """
@@ -64,12 +64,12 @@ class TiltFit:
 
 
 def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float) -> TiltFit:
-    """Find the slopes for which a field is affine motion and bending within the specimen's plane.
+    """Find the slopes for which the field is affine motion and bending within the specimen's plane.
 
     Parameters
     ----------
     points : Points
-        Some dozens at least.
+        At least some dozens of points.
     centre_mm : ndarray, shape (3,)
         The camera's centre in the grid's axes.
     poisson_ratio : float
@@ -83,7 +83,7 @@ def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float) -> TiltFit:
     design = _design(shape, by_slope)
     inverse = np.linalg.solve(design.T @ design, design.T)
     residual = (moved.ravel() - design @ (inverse @ moved.ravel())).reshape(-1, 2)
-    # The remainder's terms as far as affine motion, bending and tilt cannot mimic them.
+    # The remainder's terms, made orthogonal to affine motion, bending and tilt.
     terms = shape.remainder.reshape(2 * len(after), -1)
     terms = terms - design @ (inverse @ terms)
     weights = np.linalg.pinv(terms, rcond=_MIMICKED)
@@ -101,12 +101,12 @@ def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float) -> TiltFit:
 
 
 def tilt_seen_from(points: Points, centre_mm: Float, poisson_ratio: float, start: Plane) -> Plane:
-    """Return the plane alone that `fit_tilt` finds, from one that is known to be near."""
+    """Return only the plane that `fit_tilt` finds, starting from a plane close to it."""
     return _solve(points, centre_mm, _Basis.of(points.before_mm, poisson_ratio), start)
 
 
 def _solve(points: Points, centre_mm: Float, shape: "_Basis", plane: Plane) -> Plane:
-    """Find the plane by Gauss-Newton; affine motion and bending are linear, solved along with each step."""
+    """Find the plane by Gauss-Newton; affine motion and bending are linear and solved in each step."""
     after = points.after_mm
     for _ in range(_STEPS):
         moved = plane.within(after, centre_mm) - points.before_mm
@@ -119,7 +119,7 @@ def _solve(points: Points, centre_mm: Float, shape: "_Basis", plane: Plane) -> P
 
 
 def _design(shape: "_Basis", by_slope: Float) -> Float:
-    """Return affine motion, bending and the slopes as columns, (2 n, 10)."""
+    """Return the design matrix of affine motion, bending and slopes, (2 n, 10)."""
     return np.asarray(np.concatenate([shape.uniform, -by_slope], axis=2).reshape(2 * len(by_slope), -1))
 
 
@@ -134,7 +134,7 @@ def _by_slope(after: Float, centre_mm: Float, plane: Plane) -> Float:
 
 @dataclass(frozen=True)
 class _Basis:
-    """Displacement fields: affine ones and bending, (n, 2, 8), and all others up to the third degree."""
+    """Basis of displacement fields: affine motion and bending, (n, 2, 8), and the others up to the third degree."""
 
     uniform: Float
     remainder: Float

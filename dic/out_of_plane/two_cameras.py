@@ -19,29 +19,30 @@ Float = NDArray[np.float64]
 _FEWEST_PAIRS = 30
 _LEAST_PARALLAX = np.tan(np.radians(5.0))
 _AGREE = 3.0
-"""Differences of both cameras across the parallax are borne up to this many times what noise explains."""
+"""Largest accepted difference of the cameras across the parallax, as a multiple of what noise explains."""
 
 _AGREE_PX = 0.01
-"""The same for what is no noise: both calibrations' own errors."""
+"""Accepted difference that does not come from noise but from the errors of both calibrations."""
 
 _IMPROBABLE = 6.0
-"""Calibrations may have to be adjusted by so many standard deviations in all."""
+"""Largest accepted adjustment of the calibrations, in standard deviations."""
 
 
 @dataclass(frozen=True)
 class TwoCameraStep:
-    """One step as both cameras see it together.
+    """One step, corrected by both cameras together.
 
     Attributes
     ----------
     corrections : tuple of Correction
-        Of the first and the second camera.
+        The corrections of the first and the second camera.
     mean : MeanStrain or None
-        Of both cameras together, each weighted by its certainty; None if the correction was declined.
+        Mean of both cameras, weighted by their certainty; None if the correction was declined.
     heights_mm, heights_std_mm : ndarray, shape (rows, columns), or None
-        Height of each point of the first camera over the reference's plane, NaN where the second sees none.
+        Height of each point of the first camera above the plane of the reference; NaN where the second camera
+        has no point.
     declined : str or None
-        Why the data were left alone.
+        Why no correction was made; None if it was.
     """
 
     corrections: tuple[Correction, Correction]
@@ -52,7 +53,7 @@ class TwoCameraStep:
 
     @property
     def plane(self) -> Plane | None:
-        """Where the specimen's plane is, relative to the reference."""
+        """The specimen's plane, relative to the reference."""
         return self.corrections[0].after
 
     @property
@@ -69,9 +70,10 @@ def correct_with_two_cameras(
     Parameters
     ----------
     measurements : tuple of Measurement
-        Of the same step by two cameras, calibrated. The first should be the one that stands further aside.
+        Calibrated measurements of one step by two cameras. The first should be the camera that looks more
+        obliquely.
     calibrations : tuple of Calibration
-        Of the two cameras, on the same grid.
+        Calibrations of the two cameras, on the same grid.
     """
 
     def declined(reason: str) -> TwoCameraStep:
@@ -97,7 +99,7 @@ def correct_with_two_cameras(
 
 
 def _too_close(pairs: Pairs, centres_mm: tuple[Float, Float]) -> str | None:
-    # Without heights: two cameras with one centre tell none.
+    # No heights here: two cameras at one place cannot measure any.
     rise, other = pairs.rises(centres_mm)
     parallax = float(np.linalg.norm(rise - other, axis=1).mean())
     if parallax < _LEAST_PARALLAX:
@@ -124,7 +126,7 @@ def _disagreement(pairs: Pairs, joint: JointSolution, mm_per_px: float) -> str |
 
 
 def _noise_mm(points: Points) -> float:
-    """Return the standard deviation of a displacement along one axis, rms of all points."""
+    """Return the standard deviation of displacements along one axis, rms over all points."""
     noise = points.displacement.noise
     if noise is None:
         raise ValueError("these displacements come without their noise")
@@ -132,7 +134,7 @@ def _noise_mm(points: Points) -> float:
 
 
 def _step(measurements: tuple[Measurement, Measurement], joint: JointSolution) -> TwoCameraStep:
-    """Return all that the step says."""
+    """Return the step's corrections, mean strain and heights."""
     system, estimates, covariance = joint.system, joint.estimates, joint.covariance
     heights, plane = Heights.of(system.pairs, system.centres_mm), Plane(*map(float, estimates[8:]))
     plane_std = np.sqrt(np.diag(covariance)[8:])

@@ -1,8 +1,8 @@
-"""Estimates as weighted sums of displacements, and their covariances.
+"""Covariances of estimates that are weighted sums of displacements.
 
-Least squares make an estimate a weighted sum of displacements, at least to first order. Its errors are the
-same sum of theirs: of the noise of the images, which neighbours share where their subsets overlap, and of the
-calibration, which all points share.
+A least-squares estimate is, to first order, a weighted sum of displacements. Its error is the same sum of the
+displacements' errors. These come from the noise of the images, which neighbours share where their subsets
+overlap, from interpolation, and from the calibration, which all points share.
 """
 
 from collections.abc import Sequence
@@ -19,23 +19,23 @@ Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _SMOOTH_PX = 0.0004
-"""Displacement errors that points share over the whole field: those of interpolation, which change with the
-fraction of a pixel that points moved. Measured on rendered images, benchmarks.order."""
+"""Displacement errors of interpolation. They change with the sub-pixel part of the displacement and are
+therefore common to whole areas of the field. Measured on rendered images by benchmarks.order."""
 
 _DETERMINED = 1e8
-"""Condition number of normal equations up to which they are solved."""
+"""Largest condition number of normal equations that are solved."""
 
 
 @dataclass(frozen=True)
 class Points:
-    """The valid points of a displacement field in a row, and how errors reach sums of them.
+    """The valid points of a displacement field, and the propagation of their errors to weighted sums.
 
     Attributes
     ----------
     displacement : Displacement
         Calibrated, in mm.
     use : ndarray of bool, shape (rows, columns)
-        Which points; n of them.
+        The points used; n of them.
     px : ndarray, shape (2, n, 2)
         The points in the reference and in the deformed image.
     calibration : Calibration
@@ -57,7 +57,7 @@ class Points:
         return self.before_mm + self.displacement.vector[self.use]
 
     def determine(self, degree: int) -> bool:
-        """Tell whether the points lie so that they determine polynomials of this degree, 1 or 2."""
+        """Tell whether the points determine polynomials of this degree, 1 or 2."""
         centred = self.before_mm - self.before_mm.mean(axis=0)
         x, y = (centred / max(float(np.abs(centred).max(initial=0.0)), 1e-12)).T
         terms = [np.ones_like(x), x, y] + ([x * x, x * y, y * y] if degree == 2 else [])
@@ -65,7 +65,7 @@ class Points:
         return len(x) > len(terms) and bool(np.linalg.cond(design.T @ design) < _DETERMINED)
 
     def noise_covariance(self, weights: Float) -> Float:
-        """Return the covariance (p, p) that noise gives to the sums Σ weights · displacement.
+        """Return the covariance (p, p) of the sums Σ weights · displacement from noise.
 
         Parameters
         ----------
@@ -78,11 +78,11 @@ class Points:
         return covariance_of_sums(on_grid, self.displacement.noise)
 
     def smooth_covariance(self, weights: Float) -> Float:
-        """Return the covariance (p, p) that interpolation gives to the sums Σ weights · displacement.
+        """Return the covariance (p, p) of the sums Σ weights · displacement from interpolation.
 
-        A strained specimen moves by other fractions of a pixel at every place, so these errors vary over the
-        field as slowly as displacements do: as polynomials of first and second degree, of `_SMOOTH_PX` at the
-        points farthest out.
+        The sub-pixel part of the displacement of a strained specimen varies over the field as slowly as the
+        displacement. These errors are therefore modelled as polynomials of first and second degree, with the
+        value `_SMOOTH_PX` at the outermost points.
 
         Parameters
         ----------
@@ -95,11 +95,11 @@ class Points:
         return np.asarray(factors @ factors.T)
 
     def calibration_factors(self, weights: Float) -> tuple[Float, Float]:
-        """Return what errors of unit variance of the calibration do to the sums and to the camera's centre.
+        """Return the effect of calibration errors of unit variance on the sums and on the camera's centre.
 
-        A pinhole's map and centre err together: a grid seen too large is a camera thought too near. The
-        bicubic map's errors are taken as independent of the centre's. The same column belongs to the same
-        error for all fields that share a calibration.
+        Errors of a pinhole's map and centre are correlated: if the grid appears too large, the camera is
+        estimated too near. Errors of the bicubic map are taken as independent of the centre. A column belongs
+        to the same error for all fields that share a calibration.
 
         Parameters
         ----------
@@ -108,14 +108,15 @@ class Points:
         Returns
         -------
         of_map : ndarray, shape (p, q)
-            F; through the map the sums get the covariance F Fᵀ.
+            F; errors of the map give the sums the covariance F Fᵀ.
         of_centre : ndarray, shape (3, q)
-            The same of the centre, mm.
+            The same for the centre, mm.
         """
         if self.calibration.pinhole is None:
             raise ValueError("this calibration knows no camera centre")
         before, after = (self.calibration.error_factors(px) for px in self.px)
-        # A wrong position x of the reference displaces x + u, wanted at F x, by F times as much.
+        # An error of the reference position x changes the expected position F x of the deformed point by F
+        # times it.
         F = slopes_of(self.before_mm, self.after_mm - self.before_mm) + np.eye(2)
         of_map = np.einsum("nip,niq->pq", weights, after - F @ before)
         of_centre = self.calibration.pinhole.centre_factors()
@@ -131,9 +132,9 @@ class Points:
         Parameters
         ----------
         weights : ndarray, shape (n, 2, p)
-            By which displacements enter them.
+            Weights of the displacements in the estimates.
         by_centre : ndarray, shape (p, 3), optional
-            Their derivative by the camera's centre, per mm.
+            Derivative of the estimates by the camera's centre, per mm.
         """
         of_map, of_centre = self.calibration_factors(weights)
         factors = of_map if by_centre is None else of_map + by_centre @ of_centre
@@ -142,7 +143,7 @@ class Points:
 
 
 def block_diagonal(blocks: Sequence[Float]) -> Float:
-    """Return the matrix with these blocks along its diagonal, 0 elsewhere."""
+    """Return the matrix with these blocks on its diagonal and 0 elsewhere."""
     from scipy.linalg import block_diag
 
     return np.asarray(block_diag(*blocks))
