@@ -134,7 +134,7 @@ def _by_slope(after: Float, centre_mm: Float, plane: Plane) -> Float:
 
 @dataclass(frozen=True)
 class _Basis:
-    """Basis of displacement fields: affine motion and bending, (n, 2, 8), and the others up to the third degree."""
+    """Basis of displacement fields: affine motion and bending, (n, 2, 8), other polynomials to degree 3."""
 
     uniform: Float
     remainder: Float
