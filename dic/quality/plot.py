@@ -11,7 +11,7 @@ from dic.quality.quality import Quality
 from dic.typing import Float, Grey, Indices
 
 WIDE = 1.75
-"""An image wider than so many of its heights is drawn above the other panels, any other one beside them."""
+"""Images wider than this multiple of their height are drawn above the other panels, others beside them."""
 
 
 def draw_quality(quality: Quality, image: Grey) -> Any:

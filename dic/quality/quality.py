@@ -56,7 +56,7 @@ class Quality(Picture):
     subset_for_wanted_px : int or None
         Smallest subset that resolves `wanted_px` at 95 % of the points with texture; None if there is none.
     mean_gradient : float
-        Mean length of the grey level's gradient, per px.
+        Mean magnitude of the grey level gradient, grey levels per px.
     """
 
     settings: CorrelationSettings

@@ -13,7 +13,7 @@ from dic.typing import Float, Grey, Indices, Mask
 _SUFFICIENT = 0.9
 # Reach of a blurred edge beyond the dot.
 _EDGE_PX = 2.5
-# The shift by perspective is integrated over so many rings and spokes of a dot.
+# Numbers of rings and spokes of a dot over which the shift by perspective is integrated.
 _RINGS, _SPOKES = 6, 24
 
 

@@ -1,4 +1,4 @@
-"""Which of the lines that a lattice predicts are really in the image: this gives the number of lines."""
+"""Find which of the predicted lines are really in the image; this gives the number of lines."""
 
 import numpy as np
 
