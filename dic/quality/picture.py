@@ -35,7 +35,7 @@ class Picture:
     blur_px: Float
 
     def figures(self) -> dict[str, float]:
-        """Return the values by name; NaN for unknown values. `docs/quality.md` explains them."""
+        """Return a dict of the numbers that `docs/quality.md` explains; NaN for unknown ones."""
         blur = self.blur_px[np.isfinite(self.blur_px)]
         return {
             "dark_share": self.dark_share,
@@ -46,7 +46,7 @@ class Picture:
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the values by name, ready for JSON: None for unknown values."""
+        """Return the same dict for JSON, with None instead of NaN."""
         return {name: value if np.isfinite(value) else None for name, value in self.figures().items()}
 
 

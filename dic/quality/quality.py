@@ -93,7 +93,7 @@ class Quality(Picture):
         return max(self.subset_for_wanted_px, int(np.ceil(SPECKLES_PER_SUBSET * speckle)) | 1)
 
     def figures(self) -> dict[str, float]:
-        """Return the values by name; NaN for unknown values. `docs/quality.md` explains them."""
+        """Return a dict of the numbers that `docs/quality.md` explains; NaN for unknown ones."""
         std_px, sssig = np.median(self.std_px, axis=0), np.median(self.sssig, axis=0)
         return {
             "noise": self.noise,
@@ -111,7 +111,7 @@ class Quality(Picture):
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """Return settings and values by name, ready for JSON: None for unknown values."""
+        """Return a dict of the settings and these numbers for JSON, with None instead of NaN."""
         return {
             "subset_px": self.settings.subset_px,
             "shape": self.settings.shape,
@@ -194,10 +194,10 @@ def assess_quality(
 
 
 def _region(region: Mask | None, grey: Grey, slopes: tuple[Grey, Grey], subset_px: int) -> tuple[Mask, Mask]:
-    """Return the pixels that may be points, and the pixels to use, both (height, width).
+    """Return two masks (height, width): the allowed points of interest, and the pixels that subsets may use.
 
-    Both are the region of interest. Without one, points are where there is texture, and the pixels to use are
-    those of their subsets.
+    Both are the region of interest. Without one, points are allowed where there is texture, and the pixels are
+    those of the subsets around these points.
     """
     import cv2
 

@@ -118,7 +118,7 @@ class MeanStrain:
     direction_deg_std: float
 
     def as_dict(self) -> dict[str, float | int | None]:
-        """Return the values by name, for JSON: None instead of NaN."""
+        """Return a dict of the values for JSON, with None instead of NaN."""
         return {k: None if v != v else v for k, v in vars(self).items()}
 
 

@@ -85,7 +85,7 @@ def axes_in_image(
         ``"right"``, ``"up"``, ``"left"``, ``"down"``, or an angle in degrees, anticlockwise from the image's
         right. Default: the image's right.
     source : str
-        The image's file, for messages.
+        Name of the image file, used in error messages.
     possible : callable, optional
         Tells whether an asymmetric target allows the given axes; it must allow at least one choice.
 

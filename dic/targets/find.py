@@ -101,7 +101,7 @@ def find_target(
     spec : Target
         Kind and size of the target.
     source : str
-        The image's file, for messages.
+        Name of the image file, used in error messages.
     x_axis : str or float, optional
         Direction of X in the image, as for `dic.targets.line_grid.find.find_grid`. It is ignored for
         targets whose markers or colours fix the axes.

@@ -91,7 +91,8 @@ def fit_pinholes(
     """Fit one camera to several images of the grid: one lens, and a pose for each image.
 
     Images with the grid at different tilts determine the focal length even of a camera that looks straight.
-    Parameters and errors are those of `fit_pinhole`. A known distance belongs to the first image.
+    The parameters and the exceptions are the same as for `fit_pinhole`. A known distance belongs to the first
+    image.
 
     Returns
     -------

@@ -118,7 +118,7 @@ class Prior:
     def equations(self, parameters: Float) -> tuple[Float, Float]:
         """Return deviations (m,) and their derivatives (m, parameters).
 
-        The parameters are those of `dic.calibration.pinhole.model`.
+        `parameters` is in the order that `dic.calibration.pinhole.model` describes.
         """
         off, slopes = [], []
 

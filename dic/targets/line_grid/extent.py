@@ -11,8 +11,8 @@ from dic.typing import Float, Indices, Mask
 # Least height of a segment and of a whole line, as fractions of the usual height of the lines between cells.
 _SEGMENT_SEEN = 0.4
 _LINE_SEEN = 0.3
-# Least number of such segments in a line, as a fraction of that in complete lines. The grid's outer lines
-# reach 0.9; speckles one pitch beside them reach up to 0.7 by chance.
+# Least number of visible segments in a line, as a fraction of the number in a complete line. The grid's outer
+# lines reach 0.9; speckles one pitch beside them reach up to 0.7 by chance.
 _MOST_SEGMENTS = 0.75
 # Largest `line_irregularity` of lines.
 _IRREGULAR = 0.25

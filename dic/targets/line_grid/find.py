@@ -28,6 +28,7 @@ __all__ = ["GridPoints", "find_grid"]
 
 _FEWEST_LINES = 4
 _SUFFICIENT = 0.9
+_ORIGIN_REMEDY = "give with --origin-px where the grid's middle intersection is in the image, or leave it out"
 _REMEDY = (
     "check that the whole grid is in view, sharp and evenly lit, and that --lines gives its numbers of lines"
 )
@@ -53,7 +54,7 @@ def find_grid(
     pitch_mm : float
         Distance between neighbouring lines.
     source : str
-        The image's file, for messages.
+        Name of the image file, used in error messages.
     x_axis : str or float, optional
         Direction of X in the image: ``"right"``, ``"up"``, ``"left"``, ``"down"``, or an angle in degrees,
         anticlockwise from the right. X becomes the grid direction closest to it.
@@ -152,35 +153,32 @@ def _axes_and_spans(
         if x_axis is not None:
             wanted = axes_in_image(vectors, x_axis, source)
             if (wanted.swap, wanted.flip) != (axes.swap, axes.flip):
-                raise _contradiction(source, f"a mark with X in another direction than --x-axis {x_axis}")
+                got = f"a mark with X in another direction than --x-axis {x_axis}"
+                raise _contradiction(source, got, "leave out --x-axis: the mark gives the direction of X")
     if origin_px is not None:
+        given = f"--origin-px {origin_px[0]:g} {origin_px[1]:g}"
         near = np.stack(np.meshgrid(*seen, indexing="ij"), axis=-1).reshape(-1, 2)
         away_px = np.linalg.norm(shape.map(near.astype(float)) - np.array(origin_px), axis=1)
         if away_px.min() > 0.4 * np.linalg.norm(vectors, axis=1).min():
-            raise _contradiction(
-                source, f"no intersection near --origin-px {origin_px[0]:g} {origin_px[1]:g}"
-            )
+            raise _contradiction(source, f"no intersection near {given}", _ORIGIN_REMEDY)
         origin = near[np.argmin(away_px)]
         whole = grid_spans(axes, (int(origin[0]), int(origin[1])), lines)
         if mark is not None and whole != spans:
-            raise _contradiction(
-                source, f"a mark at another intersection than --origin-px {origin_px[0]:g} {origin_px[1]:g}"
-            )
+            raise _contradiction(source, f"a mark at another intersection than {given}", _ORIGIN_REMEDY)
         if not within(seen, whole):
-            raise _contradiction(
-                source, f"lines beyond a grid of {lines[0]} × {lines[1]} lines around --origin-px"
-            )
+            got = f"lines beyond a grid of {lines[0]} × {lines[1]} lines around {given}"
+            raise _contradiction(source, got, _ORIGIN_REMEDY)
         spans = whole
     return axes, spans
 
 
-def _contradiction(source: str, got: str) -> CalibrationError:
+def _contradiction(source: str, got: str, remedy: str) -> CalibrationError:
     return CalibrationError(
         source,
         "name the axes",
         "a mark, --origin-px and --x-axis that agree with the image",
         got,
-        "leave the option out, or give the value that the image shows",
+        remedy,
     )
 
 

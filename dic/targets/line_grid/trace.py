@@ -96,8 +96,8 @@ class _Template:
         """Return the lines' offsets c in px, and which of them are valid, both (lines, segments, stations).
 
         ``I(s) ≈ b + e·S(s) + d·T(s) − d·c·T'(s) − w·s·T'(s)`` is fitted by least squares. T is the template.
-        S, the running integral of |T'|, is a step: the brightness may differ on the two sides of an outermost
-        line. The term w·s·T' allows for the width of the line, which varies with perspective.
+        S, the running integral of |T'|, is a step. It allows for different brightness on the two sides of an
+        outermost line. The term w·s·T' allows for the width of the line, which varies with perspective.
         """
         design = self._shapes
         coefficients = profiles @ np.linalg.pinv(design).T
