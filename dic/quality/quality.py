@@ -196,8 +196,8 @@ def assess_quality(
 def _region(region: Mask | None, grey: Grey, slopes: tuple[Grey, Grey], subset_px: int) -> tuple[Mask, Mask]:
     """Return two masks (height, width): the allowed points of interest, and the pixels that subsets may use.
 
-    Both are the region of interest. Without one, points are allowed where there is texture, and the pixels are
-    those of the subsets around these points.
+    Both are the region of interest. Without one, points are allowed where there is texture, and the pixels
+    are those of the subsets around these points.
     """
     import cv2
 

@@ -80,7 +80,7 @@ def folded(ideal_px: Float, distortion: Float) -> Mask:
     """Tell at which ideal points (n, 2) the distortion folds the image over; False for NaN."""
     jacobian = distortion_jacobian(ideal_px, distortion)
     determinant = jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] ** 2
-    # past two folds the determinant is positive again, but both directions are reversed
+    # after two folds the determinant is positive again, but the image is reversed in both directions
     reversed_: Mask = (determinant <= 0) | (jacobian[:, 0, 0] + jacobian[:, 1, 1] <= 0)
     return reversed_
 
