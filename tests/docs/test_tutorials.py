@@ -47,6 +47,7 @@ def beside_the_examples(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.long
 def test_first_images(tmp_path):
     follow("first-images")
     for made in ("cal.h5", "grid-found.png", "points/loaded.csv", "maps/loaded.png"):

@@ -1,0 +1,70 @@
+"""What README shows is run: its commands, and its Python from image files and from a run file."""
+
+import re
+import shutil
+
+import pytest
+
+from tests.command_line import run_dic, run_rig
+from tests.docs.pages import commands
+from tests.places import EXAMPLES, ROOT
+
+README = ROOT / "README.md"
+FROM_IMAGES, FROM_A_RUN = re.findall(
+    r"^```python\n(.*?)^```", README.read_text("utf-8"), re.MULTILINE | re.DOTALL
+)
+SHOWN = commands(README)
+
+# Far from the hole the plate stretches by the stress over Young's modulus, the hole adds to its mean.
+LEAST_MEAN = 20.0 / 2400.0
+
+
+@pytest.fixture(autouse=True)
+def beside_the_examples(tmp_path, monkeypatch):
+    shutil.copytree(EXAMPLES, tmp_path / "examples")
+    monkeypatch.chdir(tmp_path)
+
+
+def run(*words):
+    done = {"dic": run_dic, "rig": run_rig}[words[0]](*words[1:])
+    assert done.status == 0, done
+    return done
+
+
+def shown(*beginning):
+    """The one command of README that begins so."""
+    (found,) = [words for words in SHOWN if words[: len(beginning)] == list(beginning)]
+    return found
+
+
+def lines(code):
+    return [line for line in code.splitlines() if line.strip()]
+
+
+def test_first_images(tmp_path, capsys):
+    for command in ("quality", "calibrate", "correlate"):
+        run(*next(words for words in SHOWN if words[:2] == ["dic", command]))
+    assert (tmp_path / "points" / "loaded.csv").is_file()
+    assert len(lines(FROM_IMAGES)) <= 6
+    scope = {}
+    exec(compile(FROM_IMAGES, str(README), "exec"), scope)
+    assert capsys.readouterr().out.startswith("mean eyy 0.01")
+    assert LEAST_MEAN < scope["image"].mean.eyy < 1.5 * LEAST_MEAN
+    assert (tmp_path / "map.png").stat().st_size > 10_000
+
+
+def test_your_rig(tmp_path, capsys):
+    plan = run(*shown("rig", "plan"))
+    assert "reference" in plan.out
+    run(*shown("rig", "check"))
+    # The shortest example instead of README's tension test, which takes half a minute to be measured.
+    rig_file = "examples/rig-virtual-rotation-30.toml"
+    run("rig", "run", "examples/half-turn.toml", "--rig", rig_file, "-o", shown("rig", "run")[-1])
+    run(*shown("rig", "verify"))
+    assert len(lines(FROM_A_RUN)) <= 6
+    scope = {}
+    exec(compile(FROM_A_RUN, str(README), "exec"), scope)
+    assert "last step: mean eyy" in capsys.readouterr().out
+    # A turned specimen is not strained; what is left is known to be less than the paper's bias.
+    assert abs(scope["camera"].measurements[-1].mean.eyy) < 4000e-6
+    assert (tmp_path / "last-step.png").stat().st_size > 10_000
