@@ -1,12 +1,16 @@
 """The documentation site: `make docs` builds it with Sphinx, and a warning is an error."""
 
+import inspect
 import json
+from importlib import import_module
 from importlib.metadata import version as installed_version
 from typing import Any
 
-from docutils.nodes import document
+from docutils.nodes import Node, document
+from docutils.parsers.rst import directives
 from myst_parser.parsers.sphinx_ import MystParser
 from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
 
 project = "offaxis"
 author = "offaxis maintainers"
@@ -29,15 +33,48 @@ highlight_language = "none"
 default_role = "literal"
 
 napoleon_google_docstring = False
-napoleon_use_ivar = True
-autodoc_member_order = "groupwise"
+napoleon_custom_sections = [("Attributes", "params_style")]
+# A type is a phrase with a shape, such as "ndarray, shape (rows, columns)", and no list of names.
+napoleon_use_param = False
+napoleon_use_rtype = False
 # Docstrings say types with shapes and units.
 autodoc_typehints = "none"
+autodoc_default_options = {"exclude-members": "model_config"}
 autodoc_preserve_defaults = True
 
 html_theme = "furo"
 html_title = f"offaxis {version}"
 html_copy_source = False
+
+
+class PublicNames(SphinxDirective):
+    """Describes what a package names in `__all__`: its functions, its classes, or its errors.
+
+    Nothing is listed by hand, so that what is made public is described without further ado.
+    """
+
+    required_arguments = 1
+    option_spec = {"kind": directives.unchanged_required}  # noqa: RUF012
+
+    def run(self) -> list[Node]:
+        """Return the descriptions, in alphabetical order."""
+        package = self.arguments[0]
+        module = import_module(package)
+        names = [name for name in module.__all__ if _kind(getattr(module, name)) == self.options["kind"]]
+        lines = ["```{eval-rst}"]
+        for name in sorted(names, key=str.lower):
+            lines += [f".. auto{self.options['kind']}:: {package}.{name}"]
+            lines += ["   :members:"] if self.options["kind"] == "class" else []
+            # What belongs to another package is described there, and stands here for readers only.
+            lines += [] if getattr(module, name).__module__.startswith(package) else ["   :no-index:"]
+            lines += [""]
+        return self.parse_text_to_nodes("\n".join([*lines, "```"]))
+
+
+def _kind(value: object) -> str:
+    if inspect.isclass(value):
+        return "exception" if issubclass(value, Exception) else "class"
+    return "function" if callable(value) else "data"
 
 
 class NotebookParser(MystParser):
@@ -60,6 +97,7 @@ def _as_markdown(cell: dict[str, Any]) -> str:
 
 
 def setup(app: Sphinx) -> None:
-    """Teach Sphinx to read notebooks."""
+    """Teach Sphinx to read notebooks and to list what is public."""
+    app.add_directive("public", PublicNames)
     app.add_source_suffix(".ipynb", "notebook")
     app.add_source_parser(NotebookParser)

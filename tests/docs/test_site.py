@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib import import_module
 
 import pytest
 
@@ -25,3 +26,19 @@ def test_reference_knows_every_command(site):
     page = (site / "reference" / "command-line.html").read_text(encoding="utf-8")
     for command in ("dic-calibrate", "dic-correlate", "dic-process", "rig-plan", "rig-run", "rig-simulate"):
         assert f'id="{command}"' in page
+
+
+def test_notebooks_are_pages_with_their_code(site):
+    page = (site / "notebooks" / "images-to-strain.html").read_text(encoding="utf-8")
+    assert "measure_images" in page
+
+
+@pytest.mark.parametrize("package", ["dic", "rig"])
+def test_reference_describes_all_that_is_public(site, package):
+    page = (site / "reference" / f"{package}.html").read_text(encoding="utf-8")
+    module = import_module(package)
+    callables = [name for name in module.__all__ if callable(getattr(module, name))]
+    assert len(callables) > 20
+    assert [
+        name for name in callables if f'<span class="sig-name descname"><span class="pre">{name}<' not in page
+    ] == []
