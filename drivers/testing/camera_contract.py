@@ -10,7 +10,6 @@ from itertools import pairwise
 from pathlib import Path
 from random import Random
 from types import FrameType
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +22,8 @@ from drivers.testing.common import Handle, needed, wait_until
 from drivers.testing.stream_contract import StreamContract
 
 ANSWER_S = 30.0
-LINE_S = 1e-3
+PAUSES, PAUSE_S = 0.3, 1e-3
+"""At which share of a driver's calls and returns a thread gives way to others, and for how long at most."""
 BYTE_BITS = 8
 
 
@@ -93,17 +93,18 @@ class CameraContract(StreamContract):
 
     def test_calls_from_two_threads_do_not_mix(self, bench: CameraBench) -> None:
         """Each gets frames of its own."""
-        together = threading.Barrier(2)
+        # so many, for a mix-up shows by chance
+        rounds, together = 3 * ROUNDS, threading.Barrier(2)
 
         def grabs() -> list[Frame]:
             together.wait(ANSWER_S)
-            return [bench.grab() for _ in range(ROUNDS)]
+            return [bench.grab() for _ in range(rounds)]
 
-        with _taking_turns(bench.camera), ThreadPoolExecutor(2) as pool:
+        with _giving_way(bench.camera), ThreadPoolExecutor(2) as pool:
             both = [each.result() for each in [pool.submit(grabs) for _ in range(2)]]
         for frames in both:
             assert all(before.sequence < after.sequence for before, after in pairwise(frames))
-        assert len({frame.sequence for frames in both for frame in frames}) == 2 * ROUNDS
+        assert len({frame.sequence for frames in both for frame in frames}) == 2 * rounds
 
     def test_may_be_closed_while_another_thread_grabs(self, bench: CameraBench) -> None:
         """Which gets its frame or a clear word."""
@@ -155,23 +156,29 @@ class CameraContract(StreamContract):
 
 
 @contextmanager
-def _taking_turns(camera: Camera) -> Iterator[None]:
-    """Let threads that begin now give way to others at every line of the driver."""
-    modules = [sys.modules[each.__module__] for each in type(camera).__mro__]
-    files = {getattr(module, "__file__", None) for module in modules}
-    clock, chance, before = SystemClock(), Random(1), threading.gettrace()
+def _giving_way(camera: Camera) -> Iterator[None]:
+    """Let threads that begin now give way to others at many of the driver's calls and returns.
 
-    def give_way(frame: FrameType, *_: object) -> Any:
-        if frame.f_code.co_filename not in files:
-            return None
-        clock.sleep(chance.uniform(0.0, LINE_S))
-        return give_way
+    A profile function sees those: a trace function would take the place of a debugger's, or of coverage's.
+    """
+    modules = {each.__module__ for each in type(camera).__mro__}
+    theirs = {name for name in modules if name.partition(".")[0] not in sys.stdlib_module_names}
+    # a driver of several modules is a package
+    packages = tuple(name.rpartition(".")[0] or name for name in theirs)
+    clock, chance, before = SystemClock(), Random(1), threading.getprofile()
 
-    threading.settrace(give_way)
+    def of_driver(frame: FrameType | None) -> bool:
+        return frame is not None and str(frame.f_globals.get("__name__")).startswith(packages)
+
+    def give_way(frame: FrameType, *_: object) -> None:
+        if (of_driver(frame) or of_driver(frame.f_back)) and chance.random() < PAUSES:
+            clock.sleep(chance.uniform(0.0, PAUSE_S))
+
+    threading.setprofile(give_way)
     try:
         yield
     finally:
-        threading.settrace(before)
+        threading.setprofile(before)
 
 
 def _threads() -> int:

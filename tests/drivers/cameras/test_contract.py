@@ -1,7 +1,9 @@
 """Every camera driver of ours keeps the contract; on cameras by others it does so in `guest_contract.py`."""
 
+import sys
+import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, nullcontext
 from dataclasses import replace
 from typing import Any
 
@@ -18,6 +20,7 @@ from simulators.scene.specimen import Specimen, SpecimenSettings
 from simulators.wire.faults import CAMERA, FaultPanel
 from tests.drivers.cameras import fake_aravis, fake_opencv
 from tests.fault_matrix.camera_benches import AravisBench, NumberedBench, OpencvBench, V4l2Bench
+from tests.third_party.swan_camera.swan_camera import SwanCamera, SwanSettings
 
 NAME = "cameras.left"
 SMALL = CameraSettings(width_px=48, height_px=32, bits=12, exposure_us=8000.0, gain=1.5)
@@ -119,3 +122,15 @@ class TestCameras(CameraContract):
             bench = DRIVERS[driver](end)
             with closing(bench.camera):
                 yield bench
+
+
+def test_calls_that_mix_are_found_and_no_debugger_is_pushed_aside(monkeypatch):
+    context = OpenContext(NAME, VirtualClock())
+    camera = SwanCamera(SwanSettings(serial="S-0042"), context)
+    # as if its driver let two calls in at a time
+    camera._lock = nullcontext()
+    bench = CameraBench(camera, context.clock, NAME, interval_s=5e-3, reopen=lambda: camera)
+    for module in (sys, threading):
+        monkeypatch.setattr(module, "settrace", lambda function: pytest.fail("a debugger needs it"))
+    with pytest.raises(AssertionError):
+        CameraContract().test_calls_from_two_threads_do_not_mix(bench)
