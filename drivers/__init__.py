@@ -1,1 +1,110 @@
-"""Devices: cameras, rotation stage and load frame, behind the interfaces the rig works with."""
+"""Devices behind one interface per kind: what a rig asks of them, and how a driver for one is found.
+
+Everything that is public stands here and is loaded when it is first used:
+
+>>> import drivers
+>>> drivers.find_driver("zaber-ascii").kind
+'stage'
+
+A driver of yours implements `Camera`, `RotationStage`, `LoadFrame` or `Operator` and is offered as a
+`DriverSpec`; `drivers.testing` has the tests that it must pass. A device that does not do what is asked
+raises a `DeviceError`, whose message is one sentence that ends with what to do.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from drivers.clock import Clock, SystemClock, VirtualClock
+    from drivers.errors import ConfigurationError, DeviceError, DeviceFault, DeviceTimeout, LinkLost
+    from drivers.interfaces import (
+        Camera,
+        CameraInfo,
+        DeviceInfo,
+        Frame,
+        LoadFrame,
+        LoadFrameLimits,
+        LoadFrameState,
+        OpenContext,
+        Operator,
+        OperatorAction,
+        RotationStage,
+        StageState,
+    )
+    from drivers.registry import DeviceKind, DriverSpec, Finder, Found, SerialPort, driver_names, find_driver
+    from drivers.settings import Settings
+
+__all__ = [
+    "Camera",
+    "CameraInfo",
+    "Clock",
+    "ConfigurationError",
+    "DeviceError",
+    "DeviceFault",
+    "DeviceInfo",
+    "DeviceKind",
+    "DeviceTimeout",
+    "DriverSpec",
+    "Finder",
+    "Found",
+    "Frame",
+    "LinkLost",
+    "LoadFrame",
+    "LoadFrameLimits",
+    "LoadFrameState",
+    "OpenContext",
+    "Operator",
+    "OperatorAction",
+    "RotationStage",
+    "SerialPort",
+    "Settings",
+    "StageState",
+    "SystemClock",
+    "VirtualClock",
+    "driver_names",
+    "find_driver",
+]
+
+_NAMES_OF = {
+    "drivers.clock": ("Clock", "SystemClock", "VirtualClock"),
+    "drivers.errors": ("ConfigurationError", "DeviceError", "DeviceFault", "DeviceTimeout", "LinkLost"),
+    "drivers.interfaces": (
+        "Camera",
+        "CameraInfo",
+        "DeviceInfo",
+        "Frame",
+        "LoadFrame",
+        "LoadFrameLimits",
+        "LoadFrameState",
+        "OpenContext",
+        "Operator",
+        "OperatorAction",
+        "RotationStage",
+        "StageState",
+    ),
+    "drivers.registry": (
+        "DeviceKind",
+        "DriverSpec",
+        "Finder",
+        "Found",
+        "SerialPort",
+        "driver_names",
+        "find_driver",
+    ),
+    "drivers.settings": ("Settings",),
+}
+_MODULE_OF = {name: module for module, names in _NAMES_OF.items() for name in names}
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+if not TYPE_CHECKING:  # type checkers would otherwise allow any name
+
+    def __getattr__(name: str) -> Any:
+        """Load a public name from its module when it is first used (PEP 562)."""
+        if name not in _MODULE_OF:
+            raise AttributeError(f"module 'drivers' has no attribute {name!r}")
+        value = globals()[name] = getattr(import_module(_MODULE_OF[name]), name)
+        return value

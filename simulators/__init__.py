@@ -1,1 +1,95 @@
-"""The devices as they behave on the wire, and the specimen they see: the independent truth of every test."""
+"""The devices as they behave on the wire, and the specimen they see: the independent truth of every test.
+
+Everything that is public stands here and is loaded when it is first used:
+
+>>> from contextlib import closing
+>>> import simulators
+>>> with closing(simulators.VirtualRig()) as rig:
+...     sorted(rig.addresses)
+['load_frame', 'load_frame_rtu', 'load_frame_rtu_tcp', 'newport', 'stage', 'stage_tcp']
+
+A `VirtualRig` runs on simulated time inside the program, a `Simulation` in real time for other programs.
+Each device is also there by itself: a `StageDevice` behind a `ZaberServer` or a `NewportServer`, a
+`LoadFrameDevice` behind a `LoadFrameServer`, a `SimulatedCamera` in front of a `Scene`.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from simulators.load_frame.device import LoadFrameDevice
+    from simulators.load_frame.layout import LAYOUTS, Layout
+    from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
+    from simulators.rig.camera import CameraSettings, SimulatedCamera
+    from simulators.rig.simulation import Simulation
+    from simulators.rig.virtual_rig import VirtualRig, VirtualRigSettings
+    from simulators.scene.optics import PinholeCamera
+    from simulators.scene.scene import Misalignment, Scene, Surface
+    from simulators.scene.specimen import Specimen, SpecimenSettings, SpecimenState
+    from simulators.stage.device import StageDevice
+    from simulators.stage.newport import NewportServer, NewportTcpServer
+    from simulators.stage.zaber import ZaberServer, ZaberTcpServer
+    from simulators.wire.faults import FAULTS, Fault, FaultPanel
+    from simulators.wire.rig_faults import RigFaults
+
+__all__ = [
+    "FAULTS",
+    "LAYOUTS",
+    "CameraSettings",
+    "Fault",
+    "FaultPanel",
+    "Layout",
+    "LoadFrameDevice",
+    "LoadFrameRtuServer",
+    "LoadFrameRtuTcpServer",
+    "LoadFrameServer",
+    "Misalignment",
+    "NewportServer",
+    "NewportTcpServer",
+    "PinholeCamera",
+    "RigFaults",
+    "Scene",
+    "SimulatedCamera",
+    "Simulation",
+    "Specimen",
+    "SpecimenSettings",
+    "SpecimenState",
+    "StageDevice",
+    "Surface",
+    "VirtualRig",
+    "VirtualRigSettings",
+    "ZaberServer",
+    "ZaberTcpServer",
+]
+
+_NAMES_OF = {
+    "simulators.load_frame.device": ("LoadFrameDevice",),
+    "simulators.load_frame.layout": ("LAYOUTS", "Layout"),
+    "simulators.load_frame.modbus": ("LoadFrameRtuServer", "LoadFrameRtuTcpServer", "LoadFrameServer"),
+    "simulators.rig.camera": ("CameraSettings", "SimulatedCamera"),
+    "simulators.rig.simulation": ("Simulation",),
+    "simulators.rig.virtual_rig": ("VirtualRig", "VirtualRigSettings"),
+    "simulators.scene.optics": ("PinholeCamera",),
+    "simulators.scene.scene": ("Misalignment", "Scene", "Surface"),
+    "simulators.scene.specimen": ("Specimen", "SpecimenSettings", "SpecimenState"),
+    "simulators.stage.device": ("StageDevice",),
+    "simulators.stage.newport": ("NewportServer", "NewportTcpServer"),
+    "simulators.stage.zaber": ("ZaberServer", "ZaberTcpServer"),
+    "simulators.wire.faults": ("FAULTS", "Fault", "FaultPanel"),
+    "simulators.wire.rig_faults": ("RigFaults",),
+}
+_MODULE_OF = {name: module for module, names in _NAMES_OF.items() for name in names}
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+if not TYPE_CHECKING:  # type checkers would otherwise allow any name
+
+    def __getattr__(name: str) -> Any:
+        """Load a public name from its module when it is first used (PEP 562)."""
+        if name not in _MODULE_OF:
+            raise AttributeError(f"module 'simulators' has no attribute {name!r}")
+        value = globals()[name] = getattr(import_module(_MODULE_OF[name]), name)
+        return value

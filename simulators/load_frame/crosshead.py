@@ -3,7 +3,7 @@
 from enum import Enum
 from typing import Protocol
 
-from simulators.load_frame.state import Fault, Limits
+from simulators.load_frame.state import FaultCode, MachineLimits
 
 CONTROL_PERIOD_S = 0.02
 LOAD_TOLERANCE_N = 1.0
@@ -106,13 +106,13 @@ class Crosshead:
         self._string.break_now()
         self._force_n = self._string.stretch_to(self._position_mm)
 
-    def follow(self, limits: Limits, ratings: Limits) -> Fault:
+    def follow(self, limits: MachineLimits, ratings: MachineLimits) -> FaultCode:
         """Advance by one control period, and return what went wrong in it.
 
-        Limits are measured from the zero set by `tare`; the machine's ratings from its own zero.
+        MachineLimits are measured from the zero set by `tare`; the machine's ratings from its own zero.
         """
         if self.jammed:
-            return Fault.STALL
+            return FaultCode.STALL
         if self.control is Control.DISPLACEMENT:
             wanted_mm = self.target - self.displacement_mm
             speed_mm_s = self._rate
@@ -137,7 +137,7 @@ class Crosshead:
             arrived = self._setpoint_n == self.target and abs(error_n) <= LOAD_TOLERANCE_N
         if arrived:
             self.stand(self.control, at_target=True)
-        return Fault.NONE
+        return FaultCode.NONE
 
     def _step(self, step_mm: float) -> None:
         before_n = self._force_n
@@ -148,7 +148,7 @@ class Crosshead:
             self._stiffness_n_mm = max((self._force_n - before_n) / step_mm, STIFFNESS_MIN_N_MM)
 
 
-def _beyond(limits: Limits, load_n: float, displacement_mm: float, out: bool) -> Fault:
+def _beyond(limits: MachineLimits, load_n: float, displacement_mm: float, out: bool) -> FaultCode:
     """Whether the motion passed a limit outwards; moving back inwards is always allowed."""
     if out:
         overload = load_n > limits.load_max_n + LOAD_TOLERANCE_N
@@ -157,5 +157,5 @@ def _beyond(limits: Limits, load_n: float, displacement_mm: float, out: bool) ->
         overload = load_n < limits.load_min_n - LOAD_TOLERANCE_N
         overtravel = displacement_mm < limits.displacement_min_mm - TRAVEL_TOLERANCE_MM
     if overload:
-        return Fault.LOAD_LIMIT
-    return Fault.DISPLACEMENT_LIMIT if overtravel else Fault.NONE
+        return FaultCode.LOAD_LIMIT
+    return FaultCode.DISPLACEMENT_LIMIT if overtravel else FaultCode.NONE

@@ -11,7 +11,7 @@ import numpy as np
 
 from drivers.clock import Clock
 from simulators.load_frame.crosshead import CONTROL_PERIOD_S, Control, Crosshead, LoadString
-from simulators.load_frame.state import Fault, Limits, Readings, Refusal, RefusedError
+from simulators.load_frame.state import FaultCode, MachineLimits, Readings, Refusal, RefusedError
 
 LOAD_NOISE_N = 2.0
 DISPLACEMENT_NOISE_MM = 0.2e-3
@@ -53,7 +53,7 @@ class LoadFrameDevice:
         load_rate_max_n_s: float = 10_000.0,
         rng: np.random.Generator | None = None,
     ) -> None:
-        self.ratings = Limits(
+        self.ratings = MachineLimits(
             load_min_n,
             load_max_n,
             displacement_min_mm,
@@ -80,7 +80,7 @@ class LoadFrameDevice:
         self._tick = 0
         self._limits = self.ratings
         self._crosshead.reset()
-        self._fault = Fault.ESTOP if self._estop else Fault.NONE
+        self._fault = FaultCode.ESTOP if self._estop else FaultCode.NONE
         self._watchdog_s = 0.0
         self._heartbeat = 0
         self._beat_tick = 0
@@ -100,11 +100,11 @@ class LoadFrameDevice:
             return self._crosshead.displacement_mm
 
     @property
-    def limits(self) -> Limits:
+    def limits(self) -> MachineLimits:
         """The limits that are active."""
         return self._limits
 
-    def set_limits(self, limits: Limits) -> None:
+    def set_limits(self, limits: MachineLimits) -> None:
         """Narrow the limits; `RefusedError` beyond the ratings."""
         if not self.ratings.encloses(limits):
             raise RefusedError(Refusal.BEYOND_LIMITS)
@@ -206,7 +206,7 @@ class LoadFrameDevice:
         with self._lock:
             self._advance()
             self._estop = True
-            self._trip(Fault.ESTOP)
+            self._trip(FaultCode.ESTOP)
 
     def release_estop(self) -> None:
         """Close the emergency stop chain again; nothing moves by itself."""
@@ -216,7 +216,7 @@ class LoadFrameDevice:
         """Stop with a fault, as when the crosshead runs into a limit switch."""
         with self._lock:
             self._advance()
-            self._trip(Fault.DISPLACEMENT_LIMIT)
+            self._trip(FaultCode.DISPLACEMENT_LIMIT)
 
     def jam(self) -> None:
         """Block the crosshead: a motion under way stalls, and so does every one that is begun."""
@@ -275,7 +275,7 @@ class LoadFrameDevice:
             raise RefusedError(Refusal.TOO_FAST)
         self._note(f"{control.value} {target:g} at {rate:g}")
         self._crosshead.begin(control, target, rate)
-        self._fault = Fault.NONE
+        self._fault = FaultCode.NONE
         self._beat_tick = self._tick
 
     def _advance(self) -> None:
@@ -285,12 +285,12 @@ class LoadFrameDevice:
             self._tick += 1
             silence_s = (self._tick - self._beat_tick) * CONTROL_PERIOD_S
             tripped = 0 < self._watchdog_s < silence_s
-            fault = Fault.WATCHDOG if tripped else self._crosshead.follow(self._limits, self.ratings)
-            if fault is not Fault.NONE:
+            fault = FaultCode.WATCHDOG if tripped else self._crosshead.follow(self._limits, self.ratings)
+            if fault is not FaultCode.NONE:
                 self._trip(fault)
         self._tick = max(self._tick, due)
 
-    def _trip(self, fault: Fault) -> None:
+    def _trip(self, fault: FaultCode) -> None:
         self._crosshead.stand(Control.HOLD)
         self._fault = fault
 

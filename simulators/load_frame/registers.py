@@ -13,7 +13,7 @@ from typing import Any
 
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.layout import Block, Layout, Number
-from simulators.load_frame.state import Fault, Limits, Readings, Refusal, RefusedError
+from simulators.load_frame.state import FaultCode, MachineLimits, Readings, Refusal, RefusedError
 from simulators.wire.faults import FaultPanel
 
 REVISION = 1
@@ -191,16 +191,16 @@ def _status(bits: Mapping[str, int], readings: Readings) -> int:
         "moving": readings.moving,
         "at_target": readings.at_target,
         "holding": readings.holding,
-        "limit": readings.fault in (Fault.LOAD_LIMIT, Fault.DISPLACEMENT_LIMIT),
-        "watchdog": readings.fault is Fault.WATCHDOG,
+        "limit": readings.fault in (FaultCode.LOAD_LIMIT, FaultCode.DISPLACEMENT_LIMIT),
+        "watchdog": readings.fault is FaultCode.WATCHDOG,
         "estop": readings.estop,
         "load_valid": math.isfinite(readings.load_n),
     }
     return sum(1 << place for name, place in bits.items() if true[name])
 
 
-def _limits(values: dict[str, Number]) -> Limits:
-    return Limits(
+def _limits(values: dict[str, Number]) -> MachineLimits:
+    return MachineLimits(
         values["load_min"],
         values["load_max"],
         values["displacement_min"],

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 
-class Fault(IntEnum):
+class FaultCode(IntEnum):
     """Why the machine stopped by itself."""
 
     NONE = 0
@@ -33,7 +33,7 @@ class RefusedError(Exception):
 
 
 @dataclass(frozen=True)
-class Limits:
+class MachineLimits:
     """Limits of travel, load and rates; mm, N and seconds."""
 
     load_min_n: float
@@ -43,7 +43,7 @@ class Limits:
     speed_max_mm_s: float
     load_rate_max_n_s: float
 
-    def encloses(self, other: "Limits") -> bool:
+    def encloses(self, other: "MachineLimits") -> bool:
         """True if `other` lies within these limits and is not empty."""
         return (
             self.load_min_n <= other.load_min_n < other.load_max_n <= self.load_max_n
@@ -63,7 +63,7 @@ class Readings:
     moving: bool
     at_target: bool
     holding: bool
-    fault: Fault
+    fault: FaultCode
     estop: bool
     load_n: float
     displacement_mm: float

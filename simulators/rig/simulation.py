@@ -46,11 +46,11 @@ class Simulation:
 
     Parameters
     ----------
-    tables : mapping
-        A rig file's content; empty stands for a rig with a stage, a load frame and two cameras.
+    tables : mapping, optional
+        A rig file's content; without any it is a rig with a stage, a load frame and two cameras.
     source : str
         The rig file, for messages.
-    log : Path or None
+    log : Path, optional
         File for the log of the true state.
     places : iterable of str
         Addresses of servers, as `simulators.rig.places.Places` reads it.
@@ -66,9 +66,13 @@ class Simulation:
     """
 
     def __init__(
-        self, tables: Mapping[str, Any], source: str, log: Path | None, places: Iterable[str] = ()
+        self,
+        tables: Mapping[str, Any] | None = None,
+        source: str = "simulation",
+        log: Path | None = None,
+        places: Iterable[str] = (),
     ) -> None:
-        self._tables = RigTables.read(tables, source)
+        self._tables = RigTables.read(tables or {}, source)
         wanted = Places.read(places)
         self._clock = StoppableClock()
         with ExitStack() as started:

@@ -22,7 +22,7 @@ from simulators.scene.specimen import Specimen, SpecimenSettings
 from simulators.stage.device import StageDevice
 from simulators.stage.faults import stage_faults
 from simulators.stage.newport import NewportServer
-from simulators.stage.zaber import StageServer, StageTcpServer
+from simulators.stage.zaber import ZaberServer, ZaberTcpServer
 from simulators.wire.faults import CAMERA, LOAD_FRAME, NEWPORT, STAGE, FaultPanel
 from simulators.wire.rig_faults import RigFaults
 
@@ -46,7 +46,7 @@ class VirtualRig:
 
     Parameters
     ----------
-    settings : VirtualRigSettings
+    settings : VirtualRigSettings, optional
     clock : Clock, optional
         A clock to use instead of the one that the settings ask for.
     places : Places, optional
@@ -74,8 +74,12 @@ class VirtualRig:
     """
 
     def __init__(
-        self, settings: VirtualRigSettings, clock: Clock | None = None, places: Places | None = None
+        self,
+        settings: VirtualRigSettings | None = None,
+        clock: Clock | None = None,
+        places: Places | None = None,
     ) -> None:
+        settings = settings or VirtualRigSettings()
         self.clock: Clock = clock or (SystemClock() if settings.real_time else VirtualClock())
         specimen = Specimen(settings.specimen)
         self.stage = StageDevice(self.clock)
@@ -112,8 +116,8 @@ class VirtualRig:
             return places.ports.get(name, 0)
 
         stage, of_stage = self.stage, self.faults[STAGE]
-        serve("stage", StageServer(stage, faults=of_stage))
-        serve("stage_tcp", StageTcpServer(stage, port=port("stage_tcp"), faults=of_stage), "socket://")
+        serve("stage", ZaberServer(stage, faults=of_stage))
+        serve("stage_tcp", ZaberTcpServer(stage, port=port("stage_tcp"), faults=of_stage), "socket://")
         serve("newport", NewportServer(stage, self.clock, faults=self.faults[NEWPORT]))
 
         frame, of_frame = self.load_frame, self.faults[LOAD_FRAME]

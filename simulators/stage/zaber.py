@@ -10,7 +10,7 @@ import threading
 
 from simulators.stage.device import RefusedError, StageDevice
 from simulators.stage.faults import stage_faults
-from simulators.stage.zaber_settings import ACCELERATION_UNIT, SPEED_UNIT, StageSettings
+from simulators.stage.zaber_settings import ACCELERATION_UNIT, SPEED_UNIT, ZaberDeviceSettings
 from simulators.wire.faults import STAGE, FaultPanel
 from simulators.wire.ports import PtyPort, TcpPort
 
@@ -25,7 +25,7 @@ def checksum(text: str) -> str:
     return f"{-sum(text.encode('ascii', 'replace')) & 0xFF:02X}"
 
 
-class StageWire:
+class ZaberWire:
     """How the stage carries out messages.
 
     Parameters
@@ -48,7 +48,7 @@ class StageWire:
         faults: FaultPanel | None = None,
     ) -> None:
         self.device = device
-        self.settings = StageSettings(device, device_address, serial)
+        self.settings = ZaberDeviceSettings(device, device_address, serial)
         self.faults = faults or stage_faults(FaultPanel(STAGE), device)
         self._turn = threading.Lock()
 
@@ -169,7 +169,7 @@ class StageWire:
             raise RefusedError("BADCOMMAND")
 
 
-class StageServer(StageWire):
+class ZaberServer(ZaberWire):
     """The stage's line on a pseudo-terminal; `address` is the path to open."""
 
     _port: PtyPort | TcpPort
@@ -195,7 +195,7 @@ class StageServer(StageWire):
         self._port.close()
 
 
-class StageTcpServer(StageServer):
+class ZaberTcpServer(ZaberServer):
     """The same line on a TCP port; `address` is ``host:port``."""
 
     def __init__(
@@ -208,7 +208,7 @@ class StageTcpServer(StageServer):
         serial: int = 110001,
         faults: FaultPanel | None = None,
     ) -> None:
-        StageWire.__init__(self, device, device_address=device_address, serial=serial, faults=faults)
+        ZaberWire.__init__(self, device, device_address=device_address, serial=serial, faults=faults)
         self._port = TcpPort(self, host, port)
 
 

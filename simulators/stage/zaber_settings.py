@@ -16,7 +16,7 @@ CYCLE_DEG = 360
 Reading = Callable[[], object]
 
 
-class StageSettings:
+class ZaberDeviceSettings:
     """The settings of one device and its axis.
 
     Parameters

@@ -29,7 +29,7 @@ from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
 from simulators.stage.device import StageDevice
 from simulators.stage.newport import NewportServer, NewportTcpServer
-from simulators.stage.zaber import StageServer, StageTcpServer
+from simulators.stage.zaber import ZaberServer, ZaberTcpServer
 from tests.spring import Spring
 
 BOUND_S = 0.005
@@ -96,8 +96,8 @@ def frame_line(server: Callable[..., Any], url: str, header: int) -> Line:
 
 
 LINES = {
-    "zaber on a serial line": stage_line(StageServer, "{}"),
-    "zaber on TCP": stage_line(StageTcpServer, "socket://{}"),
+    "zaber on a serial line": stage_line(ZaberServer, "{}"),
+    "zaber on TCP": stage_line(ZaberTcpServer, "socket://{}"),
     "ESP301 on a serial line": newport_line(NewportServer, "{}"),
     "ESP301 on TCP": newport_line(NewportTcpServer, "socket://{}"),
     "Modbus TCP": frame_line(LoadFrameServer, "{}", 7),

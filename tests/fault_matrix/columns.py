@@ -9,7 +9,7 @@ from drivers.stages.zaber.settings import ZaberSettings
 from drivers.stages.zaber.stage import open_stage as open_zaber
 from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
 from simulators.stage.newport import NewportServer
-from simulators.stage.zaber import StageServer, StageTcpServer
+from simulators.stage.zaber import ZaberServer, ZaberTcpServer
 from simulators.wire.faults import CAMERA, LOAD_FRAME, NEWPORT, STAGE
 from tests.fault_matrix.bench import Bench
 from tests.fault_matrix.camera_benches import (
@@ -36,12 +36,12 @@ COLUMNS = [
     Column(
         "zaber-ascii, pty",
         STAGE,
-        lambda: StageBench(lambda device, _: StageServer(device), ZaberSettings, open_zaber),
+        lambda: StageBench(lambda device, _: ZaberServer(device), ZaberSettings, open_zaber),
     ),
     Column(
         "zaber-ascii, TCP",
         STAGE,
-        lambda: StageBench(lambda device, _: StageTcpServer(device), ZaberSettings, open_zaber, "socket://"),
+        lambda: StageBench(lambda device, _: ZaberTcpServer(device), ZaberSettings, open_zaber, "socket://"),
     ),
     Column(
         "newport-esp301, pty",

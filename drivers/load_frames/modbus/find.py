@@ -15,8 +15,8 @@ LINE_ANSWER_S = 0.1
 CONNECT_S = 2.0
 # The specification's own setting, and the usual ones.
 LINES = ((19_200, "E"), (9600, "N"), (9600, "E"), (115_200, "N"))
-SERIAL_UNITS = (1, 2, 3)
-TCP_UNITS = (1, 255, 0)
+COMMON_SERIAL_UNITS = (1, 2, 3)
+COMMON_TCP_UNITS = (1, 255, 0)
 
 
 def modbus_at_port(path: str) -> list[Found]:
@@ -33,7 +33,7 @@ def modbus_at_port(path: str) -> list[Found]:
         return []
     for baud, parity in LINES:
         settings: dict[str, str | int] = {"address": path, "baud": baud, "parity": parity}
-        if found := _modbus(ModbusAddress(path, baud, parity), SERIAL_UNITS, settings, LINE_ANSWER_S):
+        if found := _modbus(ModbusAddress(path, baud, parity), COMMON_SERIAL_UNITS, settings, LINE_ANSWER_S):
             return found
     return []
 
@@ -41,7 +41,7 @@ def modbus_at_port(path: str) -> list[Found]:
 def modbus_at_address(address: str) -> list[Found]:
     """Return the Modbus devices at ``host:port`` or ``rtu://host:port``, under the usual units."""
     place = ModbusAddress(address)
-    units, timeout_s = (SERIAL_UNITS, ANSWER_S) if place.rtu else (TCP_UNITS, CONNECT_S)
+    units, timeout_s = (COMMON_SERIAL_UNITS, ANSWER_S) if place.rtu else (COMMON_TCP_UNITS, CONNECT_S)
     return _modbus(place, units, {"address": address}, timeout_s)
 
 
@@ -114,5 +114,5 @@ FINDER = Finder(
     ports=serial_ports,
     at_port=modbus_at_port,
     at_modbus=modbus_at_address,
-    asks_for_s=len(LINES) * len(SERIAL_UNITS) * LINE_ANSWER_S,
+    asks_for_s=len(LINES) * len(COMMON_SERIAL_UNITS) * LINE_ANSWER_S,
 )

@@ -17,7 +17,7 @@ from drivers.stages.zaber.stage import open_stage as open_zaber
 from drivers.testing import StageBench, StageContract
 from simulators.stage.device import StageDevice
 from simulators.stage.newport import NewportServer, NewportTcpServer
-from simulators.stage.zaber import StageServer, StageTcpServer
+from simulators.stage.zaber import ZaberServer, ZaberTcpServer
 from simulators.wire.faults import STAGE, FaultPanel
 
 SPEED_DEG_S = 4.0
@@ -33,8 +33,8 @@ def newport(port: str, context: OpenContext) -> RotationStage:
 
 
 LINES: dict[str, tuple[Callable[[StageDevice, VirtualClock], Any], str, Callable[..., RotationStage]]] = {
-    "zaber-pty": (lambda device, clock: StageServer(device), "{}", zaber),
-    "zaber-tcp": (lambda device, clock: StageTcpServer(device), "socket://{}", zaber),
+    "zaber-pty": (lambda device, clock: ZaberServer(device), "{}", zaber),
+    "zaber-tcp": (lambda device, clock: ZaberTcpServer(device), "socket://{}", zaber),
     "newport-pty": (NewportServer, "{}", newport),
     "newport-tcp": (NewportTcpServer, "socket://{}", newport),
 }

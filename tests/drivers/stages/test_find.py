@@ -8,13 +8,13 @@ from drivers.stages.esp301.find import newport_stages
 from drivers.stages.zaber.find import zaber_stages
 from simulators.stage.device import StageDevice
 from simulators.stage.newport import NewportServer
-from simulators.stage.zaber import StageServer
+from simulators.stage.zaber import ZaberServer
 
 
 def test_a_zaber_stage_is_found_with_its_address_and_does_not_move():
     clock = VirtualClock()
     stage = StageDevice(clock)
-    with closing(StageServer(stage, device_address=3, serial=4711)) as server:
+    with closing(ZaberServer(stage, device_address=3, serial=4711)) as server:
         found = zaber_stages(server.address)
         assert newport_stages(server.address) == []
     settings = {"port": server.address, "address": 3}

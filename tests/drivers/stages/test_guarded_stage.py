@@ -6,7 +6,7 @@ import pytest
 
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.lines.stop_deadline import StopTimes
-from simulators.stage.zaber_settings import StageSettings
+from simulators.stage.zaber_settings import ZaberDeviceSettings
 from tests.drivers.stages.esp301.esp301_line import ESP301
 from tests.drivers.stages.stage_kit import arrive, stops_end_soon
 from tests.drivers.stages.zaber.zaber_line import ZABER
@@ -127,7 +127,7 @@ def test_a_stage_whose_cable_is_back_is_stopped(homed, line, device, clock):
 
 @for_each(
     "identity, another",
-    zaber=("settings", lambda device: StageSettings(device, 1, 7777)),
+    zaber=("settings", lambda device: ZaberDeviceSettings(device, 1, 7777)),
     esp301=("_serial", lambda device: 7777),
 )
 def test_another_stage_where_ours_was_is_not_ours_standing_still(

@@ -17,7 +17,7 @@ from rig.rigfile import read_rig
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.modbus import LoadFrameServer
 from simulators.stage.device import StageDevice
-from simulators.stage.zaber import StageServer, StageTcpServer
+from simulators.stage.zaber import ZaberServer, ZaberTcpServer
 from tests.command_line import run_rig
 from tests.spring import Spring
 
@@ -47,7 +47,7 @@ def finders(monkeypatch) -> dict[str, Finder | None]:
 
 
 def test_the_rig_file_to_start_from_lacks_only_what_a_person_must_decide(serve, clock, tmp_path):
-    zaber = serve(StageServer(StageDevice(clock)))
+    zaber = serve(ZaberServer(StageDevice(clock)))
     frame = serve(LoadFrameServer(LoadFrameDevice(clock, Spring())))
     path, table = tmp_path / "rig.toml", tmp_path / "devices.json"
     done = run_rig("devices", "--port", zaber.address, "--modbus", frame.address, "-o", path, "--json", table)
@@ -85,7 +85,7 @@ def test_a_rig_file_that_is_there_is_kept(tmp_path):
 
 
 def test_no_probe_sends_nothing(serve, clock):
-    zaber = serve(StageServer(StageDevice(clock)))
+    zaber = serve(ZaberServer(StageDevice(clock)))
     frame = serve(LoadFrameServer(LoadFrameDevice(clock, Spring())))
     heard: list[bytes] = []
     zaber.respond = frame.respond = lambda message: heard.append(message) or b""
@@ -95,7 +95,7 @@ def test_no_probe_sends_nothing(serve, clock):
 
 
 def test_a_stage_behind_tcp_is_found_and_named_once(serve, clock):
-    zaber = serve(StageTcpServer(StageDevice(clock)))
+    zaber = serve(ZaberTcpServer(StageDevice(clock)))
     place = f"socket://{zaber.address}"
     done = run_rig("devices", "--port", place, "--port", place)
     assert done.status == 0

@@ -3,7 +3,7 @@ import pytest
 
 from drivers.clock import VirtualClock
 from simulators.load_frame.device import CONTROL_PERIOD_S, LoadFrameDevice
-from simulators.load_frame.state import Fault, Limits, Refusal, RefusedError
+from simulators.load_frame.state import FaultCode, MachineLimits, Refusal, RefusedError
 from tests.spring import STIFFNESS_N_MM, Spring
 
 
@@ -69,7 +69,7 @@ def test_a_load_that_a_yielding_specimen_never_carries_ends_at_the_travel_limit(
     frame.go_to_load(5000.0, 200.0)
     clock.sleep(600.0)
     state = frame.read()
-    assert state.fault is Fault.DISPLACEMENT_LIMIT
+    assert state.fault is FaultCode.DISPLACEMENT_LIMIT
     assert state.holding
     # tripped within one control period at the greatest speed
     assert 3.0 < state.displacement_mm < 3.0 + 5.0 * CONTROL_PERIOD_S + 1e-3
@@ -78,11 +78,11 @@ def test_a_load_that_a_yielding_specimen_never_carries_ends_at_the_travel_limit(
 def test_the_load_limit_trips_on_the_way_out_and_leaves_the_way_back_free(frame, clock):
     frame.go_to_displacement(10.0, 1.0)
     clock.sleep(20.0)
-    assert frame.read().fault is Fault.LOAD_LIMIT
+    assert frame.read().fault is FaultCode.LOAD_LIMIT
     assert frame.load_n() == pytest.approx(20_000.0, abs=1.0 * CONTROL_PERIOD_S * STIFFNESS_N_MM + 1.0)
     frame.go_to_displacement(3.0, 1.0)
     clock.sleep(20.0)
-    assert frame.read().fault is Fault.NONE
+    assert frame.read().fault is FaultCode.NONE
     assert frame.load_n() == pytest.approx(15_000.0)
 
 
@@ -94,9 +94,9 @@ def test_the_load_limit_trips_on_the_way_out_and_leaves_the_way_back_free(frame,
         (lambda frame: frame.go_to_displacement(50.1, 1.0), Refusal.BEYOND_LIMITS),
         (lambda frame: frame.go_to_displacement(1.0, 5.1), Refusal.TOO_FAST),
         (lambda frame: frame.go_to_displacement(1.0, 0.0), Refusal.TOO_FAST),
-        (lambda frame: frame.set_limits(Limits(0, 20_001.0, 0, 1, 1, 1)), Refusal.BEYOND_LIMITS),
-        (lambda frame: frame.set_limits(Limits(0, float("nan"), 0, 1, 1, 1)), Refusal.BEYOND_LIMITS),
-        (lambda frame: frame.set_limits(Limits(10, 0, 0, 1, 1, 1)), Refusal.BEYOND_LIMITS),
+        (lambda frame: frame.set_limits(MachineLimits(0, 20_001.0, 0, 1, 1, 1)), Refusal.BEYOND_LIMITS),
+        (lambda frame: frame.set_limits(MachineLimits(0, float("nan"), 0, 1, 1, 1)), Refusal.BEYOND_LIMITS),
+        (lambda frame: frame.set_limits(MachineLimits(10, 0, 0, 1, 1, 1)), Refusal.BEYOND_LIMITS),
         (lambda frame: frame.set_watchdog(float("nan")), Refusal.BEYOND_LIMITS),
         (lambda frame: frame.set_watchdog(60.1), Refusal.BEYOND_LIMITS),
     ],
@@ -111,7 +111,7 @@ def test_commands_beyond_the_limits_are_refused(frame, command, reason):
 def test_the_watchdog_trips_only_while_moving_and_without_new_beats(frame, clock):
     frame.set_watchdog(1.0)
     clock.sleep(100.0)
-    assert frame.read().fault is Fault.NONE
+    assert frame.read().fault is FaultCode.NONE
     frame.go_to_displacement(10.0, 0.1)
     for beat in range(1, 6):
         clock.sleep(0.9)
@@ -120,7 +120,7 @@ def test_the_watchdog_trips_only_while_moving_and_without_new_beats(frame, clock
     for _ in range(3):
         clock.sleep(0.9)
         frame.beat(5)
-    assert frame.read().fault is Fault.WATCHDOG
+    assert frame.read().fault is FaultCode.WATCHDOG
     # 5 × 0.9 s with beats, 1 s without
     assert frame.displacement_mm() == pytest.approx(0.55, abs=0.1 * 2 * CONTROL_PERIOD_S)
 
@@ -137,7 +137,7 @@ def test_an_emergency_stop_stands_until_released_and_commanded(frame, clock):
     clock.sleep(1.0)
     assert frame.displacement_mm() == pytest.approx(1.0, abs=CONTROL_PERIOD_S)
     frame.go_to_displacement(2.0, 1.0)
-    assert frame.read().fault is Fault.NONE
+    assert frame.read().fault is FaultCode.NONE
 
 
 def test_noise_is_as_large_as_stated_and_once_per_sample(clock):
@@ -165,29 +165,29 @@ def test_tare_sets_both_zeros(frame, clock):
 
 
 def test_the_lower_load_limit_trips(frame, clock):
-    frame.set_limits(Limits(-1000.0, 1000.0, -5.0, 5.0, 5.0, 100.0))
+    frame.set_limits(MachineLimits(-1000.0, 1000.0, -5.0, 5.0, 5.0, 100.0))
     frame.go_to_displacement(-0.5, 0.5)
     clock.sleep(2.0)
-    assert frame.read().fault is Fault.LOAD_LIMIT
+    assert frame.read().fault is FaultCode.LOAD_LIMIT
     # 1 kN at 5 kN/mm, and two control periods
     assert frame.displacement_mm() == pytest.approx(-0.2, abs=0.5 * 2 * CONTROL_PERIOD_S)
 
 
 def test_the_lower_travel_limit_trips(frame, clock):
-    frame.set_limits(Limits(-9000.0, 1000.0, -0.5, 5.0, 5.0, 100.0))
+    frame.set_limits(MachineLimits(-9000.0, 1000.0, -0.5, 5.0, 5.0, 100.0))
     frame.go_to_load(-5000.0, 100.0)
     clock.sleep(60.0)
-    assert frame.read().fault is Fault.DISPLACEMENT_LIMIT
+    assert frame.read().fault is FaultCode.DISPLACEMENT_LIMIT
     assert frame.displacement_mm() == pytest.approx(-0.5, abs=100.0 / STIFFNESS_N_MM)
 
 
 def test_out_of_limits_that_were_narrowed_meanwhile_the_way_back_is_free(frame, clock):
     frame.go_to_displacement(3.0, 5.0)
     clock.sleep(2.0)
-    frame.set_limits(Limits(-100.0, 10_000.0, -1.0, 2.5, 1.0, 100.0))
+    frame.set_limits(MachineLimits(-100.0, 10_000.0, -1.0, 2.5, 1.0, 100.0))
     frame.go_to_displacement(1.0, 0.1)
     clock.sleep(30.0)
-    assert (frame.read().fault, frame.displacement_mm()) == (Fault.NONE, pytest.approx(1.0))
+    assert (frame.read().fault, frame.displacement_mm()) == (FaultCode.NONE, pytest.approx(1.0))
 
 
 def test_after_a_tare_it_holds_position(frame, clock):
@@ -207,6 +207,6 @@ def test_a_zero_set_under_load_moves_the_limits_but_not_what_the_machine_bears(f
     frame.tare()
     frame.go_to_displacement(3.0, 0.5)
     clock.sleep(10.0)
-    assert frame.read().fault is Fault.LOAD_LIMIT
+    assert frame.read().fault is FaultCode.LOAD_LIMIT
     # within what one control period at 0.5 mm/s adds
     assert frame.load_n() == pytest.approx(5000.0, abs=0.5 * CONTROL_PERIOD_S * STIFFNESS_N_MM + 2.0)

@@ -7,7 +7,7 @@ import pytest
 from drivers.clock import VirtualClock
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.faults import load_frame_faults
-from simulators.load_frame.state import Fault, Limits, RefusedError
+from simulators.load_frame.state import FaultCode, MachineLimits, RefusedError
 from simulators.scene.specimen import Specimen, SpecimenSettings
 from simulators.wire.faults import FaultPanel
 
@@ -37,7 +37,7 @@ def moving(device, clock):
 
 @pytest.mark.parametrize(
     ("name", "fault"),
-    [("stall", Fault.STALL), ("limit", Fault.DISPLACEMENT_LIMIT), ("e-stop", Fault.ESTOP)],
+    [("stall", FaultCode.STALL), ("limit", FaultCode.DISPLACEMENT_LIMIT), ("e-stop", FaultCode.ESTOP)],
 )
 def test_the_crosshead_stops_and_says_why(moving, faults, clock, name, fault):
     faults.switch_on(name)
@@ -61,7 +61,7 @@ def test_nothing_moves_while_the_emergency_stop_is_pressed(device, faults):
 
 def test_a_reset_forgets_limits_watchdog_zero_and_samples_but_not_the_crosshead(moving, faults, clock):
     moving.hold()
-    moving.set_limits(Limits(-10.0, 20_000.0, -1.0, 5.0, 1.0, 100.0))
+    moving.set_limits(MachineLimits(-10.0, 20_000.0, -1.0, 5.0, 1.0, 100.0))
     moving.set_watchdog(2.0)
     moving.tare()
     load_n = moving.load_n()
@@ -115,7 +115,7 @@ def test_a_watchdog_that_is_off_takes_no_time_and_never_trips(device, faults, cl
     faults.clear()
     device.set_watchdog(0.5)
     clock.sleep(1.0)
-    assert device.read().fault is Fault.WATCHDOG
+    assert device.read().fault is FaultCode.WATCHDOG
 
 
 def test_it_keeps_what_it_was_commanded(device, clock):

@@ -8,7 +8,7 @@ import pytest
 from drivers.clock import SystemClock
 from simulators.stage.device import StageDevice
 from simulators.stage.newport import NewportServer, NewportTcpServer
-from simulators.stage.zaber import StageServer, StageTcpServer
+from simulators.stage.zaber import ZaberServer, ZaberTcpServer
 from tests.peers import INSTALL_S, RUN_S, interpreter, run
 
 pytestmark = pytest.mark.timeout(2 * INSTALL_S + RUN_S)  # an environment is made on first use
@@ -119,13 +119,13 @@ def device():
     return StageDevice(SystemClock(), power_up_angle_deg=1.0, speed_deg_s=200.0, acceleration_deg_s2=20_000.0)
 
 
-@pytest.mark.parametrize("line", [StageServer, StageTcpServer], ids=["pty", "TCP"])
+@pytest.mark.parametrize("line", [ZaberServer, ZaberTcpServer], ids=["pty", "TCP"])
 def test_the_vendors_client_drives_the_stage(device, line, serve):
     python = interpreter("zaber-motion", "zaber-motion==10.*")
     server = serve(line(device))
     address = server.address
     # the client takes the name for the port's own, which a link is not
-    said = json.loads(run(python, "-c", ZABER_MOTION, os.path.realpath(address) if line is StageServer
+    said = json.loads(run(python, "-c", ZABER_MOTION, os.path.realpath(address) if line is ZaberServer
                           else address))  # fmt: skip
     assert said == {
         "serial": 110001.0,
@@ -145,7 +145,7 @@ def test_the_vendors_client_drives_the_stage(device, line, serve):
 
 def test_the_vendors_older_client_drives_it_without_ids_and_checksums(device, serve):
     python = interpreter("zaber.serial", "zaber.serial==0.9.*")
-    server = serve(StageServer(device))
+    server = serve(ZaberServer(device))
     said = json.loads(run(python, "-c", ZABER_SERIAL, server.address))
     assert said == {
         "absolute": 64000,

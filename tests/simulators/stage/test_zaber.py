@@ -6,7 +6,7 @@ import pytest
 
 from drivers.clock import VirtualClock
 from simulators.stage.device import StageDevice
-from simulators.stage.zaber import StageServer, StageTcpServer
+from simulators.stage.zaber import ZaberServer, ZaberTcpServer
 from tests.simulators.terminal import listen, terminal_of
 
 
@@ -17,7 +17,7 @@ def clock() -> VirtualClock:
 
 @pytest.fixture
 def server(clock, serve):
-    return serve(StageServer(StageDevice(clock)))
+    return serve(ZaberServer(StageDevice(clock)))
 
 
 @pytest.mark.parametrize(
@@ -123,7 +123,7 @@ def test_bytes_may_come_in_pieces_on_the_terminal(server):
 
 
 def test_clients_on_tcp_share_one_stage(clock):
-    server = StageTcpServer(StageDevice(clock))
+    server = ZaberTcpServer(StageDevice(clock))
     host, _, port = server.address.partition(":")
     before = threading.active_count()
     try:

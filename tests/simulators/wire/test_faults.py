@@ -12,7 +12,7 @@ import pytest
 from drivers.clock import VirtualClock
 from simulators.stage.device import StageDevice
 from simulators.stage.faults import stage_faults
-from simulators.stage.zaber import StageServer, StageTcpServer, StageWire
+from simulators.stage.zaber import ZaberServer, ZaberTcpServer, ZaberWire
 from simulators.wire.faults import FAULTS, FaultPanel, names, parse
 from simulators.wire.line import Line
 from simulators.wire.rig_faults import RigFaults
@@ -24,10 +24,10 @@ FIRST, SECOND = b"@01 0 00 OK IDLE WR 0:BE\r\n", b"@01 0 01 OK IDLE WR 0:BD\r\n"
 
 @pytest.fixture
 def server(serve):
-    return serve(StageServer(StageDevice(VirtualClock())))
+    return serve(ZaberServer(StageDevice(VirtualClock())))
 
 
-def talk(server: StageServer, messages: list[bytes], sizes: list[int]) -> list[bytes]:
+def talk(server: ZaberServer, messages: list[bytes], sizes: list[int]) -> list[bytes]:
     """Send messages one after the other and return what came after each: so many bytes and no more."""
     with terminal_of(server.address) as terminal:
         answers = []
@@ -70,7 +70,7 @@ def test_what_comes_after_two_questions(server, fault, answers):
 )
 def test_when_and_in_how_many_pieces_an_answer_comes(fault, expected):
     happened = []
-    wire = StageWire(StageDevice(VirtualClock()))
+    wire = ZaberWire(StageDevice(VirtualClock()))
     line = Line(wire, happened.append, lambda seconds: happened.append(f"{seconds:g}"))
     wire.faults.switch_on(fault)
     line.receive(b"/1 0 00 get pos:2D\n/1 0 01 get")
@@ -112,8 +112,8 @@ def test_what_a_killed_simulation_left_behind_is_swept_away(tmp_path, monkeypatc
         "import os, signal\n"
         "from drivers.clock import VirtualClock\n"
         "from simulators.stage.device import StageDevice\n"
-        "from simulators.stage.zaber import StageServer\n"
-        "print(StageServer(StageDevice(VirtualClock())).address, flush=True)\n"
+        "from simulators.stage.zaber import ZaberServer\n"
+        "print(ZaberServer(StageDevice(VirtualClock())).address, flush=True)\n"
     )
     run = [sys.executable, "-c"]
     killed = subprocess.run([*run, script + "os.kill(os.getpid(), signal.SIGKILL)"], capture_output=True)
@@ -128,7 +128,7 @@ def test_what_a_killed_simulation_left_behind_is_swept_away(tmp_path, monkeypatc
 def test_faults_of_the_stage_end_its_motion(name, serve):
     clock = VirtualClock()
     device = StageDevice(clock)
-    server = serve(StageServer(device))
+    server = serve(ZaberServer(device))
     device.move_to(640_000)
     clock.sleep(1.0)
     assert device.moving
@@ -215,7 +215,7 @@ def test_a_stage_may_be_reset_a_second_time():
 
 
 def test_a_port_that_another_program_took_meanwhile_is_said_and_comes_back_later(serve):
-    server = serve(StageTcpServer(StageDevice(VirtualClock())))
+    server = serve(ZaberTcpServer(StageDevice(VirtualClock())))
     server.faults.switch_on("unplug")
     host, port = server.address.split(":")
     with socket.create_server((host, int(port))), pytest.raises(OSError, match="in use"):

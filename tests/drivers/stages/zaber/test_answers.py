@@ -7,7 +7,7 @@ import pytest
 
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.stages.zaber.stage import open_stage
-from simulators.stage.zaber import StageServer, StageTcpServer
+from simulators.stage.zaber import ZaberServer, ZaberTcpServer
 from tests.drivers.stages.stage_kit import Answer
 from tests.drivers.stages.zaber.zaber_line import settings
 
@@ -72,7 +72,7 @@ def test_answers_of_another_device_are_refused(homed, line):
 
 
 @pytest.mark.parametrize("by", ["the other end", "us"])
-@pytest.mark.parametrize(("server", "url"), [(StageServer, "{}"), (StageTcpServer, "socket://{}")])
+@pytest.mark.parametrize(("server", "url"), [(ZaberServer, "{}"), (ZaberTcpServer, "socket://{}")])
 def test_whoever_waits_for_an_answer_learns_at_once_that_the_link_is_lost(server, url, device, context, by):
     polled = threading.Event()
 

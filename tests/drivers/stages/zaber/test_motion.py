@@ -4,12 +4,12 @@ import pytest
 
 from drivers.errors import DeviceFault
 from drivers.stages.zaber.stage import open_stage
-from simulators.stage.zaber import StageServer, StageTcpServer
+from simulators.stage.zaber import ZaberServer, ZaberTcpServer
 from tests.drivers.stages.stage_kit import Answer, arrive, untampered
 from tests.drivers.stages.zaber.zaber_line import lose, settings
 
 
-@pytest.mark.parametrize(("server", "url"), [(StageServer, "{}"), (StageTcpServer, "socket://{}")])
+@pytest.mark.parametrize(("server", "url"), [(ZaberServer, "{}"), (ZaberTcpServer, "socket://{}")])
 def test_homes_and_turns_on_a_pty_and_on_tcp(server, url, device, clock, context):
     wire = server(device)
     try:

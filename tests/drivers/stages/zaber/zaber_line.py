@@ -4,11 +4,11 @@ from drivers.stages.zaber.protocol import lrc
 from drivers.stages.zaber.settings import ZaberSettings
 from drivers.stages.zaber.stage import open_stage
 from simulators.stage.device import StageDevice
-from simulators.stage.zaber import StageServer, StageTcpServer
+from simulators.stage.zaber import ZaberServer, ZaberTcpServer
 from tests.drivers.stages.stage_kit import Answer, StageKit, Tamper, untampered
 
 
-class ZaberLine(StageServer):
+class ZaberLine(ZaberServer):
     """A stage on a pty whose every message a test may see, change, lose or delay."""
 
     def __init__(self, device: StageDevice) -> None:
@@ -50,5 +50,5 @@ ZABER = StageKit(
     open_stage,
     settings,
     lambda device, clock: ZaberLine(device),
-    lambda device, clock: StageTcpServer(device),
+    lambda device, clock: ZaberTcpServer(device),
 )
