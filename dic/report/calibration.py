@@ -1,20 +1,21 @@
 """The figure of a calibration: where its maps miss the grid points, and by how much."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.calibration.residuals import Residuals
-from dic.pipeline.camera_result import CameraResult
+from dic.report.series import CameraSeries
 from dic.report.style import png_uri
 
 _PANEL_WIDTH_IN = 4.4
 
 
-def residual_figure(cameras: list[CameraResult]) -> str:
-    """Return the residual vectors of every camera, magnified, in its grid image: a row of both its models."""
+def residual_figure(cameras: Sequence[CameraSeries]) -> str:
+    """Return the magnified residual vectors of every camera, a row each, and of both its models."""
     from matplotlib.figure import Figure
 
     shapes = [camera.calibration.image_shape for camera in cameras]
@@ -28,7 +29,7 @@ def residual_figure(cameras: list[CameraResult]) -> str:
         magnification = _magnification(longest_px, calibration.grid.pitch_mm / calibration.mm_per_px)
         for axis, (model, residuals) in zip(row, calibration.residuals.items(), strict=False):
             _draw_residuals(axis, calibration, residuals, magnification)
-            axis.set_title(f"{camera.camera}, {model}: residuals × {magnification:g}")
+            axis.set_title(f"{camera.label}, {model}: residuals × {magnification:g}")
         for axis in row[len(calibration.residuals) :]:
             axis.set_axis_off()
     return png_uri(figure, dpi=130)

@@ -7,7 +7,9 @@ from typing import Literal
 import numpy as np
 
 from dic.report.numbers import micro
-from dic.report.series import COMPONENTS, CameraSeries, Float, Run
+from dic.report.series import CameraSeries, Run
+from dic.report.strains import COMPONENTS
+from dic.typing import Float
 
 Figure = Literal[
     "differences",
@@ -60,7 +62,7 @@ class Comparison:
 def turned_cameras(runs: Sequence[Run]) -> list[CameraSeries]:
     """Return the off-axis cameras of all rotations, from the largest angle down."""
     turned = [camera for run in runs if run.kind == "rotation" for camera in run.off_axis]
-    return sorted(turned, key=lambda camera: camera.off_axis_deg or 0.0, reverse=True)
+    return sorted(turned, key=lambda camera: camera.off_axis_deg, reverse=True)
 
 
 def means(values: Float, components: Sequence[int]) -> str:

@@ -24,11 +24,11 @@ def field_pictures(run: Run) -> list[FieldPicture]:
     telling = rotation.telling_steps if run.kind == "rotation" else tension.telling_steps
     pictures = []
     for step, words in telling(run.steps):
-        for camera in run.measured:
-            measured = {s.index: k for k, s in enumerate(camera.steps)}
+        for series in run.cameras:
+            measured = {s.index: k for k, s in enumerate(series.steps)}
             if step.index in measured:
                 at = measured[step.index]
-                correction = run.result.corrections.best(camera.camera, step.index, at)
-                figure = draw_maps(camera.measurements[at], camera.reference, "", correction)
-                pictures.append(FieldPicture(camera.camera, step, words, png_uri(figure, dpi=90)))
+                correction = run.result.corrections.best(series.camera, step.index, at)
+                figure = draw_maps(series.measurements[at], series.result.reference, "", correction)
+                pictures.append(FieldPicture(series.label, step, words, png_uri(figure, dpi=90)))
     return pictures

@@ -132,7 +132,7 @@ def _view(run: Run) -> RunView:
         corrected=tension.corrected_difference_figure(run, on_axis) if pulled and on_axis else "",
         load=tension.load_figure(run) if pulled else "",
         setup=_set_up(run),
-        residuals=residual_figure(run.measured) if run.measured else "",
+        residuals=residual_figure(run.cameras) if run.cameras else "",
         fields=field_pictures(run) if run.kind else [],
     )
 

@@ -3,23 +3,20 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.two_cameras import TwoCameraStep
 from dic.pipeline.run import RunResult
+from dic.report.strains import plane_slopes, strain_stds, strains
 from dic.runfile.reader import RunStep
+from dic.typing import Float
 
-Float = NDArray[np.float64]
-
-_MICRO = 1e6
 _MM_TO_UM = 1e3
 
 
 @dataclass(frozen=True)
 class PairSeries:
-    """Two cameras used together: the strain, and the motion of the specimen's plane, at every step both saw.
-
-    Everything is NaN where the correction was declined.
+    """Two cameras used together: strain and motion of the specimen's plane, step by step.
 
     Attributes
     ----------
@@ -28,31 +25,60 @@ class PairSeries:
     label : str
     steps : list of RunStep
         The k steps.
-    points : list of int
-        How many points both saw.
-    corrected, corrected_std : ndarray, shape (k, 3)
-        Mean strain εxx, εyy, εxy and its standard deviations, µε.
-    slopes_deg, slopes_std_deg : ndarray, shape (k, 2)
-        Of the specimen's plane along X and Y since the reference.
-    shift_um, shift_std_um : ndarray, shape (k,)
-        Towards the camera since the reference, at the grid's centre.
-    declined : list of (str or None)
     found : list of TwoCameraStep
-        What the series were taken from.
+        The joint solution of each.
     """
 
     cameras: tuple[str, str]
     label: str
     steps: list[RunStep]
-    points: list[int]
-    corrected: Float
-    corrected_std: Float
-    slopes_deg: Float
-    slopes_std_deg: Float
-    shift_um: Float
-    shift_std_um: Float
-    declined: list[str | None]
     found: list[TwoCameraStep]
+
+    @property
+    def points(self) -> list[int]:
+        """How many points both cameras share, per step."""
+        return [0 if step.mean is None else step.mean.points for step in self.found]
+
+    @property
+    def corrected(self) -> Float:
+        """Mean strain εxx, εyy, εxy, µε, shape (k, 3); NaN where the correction was declined."""
+        return strains([step.mean for step in self.found])
+
+    @property
+    def corrected_std(self) -> Float:
+        """Standard deviations of `corrected`."""
+        return strain_stds([step.mean for step in self.found])
+
+    @property
+    def slopes_deg(self) -> Float:
+        """Slopes of the specimen's plane along X and Y since the reference, shape (k, 2)."""
+        return plane_slopes(self._planes)[0]
+
+    @property
+    def slopes_std_deg(self) -> Float:
+        """Standard deviations of `slopes_deg`."""
+        return plane_slopes(self._planes)[1]
+
+    @property
+    def shift_um(self) -> Float:
+        """Shift of the plane towards the camera since the reference, at the grid's centre, shape (k,)."""
+        planes = [None if step.declined is not None else step.plane for step in self.found]
+        return _MM_TO_UM * np.array([np.nan if plane is None else plane.shift_mm for plane in planes])
+
+    @property
+    def shift_std_um(self) -> Float:
+        """Standard deviations of `shift_um`."""
+        stds = [None if step.declined is not None else step.plane_std for step in self.found]
+        return _MM_TO_UM * np.array([np.nan if std is None else std[2] for std in stds])
+
+    @property
+    def declined(self) -> list[str | None]:
+        """Per step why it was not corrected."""
+        return [step.declined for step in self.found]
+
+    @property
+    def _planes(self) -> list[Correction]:
+        return [step.corrections[0] for step in self.found]
 
 
 def pair_series(result: RunResult, labels: dict[str, str]) -> PairSeries | None:
@@ -70,30 +96,9 @@ def pair_series(result: RunResult, labels: dict[str, str]) -> PairSeries | None:
     first, second = joint.cameras
     steps = {step.index: step for camera in result.cameras for step in camera.steps}
     indices = sorted(joint.steps)
-    found = [joint.steps[index] for index in indices]
-    figures = np.array([_figures(step) for step in found])
     return PairSeries(
-        (first, second),
+        joint.cameras,
         f"{labels[first]} and {labels[second]} together",
         [steps[index] for index in indices],
-        [0 if step.mean is None else step.mean.points for step in found],
-        figures[:, 0:3],
-        figures[:, 3:6],
-        figures[:, 6:8],
-        figures[:, 8:10],
-        figures[:, 10],
-        figures[:, 11],
-        [step.declined for step in found],
-        found,
+        [joint.steps[index] for index in indices],
     )
-
-
-def _figures(step: TwoCameraStep) -> Float:
-    """Return strains and stds, slopes and stds, shift and std of a step, shape (12,)."""
-    mean, plane, std = step.mean, step.plane, step.plane_std
-    if step.declined is not None or mean is None or plane is None or std is None:
-        return np.full(12, np.nan)
-    strains = [mean.exx, mean.eyy, mean.exy, mean.exx_std, mean.eyy_std, mean.exy_std]
-    slopes_deg = np.degrees([*np.arctan([plane.slope_x, plane.slope_y]), *std[:2]])
-    shift = [plane.shift_mm, std[2]]
-    return np.concatenate([np.multiply(strains, _MICRO), slopes_deg, np.multiply(shift, _MM_TO_UM)])

@@ -9,7 +9,8 @@ from dic.calibration.residuals import Residuals
 from dic.report.comparison import Comparison, Entry, means, turned_cameras, worst, worst_text
 from dic.report.numbers import fixed
 from dic.report.paper_corrected import corrected_rotation, corrected_tension
-from dic.report.series import CameraSeries, Float, Run, difference
+from dic.report.series import CameraSeries, Run, difference
+from dic.typing import Float
 
 _MODELS: tuple[tuple[Model, str, str], ...] = (
     (
@@ -162,10 +163,10 @@ def _calibration(runs: Sequence[Run]) -> list[Comparison]:
             "calibration",
             "residuals",
             [
-                Entry(run.number, series.label, _residual_text(camera.calibration.residuals[model]))
+                Entry(run.number, camera.label, _residual_text(camera.calibration.residuals[model]))
                 for run in runs
-                for series, camera in zip(run.cameras, run.measured, strict=True)
-                if not series.on_axis and model in camera.calibration.residuals
+                for camera in run.off_axis
+                if model in camera.calibration.residuals
             ],
         )
         for model, quantity, paper in _MODELS

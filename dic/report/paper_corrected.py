@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from dic.report.comparison import Comparison, Entry, means, turned_cameras, worst_text
-from dic.report.series import CameraSeries, Float, Run, difference
+from dic.report.series import CameraSeries, Run, difference
+from dic.typing import Float
 
 _MAY_BE = "not done; “a correction … may be possible” (conclusions)"
 

@@ -5,9 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from dic.report.series import COMPONENTS, CameraSeries, Float, Run
+from dic.report.series import CameraSeries, Run
+from dic.report.strains import COMPONENTS
 from dic.report.style import Kind, draw_banded, legend_below, line_style, new_figure, svg_uri
 from dic.runfile.reader import RunStep
+from dic.typing import Float
 
 _NEAR_DEG = 15.0
 _PARTS_DEG = (5.0, 15.0, 45.0, 90.0)
@@ -90,5 +92,5 @@ def ordered(runs: Sequence[Run]) -> list[tuple[int, CameraSeries]]:
     on_axis = [run.on_axis for run in runs if run.on_axis is not None]
     off_axis = [camera for run in runs for camera in run.off_axis]
     # The largest angle is drawn last, so that it does not lie beneath the others.
-    off_axis.sort(key=lambda camera: camera.off_axis_deg or 0.0)
+    off_axis.sort(key=lambda camera: camera.off_axis_deg)
     return [*enumerate(on_axis), *enumerate(off_axis)]

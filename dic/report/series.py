@@ -1,27 +1,32 @@
 """The mean strains of a run as series over its steps, in µε, camera by camera."""
 
-import math
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.calibration.calibration import Calibration
+from dic.calibration.pinhole.camera import Pinhole
 from dic.out_of_plane.correction import Correction
 from dic.pipeline.camera_result import CameraResult
 from dic.pipeline.run import RunResult
 from dic.report.pair import PairSeries, pair_series
+from dic.report.strains import XX, YY, strain_stds, strains
 from dic.runfile.reader import RunStep
+from dic.strain.measurement import Measurement
 from dic.strain.strain import MeanStrain
+from dic.typing import Float
 
-Float = NDArray[np.float64]
 Kind = Literal["tension", "rotation", ""]
 
-MICRO = 1e6
-COMPONENTS = ("εxx", "εyy", "εxy")
-XX, YY, XY = range(3)
+_CLEAR = 3.0
+"""An angle off-axis is spoken of from this many standard deviations on,"""
+_LEAST_DEG = 1.0
+"""and from this size on: no camera stands straighter."""
+
+_ALONG_DEG = 15.0
+"""A camera that leans in a direction this near to an axis strains falsely along it; 7 % go to the other."""
 
 
 @dataclass(frozen=True)
@@ -32,45 +37,101 @@ class CameraSeries:
     ----------
     run : int
         Number of the run in the report, from 1.
-    camera : str
     on_axis : bool
         Whether the others are compared with it.
-    off_axis_deg : float or None
-        Angle to the grid's normal; None if the rig file does not tell.
-    swing : tuple of int
-        Components of strain in whose direction the camera leans; εxx and εyy if the rig file does not tell.
-    steps : list of RunStep
-        The k measured steps.
-    raw, calibrated : ndarray, shape (k, 3)
-        Mean strain εxx, εyy, εxy in µε; NaN where there is none.
-    corrected, corrected_std : ndarray, shape (k, 3)
-        The same corrected for motion out of the grid's plane, and its standard deviations; NaN where the
-        correction was declined.
-    declined : list of (str or None)
-        Per step why it was not corrected.
+    result : CameraResult
+        What the camera measured, at k steps.
+    corrections : list of Correction
+        Of the camera on its own, k.
     """
 
     run: int
-    camera: str
     on_axis: bool
-    off_axis_deg: float | None
-    swing: tuple[int, ...]
-    steps: list[RunStep]
-    raw: Float
-    calibrated: Float
-    corrected: Float
-    corrected_std: Float
-    declined: list[str | None]
+    result: CameraResult
+    corrections: list[Correction]
+
+    @property
+    def camera(self) -> str:
+        """The camera's name."""
+        return self.result.camera
 
     @property
     def label(self) -> str:
-        """The camera's name, with its angle where that is known and not zero."""
-        return f"{self.camera} {self.off_axis_deg:g}°" if self.off_axis_deg else self.camera
+        """The camera's name, with its angle off-axis where that is clearly not zero."""
+        pinhole = self._leaning
+        return self.camera if pinhole is None else f"{self.camera} {pinhole.off_axis_deg:.1f}°"
+
+    @property
+    def calibration(self) -> Calibration:
+        """The camera's calibration."""
+        return self.result.calibration
+
+    @property
+    def steps(self) -> list[RunStep]:
+        """The k measured steps."""
+        return self.result.steps
+
+    @property
+    def measurements(self) -> list[Measurement]:
+        """What was measured at the steps."""
+        return self.result.measurements
 
     @property
     def angles_deg(self) -> Float:
         """The stage's angle at each step, as read, shape (k,)."""
         return np.array([step.angle_deg for step in self.steps])
+
+    @property
+    def off_axis_deg(self) -> float:
+        """Angle of the fitted pinhole camera to the grid's normal; 0 if it is not known."""
+        pinhole = self.calibration.pinhole
+        return 0.0 if pinhole is None else pinhole.off_axis_deg
+
+    @property
+    def swing(self) -> tuple[int, ...]:
+        """Components of strain in whose direction the camera leans; εxx and εyy if that is no single one."""
+        pinhole = self._leaning
+        if pinhole is None:
+            return (XX, YY)
+        x, y, _ = np.abs(pinhole.centre_mm)
+        along = np.tan(np.radians(_ALONG_DEG))
+        return (XX,) if y < along * x else (YY,) if x < along * y else (XX, YY)
+
+    @property
+    def raw(self) -> Float:
+        """Mean strain εxx, εyy, εxy of the displacements in pixels, µε, shape (k, 3); NaN where none is."""
+        return strains([m.raw_mean for m in self.measurements])
+
+    @property
+    def calibrated(self) -> Float:
+        """The same of the calibrated displacements."""
+        return strains([m.calibrated_mean for m in self.measurements])
+
+    @property
+    def corrected(self) -> Float:
+        """The same corrected for motion out of the grid's plane; NaN where the correction was declined."""
+        return strains(self._corrected_means)
+
+    @property
+    def corrected_std(self) -> Float:
+        """Standard deviations of `corrected`."""
+        return strain_stds(self._corrected_means)
+
+    @property
+    def declined(self) -> list[str | None]:
+        """Per step why it was not corrected."""
+        return [correction.declined for correction in self.corrections]
+
+    @property
+    def _corrected_means(self) -> list[MeanStrain | None]:
+        return [None if c.declined is not None else c.mean for c in self.corrections]
+
+    @property
+    def _leaning(self) -> Pinhole | None:
+        pinhole = self.calibration.pinhole
+        if pinhole is None or pinhole.off_axis_deg < max(_LEAST_DEG, _CLEAR * pinhole.off_axis_std_deg):
+            return None
+        return pinhole
 
 
 @dataclass(frozen=True)
@@ -86,8 +147,6 @@ class Run:
         "tension", "rotation", or empty if no step could be measured.
     cameras : list of CameraSeries
         The on-axis camera first.
-    measured : list of CameraResult
-        What the series were taken from, in the same order.
     pair : PairSeries or None
         What two cameras saw together, if they were used so.
     """
@@ -96,7 +155,6 @@ class Run:
     result: RunResult
     kind: Kind
     cameras: list[CameraSeries]
-    measured: list[CameraResult]
     pair: PairSeries | None = None
 
     @property
@@ -125,11 +183,12 @@ def number_runs(results: Sequence[RunResult]) -> list[Run]:
     for number, result in enumerate(results, 1):
         names = [camera.camera for camera in result.cameras]
         on_axis = "on_axis" if "on_axis" in names else next(iter(names), "")
-        first = sorted(result.cameras, key=lambda camera: camera.camera != on_axis)
-        cameras = [_series(number, result, camera, camera.camera == on_axis) for camera in first]
-        labels = {camera.camera: camera.label for camera in cameras}
-        pair = pair_series(result, labels)
-        runs.append(Run(number, result, _kind(result), cameras, first, pair))
+        cameras = [
+            CameraSeries(number, c.camera == on_axis, c, result.corrections.cameras[c.camera].images)
+            for c in sorted(result.cameras, key=lambda camera: camera.camera != on_axis)
+        ]
+        pair = pair_series(result, {camera.camera: camera.label for camera in cameras})
+        runs.append(Run(number, result, _kind(result), cameras, pair))
     return runs
 
 
@@ -156,58 +215,8 @@ def difference(of: Sequence[RunStep], values: Float, reference: CameraSeries) ->
     return [of[k] for k in common], values[common] - other
 
 
-def _series(number: int, result: RunResult, camera: CameraResult, on_axis: bool) -> CameraSeries:
-    pan_deg, tilt_deg = _lean(result.info.configuration, camera.camera)
-    angle: float | None = None
-    swing: tuple[int, ...] = (XX, YY)
-    if pan_deg is not None and tilt_deg is not None:
-        angle = math.degrees(math.acos(math.cos(math.radians(pan_deg)) * math.cos(math.radians(tilt_deg))))
-        angle = round(angle, 3)
-        swing = (XX,) if not tilt_deg else (YY,) if not pan_deg else (XX, YY)
-    raw = _micro([m.raw_mean for m in camera.measurements])
-    calibrated = _micro([m.calibrated_mean for m in camera.measurements])
-    images = result.corrections.cameras[camera.camera].images
-    corrected, corrected_std = _corrected(images)
-    return CameraSeries(
-        number,
-        camera.camera,
-        on_axis,
-        angle,
-        swing,
-        camera.steps,
-        raw,
-        calibrated,
-        corrected,
-        corrected_std,
-        [correction.declined for correction in images],
-    )
-
-
-def _corrected(images: Sequence[Correction]) -> tuple[Float, Float]:
-    means = [None if image.declined is not None else image.mean for image in images]
-    stds = [(np.nan,) * 3 if m is None else (m.exx_std, m.eyy_std, m.exy_std) for m in means]
-    return _micro(means), np.array(stds, np.float64).reshape(-1, 3) * MICRO
-
-
-def _micro(means: Sequence[MeanStrain | None]) -> Float:
-    rows = [(np.nan,) * 3 if mean is None else (mean.exx, mean.eyy, mean.exy) for mean in means]
-    return np.array(rows, np.float64).reshape(-1, 3) * MICRO
-
-
 def _kind(result: RunResult) -> Kind:
     kinds = {step.kind for camera in result.cameras for step in camera.steps}
     if "rotation" in kinds:
         return "rotation"
     return "tension" if kinds & {"load", "displacement"} else ""
-
-
-def _lean(configuration: str, camera: str) -> tuple[float | None, float | None]:
-    """Return pan and tilt of a camera as the rig file gives them; (None, None) if it gives neither."""
-    try:
-        table: Any = tomllib.loads(configuration).get("cameras", {}).get(camera, {})
-    except (tomllib.TOMLDecodeError, AttributeError):
-        return None, None
-    if not isinstance(table, dict) or not {"pan_deg", "tilt_deg"} & set(table):
-        return None, None
-    pan, tilt = table.get("pan_deg", 0.0), table.get("tilt_deg", 0.0)
-    return (float(pan), float(tilt)) if all(isinstance(v, int | float) for v in (pan, tilt)) else (None, None)

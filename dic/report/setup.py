@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.calibration.calibration import Calibration
-from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.diagnosis import Sensitivity
 from dic.report.numbers import fixed, micro, with_std
-from dic.report.series import MICRO, CameraSeries, Float, Run
+from dic.report.series import CameraSeries, Run
+from dic.report.strains import MICRO, plane_slopes
 from dic.report.style import CONFIDENCE
 
 _OPEN_SHARE = 0.05
@@ -29,7 +29,7 @@ class Findings:
 def findings(run: Run) -> list[Findings]:
     """Return the findings by camera, the on-axis one first, and of two cameras together."""
     corrections = run.result.corrections
-    said = [(series.label, corrections.findings.get(series.camera, [])) for series in run.cameras]
+    said = [(series.label, corrections.findings[series.camera]) for series in run.cameras]
     if run.pair is not None and corrections.joint is not None:
         said.append((run.pair.label, corrections.joint.findings))
     return [Findings(label, [_sentence(text) for text in texts]) for label, texts in said if texts]
@@ -38,25 +38,20 @@ def findings(run: Run) -> list[Findings]:
 def camera_rows(run: Run) -> list[list[str]]:
     """Return one row per camera.
 
-    Name; angle off-axis as calibrated, and as the rig file says, in degrees; the camera's centre X, Y, Z in
-    the grid's axes, mm; false strain per millidegree of tilt and per µm of shift in µε; how well the slopes
-    (millidegrees) and the corrected strain (µε) are known, 95 %, at the worst step.
+    Name; angle off-axis, degrees; the camera's centre X, Y, Z in the grid's axes, mm; false strain per
+    millidegree of tilt and per µm of shift in µε; how well the slopes (millidegrees) and the corrected strain
+    (µε) are known, 95 %, at the worst step.
     """
-    rows = []
-    for series, camera in zip(run.cameras, run.measured, strict=True):
-        images = run.result.corrections.cameras[camera.camera].images
-        rig = "–" if series.off_axis_deg is None else fixed(series.off_axis_deg, 1)
-        rows.append([series.label, *_geometry(camera.calibration, rig), *_known(series, images)])
-    return rows
+    return [[series.label, *_geometry(series.calibration), *_known(series)] for series in run.cameras]
 
 
 def remaining(run: Run) -> list[str]:
     """Return what no correction takes away, and which cameras' centres are open, with figures."""
     sentences = []
-    for series, camera in zip(run.cameras, run.measured, strict=True):
-        sensitivity, pinhole = Sensitivity.of(camera.calibration), camera.calibration.pinhole
+    for series in run.cameras:
+        sensitivity, pinhole = Sensitivity.of(series.calibration), series.calibration.pinhole
         if sensitivity is None or pinhole is None:
-            problem = camera.calibration.pinhole_problem
+            problem = series.calibration.pinhole_problem
             sentences.append(f"{series.label}: nothing, as the camera's centre is not known ({problem}).")
             continue
         sentences.append(f"{series.label}: {_shift_text(run, MICRO * sensitivity.per_um)}")
@@ -70,34 +65,23 @@ def remaining(run: Run) -> list[str]:
     return sentences
 
 
-def slopes_of(images: list[Correction]) -> tuple[Float, Float]:
-    """Return slopes along X and Y (k, 2), degrees, and their standard deviations; NaN where declined."""
-    slopes, stds = (np.full((len(images), 2), np.nan) for _ in range(2))
-    for k, image in enumerate(images):
-        if image.declined is None and image.after is not None and image.after_std is not None:
-            slopes[k] = np.degrees(np.arctan([image.after.slope_x, image.after.slope_y]))
-            stds[k] = np.degrees(image.after_std[:2])
-    return slopes, stds
-
-
-def _geometry(calibration: Calibration, rig: str) -> list[str]:
+def _geometry(calibration: Calibration) -> list[str]:
     pinhole, sensitivity = calibration.pinhole, Sensitivity.of(calibration)
     if pinhole is None or sensitivity is None:
-        return ["–", rig, "–", "–", "–", "–", "–"]
+        return ["–"] * 6
     centre = zip(pinhole.centre_mm, pinhole.centre_std_mm, strict=True)
     return [
         with_std(pinhole.off_axis_deg, pinhole.off_axis_std_deg),
-        rig,
         *(with_std(value, std) for value, std in centre),
         fixed(MICRO * sensitivity.per_mdeg, 1),
         fixed(MICRO * sensitivity.per_um, 1),
     ]
 
 
-def _known(series: CameraSeries, images: list[Correction]) -> list[str]:
+def _known(series: CameraSeries) -> list[str]:
     if not np.isfinite(series.corrected_std).any():
         return ["–", "–"]
-    slopes_mdeg = 1000.0 * slopes_of(images)[1]
+    slopes_mdeg = 1000.0 * plane_slopes(series.corrections)[1]
     slopes = fixed(CONFIDENCE * float(np.nanmax(slopes_mdeg)), 1) if np.isfinite(slopes_mdeg).any() else "–"
     strain = micro(CONFIDENCE * float(np.nanmax(series.corrected_std)))
     return [f"± {slopes}", f"± {strain}"]
@@ -113,7 +97,7 @@ def _shift_text(run: Run, per_um: float) -> str:
     at = int(np.nanargmax(np.abs(run.pair.shift_um)))
     shift, std = run.pair.shift_um[at], run.pair.shift_std_um[at]
     return (
-        f"{text} Both cameras together measured the shift: at most {fixed(shift, 2)} ± {fixed(std, 2)} µm, "
+        f"{text} The joint solution measured the shift: at most {fixed(shift, 2)} ± {fixed(std, 2)} µm, "
         f"which makes {micro(per_um * shift)} ± {micro(per_um * std)} µε of this camera's corrected strain."
     )
 

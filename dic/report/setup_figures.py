@@ -6,8 +6,8 @@ import numpy as np
 
 from dic.out_of_plane.diagnosis import Harmonics, in_grid_axes
 from dic.report import rotation, tension
-from dic.report.series import COMPONENTS, MICRO, Float, Run
-from dic.report.setup import slopes_of
+from dic.report.series import Run
+from dic.report.strains import COMPONENTS, MICRO, plane_slopes
 from dic.report.style import (
     CONFIDENCE,
     PAIR_STYLE,
@@ -18,6 +18,7 @@ from dic.report.style import (
     svg_uri,
 )
 from dic.runfile.reader import RunStep
+from dic.typing import Float
 
 _SMOOTH = 181
 _MM_TO_UM = 1e3
@@ -61,9 +62,8 @@ def motion_figure(run: Run) -> str:
     Empty if none is known.
     """
     series = [
-        (s.label, line_style(s, order, "calibrated"), _loads_kn(s.steps), *slopes_of(images))
+        (s.label, line_style(s, order, "calibrated"), _loads_kn(s.steps), *plane_slopes(s.corrections))
         for order, s in tension.ordered(run)
-        for images in [run.result.corrections.cameras[s.camera].images]
     ]
     pair = run.pair
     if pair is not None:
@@ -119,7 +119,7 @@ def height_figure(run: Run) -> str:
     if chosen is None or run.pair is None:
         return ""
     step, at = chosen
-    camera = next(c for c in run.measured if c.camera == run.pair.cameras[0])
+    camera = next(c for c in run.cameras if c.camera == run.pair.cameras[0])
     measurement = next(
         m for s, m in zip(camera.steps, camera.measurements, strict=True) if s.index == step.index
     )

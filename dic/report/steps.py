@@ -6,8 +6,9 @@ from string import ascii_lowercase
 
 from dic.report.numbers import fixed, micro
 from dic.report.pair import PairSeries
-from dic.report.series import CameraSeries, Float, Run
+from dic.report.series import CameraSeries, Run
 from dic.runfile.reader import RunStep
+from dic.typing import Float
 
 _UNITS = {"load": "N", "displacement": "mm", "rotation": "°"}
 
@@ -58,7 +59,7 @@ class StepTable:
 def camera_tables(run: Run) -> list[StepTable]:
     """Return a table per camera; raw and calibrated strain as µε, corrected with its standard deviation."""
     tables = []
-    for series, camera in zip(run.cameras, run.measured, strict=True):
+    for series in run.cameras:
         notes = _notes(series.declined)
         at = {step.index: k for k, step in enumerate(series.steps)}
         rows = []
@@ -67,7 +68,7 @@ def camera_tables(run: Run) -> list[StepTable]:
             if k is None:
                 rows.append(StepRow(step, _target(step), "", None, [], ""))
                 continue
-            measurement = camera.measurements[k]
+            measurement = series.measurements[k]
             points = f"{measurement.raw_mean.points}/{measurement.field.in_view}"
             cells = [micro(value) for value in (*series.raw[k], *series.calibrated[k])]
             rows.append(StepRow(step, _target(step), points, cells, *_corrected(series, k, notes)))

@@ -6,7 +6,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dic.report.series import CameraSeries, Float
+from dic.report.series import CameraSeries
+from dic.typing import Float
 
 Kind = Literal["raw", "calibrated", "corrected"]
 

@@ -28,12 +28,12 @@ _USES = (("in use", "model"), ("recommended", "recommended"))
 def calibration_rows(run: Run) -> list[list[str]]:
     """Return one row per camera and model.
 
-    Name, points, model and what it is for, scale, rms and largest residual in px and µm, rms of points that
-    were left out of the fit.
+    Name, points, model and what it is for, scale, rms and largest residual in px and µm, rms of the
+    cross-validation.
     """
     rows = []
-    for series, camera in zip(run.cameras, run.measured, strict=True):
-        calibration, pinhole = camera.calibration, camera.calibration.pinhole
+    for series in run.cameras:
+        calibration, pinhole = series.calibration, series.calibration.pinhole
         cross_validation_px = {"bicubic": calibration.bicubic_cross_validation_px}
         if pinhole is not None:
             cross_validation_px["pinhole"] = pinhole.cross_validation_px
@@ -57,10 +57,7 @@ def calibration_rows(run: Run) -> list[list[str]]:
 
 def recommendations(run: Run) -> list[str]:
     """Return one sentence per camera on which model is recommended, and why."""
-    return [
-        f"{series.label}: {camera.calibration.recommendation}."
-        for series, camera in zip(run.cameras, run.measured, strict=True)
-    ]
+    return [f"{series.label}: {series.calibration.recommendation}." for series in run.cameras]
 
 
 def settings_rows(run: Run) -> list[tuple[str, str]]:
@@ -85,7 +82,7 @@ def settings_rows(run: Run) -> list[tuple[str, str]]:
     rows += _strain_rows(run)
     rows += _calibration_settings(run)
     rows.append(("Correction", f"{_MOTIONS[result.corrections.motion]}; {_poisson(run)}"))
-    starts = sorted({m.field.start for camera in run.measured for m in camera.measurements})
+    starts = sorted({m.field.start for camera in run.cameras for m in camera.measurements})
     if starts:
         rows.append(("First guesses from", ", ".join(starts)))
     rows.append(("Versions", ", ".join(info.versions.splitlines())))
@@ -93,7 +90,7 @@ def settings_rows(run: Run) -> list[tuple[str, str]]:
 
 
 def _calibration_settings(run: Run) -> list[tuple[str, str]]:
-    calibrations = [camera.calibration for camera in run.measured]
+    calibrations = [camera.calibration for camera in run.cameras]
     grids = {(c.grid.lines, c.grid.pitch_mm) for c in calibrations}
     rows = [
         ("Calibration grid", f"{across} × {up} lines, {pitch_mm:g} mm pitch")
@@ -110,13 +107,13 @@ def _poisson(run: Run) -> str:
     correcting = run.result.correcting
     if run.result.corrections.motion == "tension":
         return f"Poisson's ratio {correcting.poisson_ratio:g}, for bending"
-    known = [camera.camera for camera in run.measured if camera.camera in correcting.alignments]
+    known = [camera.camera for camera in run.cameras if camera.camera in correcting.alignments]
     return f"alignment of an earlier rotation for {', '.join(known)}" if known else "from this run alone"
 
 
 def _strain_rows(run: Run) -> list[tuple[str, str]]:
     rows = []
-    measurements = [m for camera in run.measured for m in camera.measurements]
+    measurements = [m for camera in run.cameras for m in camera.measurements]
     for measure in sorted({m.strain_settings.measure for m in measurements}):
         name = _MEASURES[measure]
         rows.append(("Strain", f"{name}, axes X right and Y up; mean: plane fitted to all valid points"))
@@ -141,8 +138,8 @@ def problems(run: Run) -> list[str]:
         sentences.append(f"The run did not complete; its status is “{info.status}”{reason}")
     if not run.kind:
         sentences.append("No step of this run could be measured.")
-    for camera in run.measured:
-        sentences += _camera_problems(camera)
+    for camera in run.cameras:
+        sentences += _camera_problems(camera.result)
     return sentences
 
 
@@ -153,7 +150,7 @@ def _camera_problems(camera: CameraResult) -> list[str]:
         sentences.append(f"{camera.camera}: {grid.found} of {grid.expected} grid points were found.")
     sentences += camera.failures
     sentences += [
-        f"{camera.camera}, step {step.index}: fewer than half of the points in view converged."
+        f"{camera.camera}, step {step.index}: {measurement.objection}."
         for step, measurement in zip(camera.steps, camera.measurements, strict=True)
         if not measurement.good
     ]

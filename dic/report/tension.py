@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from dic.report.series import COMPONENTS, XX, YY, CameraSeries, Float, Run, difference
+from dic.report.series import CameraSeries, Run, difference
+from dic.report.strains import COMPONENTS, XX, YY
 from dic.report.style import (
     PAIR_STYLE,
     Kind,
@@ -15,6 +16,7 @@ from dic.report.style import (
     svg_uri,
 )
 from dic.runfile.reader import RunStep
+from dic.typing import Float
 
 
 def strain_figure(run: Run) -> str:

@@ -8,7 +8,7 @@ import pytest
 from dic.errors import CalibrationError
 from dic.out_of_plane.alignment import Alignment, load_alignment, save_alignment
 from dic.out_of_plane.correction import Correction
-from dic.out_of_plane.diagnosis import Sensitivity, tension_findings
+from dic.out_of_plane.diagnosis import Sensitivity, in_grid_axes, tension_findings
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.tension import correct_tilt
 from dic.out_of_plane.two_cameras import correct_with_two_cameras
@@ -68,3 +68,13 @@ def test_sensitivity_says_how_little_is_known_of_the_distance():
     assert sensitivity.per_um_std / sensitivity.per_um == pytest.approx(std / z)
     assert sensitivity.per_um_std > 0.3 * sensitivity.per_um
     assert f"± {1e6 * sensitivity.per_um_std:.1f} µε per µm" in sensitivity.text
+
+
+def test_strain_that_stands_still_is_the_same_at_every_angle_in_the_axes_of_the_grid():
+    """ε along X, seen from axes turned by φ: ε cos²φ, ε sin²φ, −ε sin φ cos φ (Mohr)."""
+    angles_deg = np.array([0.0, 30.0, 90.0, 200.0])
+    c, s = np.cos(np.radians(angles_deg)), np.sin(np.radians(angles_deg))
+    turned = 1000.0 * np.column_stack([c * c, s * s, -s * c])
+    standing = in_grid_axes(angles_deg, turned)
+    np.testing.assert_allclose(standing, np.tile([1000.0, 0.0, 0.0], (4, 1)), atol=1e-9)
+    assert standing.shape == (4, 3)
