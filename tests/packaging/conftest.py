@@ -48,15 +48,25 @@ def tracked() -> list[str]:
 
 
 @pytest.fixture(scope="session")
-def wheel(tracked: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel, built offline from a copy of the tracked files."""
+def sdist(tracked: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The source distribution, made from a copy of the tracked files."""
     copy = tmp_path_factory.mktemp("tracked")
     for path in tracked:
         (copy / path).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / path, copy / path)
+    made = tmp_path_factory.mktemp("sdist")
+    build = f"from setuptools.build_meta import build_sdist; build_sdist({str(made)!r})"
+    subprocess.run([sys.executable, "-c", build], cwd=copy, check=True, capture_output=True)
+    (sdist,) = made.glob("*.tar.gz")
+    return sdist
+
+
+@pytest.fixture(scope="session")
+def wheel(sdist: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel, built offline from the source distribution."""
     built = tmp_path_factory.mktemp("wheel")
     subprocess.run(
-        [*PIP, "wheel", *OFFLINE, "--no-build-isolation", "--wheel-dir", str(built), str(copy)], check=True
+        [*PIP, "wheel", *OFFLINE, "--no-build-isolation", "--wheel-dir", str(built), str(sdist)], check=True
     )
     (wheel,) = built.glob("*.whl")
     return wheel

@@ -1,6 +1,7 @@
 """The wheel holds what the tree holds, and works where there is no checkout."""
 
 import re
+import tarfile
 import tomllib
 import zipfile
 from email.parser import Parser
@@ -34,6 +35,15 @@ def test_a_load_frame_that_can_be_reached(virtual_rig):
 def contents(wheel):
     with zipfile.ZipFile(wheel) as archive:
         return {name: archive.read(name) for name in archive.namelist()}
+
+
+def test_source_distribution_is_the_checkout(sdist, tracked):
+    with tarfile.open(sdist) as archive:
+        held = {name.partition("/")[2] for name in archive.getnames() if archive.getmember(name).isfile()}
+    # What only git and continuous integration need stays behind.
+    assert {path for path in tracked if not path.startswith(".")} - held == set()
+    own = {"PKG-INFO", "setup.cfg"}
+    assert {name for name in held - set(tracked) - own if not name.startswith("offaxis.egg-info/")} == set()
 
 
 def test_wheel_holds_every_tracked_file_of_the_packages_and_no_other(contents, tracked):
