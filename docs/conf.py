@@ -74,7 +74,7 @@ class PublicNames(SphinxDirective):
 def _kind(value: object) -> str:
     if inspect.isclass(value):
         return "exception" if issubclass(value, Exception) else "class"
-    return "function" if callable(value) else "data"
+    return "function" if inspect.isroutine(value) else "data"
 
 
 class NotebookParser(MystParser):
@@ -96,8 +96,16 @@ def _as_markdown(cell: dict[str, Any]) -> str:
     return text if cell["cell_type"] == "markdown" else f"```python\n{text}\n```"
 
 
+def _signature(
+    app: Sphinx, what: str, name: str, value: object, options: Any, signature: str | None, returns: str | None
+) -> tuple[str | None, str | None]:
+    """Nobody calls an interface: it is shown without the arguments that Python gives it."""
+    return (None, None) if getattr(value, "_is_protocol", False) else (signature, returns)
+
+
 def setup(app: Sphinx) -> None:
     """Teach Sphinx to read notebooks and to list what is public."""
+    app.connect("autodoc-process-signature", _signature)
     app.add_directive("public", PublicNames)
     app.add_source_suffix(".ipynb", "notebook")
     app.add_source_parser(NotebookParser)
