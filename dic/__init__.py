@@ -14,6 +14,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dic.assessment.assessment import Assessment, assess_method
+    from dic.assessment.plots import plot_assessment
     from dic.calibration.bicubic import BicubicMap
     from dic.calibration.calibration import Calibration
     from dic.calibration.file import load_calibration, save_calibration
@@ -46,10 +48,11 @@ if TYPE_CHECKING:
     from dic.pipeline.camera_result import CameraResult
     from dic.pipeline.images import SeriesImage, measure_images, measure_series
     from dic.pipeline.run import RunResult, process_run
-    from dic.pipeline.run_corrections import CorrectionSettings, RunCorrections
+    from dic.pipeline.run_corrections import CorrectionSettings, JointCorrections, RunCorrections
     from dic.pipeline.run_result_file import load_run_result, save_run_result
     from dic.pipeline.series_corrections import corrected_rotation
     from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
+    from dic.pipeline.target_images import calibrate_images
     from dic.quality.findings import quality_findings
     from dic.quality.plot import plot_quality
     from dic.quality.quality import Quality, assess_quality
@@ -74,6 +77,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Alignment",
+    "Assessment",
     "BicubicMap",
     "Calibration",
     "CalibrationError",
@@ -91,6 +95,7 @@ __all__ = [
     "Field",
     "GridPoints",
     "ImageError",
+    "JointCorrections",
     "KnownCamera",
     "LineGridTarget",
     "MeanStrain",
@@ -119,7 +124,9 @@ __all__ = [
     "Target",
     "TwoCameraStep",
     "__version__",
+    "assess_method",
     "assess_quality",
+    "calibrate_images",
     "corrected_rotation",
     "find_target",
     "gauge_text",
@@ -129,6 +136,7 @@ __all__ = [
     "measure",
     "measure_images",
     "measure_series",
+    "plot_assessment",
     "plot_calibration",
     "plot_quality",
     "process_run",
@@ -145,6 +153,8 @@ __all__ = [
 ]
 
 _NAMES_OF = {
+    "dic.assessment.assessment": ("Assessment", "assess_method"),
+    "dic.assessment.plots": ("plot_assessment",),
     "dic.calibration.bicubic": ("BicubicMap",),
     "dic.calibration.calibration": ("Calibration",),
     "dic.calibration.file": ("load_calibration", "save_calibration"),
@@ -177,10 +187,11 @@ _NAMES_OF = {
     "dic.pipeline.camera_result": ("CameraResult",),
     "dic.pipeline.images": ("SeriesImage", "measure_images", "measure_series"),
     "dic.pipeline.run": ("RunResult", "process_run"),
-    "dic.pipeline.run_corrections": ("CorrectionSettings", "RunCorrections"),
+    "dic.pipeline.run_corrections": ("CorrectionSettings", "JointCorrections", "RunCorrections"),
     "dic.pipeline.run_result_file": ("load_run_result", "save_run_result"),
     "dic.pipeline.series_corrections": ("corrected_rotation",),
     "dic.pipeline.series_result": ("MeasuredImage", "MeasuredSeries"),
+    "dic.pipeline.target_images": ("calibrate_images",),
     "dic.quality.findings": ("quality_findings",),
     "dic.quality.plot": ("plot_quality",),
     "dic.quality.quality": ("Quality", "assess_quality"),

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -114,11 +114,16 @@ class Calibration:
         Raises
         ------
         CalibrationError
-            If the pinhole model could not be fitted.
+            If there is no such model, or the pinhole model could not be fitted.
         """
+        source = self.source or "calibration"
+        if model not in get_args(Model):
+            raise CalibrationError(
+                source, "use a model", "bicubic or pinhole", str(model), 'use "bicubic", the paper\'s'
+            )
         if model == "pinhole" and self.pinhole is None:
             raise CalibrationError(
-                self.source or "calibration",
+                source,
                 "use the pinhole model",
                 "a fitted pinhole model",
                 f"none, because {self.pinhole_problem}",

@@ -1,20 +1,47 @@
 """`dic calibrate`: images of a calibration target in, a calibration out."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal
 
 import click
 
-from dic.commands.target_options import target_options
+from dic.commands.option_groups import all_of, option_group
+from dic.commands.target_options import TargetOptions, target_options
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from dic.calibration.calibration import Calibration
+    from dic import Calibration, KnownCamera
 
 _FILE = click.Path(path_type=Path)
+
+
+@dataclass(frozen=True)
+class CameraOptions:
+    """What is known of the camera."""
+
+    focal_px: float | None
+    focal_std_px: float
+    distance_mm: float | None
+    distance_std_mm: float
+    principal_px: tuple[float, float] | None
+    principal_std_px: float | None
+
+    def read(self) -> "KnownCamera":
+        """Return them as the library takes them."""
+        from dic import KnownCamera
+
+        return KnownCamera(**vars(self))
+
+
+@dataclass(frozen=True)
+class OutputOptions:
+    """What to write."""
+
+    output: Path | None
+    points_file: Path | None
+    plot_file: Path | None
+    json_file: Path | None
 
 
 @click.command()
@@ -27,37 +54,37 @@ _FILE = click.Path(path_type=Path)
     show_default=True,
     help="Which map the calibration uses: the paper's bicubic one, the pinhole camera's, or the better one.",
 )
-@click.option("--focal-px", type=float, help="Focal length, if known.")
-@click.option("--focal-std-px", type=float, default=0.0, help="Its standard deviation.  [default: exact]")
-@click.option("--distance-mm", type=float, help="From the lens's pinhole to the grid's centre, if known.")
-@click.option("--distance-std-mm", type=float, default=0.0, help="Its standard deviation.  [default: exact]")
-@click.option(
-    "--principal-px",
-    type=float,
-    nargs=2,
-    help="X and Y where the optical axis meets the sensor.  [default: the middle, to 1 % of the width]",
+@option_group(
+    "camera",
+    CameraOptions,
+    click.option("--focal-px", type=float, help="Focal length, if known."),
+    click.option("--focal-std-px", type=float, default=0.0, help="Its standard deviation.  [default: exact]"),
+    click.option("--distance-mm", type=float, help="From the lens's pinhole to the grid's centre, if known."),
+    click.option(
+        "--distance-std-mm", type=float, default=0.0, help="Its standard deviation.  [default: exact]"
+    ),
+    click.option(
+        "--principal-px",
+        type=float,
+        nargs=2,
+        help="X and Y where the optical axis meets the sensor.  [default: the middle, to 1 % of the width]",
+    ),
+    click.option("--principal-std-px", type=float, help="Its standard deviation.  [default: exact if given]"),
 )
-@click.option("--principal-std-px", type=float, help="Its standard deviation.  [default: exact if given]")
-@click.option("-o", "--output", type=_FILE, help="Calibration file, HDF5.")
-@click.option("--points", "points_file", type=_FILE, help="Grid points as CSV: X_mm, Y_mm, u_px, v_px.")
-@click.option("--plot", "plot_file", type=_FILE, help="Picture of the points and both residuals, PNG.")
-@click.option("--json", "json_file", type=_FILE, help="What is printed, for programs.")
+@option_group(
+    "outputs",
+    OutputOptions,
+    click.option("-o", "--output", type=_FILE, help="Calibration file, HDF5."),
+    click.option("--points", "points_file", type=_FILE, help="Grid points as CSV: X_mm, Y_mm, u_px, v_px."),
+    click.option("--plot", "plot_file", type=_FILE, help="Picture of the points and both residuals, PNG."),
+    click.option("--json", "json_file", type=_FILE, help="What is printed, for programs."),
+)
 def calibrate(
     images: tuple[Path, ...],
-    lines: tuple[int, int] | None,
-    squares: tuple[int, int] | None,
-    dots: tuple[int, int] | None,
-    pitch_mm: float,
-    marker_mm: float | None,
-    dictionary: str,
-    x_axis: str | float | None,
-    origin_px: tuple[float, float] | None,
-    model: str,
-    output: Path | None,
-    points_file: Path | None,
-    plot_file: Path | None,
-    json_file: Path | None,
-    **known: Any,
+    target: TargetOptions,
+    model: Literal["bicubic", "pinhole", "recommended"],
+    camera: CameraOptions,
+    outputs: OutputOptions,
 ) -> None:
     """Find the calibration target in the first of IMAGES and fit the map from pixels to millimetres.
 
@@ -67,61 +94,29 @@ def calibrate(
     Beside the paper's bicubic map a pinhole camera is fitted. More images by the same camera, with the grid
     tilted otherwise, tell its focal length when it looks nearly straight; the first defines the plane.
     """
-    from dic.calibration.calibration import Calibration
-    from dic.calibration.file import save_calibration
-    from dic.calibration.pinhole.prior import KnownCamera
+    from dic import calibrate_images, plot_calibration, read_image, save_calibration
     from dic.commands.calibration_text import summarise, text
-    from dic.commands.target_options import read_target
     from dic.shell.output_paths import require_places
-    from dic.targets.find import find_target
 
-    target = read_target(lines, squares, dots, pitch_mm, marker_mm, dictionary)
-    require_places(images, [output, points_file, plot_file, json_file])
-    camera = KnownCamera(**known)
-    greys = _read_images(images)
-    first = find_target(greys[0], target, str(images[0]), x_axis=x_axis, origin_px=origin_px)
-    # the others tell the lens only: how their axes are named does not matter
-    others = zip(images[1:], greys[1:], strict=True)
-    grids = [first, *(find_target(other, target, str(path)) for path, other in others)]
-    calibration = Calibration.fit(grids, greys[0].shape, str(images[0]), known=camera)
-    if model == "recommended":
-        calibration = calibration.using(calibration.recommended)
-    elif model == "pinhole":
-        calibration = calibration.using("pinhole")
-    if output is not None:
-        save_calibration(calibration, output)
-    if points_file is not None:
-        write_points(points_file, calibration)
-    if plot_file is not None:
-        from dic.calibration.plot import plot_calibration
-
-        plot_calibration(plot_file, calibration, greys[0])
+    shown, known = all_of(target.read, camera.read)
+    files = [outputs.output, outputs.points_file, outputs.plot_file, outputs.json_file]
+    require_places(images, files)
+    calibration = calibrate_images(
+        images, shown, x_axis=target.x_axis, origin_px=target.origin_px, known=known, model=model
+    )
+    if outputs.output is not None:
+        save_calibration(calibration, outputs.output)
+    if outputs.points_file is not None:
+        write_points(outputs.points_file, calibration)
+    if outputs.plot_file is not None:
+        plot_calibration(outputs.plot_file, calibration, read_image(images[0]))
     summary = summarise(calibration)
-    if json_file is not None:
-        json_file.write_text(json.dumps(summary, indent=1, ensure_ascii=False), encoding="utf-8")
+    if outputs.json_file is not None:
+        content = json.dumps(summary, indent=1, ensure_ascii=False)
+        outputs.json_file.write_text(content, encoding="utf-8")
     click.echo(text(summary))
-    for path, grid in zip(images, grids, strict=True):
-        for warning in grid.warnings:
-            click.echo(f"warning: {path}: {warning}", err=True)
-
-
-def _read_images(images: tuple[Path, ...]) -> list["NDArray[np.float32]"]:
-    """Return the images; one camera gives images of one size."""
-    from dic.errors import CalibrationError
-    from dic.image.read import read_image
-
-    greys = [read_image(path) for path in images]
-    for path, grey in zip(images, greys, strict=True):
-        if grey.shape != greys[0].shape:
-            height, width = greys[0].shape
-            raise CalibrationError(
-                str(path),
-                "calibrate",
-                f"images by one camera, {width} × {height} px as the first",
-                f"{grey.shape[1]} × {grey.shape[0]} px",
-                "calibrate each camera by itself",
-            )
-    return greys
+    for warning in calibration.grid.warnings:
+        click.echo(f"warning: {images[0]}: {warning}", err=True)
 
 
 def write_points(path: Path, calibration: "Calibration") -> None:

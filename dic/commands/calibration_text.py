@@ -4,9 +4,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dic.calibration.calibration import Calibration
-    from dic.calibration.pinhole.camera import Pinhole
-    from dic.calibration.residuals import Residuals
+    from dic import Calibration, Pinhole, Residuals
 
 _MM_TO_UM = 1000.0
 _OPEN_SHARE = 0.05

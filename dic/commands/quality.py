@@ -6,6 +6,9 @@ from typing import Any
 
 import click
 
+from dic.commands.correlation_options import subset_option
+from dic.commands.option_groups import all_of
+
 _FILE = click.Path(path_type=Path)
 
 
@@ -15,14 +18,12 @@ _FILE = click.Path(path_type=Path)
     "--roi", type=_FILE, help="Mask image, white where to look. Default: wherever there is texture."
 )
 @click.option("--second", type=_FILE, help="Another image of the specimen at rest; tells the noise better.")
-@click.option("--subset", default=31, show_default=True, help="Width of the subsets, odd, px.")
+@subset_option
 @click.option("--shape", default="affine", show_default=True, help="Shape function: affine or quadratic.")
 @click.option("--wanted-px", default=0.01, show_default=True, help="Displacement to be resolved.")
 @click.option("--plot", "plot_file", type=_FILE, help="Picture of noise floor, focus and pattern, PNG.")
 @click.option("--json", "json_file", type=_FILE, help="What is printed, for programs.")
-@click.pass_context
 def quality(
-    context: click.Context,
     image: Path,
     roi: Path | None,
     second: Path | None,
@@ -36,27 +37,25 @@ def quality(
 
     Status: 0, 1 if something is not good, 2 if the image cannot be judged.
     """
-    from dic.correlation.settings import CorrelationSettings
-    from dic.image.given import read_region
-    from dic.image.read import read_image, require_same_size
-    from dic.quality.findings import quality_findings
-    from dic.quality.quality import assess_quality
+    from dic import (
+        CorrelationSettings,
+        Quality,
+        assess_quality,
+        plot_quality,
+        quality_findings,
+        read_image,
+    )
     from dic.shell.console import fail, say
     from dic.shell.output_paths import require_places
 
-    settings = CorrelationSettings(subset_px=subset, shape=shape)
+    settings, _ = all_of(
+        lambda: CorrelationSettings(subset_px=subset, shape=shape), lambda: Quality.require_wanted(wanted_px)
+    )
     require_places([image, roi, second], [plot_file, json_file])
     grey = read_image(image)
-    region = None if roi is None else read_region(roi, [], grey.shape)
-    other = None
-    if second is not None:
-        other = read_image(second)
-        require_same_size([grey, other], [str(image), str(second)])
-    judged = assess_quality(grey, region, settings, second=other, wanted_px=wanted_px)
+    judged = assess_quality(grey, roi, settings, second=second, wanted_px=wanted_px)
     sentences, figures = quality_findings(judged), judged.as_dict()
     if plot_file is not None:
-        from dic.quality.plot import plot_quality
-
         plot_quality(plot_file, judged, grey)
     if json_file is not None:
         content = {"image": str(image), **figures, "good": not sentences, "findings": sentences}
@@ -64,7 +63,7 @@ def quality(
     say(f"{image}: {'not good' if sentences else 'good'}\n{text(figures)}")
     for sentence in sentences:
         fail(f"{image}: {sentence}")
-    context.exit(1 if sentences else 0)
+    click.get_current_context().exit(1 if sentences else 0)
 
 
 def text(figures: dict[str, Any]) -> str:

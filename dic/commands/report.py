@@ -12,8 +12,7 @@ _FILE = click.Path(path_type=Path)
 @click.option("-o", "--output", type=_FILE, default=Path("report.html"), show_default=True)
 def report(results: tuple[Path, ...], output: Path) -> None:
     """Write one self-contained HTML report of the RESULTS of one or more runs, from `dic process`."""
-    from dic.pipeline.run_result_file import load_run_result
-    from dic.report import write_report
+    from dic import load_run_result, write_report
     from dic.shell.output_paths import require_places
 
     require_places(results, [output])

@@ -5,12 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from dic.pipeline.camera_result import CameraResult
-    from dic.pipeline.run import RunResult
-    from dic.pipeline.run_corrections import JointCorrections
-    from dic.runfile.reader import RunStep
-    from dic.strain.measurement import Measurement
-    from dic.strain.strain import MeanStrain
+    from dic import CameraResult, JointCorrections, MeanStrain, Measurement, RunResult, RunStep
 
 _STRAINS = ("exx", "eyy", "exy")
 
@@ -31,7 +26,7 @@ def table(result: "RunResult") -> str:
 
 
 def _camera_lines(result: "RunResult", camera: "CameraResult") -> list[str]:
-    from dic.strain.strain import gauge_text
+    from dic import gauge_text
 
     calibration = camera.calibration
     lines = [
@@ -74,8 +69,6 @@ def _joint_lines(result: "RunResult", joint: "JointCorrections") -> list[str]:
 
 def _updates(measurement: "Measurement") -> str:
     """Return over how many new references a step was measured, and the error that has added up, if any."""
-    import numpy as np
-
     field = measurement.field
     if not field.updates or not field.converged.any():
         return ""

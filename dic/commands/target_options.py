@@ -1,14 +1,14 @@
 """The options that say what a calibration image shows."""
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import click
 
-if TYPE_CHECKING:
-    from dic.targets.find import Target
+from dic.commands.option_groups import option_group
 
-Command = TypeVar("Command", bound=Callable[..., Any])
+if TYPE_CHECKING:
+    from dic import Target
 
 
 class _Count(click.ParamType[tuple[int, int]]):
@@ -40,7 +40,48 @@ class _Direction(click.ParamType[str | float]):
             return str(value)
 
 
-_OPTIONS = (
+@dataclass(frozen=True)
+class TargetOptions:
+    """What the image shows, and which way its axes point."""
+
+    lines: tuple[int, int] | None
+    squares: tuple[int, int] | None
+    dots: tuple[int, int] | None
+    pitch_mm: float
+    marker_mm: float | None
+    dictionary: str
+    x_axis: str | float | None
+    origin_px: tuple[float, float] | None
+
+    def read(self) -> "Target":
+        """Return the target.
+
+        Raises
+        ------
+        CalibrationError
+            If the options name several.
+        """
+        from dic import CalibrationError, CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget
+
+        named = [f"--{name}" for name in ("lines", "squares", "dots") if getattr(self, name)]
+        if len(named) > 1:
+            got, remedy = " and ".join(named), f"leave out {named[-1]}"
+            raise CalibrationError("settings", "target", "one kind of target", got, remedy)
+        if self.marker_mm is not None and self.squares is None:
+            expected, remedy = "--squares with --marker-mm", "name the board's squares: --squares 10x9"
+            raise CalibrationError("settings", "target", expected, "no squares", remedy)
+        if self.squares is not None and self.marker_mm is not None:
+            return CharucoTarget(self.squares, self.pitch_mm, self.marker_mm, self.dictionary)
+        if self.squares is not None:
+            return CheckerboardTarget(self.squares, self.pitch_mm)
+        if self.dots is not None:
+            return DotTarget(self.dots, self.pitch_mm)
+        return LineGridTarget(self.lines or (21, 21), self.pitch_mm)
+
+
+target_options = option_group(
+    "target",
+    TargetOptions,
     click.option("--lines", type=_Count(), help="Lines along X and Y of a line grid.  [default: 21x21]"),
     click.option("--squares", type=_Count(), help="Instead: squares of a checkerboard, or a ChArUco board."),
     click.option("--dots", type=_Count(), help="Instead: dots of a lattice."),
@@ -64,49 +105,3 @@ _OPTIONS = (
         help="About where a line grid's middle is in the first image, if an outer line is hidden.",
     ),
 )
-
-
-def target_options(command: Command) -> Command:
-    """Add the options of the target, all but --x-axis and --origin-px the arguments of `read_target`."""
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
-
-
-def read_target(
-    lines: tuple[int, int] | None,
-    squares: tuple[int, int] | None,
-    dots: tuple[int, int] | None,
-    pitch_mm: float,
-    marker_mm: float | None,
-    dictionary: str,
-) -> "Target":
-    """Return the target that the options name.
-
-    Raises
-    ------
-    CalibrationError
-        If they name several, or none that could be.
-    """
-    from dic.errors import CalibrationError
-    from dic.targets.find import CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget
-
-    def refuse(step: str, expected: str, got: str, remedy: str) -> CalibrationError:
-        return CalibrationError("settings", step, expected, got, remedy)
-
-    # Squares of what is farther from a length would overflow.
-    if not 1e-6 <= pitch_mm <= 1e6:
-        expected = "a positive pitch, from 1e-06 to 1e+06 mm"
-        raise refuse("pitch", expected, f"{pitch_mm:g} mm", "correct --pitch-mm")
-    named = [f"--{name}" for name, n in (("lines", lines), ("squares", squares), ("dots", dots)) if n]
-    if len(named) > 1:
-        raise refuse("target", "one kind of target", " and ".join(named), "leave one of them")
-    if marker_mm is not None and squares is None:
-        raise refuse("target", "--squares with --marker-mm", "no squares", "name the board's squares")
-    if squares is not None and marker_mm is not None:
-        return CharucoTarget(squares, pitch_mm, marker_mm, dictionary)
-    if squares is not None:
-        return CheckerboardTarget(squares, pitch_mm)
-    if dots is not None:
-        return DotTarget(dots, pitch_mm)
-    return LineGridTarget(lines or (21, 21), pitch_mm)

@@ -1,14 +1,17 @@
 """Images and regions as callers give them: arrays, or the files that hold them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TypeVar, cast
 
 import numpy as np
 
 from dic.errors import CorrelationError
 from dic.image.polygons import polygon_mask, read_polygons
 from dic.image.read import read_image
-from dic.typing import Grey, Mask, PathLike
+from dic.typing import Grey, ImageLike, Mask, PathLike
+
+Item = TypeVar("Item")
 
 
 def grey_image(image: object, name: str) -> Grey:
@@ -46,6 +49,18 @@ def grey_image(image: object, name: str) -> Grey:
             return grey
         got, remedy = "NaN or infinity among them", "repair the image"
     raise CorrelationError(name, "read", "finite grey levels of shape (height, width)", got, remedy)
+
+
+def name_of(image: ImageLike, otherwise: str) -> str:
+    """Return the path of an image file, or what an array is called otherwise."""
+    return str(image) if isinstance(image, str | Path) else otherwise
+
+
+def one_by_one(images: ImageLike | Iterable[Item]) -> Iterable[ImageLike | Item]:
+    """Return images one by one; a single array or path counts as a series of one."""
+    if isinstance(images, str | Path) or (isinstance(images, np.ndarray) and images.ndim == 2):
+        return [images]
+    return cast(Iterable[Item], images)
 
 
 def checked_region(region: object, shape: tuple[int, ...]) -> Mask:

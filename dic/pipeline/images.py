@@ -4,14 +4,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from dic.calibration.calibration import Calibration
 from dic.calibration.file import load_calibration
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CalibrationError, MeasurementError, require_kind
-from dic.image.given import grey_image
+from dic.image.given import grey_image, name_of, one_by_one
 from dic.out_of_plane.correct import Motion
 from dic.out_of_plane.diagnosis import Sensitivity
 from dic.pipeline.series_corrections import corrected, corrected_rotation, require_calibration
@@ -41,7 +39,7 @@ class SeriesImage:
 
 def measure_images(
     reference: ImageLike,
-    images: ImageLike | Iterable[ImageLike | SeriesImage],
+    images: ImageLike | SeriesImage | Iterable[ImageLike | SeriesImage],
     *,
     calibration: Calibration | PathLike | None = None,
     settings: CorrelationSettings | None = None,
@@ -84,8 +82,9 @@ def measure_images(
     # Seen off-axis, a subset that turns does not stay affine.
     settings = settings or CorrelationSettings(shape="quadratic" if motion.kind == "rigid" else "affine")
     grey = grey_image(reference, "reference image")
+    several = [images] if isinstance(images, SeriesImage) else one_by_one(images)
     series = Series(grey, region, settings, incremental=incremental)
-    measured = list(measure_series(series, _several(images), calibration, strain, motion))
+    measured = list(measure_series(series, several, calibration, strain, motion))
     if calibration is None:
         return MeasuredSeries(grey, tuple(measured))
     alignment = motion.alignment
@@ -148,16 +147,9 @@ def _measured(
     strain: StrainSettings | None,
 ) -> MeasuredImage:
     if not isinstance(image, SeriesImage):
-        image = SeriesImage(image, f"image {number}" if isinstance(image, np.ndarray) else str(image))
+        image = SeriesImage(image, name_of(image, f"image {number}"))
     try:
         field = series.correlate(image.image, hint=image.hint)
     except MeasurementError as error:
         return MeasuredImage(image.label, failure=str(error))
     return MeasuredImage(image.label, measure(field, calibration, strain, label=image.label))
-
-
-def _several(images: ImageLike | Iterable[ImageLike | SeriesImage]) -> Iterable[ImageLike | SeriesImage]:
-    """Return the images one by one; a single image counts as one."""
-    if isinstance(images, str | Path | SeriesImage):
-        return [images]
-    return [images] if isinstance(images, np.ndarray) and images.ndim == 2 else images

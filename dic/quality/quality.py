@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import CorrelationError
-from dic.image.given import checked_region
+from dic.errors import CorrelationError, require_kind
+from dic.image.given import checked_region, grey_image, name_of
+from dic.image.read import require_same_size
 from dic.image.region import textured
 from dic.image.spline import spline_image
 from dic.quality.noise import noise_of_one, noise_of_two
@@ -20,7 +21,7 @@ from dic.quality.noise_floor import (
 )
 from dic.quality.picture import Picture, assess_picture
 from dic.quality.speckle import autocovariance, even_light, speckle_size
-from dic.typing import Float, Grey, Indices, Mask
+from dic.typing import Float, Grey, ImageLike, Indices, Mask, PathLike
 
 SPECKLES_PER_SUBSET = 3.0
 """Least number of speckles across a subset: with fewer, neighbouring subsets look alike."""
@@ -74,6 +75,23 @@ class Quality(Picture):
     subset_for_wanted_px: int | None
     mean_gradient: float
 
+    @staticmethod
+    def require_wanted(wanted_px: float) -> None:
+        """Refuse a displacement that cannot be what is to be resolved.
+
+        Raises
+        ------
+        CorrelationError
+        """
+        if not 0.0 < wanted_px < 10.0:
+            raise CorrelationError(
+                "settings",
+                "wanted resolution",
+                "above 0 and below 10 px",
+                f"{wanted_px:g} px",
+                "give --wanted-px 0.01",
+            )
+
     @property
     def floor_px(self) -> float:
         """Noise floor that 95 % of the points with texture do not exceed, neither in u nor in v."""
@@ -122,11 +140,11 @@ class Quality(Picture):
 
 
 def assess_quality(
-    grey: Grey,
-    region: Mask | None = None,
+    image: ImageLike,
+    region: Mask | PathLike | None = None,
     settings: CorrelationSettings | None = None,
     *,
-    second: Grey | None = None,
+    second: ImageLike | None = None,
     wanted_px: float = 0.01,
     full_level: float | None = None,
 ) -> Quality:
@@ -134,12 +152,12 @@ def assess_quality(
 
     Parameters
     ----------
-    grey : ndarray of float32, shape (height, width)
-    region : ndarray of bool, shape (height, width), optional
+    image : ndarray, shape (height, width), or path
+    region : ndarray of bool, shape (height, width), or path, optional
         Region of interest. Default: wherever there is texture.
     settings : CorrelationSettings, optional
         Subset and shape function for which the image is judged.
-    second : ndarray of float32, of the same shape, optional
+    second : ndarray, of the same shape, or path, optional
         Another image of the specimen at rest. It makes the estimate of the noise more accurate.
     wanted_px : float
         Wanted standard deviation of one point's displacement.
@@ -148,26 +166,24 @@ def assess_quality(
 
     Raises
     ------
-    CorrelationError
-        If `wanted_px` is out of range, there is no texture, the images do not show the specimen at rest, or
-        the region holds no subset.
+    MeasurementError
+        If an image cannot be used, `wanted_px` is out of range, there is no texture, the images do not show
+        the specimen at rest, or the region holds no subset.
     """
+    require_kind("settings", settings, CorrelationSettings | None, "give dic.CorrelationSettings()")
     settings = settings or CorrelationSettings()
-    if not 0.0 < wanted_px < 10.0:
-        raise CorrelationError(
-            "settings",
-            "wanted resolution",
-            "above 0 and below 10 px",
-            f"{wanted_px:g} px",
-            "give --wanted-px 0.01",
-        )
+    Quality.require_wanted(wanted_px)
+    grey = grey_image(image, name_of(image, "image"))
     spline = spline_image(grey, settings.order)
     slopes = spline.gradient()
-    centres, region = _region(region, grey, slopes, settings.subset_px)
+    given = None if region is None else checked_region(region, grey.shape)
+    centres, region = _region(given, grey, slopes, settings.subset_px)
     if second is None:
         noise, whiteness = noise_of_one(grey, region), float("nan")
     else:
-        noise, whiteness = noise_of_two(grey, second, slopes, region)
+        other = grey_image(second, name_of(second, "second image"))
+        require_same_size([grey, other], [name_of(image, "image"), name_of(second, "second image")])
+        noise, whiteness = noise_of_two(grey, other, slopes, region)
     pattern = even_light(grey, region)
     covariance_y, covariance_x = (autocovariance(pattern, region, noise, axis) for axis in (0, 1))
     points = _points(centres, settings.subset_px)
@@ -208,7 +224,7 @@ def _region(region: Mask | None, grey: Grey, slopes: tuple[Grey, Grey], subset_p
         whole = np.ones((subset_px, subset_px), np.uint8)
         region = np.asarray(cv2.dilate(centres.astype(np.uint8), whole)) == 1
     else:
-        centres = region = checked_region(region, grey.shape)
+        centres = region
     if np.count_nonzero(region) < subset_px**2:
         raise _no_room(subset_px, f"{np.count_nonzero(region)} pixels")
     return centres, region

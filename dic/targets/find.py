@@ -2,14 +2,15 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from dic.errors import CalibrationError, Check, require_all
+from dic.errors import CalibrationError, Check, require_all, require_kind
+from dic.image.given import grey_image, name_of
 from dic.targets.axes import XAxis
 from dic.targets.points import GridPoints
-from dic.typing import Grey
+from dic.typing import ImageLike
 
 _FEWEST = 5
+_PITCHES_MM = (1e-6, 1e6)
+"""Squares of lengths beyond these would overflow."""
 
 
 @dataclass(frozen=True)
@@ -85,9 +86,9 @@ Target = LineGridTarget | CheckerboardTarget | CharucoTarget | DotTarget
 
 
 def find_target(
-    image: Grey,
-    spec: Target,
-    source: str = "target image",
+    image: ImageLike,
+    spec: Target | None = None,
+    source: str = "",
     *,
     x_axis: XAxis = None,
     origin_px: tuple[float, float] | None = None,
@@ -96,12 +97,12 @@ def find_target(
 
     Parameters
     ----------
-    image : ndarray, shape (height, width)
-        Grey levels.
-    spec : Target
-        Kind and size of the target.
+    image : ndarray, shape (height, width), or path
+        Grey levels, or an image file.
+    spec : Target, optional
+        Kind and size of the target. Default: the paper's line grid.
     source : str
-        Name of the image file, used in error messages.
+        Name of the image, used in error messages. Default: its path.
     x_axis : str or float, optional
         Direction of X in the image, as for `dic.targets.line_grid.find.find_grid`. It is ignored for
         targets whose markers or colours fix the axes.
@@ -120,8 +121,11 @@ def find_target(
         If the target is not found, or too few of its points are: 90 % are needed for a line grid and for
         dots, all corners for a checkerboard, half of the corners for a ChArUco board.
     """
-    grey = np.asarray(image, np.float32)
+    spec = LineGridTarget() if spec is None else spec
+    require_kind("target", spec, Target, "give dic.LineGridTarget((21, 21), pitch_mm=0.5)")
+    source = source or name_of(image, "target image")
     _require_possible(spec, source)
+    grey = grey_image(image, source)
     if origin_px is not None and not isinstance(spec, LineGridTarget):
         raise CalibrationError(
             source,
@@ -149,27 +153,30 @@ def find_target(
 
 
 def _require_possible(spec: Target, source: str) -> None:
-    """Refuse impossible targets, all mistakes together; `find_grid` checks line grids itself."""
-    if isinstance(spec, LineGridTarget):
-        return
-    name, count = ("dots", spec.dots) if isinstance(spec, DotTarget) else ("squares", spec.squares)
-    pitch_possible = 0 < spec.pitch_mm < float("inf")
+    """Refuse impossible targets, all mistakes together; `find_grid` checks the number of lines itself."""
+    least_mm, most_mm = _PITCHES_MM
+    pitch_possible = least_mm <= spec.pitch_mm <= most_mm
     checks: list[Check] = [
-        (
-            min(count) >= _FEWEST,
-            f"number of {name}",
-            f"at least {_FEWEST} along X and along Y",
-            f"{count[0]} × {count[1]}",
-            f"give --{name} {max(count[0], _FEWEST)}x{max(count[1], _FEWEST)}",
-        ),
         (
             pitch_possible,
             "pitch",
-            "above 0 mm",
+            f"{least_mm:g} to {most_mm:g} mm",
             f"{spec.pitch_mm:g} mm",
             "give --pitch-mm 0.5",
         ),
     ]
+    if not isinstance(spec, LineGridTarget):
+        name, count = ("dots", spec.dots) if isinstance(spec, DotTarget) else ("squares", spec.squares)
+        possible = f"{max(count[0], _FEWEST)}x{max(count[1], _FEWEST)}"
+        checks.append(
+            (
+                min(count) >= _FEWEST,
+                f"number of {name}",
+                f"at least {_FEWEST} along X and along Y",
+                f"{count[0]} × {count[1]}",
+                f"give --{name} {possible}",
+            )
+        )
     if isinstance(spec, CharucoTarget):
         from dic.targets.charuco import is_dictionary
 

@@ -1,0 +1,69 @@
+"""Images of a calibration target in, a calibration out."""
+
+from collections.abc import Iterable, Sequence
+from typing import Literal
+
+from dic.calibration.calibration import Calibration, Model
+from dic.calibration.pinhole.prior import KnownCamera
+from dic.errors import CalibrationError
+from dic.image.given import grey_image, name_of, one_by_one
+from dic.targets.axes import XAxis
+from dic.targets.find import Target, find_target
+from dic.typing import Grey, ImageLike
+
+
+def calibrate_images(
+    images: ImageLike | Iterable[ImageLike],
+    target: Target | None = None,
+    *,
+    x_axis: XAxis = None,
+    origin_px: tuple[float, float] | None = None,
+    known: KnownCamera | None = None,
+    model: Model | Literal["recommended"] = "bicubic",
+) -> Calibration:
+    """Find a calibration target in images and fit the map from pixels to millimetres.
+
+    Parameters
+    ----------
+    images : ndarray, shape (height, width), or path, or several of them
+        All by one camera. The target in the first image defines the plane; the others, with the
+        target tilted, improve the pinhole model.
+    target : Target, optional
+        Kind and size. Default: the paper's line grid.
+    x_axis : str or float, optional
+        Direction of X in the first image, as for `find_target`.
+    origin_px : tuple of float, optional
+        Approximate position of a line grid's middle in the first image, as for `find_target`.
+    known : KnownCamera, optional
+    model : str
+        The map that the calibration uses: "bicubic" (the paper's), "pinhole", or "recommended".
+
+    Raises
+    ------
+    MeasurementError
+        If an image cannot be read or does not show the target, or the images differ in size.
+    """
+    given = list(one_by_one(images))
+    names = [name_of(image, f"target image {k}") for k, image in enumerate(given, 1)]
+    greys = [grey_image(image, name) for image, name in zip(given, names, strict=True)]
+    _require_same_size(greys, names)
+    first = find_target(greys[0], target, names[0], x_axis=x_axis, origin_px=origin_px)
+    # The others tell about the lens only, for which the names of the axes do not matter.
+    others = [find_target(grey, target, name) for grey, name in zip(greys[1:], names[1:], strict=True)]
+    calibration = Calibration.fit([first, *others], greys[0].shape, names[0], known=known)
+    return calibration.using(calibration.recommended if model == "recommended" else model)
+
+
+def _require_same_size(greys: Sequence[Grey], names: Sequence[str]) -> None:
+    if not greys:
+        raise CalibrationError("images", "calibrate", "at least one image", "none", "name an image")
+    height, width = greys[0].shape
+    for grey, name in zip(greys, names, strict=True):
+        if grey.shape != greys[0].shape:
+            raise CalibrationError(
+                name,
+                "calibrate",
+                f"images by one camera, {width} × {height} px as the first",
+                f"{grey.shape[1]} × {grey.shape[0]} px",
+                "calibrate each camera by itself",
+            )
