@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drivers.clock import VirtualClock
 from tests.places import SHARED_DATA
 
 for _number, _usual in (
@@ -41,6 +42,12 @@ def real_images() -> Path:
     if not folder.is_dir():
         pytest.skip("the real image series are not on this machine (expected in ../shared/data)")
     return folder
+
+
+@pytest.fixture
+def clock() -> VirtualClock:
+    """A clock that nobody waits for."""
+    return VirtualClock()
 
 
 @pytest.fixture

@@ -8,12 +8,19 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
+from dic.targets.points import GridPoints
+
 
 @dataclass(frozen=True)
 class GridPicture:
     image: np.ndarray
     xy_mm: np.ndarray
     uv_px: np.ndarray
+
+    def errors_px(self, grid: GridPoints) -> np.ndarray:
+        """Return the distance of each point found from the true intersection of the same index."""
+        truth = {tuple(np.round(xy, 6)): uv for xy, uv in zip(self.xy_mm, self.uv_px, strict=True)}
+        return np.linalg.norm(grid.uv_px - [truth[tuple(np.round(xy, 6))] for xy in grid.xy_mm], axis=1)
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,12 @@
 """What README shows is run: its commands, and its Python from image files and from a run file."""
 
 import re
-import shutil
 
 import pytest
 
 from tests.command_line import run_dic, run_rig
 from tests.docs.pages import commands
-from tests.places import EXAMPLES, ROOT
+from tests.places import ROOT
 
 README = ROOT / "README.md"
 FROM_IMAGES, FROM_A_RUN = re.findall(
@@ -19,10 +18,7 @@ SHOWN = commands(README)
 LEAST_MEAN = 20.0 / 2400.0
 
 
-@pytest.fixture(autouse=True)
-def beside_the_examples(tmp_path, monkeypatch):
-    shutil.copytree(EXAMPLES, tmp_path / "examples")
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("beside_the_examples")
 
 
 def run(*words):

@@ -1,13 +1,12 @@
 """The tutorials' commands run, one after the other, and print what the tutorials say."""
 
 import re
-import shutil
 
 import pytest
 
 from tests.command_line import run_dic, run_rig
 from tests.docs.pages import commands
-from tests.places import DOCS, EXAMPLES
+from tests.places import DOCS
 
 RUN = {"dic": run_dic, "rig": run_rig}
 
@@ -41,10 +40,7 @@ def numbers(text: str) -> list[float]:
     return [float(number) for number in re.findall(r"-?\b\d+(?:\.\d+)?", text)]
 
 
-@pytest.fixture(autouse=True)
-def beside_the_examples(tmp_path, monkeypatch):
-    shutil.copytree(EXAMPLES, tmp_path / "examples")
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("beside_the_examples")
 
 
 @pytest.mark.long

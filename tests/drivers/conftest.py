@@ -11,11 +11,6 @@ from tests.open_lines import open_lines
 
 
 @pytest.fixture
-def clock() -> VirtualClock:
-    return VirtualClock()
-
-
-@pytest.fixture
 def context(clock: VirtualClock) -> OpenContext:
     return OpenContext("device", clock)
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.clock import VirtualClock
 from drivers.errors import ConfigurationError
 from drivers.registry import DriverSpec, Finder, Found, SerialPort, find_driver
 from drivers.settings import Settings
@@ -22,11 +21,6 @@ from tests.command_line import run_rig
 from tests.spring import Spring
 
 VISION = "GigE Vision and USB3 Vision cameras"
-
-
-@pytest.fixture
-def clock() -> VirtualClock:
-    return VirtualClock()
 
 
 @pytest.fixture(autouse=True)

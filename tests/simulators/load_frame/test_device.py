@@ -19,11 +19,6 @@ class Yielding:
 
 
 @pytest.fixture
-def clock() -> VirtualClock:
-    return VirtualClock()
-
-
-@pytest.fixture
 def frame(clock: VirtualClock) -> LoadFrameDevice:
     return LoadFrameDevice(clock, Spring(), load_max_n=20_000.0, displacement_max_mm=50.0)
 

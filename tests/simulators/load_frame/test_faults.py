@@ -4,17 +4,11 @@ import math
 
 import pytest
 
-from drivers.clock import VirtualClock
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.faults import load_frame_faults
 from simulators.load_frame.state import FaultCode, MachineLimits, RefusedError
 from simulators.scene.specimen import Specimen, SpecimenSettings
 from simulators.wire.faults import FaultPanel
-
-
-@pytest.fixture
-def clock():
-    return VirtualClock()
 
 
 @pytest.fixture

@@ -6,16 +6,10 @@ import threading
 
 import pytest
 
-from drivers.clock import VirtualClock
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.layout import LAYOUTS
 from simulators.load_frame.modbus import LoadFrameServer
 from tests.spring import Spring
-
-
-@pytest.fixture
-def clock() -> VirtualClock:
-    return VirtualClock()
 
 
 @pytest.fixture

@@ -7,11 +7,6 @@ SPEED, ACCELERATION = 20.0, 200.0
 
 
 @pytest.fixture
-def clock() -> VirtualClock:
-    return VirtualClock()
-
-
-@pytest.fixture
 def stage(clock: VirtualClock) -> StageDevice:
     return StageDevice(
         clock,

@@ -2,15 +2,9 @@ import os
 
 import pytest
 
-from drivers.clock import VirtualClock
 from simulators.stage.device import StageDevice
 from simulators.stage.newport import NewportServer
 from tests.simulators.terminal import listen, terminal_of
-
-
-@pytest.fixture
-def clock() -> VirtualClock:
-    return VirtualClock()
 
 
 @pytest.fixture

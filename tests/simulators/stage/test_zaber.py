@@ -4,15 +4,9 @@ import threading
 
 import pytest
 
-from drivers.clock import VirtualClock
 from simulators.stage.device import StageDevice
 from simulators.stage.zaber import ZaberServer, ZaberTcpServer
 from tests.simulators.terminal import listen, terminal_of
-
-
-@pytest.fixture
-def clock() -> VirtualClock:
-    return VirtualClock()
 
 
 @pytest.fixture

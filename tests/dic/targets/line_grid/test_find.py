@@ -7,17 +7,10 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from dic.errors import CalibrationError
-from dic.targets.line_grid.find import GridPoints, find_grid
+from dic.targets.line_grid.find import find_grid
 
 Draw = Callable[..., Any]
 PAPER: dict[str, Any] = {"size_px": (900, 900), "focal_px": 2800.0}
-
-
-def _errors_px(grid: GridPoints, picture: Any) -> np.ndarray:
-    """Distance of each point found from the true intersection of the same index."""
-    truth = {tuple(np.round(xy, 6)): uv for xy, uv in zip(picture.xy_mm, picture.uv_px, strict=True)}
-    found = [truth[tuple(np.round(xy, 6))] for xy in grid.xy_mm]
-    return np.linalg.norm(grid.uv_px - np.array(found), axis=1)
 
 
 def _rms(values: np.ndarray) -> float:
@@ -40,13 +33,13 @@ def test_all_intersections_are_found_to_a_hundredth_pixel(
     grid = find_grid(picture.image)
 
     assert grid.found == grid.expected == 441
-    assert _rms(_errors_px(grid, picture)) < limit_px
+    assert _rms(picture.errors_px(grid)) < limit_px
 
 
 def test_without_noise_the_bias_is_thousandths_of_a_pixel(draw_grid: Draw) -> None:
     picture = draw_grid(noise=0, pan_deg=20, roll_deg=7)
 
-    assert _rms(_errors_px(find_grid(picture.image), picture)) < 0.004
+    assert _rms(picture.errors_px(find_grid(picture.image))) < 0.004
 
 
 @pytest.mark.parametrize(
@@ -75,7 +68,7 @@ def test_the_grid_is_found_from_anywhere_in_any_light(draw_grid: Draw, view: dic
     grid = find_grid(picture.image)
 
     assert grid.found == 441
-    assert _rms(_errors_px(grid, picture)) < 0.04
+    assert _rms(picture.errors_px(grid)) < 0.04
 
 
 def test_x_points_right_and_y_up_with_the_origin_at_the_centre(draw_grid: Draw) -> None:
@@ -113,7 +106,7 @@ def test_unequal_numbers_of_lines_are_told_apart(draw_grid: Draw) -> None:
     grid = find_grid(picture.image, (21, 15))
 
     assert grid.found == 315
-    assert _rms(_errors_px(grid, picture)) < 0.02
+    assert _rms(picture.errors_px(grid)) < 0.02
     with pytest.raises(CalibrationError, match=r"expected a grid of 15 × 21 lines.*got 21 × 15 lines"):
         find_grid(picture.image, (15, 21))
 
@@ -123,7 +116,7 @@ def test_small_grids_of_few_lines_are_found(draw_grid: Draw) -> None:
     grid = find_grid(picture.image, (5, 4), 2.0)
 
     assert grid.found == 20
-    assert _rms(_errors_px(grid, picture)) < 0.02
+    assert _rms(picture.errors_px(grid)) < 0.02
 
 
 def test_dirt_costs_points_but_not_accuracy(draw_grid: Draw) -> None:
@@ -135,7 +128,7 @@ def test_dirt_costs_points_but_not_accuracy(draw_grid: Draw) -> None:
     grid = find_grid(dirty)
 
     assert grid.found >= 0.95 * 441
-    assert _errors_px(grid, picture).max() < 0.15
+    assert picture.errors_px(grid).max() < 0.15
 
 
 def test_a_covered_part_is_left_out(draw_grid: Draw) -> None:

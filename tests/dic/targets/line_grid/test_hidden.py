@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dic.errors import CalibrationError
-from dic.targets.line_grid.find import GridPoints, find_grid
+from dic.targets.line_grid.find import find_grid
 
 Draw = Callable[..., Any]
 # where the outermost lines of `lines` lines at 0.5 mm lie
@@ -29,11 +29,6 @@ def _covered(picture: Any, corners_mm: list[tuple[float, float]], grey: float = 
 
 def _rectangle(left: float, bottom: float, right: float, top: float) -> list[tuple[float, float]]:
     return [(left, bottom), (right, bottom), (right, top), (left, top)]
-
-
-def _errors_px(grid: GridPoints, picture: Any) -> np.ndarray:
-    truth = {tuple(np.round(xy, 6)): uv for xy, uv in zip(picture.xy_mm, picture.uv_px, strict=True)}
-    return np.linalg.norm(grid.uv_px - [truth[tuple(np.round(xy, 6))] for xy in grid.xy_mm], axis=1)
 
 
 HIDDEN = {
@@ -58,8 +53,8 @@ def test_what_is_hidden_is_left_out_and_the_rest_keeps_its_index(
 
     assert 441 - hidden - 8 <= grid.found <= 441 - hidden
     assert all(cv2.pointPolygonTest(outline, (float(u), float(v)), True) < 1 for u, v in grid.uv_px)
-    assert np.median(_errors_px(grid, picture)) < 0.01
-    assert _errors_px(grid, picture).max() < 0.15
+    assert np.median(picture.errors_px(grid)) < 0.01
+    assert picture.errors_px(grid).max() < 0.15
 
 
 @pytest.mark.parametrize("side", [0, 1, 2, 3])
@@ -87,7 +82,7 @@ def test_a_line_too_many_is_not_overlooked_because_it_is_hidden_in_part(draw_gri
 def test_light_that_falls_to_a_third_does_not_shift_lines(draw_grid: Draw, dark_lines: bool) -> None:
     picture = draw_grid(noise=0, line_mm=0.08, dark=20, roll_deg=3, dark_lines=dark_lines)
     fall = np.linspace(1, 1 / 3, picture.image.shape[1], dtype=np.float32)
-    error_px = _errors_px(find_grid(picture.image * fall), picture)
+    error_px = picture.errors_px(find_grid(picture.image * fall))
 
     # uncorrected, dark lines would lie 0.007 px off
     assert np.sqrt(np.mean(error_px**2)) < 0.003
@@ -100,8 +95,8 @@ def test_a_glare_spot_costs_points_or_hundredths_of_a_pixel_beside_it(draw_grid:
     grid = find_grid(np.minimum(picture.image + glare, 255).astype(np.float32))
 
     assert grid.found >= 0.95 * 441
-    assert np.median(_errors_px(grid, picture)) < 0.01
-    assert _errors_px(grid, picture).max() < 0.15
+    assert np.median(picture.errors_px(grid)) < 0.01
+    assert picture.errors_px(grid).max() < 0.15
 
 
 @pytest.mark.long
@@ -126,6 +121,6 @@ def test_whatever_hides_it_and_however_it_is_lit_no_index_is_wrong(draw_grid: Dr
         except CalibrationError:
             refused += 1
             continue
-        assert np.median(_errors_px(grid, picture)) < 0.03, (seed, view)
-        assert _errors_px(grid, picture).max() < 0.5, (seed, view)
+        assert np.median(picture.errors_px(grid)) < 0.03, (seed, view)
+        assert picture.errors_px(grid).max() < 0.5, (seed, view)
     assert refused < 20
