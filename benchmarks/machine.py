@@ -14,11 +14,13 @@ def describe() -> dict[str, str | int | float]:
     import numba
     import numpy as np
 
+    from dic.image.threads import processors
+
     features = llvm.get_host_cpu_features()
     widest = next((n for n in ("avx512f", "avx2", "neon", "sse2") if features.get(n)), "none known")
     return {
         "processor": _processor(),
-        "cores": len(os.sched_getaffinity(0)),
+        "cores": processors(),
         "vectors": {"avx512f": "AVX-512", "avx2": "AVX2"}.get(widest, widest),
         "load_average": round(os.getloadavg()[0], 2),
         "python": platform.python_version(),

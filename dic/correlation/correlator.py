@@ -1,6 +1,5 @@
 """Correlate deformed images with their reference: fields of displacements in pixels."""
 
-import os
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +18,7 @@ from dic.errors import CorrelationError, require_kind
 from dic.image.given import checked_region, grey_image
 from dic.image.region import place_points, textured
 from dic.image.spline import spline_image
+from dic.image.threads import processors
 from dic.typing import Float, Grey, ImageLike, Indices, Mask, PathLike
 
 SEEDS = 48
@@ -92,7 +92,7 @@ class Correlator:
         require_kind("settings", settings, CorrelationSettings | None, "give dic.CorrelationSettings()")
         self.settings = settings or CorrelationSettings()
         self._grey = _checked_image(reference, "reference image", self.settings.subset_px)
-        self._threads = threads or len(os.sched_getaffinity(0))
+        self._threads = threads or processors()
         spline = spline_image(self._grey, self.settings.order, self._threads)
         slopes = spline.gradient(self._threads)
         usable = np.ones(self._grey.shape, np.bool_)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.correlation.features import FeatureFinder
-from dic.image.threads import at_once, bands_of
+from dic.image.threads import bands_of, in_parallel
 
 Float = NDArray[np.float64]
 Grey = NDArray[np.float32]
@@ -173,7 +173,7 @@ def search(
             x, y = points[k].tolist()
             found[k] = _whole_pixel(reference, turned_back, x, y, half_px, radius_px)
 
-    at_once(work, bands_of(len(points), _AT_ONCE), threads)
+    in_parallel(work, bands_of(len(points), _AT_ONCE), threads)
     shift = found - points
     # The template at a point p looks like the turned-back image at p + shift, which shows motion(p + shift).
     warps = homography_warps(motion, found)

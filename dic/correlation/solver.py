@@ -12,7 +12,7 @@ from dic.correlation.settings import CorrelationSettings
 from dic.correlation.status import Status
 from dic.image.region import PointGrid
 from dic.image.spline import halfway_noise_gain, slope_noise_gain
-from dic.image.threads import at_once, beside, even_bands
+from dic.image.threads import balanced_bands, in_parallel
 
 Float = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -195,8 +195,10 @@ class Solver:
             self._counted = True
         if side_by_side:
             bands = self._seeded_bands(solution, pending)
-            at_once(lambda band: self._spread(solution.part(band), pending[band], band), bands, self._threads)
-        beginning = solution.converged & beside(pending)
+            in_parallel(
+                lambda band: self._spread(solution.part(band), pending[band], band), bands, self._threads
+            )
+        beginning = solution.converged & next_to(pending)
         if not beginning.any():
             return
         # All others have nothing left to reach: hidden, they are not asked in vain.
@@ -218,7 +220,7 @@ class Solver:
 
     def _seeded_bands(self, solution: Solution, pending: Mask) -> list[slice]:
         """Cut the grid into bands of rows of like many pending points; solve some where a band knows none."""
-        bands = even_bands(pending.sum(axis=1), _BANDS)
+        bands = balanced_bands(pending.sum(axis=1), _BANDS)
         known = solution.converged
         starts = []
         for band in bands:
@@ -247,7 +249,7 @@ class Solver:
 
         converged = solution.converged
         # The nearest has a neighbour without a value: one step on towards the asking point would be nearer.
-        known = np.argwhere(converged & beside(~converged))
+        known = np.argwhere(converged & next_to(~converged))
         # A balanced tree takes longer to build than these few questions to answer.
         _, nearest = cKDTree(known, balanced_tree=False, compact_nodes=False).query(indices)
         origins = np.asarray(known[nearest], np.int64)
@@ -274,3 +276,13 @@ class Solver:
             places = np.array([place for place, _ in pairs], np.int64)
             guess = self.extrapolated(solution, np.array([origin for _, origin in pairs], np.int64), places)
             solution.put(tuple(places.T), self.solve(places, guess))
+
+
+def next_to(mask: Mask) -> Mask:
+    """Return which elements have a true one right above, below, to the left or to the right of them."""
+    near = np.zeros_like(mask)
+    near[1:] |= mask[:-1]
+    near[:-1] |= mask[1:]
+    near[:, 1:] |= mask[:, :-1]
+    near[:, :-1] |= mask[:, 1:]
+    return near

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.errors import CorrelationError
-from dic.image.threads import at_once, bands_of
+from dic.image.threads import bands_of, in_parallel
 
 Grey = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -64,7 +64,7 @@ def textured(fx: Grey, fy: Grey, subset_px: int, threads: int = 1) -> Mask:
         weak, even = _texture(fx[rows], fy[rows], subset_px)
         weakest[band], shared[band] = weak[own], even[own]
 
-    at_once(judge, bands, threads)
+    in_parallel(judge, bands, threads)
     strong = (weakest > _WEAK * np.percentile(weakest[::4, ::4], 90)).view(np.uint8)
     # A sum over a subset sees texture from one radius outside; another radius keeps the subset whole.
     found = _in_bands(cv2.erode, strong, 2 * subset_px - 1, threads)
@@ -112,7 +112,7 @@ def _in_bands(filtered: Callable[..., Any], mask: Bits, width: int, threads: int
         rows, own = _with_rows_around(band, width // 2, len(mask))
         out[band] = filtered(mask[rows], square)[own]
 
-    at_once(work, bands_of(len(mask), _BAND_PX), threads)
+    in_parallel(work, bands_of(len(mask), _BAND_PX), threads)
     return out
 
 

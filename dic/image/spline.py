@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.image.threads import at_once, bands_of
+from dic.image.threads import bands_of, in_parallel
 
 ORDERS = (3, 5)
 MARGIN = 3
@@ -53,7 +53,7 @@ class SplineImage:
             for out, across, down in ((along_x, slopes, samples), (along_y, samples, slopes)):
                 out[band] = cv2.sepFilter2D(rows, cv2.CV_32F, across, down)[MARGIN:-MARGIN, MARGIN:-MARGIN]
 
-        at_once(work, bands_of(len(self.grey), _BAND_PX), threads)
+        in_parallel(work, bands_of(len(self.grey), _BAND_PX), threads)
         return along_x, along_y
 
 
@@ -77,7 +77,7 @@ def spline_image(grey: NDArray[np.float32], order: int, threads: int = 1) -> Spl
             own, 0, 0, MARGIN, MARGIN, cv2.BORDER_REFLECT_101
         )
 
-    at_once(work, bands_of(height, _BAND_PX), threads)
+    in_parallel(work, bands_of(height, _BAND_PX), threads)
     for k in range(1, MARGIN + 1):
         padded[MARGIN - k], padded[-MARGIN - 1 + k] = padded[MARGIN + k], padded[-MARGIN - 1 - k]
     return SplineImage(order, grey, padded)

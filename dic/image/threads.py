@@ -1,39 +1,47 @@
-"""Bands of rows, worked on side by side.
+"""Threads: how many to use, and work on bands of rows in parallel.
 
 How an image or a grid is cut never depends on the number of threads, so results do not either.
 """
 
 import itertools
+import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from numpy.typing import NDArray
 
-Mask = NDArray[np.bool_]
+from dic.typing import Indices
 
 
-def at_once(work: Callable[[slice], None], bands: Sequence[slice], threads: int) -> None:
-    """Call `work` with every band, on so many threads, and wait for the last.
+def processors() -> int:
+    """Return how many processors this program may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # only Linux has it
+        return os.cpu_count() or 1
 
-    It pays for work that leaves the interpreter's lock alone: compiled code, OpenCV's, NumPy's.
+
+def in_parallel(work: Callable[[slice], None], bands: Sequence[slice], threads: int) -> None:
+    """Call `work` with every band on up to `threads` threads, and wait until all are done.
+
+    Worth it for work without the interpreter's lock: compiled code, OpenCV's, NumPy's.
     """
     if threads < 2 or len(bands) < 2:
         for band in bands:
             work(band)
         return
     with ThreadPoolExecutor(min(threads, len(bands))) as pool:
-        # Asking for the results lets errors be seen.
+        # Reading the results raises the errors of the threads.
         list(pool.map(work, bands))
 
 
 def bands_of(rows: int, height: int) -> list[slice]:
-    """Cut so many rows into bands of `height`; the last is lower."""
+    """Cut so many rows into bands of `height`; the last may be lower."""
     return [slice(first, min(first + height, rows)) for first in range(0, rows, height)]
 
 
-def even_bands(weights: NDArray[np.int64], count: int) -> list[slice]:
-    """Cut rows into at most `count` bands of about equal weight; one that would be empty is left out.
+def balanced_bands(weights: Indices, count: int) -> list[slice]:
+    """Cut rows into at most `count` bands of about equal weight; bands without weight are left out.
 
     Parameters
     ----------
@@ -47,13 +55,3 @@ def even_bands(weights: NDArray[np.int64], count: int) -> list[slice]:
     edges = np.searchsorted(sums, sums[-1] * np.arange(1, count) / count) + 1
     edges = np.unique([0, *edges, len(weights)])
     return [slice(int(a), int(b)) for a, b in itertools.pairwise(edges) if weights[a:b].any()]
-
-
-def beside(mask: Mask) -> Mask:
-    """Tell which elements have a true one right above, below, to the left or to the right of them."""
-    near = np.zeros_like(mask)
-    near[1:] |= mask[:-1]
-    near[:-1] |= mask[1:]
-    near[:, 1:] |= mask[:, :-1]
-    near[:, :-1] |= mask[:, 1:]
-    return near

@@ -1,6 +1,5 @@
 """A run file in, a result file out: every camera calibrated, every step correlated."""
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from dic.calibration.calibration import Calibration
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CalibrationError
+from dic.image.threads import processors
 from dic.pipeline.camera_result import CameraResult
 from dic.pipeline.images import SeriesImage, measure_series
 from dic.pipeline.run_corrections import CorrectionSettings, RunCorrections, correct_run
@@ -121,7 +121,7 @@ def _process_camera(
     first, *others = run.series()
     reference = run.image(camera, first)
     region = _calibrated_region(calibration, reference.shape)
-    threads = max(1, len(os.sched_getaffinity(0)) // len(run.cameras))
+    threads = max(1, processors() // len(run.cameras))
     series = Series(reference, region, settings, incremental=incremental, clip=False, threads=threads)
     turn = _Turn(calibration, first.angle_deg)
     images = (

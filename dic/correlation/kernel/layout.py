@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.image.spline import MARGIN, SplineImage
-from dic.image.threads import at_once, bands_of
+from dic.image.threads import bands_of, in_parallel
 
 Flat = NDArray[np.float32]
 Grey = NDArray[np.float32]
@@ -90,7 +90,7 @@ def lay_reference(
         np.copyto(fy_image[band], slopes[1][band], where=own)
         np.copyto(inside_image[band], own)
 
-    at_once(lay, bands_of(height, _BAND_PX), threads)
+    in_parallel(lay, bands_of(height, _BAND_PX), threads)
     pitch, origin = _pitch_and_origin(width)
     return Reference(f, fx, fy, inside, pitch, origin, _flat_variance(spline.grey, region))
 
@@ -120,7 +120,7 @@ def lay_coefficients(spline: SplineImage, mean: float, threads: int = 1) -> Defo
         np.subtract(spline.coefficients[band], np.float32(mean), out=plane[band])
         plane[band] *= factor
 
-    at_once(lay, bands_of(len(plane), _BAND_PX), threads)
+    in_parallel(lay, bands_of(len(plane), _BAND_PX), threads)
     height, width = spline.grey.shape
     return Deformed(flat, *_pitch_and_origin(width), width, height)
 

@@ -1,4 +1,4 @@
-"""Work cut into bands: the cut depends on the work alone, and so does the result."""
+"""Fields do not depend on the number of threads."""
 
 import numpy as np
 import pytest
@@ -6,43 +6,6 @@ import pytest
 from dic.correlation import kernel
 from dic.correlation.correlator import Correlator
 from dic.correlation.settings import CorrelationSettings
-from dic.image.threads import at_once, bands_of, beside, even_bands
-
-
-@pytest.mark.parametrize("rows", [1, 63, 64, 65, 200])
-def test_bands_cover_every_row_once(rows):
-    covered = np.concatenate([np.arange(rows)[band] for band in bands_of(rows, 64)])
-    np.testing.assert_array_equal(covered, np.arange(rows))
-
-
-def test_even_bands_share_out_the_work_and_leave_no_row_with_work_out():
-    weights = np.random.default_rng(3).integers(0, 50, 300)
-    weights[100:180] = 0
-    bands = even_bands(weights, 16)
-    shares = [weights[band].sum() for band in bands]
-    assert sum(shares) == weights.sum()
-    assert len(bands) == 16
-    assert max(shares) < weights.sum() / 16 + 2 * weights.max()
-
-
-def test_no_work_needs_no_band():
-    assert even_bands(np.zeros(20, np.int64), 4) == []
-    assert even_bands(np.zeros(0, np.int64), 4) == []
-
-
-def test_what_is_beside_is_up_down_left_or_right():
-    mask = np.zeros((4, 5), bool)
-    mask[1, 2] = True
-    found = {tuple(map(int, place)) for place in np.argwhere(beside(mask))}
-    assert found == {(0, 2), (2, 2), (1, 1), (1, 3)}
-
-
-def test_an_error_in_a_thread_is_seen():
-    def fail(band):
-        raise ValueError(band.start)
-
-    with pytest.raises(ValueError, match="0"):
-        at_once(fail, bands_of(200, 64), 3)
 
 
 @pytest.mark.parametrize("threads", [2, 5])
