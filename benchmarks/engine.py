@@ -5,19 +5,15 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.machine import Stopwatch
 from dic.correlation import kernel
 from dic.correlation.correlator import Correlator
 from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
-from dic.correlation.status import Status
-from dic.image.spline import halfway_noise_gain, slope_noise_gain, spline_image
-
-Grey = NDArray[np.float32]
-Float = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from dic.correlation.solver import method_of
+from dic.image.spline import spline_image
+from dic.typing import Float, Grey, Indices
 
 
 @dataclass(frozen=True)
@@ -88,13 +84,9 @@ class KernelAlone:
         spline, mean = spline_image(reference, settings.order), float(reference.mean())
         everywhere = np.ones(reference.shape, np.bool_)
         self._reference = kernel.lay_reference(spline, spline.gradient(), everywhere, mean)
-        self._coefficients = kernel.lay_coefficients(spline_image(deformed, settings.order), mean)
-        self._settings, self._x, self._y, self._start = settings, x_px, y_px, start
-        self._limits = kernel.Limits(
-            settings.radius_px, settings.min_zncc, settings.tolerance_px, settings.max_iterations,
-            halfway_noise_gain(settings.order),
-            slope_noise_gain(settings.order),
-        )  # fmt: skip
+        self._deformed = kernel.lay_coefficients(spline_image(deformed, settings.order), mean)
+        self._settings, self._method = settings, method_of(settings)
+        self._x, self._y, self._start = x_px, y_px, start
 
     def time(self, threads: int) -> tuple[Timing, float]:
         """Return the speed, and how many iterations a point took on average.
@@ -104,25 +96,21 @@ class KernelAlone:
         RuntimeError
             If a point did not converge: its time would say nothing.
         """
-        grid = self._start.shape[:2]
-        warps = np.zeros((*grid, self._settings.parameters))
-        warps[..., 0], warps[..., 3] = self._start[..., 0], self._start[..., 1]
-        deviations, status = np.empty((*grid, 6)), np.empty(grid, np.int8)
-        zncc, iterations = np.empty(grid), np.empty(grid, np.int16)
-        pixels, pending = np.full(grid, self._settings.subset_px**2), np.ones(grid, np.bool_)
+        shape = self._start.shape[:2]
+        solution = kernel.Solution.empty(shape, self._settings.parameters)
+        solution.warps[..., [0, 3]] = self._start
+        pixels = np.full(shape, self._settings.subset_px**2)
 
         def work(rows: slice) -> None:
-            kernel.correlate_grid(
-                self._reference, self._coefficients, (0.0,) * (self._settings.order + 1),
-                (0.0,) * self._settings.parameters, self._limits, self._x, self._y[rows], pixels[rows],
-                np.argwhere(pending[rows]), warps[rows], deviations[rows], status[rows], zncc[rows],
-                iterations[rows], pending[rows], False,
-            )  # fmt: skip
+            grid, seeds = kernel.Grid(self._x, self._y[rows], pixels[rows]), np.argwhere(pixels[rows])
+            kernel.correlate_seeds(
+                self._reference, self._deformed, self._method, grid, seeds, solution.part(rows)
+            )
 
-        edges = np.linspace(0, grid[0], threads + 1).astype(int)
+        edges = np.linspace(0, shape[0], threads + 1).astype(int)
         bands = [slice(first, last) for first, last in itertools.pairwise(edges)]
         with Stopwatch() as watch, ThreadPoolExecutor(threads) as pool:
             list(pool.map(work, bands))
-        if (failed := np.count_nonzero(status != Status.CONVERGED)) > 0:
-            raise RuntimeError(f"{failed} of {status.size} points failed")
-        return _timing(status.size, watch), float(iterations.mean())
+        if (failed := np.count_nonzero(~solution.converged)) > 0:
+            raise RuntimeError(f"{failed} of {pixels.size} points failed")
+        return _timing(pixels.size, watch), float(solution.iterations.mean())

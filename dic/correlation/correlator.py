@@ -1,17 +1,14 @@
 """Correlate deformed images with their reference: fields of displacements in pixels."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from dic.correlation import kernel
-from dic.correlation.consistency import consistent_field, consistent_seeds
-from dic.correlation.features import FeatureFinder
+from dic.correlation.consistency import consistent_field
 from dic.correlation.field import Field
-from dic.correlation.initial_guess import guesses
-from dic.correlation.quarter_turn import quarters_of
+from dic.correlation.prepared_reference import PreparedReference
+from dic.correlation.seeds import FEWEST_SEEDS, SeedFinder, Seeds, scattered
 from dic.correlation.settings import CorrelationSettings
-from dic.correlation.solver import PreparedReference, Solution, Solver
+from dic.correlation.solver import Solver
 from dic.correlation.status import Status
 from dic.correlation.turned_image import TurnableImage
 from dic.errors import CorrelationError, require_kind
@@ -19,42 +16,14 @@ from dic.image.given import checked_region, grey_image
 from dic.image.region import place_points, textured
 from dic.image.spline import spline_image
 from dic.image.threads import processors
-from dic.typing import Float, Grey, ImageLike, Indices, Mask, PathLike
+from dic.typing import Float, Grey, ImageLike, Mask, PathLike
 
-SEEDS = 48
-"""Points tried first; propagation starts from those that converge."""
-
-_FEWEST_SEEDS = 3
-_ENOUGH_SEEDS = 0.3
-"""Share of the seeds in view that must converge before a way of guessing is believed."""
-
-_LOST = 0.05
-"""Share of the points that must have failed before they are looked for anew."""
-
-
-class _Seeds(NamedTuple):
-    """Points to start from.
-
-    Attributes
-    ----------
-    start : str
-        Name of the guess that led to them.
-    quarters : int
-        Quarters by which the deformed image was turned for them.
-    indices : ndarray of int, shape (n, 2)
-        Row and column on the grid.
-    solution : Solution
-        In the turned image.
-    """
-
-    start: str
-    quarters: int
-    indices: Indices
-    solution: Solution
+_LOST_SHARE = 0.05
+"""Share of the points that must have failed before new seeds are searched among them."""
 
 
 class Correlator:
-    """Correlates a series with one reference, whose preparation is done once.
+    """Correlates deformed images with one reference, which is prepared once.
 
     Parameters
     ----------
@@ -63,9 +32,9 @@ class Correlator:
     region : ndarray of bool, shape (height, width), or path, optional
         Region of interest, where points may lie. Without one, points are put wherever the reference has
         texture.
-    settings : CorrelationSettings
+    settings : CorrelationSettings, optional
     clip : bool
-        Whether subsets are clipped at the region's edge, as they must be where the surface ends there.
+        Whether subsets use only pixels of the region, as they must where the surface ends at its edge.
     threads : int
         How many to work with; 0 for as many as there are processors.
 
@@ -90,28 +59,22 @@ class Correlator:
         threads: int = 0,
     ) -> None:
         require_kind("settings", settings, CorrelationSettings | None, "give dic.CorrelationSettings()")
-        self.settings = settings or CorrelationSettings()
-        self._grey = _checked_image(reference, "reference image", self.settings.subset_px)
-        self._threads = threads or processors()
-        spline = spline_image(self._grey, self.settings.order, self._threads)
-        slopes = spline.gradient(self._threads)
-        usable = np.ones(self._grey.shape, np.bool_)
+        self.settings = settings = settings or CorrelationSettings()
+        grey = _checked_reference(reference, settings.subset_px)
+        threads = threads or processors()
+        spline = spline_image(grey, settings.order, threads)
+        slopes = spline.gradient(threads)
+        usable = np.ones(grey.shape, np.bool_)
         if region is None:
-            centres = textured(*slopes, self.settings.subset_px, self._threads)
+            self.region = textured(*slopes, settings.subset_px, threads)
         else:
-            centres = checked_region(region, self._grey.shape)
-            usable = centres if clip else usable
-        self.region = centres
-        grid = place_points(centres, usable, self.settings.subset_px, self.settings.step_px)
-        self._mean = float(self._grey.mean())
-        self._features = FeatureFinder(self._grey, usable)
-        self._reference = PreparedReference(
-            kernel.lay_reference(spline, slopes, usable, self._mean, self._threads),
-            usable,
-            grid,
-            self.settings,
-            self._threads,
-        )
+            self.region = checked_region(region, grey.shape)
+            usable = self.region if clip else usable
+        grid = place_points(self.region, usable, settings.subset_px, settings.step_px)
+        mean = float(grey.mean())
+        image = kernel.lay_reference(spline, slopes, usable, mean, threads)
+        self._reference = PreparedReference(image, mean, usable, grid, settings, threads)
+        self._seed_finder = SeedFinder(self._reference, grey)
 
     def correlate(
         self, deformed: ImageLike, *, previous: Field | None = None, hint: Float | None = None
@@ -122,33 +85,24 @@ class Correlator:
         ----------
         deformed : ndarray, of the reference's shape, or path
         previous : Field, optional
-            The field of the step before, a good start when little happened since.
+            The field of the step before, a good start if little has happened since.
         hint : ndarray, shape (3, 3), optional
-            Expected homography from the reference to the deformed image, from the stage's angle for instance:
+            Expected homography from the reference to the deformed image, for instance from the stage's angle:
             see `dic.rigid_motion`.
 
         Raises
         ------
         CorrelationError
-            If the image cannot be used, or shows nothing of the reference's pattern.
+            If the image cannot be used, or does not show the reference's pattern.
         """
-        deformed = grey_image(deformed, "deformed image")
-        if deformed.shape != self._grey.shape:
-            raise CorrelationError(
-                "deformed image",
-                "compare with the reference",
-                f"{self._grey.shape[1]} x {self._grey.shape[0]} px",
-                " x ".join(str(n) for n in deformed.shape[::-1]) + " px",
-                "use images of one camera at one format",
-            )
-        image = TurnableImage(self._reference, deformed, self._mean)
-        seeds = self._first_guess(image, previous, hint)
+        image = TurnableImage(self._reference, self._checked_deformed(deformed))
+        seeds = self._first_seeds(image, previous, hint)
         solver = image.solver(seeds.quarters)
-        solution = Solution.empty(self._reference.grid.active.shape, self.settings.parameters)
-        self._fill(solver, solution, seeds.indices, seeds.solution)
-        self._doubt(solver, solution)
-        if self._look_anew(image, seeds.quarters, solution, previous):
-            self._doubt(solver, solution)
+        solution = kernel.Solution.empty(self._reference.grid.active.shape, self.settings.parameters)
+        self._solve_from_seeds(solver, solution, seeds)
+        self._reject_inconsistent(solver, solution)
+        if self._solve_lost_points(image, seeds.quarters, solution, previous):
+            self._reject_inconsistent(solver, solution)
         failed = ~solution.converged
         solution.warps[failed] = solution.std[failed] = np.nan
         solution = image.turned_back(solution, seeds.quarters)
@@ -158,121 +112,96 @@ class Correlator:
             solution.status, grid.active, seeds.start, self.settings,
         )  # fmt: skip
 
-    def _first_guess(self, image: TurnableImage, previous: Field | None, hint: Float | None) -> _Seeds:
-        """Return the seeds of the guess that worked."""
-        indices = _scattered(self._reference.grid.active)
-        best = self._seeds(image, indices, previous, hint)
-        fewest = min(_FEWEST_SEEDS, len(indices))
-        if len(best.indices) < fewest:
+    def _checked_deformed(self, deformed: ImageLike) -> Grey:
+        """Return the image as float32, or raise `CorrelationError` if its size is not the reference's."""
+        grey, shape = grey_image(deformed, "deformed image"), self._reference.usable.shape
+        if grey.shape != shape:
+            raise CorrelationError(
+                "deformed image",
+                "compare with the reference",
+                f"{shape[1]} x {shape[0]} px",
+                f"{grey.shape[1]} x {grey.shape[0]} px",
+                f"use images that one camera took with one readout region, all {shape[1]} x {shape[0]} px",
+            )
+        return grey
+
+    def _first_seeds(self, image: TurnableImage, previous: Field | None, hint: Float | None) -> Seeds:
+        """Return seeds spread over the whole grid."""
+        indices = scattered(self._reference.grid.active)
+        before = None if previous is None else previous.warps
+        seeds = self._seed_finder.find(image, indices, previous=before, hint=hint)
+        fewest = min(FEWEST_SEEDS, len(indices))
+        if len(seeds.indices) < fewest:
+            subset_px = self.settings.subset_px
             raise CorrelationError(
                 "deformed image",
                 "find the reference's pattern",
-                f"at least {fewest} of {len(indices)} subsets of {self.settings.subset_px} px"
-                f" with ZNCC above {self.settings.min_zncc:g}",
-                f"{len(best.indices)} that agree",
-                "check that both images show the same textured surface, or choose a larger subset",
+                f"at least {fewest} of {len(indices)} subsets of {subset_px} px"
+                f" with ZNCC above {self.settings.min_zncc:g} that predict one another",
+                f"{len(seeds.indices)}",
+                "check that both images show the same textured surface, or set a larger odd subset_px,"
+                f" such as {subset_px + 20}",
             )
-        return best
+        return seeds
 
-    def _seeds(
-        self,
-        image: TurnableImage,
-        indices: Indices,
-        previous: Field | None = None,
-        hint: Float | None = None,
-        quarters: int | None = None,
-    ) -> _Seeds:
-        """Return the seeds of the guess that most points at `indices` confirm.
-
-        The image is turned as each guess says, or by so many `quarters`.
-        """
-        points = self._reference.grid.points_at(indices)
-        before = None if previous is None else previous.warps[indices[:, 0], indices[:, 1], :6]
-        half_px = max(self.settings.radius_px, 15)
-        best = _Seeds("", 0, indices[:0], Solution.empty((0,), self.settings.parameters))
-        for name, guess in guesses(
-            self._grey, image.grey, self._features, points, half_px,
-            previous=before, hint=hint, threads=self._threads,
-        ):  # fmt: skip
-            turn = quarters_of(guess) if quarters is None else quarters
-            solved = image.solver(turn).solve(indices, image.turned(guess, points, turn))
-            good = solved.converged
-            good[good] = consistent_seeds(points[good], solved.warps[good])
-            if good.sum() > len(best.indices):
-                best = _Seeds(name, turn, indices[good], solved.part(np.flatnonzero(good)))
-            in_view = np.count_nonzero(solved.status != Status.OUT_OF_VIEW)
-            if len(best.indices) >= max(min(_FEWEST_SEEDS, len(points)), _ENOUGH_SEEDS * in_view):
-                break
-        return best
-
-    def _fill(self, solver: Solver, solution: Solution, seeds: Indices, solved: Solution) -> None:
-        """Solve every point that can be reached from the seeds, and islands from what is nearest to them."""
+    def _solve_from_seeds(self, solver: Solver, solution: kernel.Solution, seeds: Seeds) -> None:
+        """Solve every point that propagation reaches from the seeds, and islands from their nearest point."""
         grid = self._reference.grid
         whole = grid.active & ~grid.cut
-        first = True
+        indices, solved, in_bands = seeds.indices, seeds.solution, True
         while True:
-            solution.put((seeds[:, 0], seeds[:, 1]), solved)
-            solver.propagate(solution, whole & ~solution.converged, side_by_side=first)
+            solution.put((indices[:, 0], indices[:, 1]), solved)
+            solver.propagate(solution, whole & ~solution.converged, in_bands=in_bands)
             solver.solve_beside_cracks(solution)
-            seeds = np.argwhere(grid.active & (solution.status == Status.NOT_REACHED))
-            if not seeds.size:
+            indices = np.argwhere(grid.active & (solution.status == Status.NOT_REACHED))
+            if not indices.size:
                 return
-            solved = solver.solve(seeds, solver.from_nearest(solution, seeds))
-            first = False
+            solved = solver.solve(indices, solver.guess_from_nearest(solution, indices))
+            in_bands = False
 
-    def _look_anew(
-        self, image: TurnableImage, quarters: int, solution: Solution, previous: Field | None
+    def _solve_lost_points(
+        self, image: TurnableImage, quarters: int, solution: kernel.Solution, previous: Field | None
     ) -> bool:
-        """Look for many lost points as if nothing were known: they may lie on a body that moves on its own.
+        """Search new seeds among lost points, which may lie on a body with a motion of its own.
 
-        Points that had been lost before are left alone, or every image of a series were searched for them.
+        Only points that the step before had are searched, so that points lost for good do not cost a search
+        in every image of a series. Returns whether there were seeds.
         """
         grid = self._reference.grid
         lost = grid.active & ~solution.converged & (solution.status != Status.OUT_OF_VIEW)
         if previous is not None:
             lost &= previous.converged
-        if lost.sum() < max(_FEWEST_SEEDS, _LOST * grid.active.sum()):
+        if lost.sum() < max(FEWEST_SEEDS, _LOST_SHARE * grid.active.sum()):
             return False
-        seeds = self._seeds(image, _scattered(lost), quarters=quarters)
-        if len(seeds.indices) < _FEWEST_SEEDS:
+        seeds = self._seed_finder.find(image, scattered(lost), quarters=quarters)
+        if len(seeds.indices) < FEWEST_SEEDS:
             return False
-        self._fill(image.solver(quarters), solution, seeds.indices, seeds.solution)
+        self._solve_from_seeds(image.solver(quarters), solution, seeds)
         return True
 
-    def _doubt(self, solver: Solver, solution: Solution) -> None:
-        """Take back the points that no neighbour predicts, after one more try from those that agree."""
+    def _reject_inconsistent(self, solver: Solver, solution: kernel.Solution) -> None:
+        """Reject the points that no neighbour predicts, after one more try from consistent neighbours."""
         grid = self._reference.grid
-        for last in (False, True):
+        for last_try in (False, True):
             converged = grid.active & solution.converged
-            alone = converged & ~consistent_field(grid.x, grid.y, solution.warps, converged)
-            if not alone.any():
+            inconsistent = converged & ~consistent_field(grid.x, grid.y, solution.warps, converged)
+            if not inconsistent.any():
                 return
-            solution.status[alone] = Status.INCONSISTENT
-            if not last:
-                solver.propagate(solution, alone & ~grid.cut, side_by_side=False)
+            solution.status[inconsistent] = Status.INCONSISTENT
+            if not last_try:
+                solver.propagate(solution, inconsistent & ~grid.cut, in_bands=False)
                 solver.solve_beside_cracks(solution)
 
 
-def _scattered(points: Mask) -> Indices:
-    """Return up to about `SEEDS` indices (row, column) spread over the true ones of a grid."""
-    rows, columns = np.nonzero(points)
-    stride = max(1, round(np.sqrt(rows.size / SEEDS)))
-    while True:
-        chosen = (rows % stride == stride // 2) & (columns % stride == stride // 2)
-        if chosen.sum() >= min(SEEDS // 2, rows.size) or stride == 1:
-            return np.stack([rows[chosen], columns[chosen]], axis=1)
-        stride -= 1
-
-
-def _checked_image(image: ImageLike, name: str, subset_px: int) -> Grey:
-    """Return the image as float32, or say why it cannot be used."""
-    grey = grey_image(image, name)
+def _checked_reference(reference: ImageLike, subset_px: int) -> Grey:
+    """Return the image as float32, or raise `CorrelationError` if it holds no subset."""
+    grey = grey_image(reference, "reference image")
     if min(grey.shape) < subset_px:
         raise CorrelationError(
-            name,
+            "reference image",
             "read",
-            f"an image wider and higher than a subset of {subset_px} px",
-            " x ".join(str(n) for n in grey.shape[::-1]) + " px",
-            "use a larger image or a smaller subset",
+            f"an image that holds a subset of {subset_px} px",
+            f"{grey.shape[1]} x {grey.shape[0]} px",
+            "use a larger image, or a smaller odd subset_px such as 21",
         )
     return grey

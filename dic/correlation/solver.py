@@ -1,122 +1,35 @@
-"""Solve points of interest of one reference in one deformed image: given guesses, and from point to point."""
-
-from dataclasses import dataclass, field
-from typing import NamedTuple
+"""Solve points of interest of one reference in one deformed image: from guesses, and from point to point."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.correlation import kernel
 from dic.correlation.cracks import CutReference, visible_neighbours
+from dic.correlation.prepared_reference import PreparedReference
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.status import Status
-from dic.image.region import PointGrid
 from dic.image.spline import halfway_noise_gain, slope_noise_gain
 from dic.image.threads import balanced_bands, in_parallel
-
-Float = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Mask = NDArray[np.bool_]
-
-_KEPT = 4.25
-"""Most that is kept of the subsets, in images of float32: quadratic ones at a step of 5 px need no more."""
+from dic.typing import Float, Indices, Mask
 
 _TRIES = 3
 """Neighbours from which a point beside a crack is tried."""
 
 _BANDS = 16
-"""Bands of rows that are solved side by side: enough to keep several processors busy to the end."""
+"""Bands of rows that are solved in parallel: enough to keep several processors busy to the end."""
 
 
-class Solution(NamedTuple):
-    """What IC-GN found, for points in a row or on a grid, in the order in which the kernel takes it."""
-
-    warps: Float
-    std: Float
-    status: NDArray[np.int8]
-    zncc: Float
-    iterations: NDArray[np.int16]
-
-    @classmethod
-    def empty(cls, shape: tuple[int, ...], parameters: int) -> "Solution":
-        """Return a solution of so many points that knows nothing yet."""
-        return cls(
-            np.zeros((*shape, parameters)),
-            np.full((*shape, 6), np.nan),
-            np.full(shape, Status.NOT_REACHED, np.int8),
-            np.full(shape, np.nan),
-            np.zeros(shape, np.int16),
-        )
-
-    def put(self, where: tuple[NDArray[np.int64], ...], part: "Solution") -> None:
-        """Write the solution of some points in their places."""
-        self.warps[where], self.std[where] = part.warps, part.std
-        self.status[where], self.zncc[where] = part.status, part.zncc
-        self.iterations[where] = part.iterations
-
-    def part(self, where: slice | Indices | tuple[Indices, Indices]) -> "Solution":
-        """Return a view of some rows of a grid, or a copy of the points of a list of places."""
-        return Solution(
-            self.warps[where],
-            self.std[where],
-            self.status[where],
-            self.zncc[where],
-            self.iterations[where],
-        )
-
-    @property
-    def converged(self) -> Mask:
-        """Which points have a value."""
-        return np.asarray(self.status == Status.CONVERGED)
-
-
-class SubsetMemory:
-    """What IC-GN found out about a reference's subsets, kept for the later images of a series.
-
-    A pair has no use for it, so nothing is kept before the second image; nor is where it would take more than
-    `_KEPT` times the reference image. Results are the same with and without.
-    """
-
-    def __init__(self) -> None:
-        self._images = 0
-        self._prepared: kernel.Prepared | None = None
-
-    def of_next_image(self, grid: PointGrid, image_px: int, parameters: int) -> kernel.Prepared | None:
-        """Return what is known before another image is correlated, to be filled by it; None for a pair."""
-        self._images += 1
-        if self._images == 2:
-            size = 4 * kernel.record_length(parameters) * grid.active.size
-            if size <= _KEPT * 4 * image_px:
-                self._prepared = kernel.Prepared.empty(grid.active.shape, parameters)
-        return self._prepared
-
-    @property
-    def kept_bytes(self) -> int:
-        """How much memory is set aside."""
-        return 0 if self._prepared is None else sum(part.nbytes for part in self._prepared)
-
-
-@dataclass(frozen=True)
-class PreparedReference:
-    """All of a reference that does not depend on the deformed image.
-
-    Attributes
-    ----------
-    image : kernel.Reference
-    usable : ndarray of bool, shape (height, width)
-        Pixels that subsets may use.
-    grid : PointGrid
-    settings : CorrelationSettings
-    threads : int
-    memory : SubsetMemory
-    """
-
-    image: kernel.Reference
-    usable: Mask
-    grid: PointGrid
-    settings: CorrelationSettings
-    threads: int
-    memory: SubsetMemory = field(default_factory=SubsetMemory)
+def method_of(settings: CorrelationSettings) -> kernel.Method:
+    """Return the settings as the kernel takes them."""
+    return kernel.Method(
+        (0.0,) * (settings.order + 1),
+        (0.0,) * settings.parameters,
+        settings.radius_px,
+        settings.min_zncc,
+        settings.tolerance_px,
+        settings.max_iterations,
+        halfway_noise_gain(settings.order),
+        slope_noise_gain(settings.order),
+    )
 
 
 class Solver:
@@ -126,115 +39,116 @@ class Solver:
     ----------
     reference : PreparedReference
     deformed : kernel.Deformed
-        As `kernel.lay_coefficients` gives it; its shape may differ from the reference's.
+        From `kernel.lay_coefficients`; its shape may differ from the reference's.
     """
 
     def __init__(self, reference: PreparedReference, deformed: kernel.Deformed) -> None:
-        settings = reference.settings
         self._reference, self._deformed = reference, deformed
-        self._threads = reference.threads
+        self._method = method_of(reference.settings)
         self._prepared: kernel.Prepared | None = None
         self._counted = False
-        # Compiled code is chosen by the length of these: one for each tap and for each parameter of a warp.
-        self._taps, self._shape = (0.0,) * (settings.order + 1), (0.0,) * settings.parameters
-        self._limits = kernel.Limits(
-            settings.radius_px,
-            settings.min_zncc,
-            settings.tolerance_px,
-            settings.max_iterations,
-            halfway_noise_gain(settings.order),
-            slope_noise_gain(settings.order),
-        )
 
-    def solve(self, indices: Indices, warps: Float) -> Solution:
-        """Run IC-GN at grid `indices` (n, 2) from `warps` (n, 6 or fewer than a warp has: the rest is 0).
+    def solve(self, indices: Indices, warps: Float) -> kernel.Solution:
+        """Run IC-GN at grid `indices` (n, 2) from guesses `warps` (n, 6 or 12).
 
-        A warp with NaN is no guess: its point stays "not reached".
+        Parameters that a guess lacks start at 0. A point whose guess has NaN is not tried and stays "not
+        reached".
         """
-        parameters = self._reference.settings.parameters
-        solution = Solution.empty((len(indices),), parameters)
+        grid, radius = self._reference.grid, self._method.radius
+        solution = kernel.Solution.empty((len(indices),), self._reference.settings.parameters)
         solution.warps[:, : warps.shape[1]] = warps
         guessed = np.isfinite(warps).all(axis=1)
-        cut = self._reference.grid.cut[indices[:, 0], indices[:, 1]]
-        self._run(self._reference.image, indices, np.flatnonzero(guessed & ~cut), solution)
+        cut = grid.cut[indices[:, 0], indices[:, 1]]
+        self._correlate(self._reference.image, indices, np.flatnonzero(guessed & ~cut), solution)
         beside_cracks = np.flatnonzero(guessed & cut)
         if beside_cracks.size:
             image = CutReference(self._reference.image)
             for k in beside_cracks:
-                (x, y), radius = self._reference.grid.points_at(indices[k : k + 1])[0], self._limits.radius
+                x, y = grid.points_at(indices[k : k + 1])[0]
                 with image.limited_to(int(x), int(y), self._reference.usable, radius) as limited:
-                    self._run(limited, indices, np.array([k]), solution)
+                    self._correlate(limited, indices, np.array([k]), solution)
         return solution
 
-    def _run(self, image: kernel.Reference, indices: Indices, chosen: Indices, solution: Solution) -> None:
-        """Run the kernel at the chosen ones of `indices`, on their rows and columns of the grid only."""
+    def _correlate(
+        self, image: kernel.Reference, indices: Indices, chosen: Indices, solution: kernel.Solution
+    ) -> None:
+        """Run the kernel at the chosen ones of `indices`, on a grid of their rows and columns only."""
         grid = self._reference.grid
         rows, row = np.unique(indices[chosen, 0], return_inverse=True)
         columns, column = np.unique(indices[chosen, 1], return_inverse=True)
-        small = Solution.empty((len(rows), len(columns)), self._reference.settings.parameters)
+        small = kernel.Solution.empty((len(rows), len(columns)), self._reference.settings.parameters)
         small.put((row, column), solution.part(chosen))
-        seeds, pixels = np.stack([row, column], axis=1), grid.pixels[np.ix_(rows, columns)]
-        kernel.correlate_grid(
-            image, self._deformed, self._taps, self._shape, self._limits,
-            grid.x[columns], grid.y[rows], pixels, seeds,
-            *small, np.ones(small.status.shape, np.bool_), False,
-        )  # fmt: skip
+        small_grid = kernel.Grid(grid.x[columns], grid.y[rows], grid.pixels[np.ix_(rows, columns)])
+        seeds = np.stack([row, column], axis=1)
+        kernel.correlate_seeds(image, self._deformed, self._method, small_grid, seeds, small)
         solution.put((chosen,), small.part((row, column)))
 
-    def propagate(self, solution: Solution, pending: Mask, *, side_by_side: bool) -> None:
-        """Spread from the converged points over those `pending`, the best first.
+    def propagate(self, solution: kernel.Solution, pending: Mask, *, in_bands: bool) -> None:
+        """Continue from the converged points over those `pending`, always from the highest ZNCC.
 
-        Side by side, the grid is cut into bands of rows. Bands know nothing of one another: what they leave
-        at their borders is reached afterwards. Their number is not that of the threads, so that results do
-        not depend on the machine.
+        In bands, the grid is first cut into bands of rows, which are solved in parallel without knowing of
+        one another; the points that they leave at their borders are solved afterwards. The number of bands
+        does not depend on the number of threads, so results do not depend on the machine.
         """
         if not self._counted:
-            # Solvers that only try seeds, as in an image turned in vain, do not make a series.
+            # Count images here: a solver for a quarter turn that did not help only tries seeds.
             size, parameters = self._reference.usable.size, self._reference.settings.parameters
-            self._prepared = self._reference.memory.of_next_image(self._reference.grid, size, parameters)
+            self._prepared = self._reference.memory.for_next_image(self._reference.grid, size, parameters)
             self._counted = True
-        if side_by_side:
+        if in_bands:
             bands = self._seeded_bands(solution, pending)
             in_parallel(
-                lambda band: self._spread(solution.part(band), pending[band], band), bands, self._threads
+                lambda band: self._propagate_rows(solution.part(band), pending[band], band),
+                bands,
+                self._reference.threads,
             )
-        beginning = solution.converged & next_to(pending)
-        if not beginning.any():
+        fronts = solution.converged & next_to(pending)
+        if not fronts.any():
             return
-        # All others have nothing left to reach: hidden, they are not asked in vain.
-        status = np.where(solution.converged & ~beginning, np.int8(Status.NOT_REACHED), solution.status)
-        reached = pending.copy()
-        self._spread(solution._replace(status=status), pending, slice(None))
-        solution.status[reached] = status[reached]
+        # Other converged points have no pending neighbour. Mark them NOT_REACHED so that the kernel does not
+        # queue them.
+        status = np.where(solution.converged & ~fronts, np.int8(Status.NOT_REACHED), solution.status)
+        tried = pending.copy()
+        self._propagate_rows(solution._replace(status=status), pending, slice(None))
+        solution.status[tried] = status[tried]
 
-    def _spread(self, part: Solution, pending: Mask, band: slice) -> None:
+    def _propagate_rows(self, part: kernel.Solution, pending: Mask, rows: slice) -> None:
         """Run the kernel from the converged points of some rows of the grid over those pending there."""
         grid, prepared = self._reference.grid, self._prepared
         if prepared is not None:
-            prepared = kernel.Prepared(prepared.known[band], prepared.records[band])
-        kernel.correlate_grid(
-            self._reference.image, self._deformed, self._taps, self._shape, self._limits,
-            grid.x, grid.y[band], grid.pixels[band], np.empty((0, 2), np.int64), *part, pending, True,
-            prepared,
-        )  # fmt: skip
+            prepared = kernel.Prepared(prepared.known[rows], prepared.records[rows])
+        band = kernel.Grid(grid.x, grid.y[rows], grid.pixels[rows])
+        kernel.propagate(self._reference.image, self._deformed, self._method, band, part, pending, prepared)
 
-    def _seeded_bands(self, solution: Solution, pending: Mask) -> list[slice]:
-        """Cut the grid into bands of rows of like many pending points; solve some where a band knows none."""
+    def _seeded_bands(self, solution: kernel.Solution, pending: Mask) -> list[slice]:
+        """Cut the grid into bands with about equally much to do, and solve seeds in those without any."""
         bands = balanced_bands(pending.sum(axis=1), _BANDS)
-        known = solution.converged
-        starts = []
+        converged = solution.converged
+        seeds = []
         for band in bands:
-            if not known[band].any():
+            if not converged[band].any():
                 places = np.argwhere(pending[band]) + np.array([band.start, 0])
                 middle = places[places[:, 0] == places[len(places) // 2, 0]]
-                starts.append(middle[[len(middle) // 4, len(middle) // 2, 3 * len(middle) // 4]])
-        if starts and known.any():
-            indices = np.concatenate(starts)
-            solution.put(tuple(indices.T), self.solve(indices, self.from_nearest(solution, indices)))
+                seeds.append(middle[[len(middle) // 4, len(middle) // 2, 3 * len(middle) // 4]])
+        if seeds and converged.any():
+            indices = np.concatenate(seeds)
+            solution.put(tuple(indices.T), self.solve(indices, self.guess_from_nearest(solution, indices)))
             pending &= ~solution.converged
         return bands
 
-    def extrapolated(self, solution: Solution, origins: Indices, indices: Indices) -> Float:
+    def guess_from_nearest(self, solution: kernel.Solution, indices: Indices) -> Float:
+        """Return guesses (n, 6) at grid `indices`, extrapolated from the nearest converged point."""
+        from scipy.spatial import cKDTree
+
+        converged = solution.converged
+        # The nearest converged point has a neighbour without a value, or that neighbour would be nearer.
+        borders = np.argwhere(converged & next_to(~converged))
+        # To build a balanced tree would take longer than these few queries.
+        _, nearest = cKDTree(borders, balanced_tree=False, compact_nodes=False).query(indices)
+        origins = np.asarray(borders[nearest], np.int64)
+        return self._extrapolated(solution, origins, indices)
+
+    def _extrapolated(self, solution: kernel.Solution, origins: Indices, indices: Indices) -> Float:
         """Return guesses (n, 6) at grid `indices` from the warps of as many points at `origins`."""
         guess: Float = solution.warps[origins[:, 0], origins[:, 1], :6].copy()
         grid = self._reference.grid
@@ -243,30 +157,18 @@ class Solver:
         guess[:, 3] += guess[:, 4] * dx + guess[:, 5] * dy
         return guess
 
-    def from_nearest(self, solution: Solution, indices: Indices) -> Float:
-        """Return guesses (n, 6) at grid `indices`, extrapolated from the nearest converged point."""
-        from scipy.spatial import cKDTree
-
-        converged = solution.converged
-        # The nearest has a neighbour without a value: one step on towards the asking point would be nearer.
-        known = np.argwhere(converged & next_to(~converged))
-        # A balanced tree takes longer to build than these few questions to answer.
-        _, nearest = cKDTree(known, balanced_tree=False, compact_nodes=False).query(indices)
-        origins = np.asarray(known[nearest], np.int64)
-        return self.extrapolated(solution, origins, indices)
-
-    def solve_beside_cracks(self, solution: Solution) -> None:
-        """Solve the points whose subsets are cut into parts, from neighbours on their own side."""
+    def solve_beside_cracks(self, solution: kernel.Solution) -> None:
+        """Solve points whose subset a crack cuts into parts, from neighbours on their own side of it."""
         grid = self._reference.grid
         tried: dict[tuple[int, int], list[tuple[int, int]]] = {}
         for row, column in np.argwhere(grid.cut & ~solution.converged):
             tried[int(row), int(column)] = []
         while True:
-            known, pairs = solution.converged, []
+            converged, pairs = solution.converged, []
             for place, origins in tried.items():
-                if known[place] or len(origins) >= _TRIES:
+                if converged[place] or len(origins) >= _TRIES:
                     continue
-                neighbours = visible_neighbours(grid, self._reference.usable, *place, known)
+                neighbours = visible_neighbours(grid, self._reference.usable, *place, converged)
                 untried = next((origin for origin in neighbours if origin not in origins), None)
                 if untried is not None:
                     origins.append(untried)
@@ -274,7 +176,7 @@ class Solver:
             if not pairs:
                 return
             places = np.array([place for place, _ in pairs], np.int64)
-            guess = self.extrapolated(solution, np.array([origin for _, origin in pairs], np.int64), places)
+            guess = self._extrapolated(solution, np.array([origin for _, origin in pairs], np.int64), places)
             solution.put(tuple(places.T), self.solve(places, guess))
 
 

@@ -1,51 +1,47 @@
 """A deformed image, correlated as it is or after an exact quarter turn that brings it near upright."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.correlation import kernel
+from dic.correlation.prepared_reference import PreparedReference
 from dic.correlation.quarter_turn import turn_std, turn_warps
-from dic.correlation.solver import PreparedReference, Solution, Solver
+from dic.correlation.solver import Solver
 from dic.image.spline import spline_image
-
-Float = NDArray[np.float64]
-Grey = NDArray[np.float32]
+from dic.typing import Float, Grey, Indices
 
 
 class TurnableImage:
-    """A deformed image with its solvers, each prepared when it is first asked for.
+    """A deformed image and its solvers, one for each quarter turn, prepared when first asked for.
 
     Parameters
     ----------
     reference : PreparedReference
     grey : ndarray of float32, shape (height, width)
-    mean : float
-        Grey level that the kernel takes for zero, the reference's mean.
     """
 
-    def __init__(self, reference: PreparedReference, grey: Grey, mean: float) -> None:
+    def __init__(self, reference: PreparedReference, grey: Grey) -> None:
         self.grey = grey
-        self._reference, self._mean = reference, mean
+        self._reference = reference
         self._solvers: dict[int, Solver] = {}
 
     def solver(self, quarters: int) -> Solver:
         """Return the solver in the image as `numpy.rot90` turns it."""
         if quarters not in self._solvers:
-            # One at a time is kept: each holds a whole image, and seldom is more than one needed.
+            # Keep one at a time: each holds a whole image, and more than one is seldom needed.
             self._solvers.clear()
             order, threads = self._reference.settings.order, self._reference.threads
             spline = spline_image(np.rot90(self.grey, quarters), order, threads)
-            laid = kernel.lay_coefficients(spline, self._mean, threads)
+            laid = kernel.lay_coefficients(spline, self._reference.mean, threads)
             self._solvers[quarters] = Solver(self._reference, laid)
         return self._solvers[quarters]
 
-    def turned(self, warps: Float, points: NDArray[np.int64], quarters: int) -> Float:
+    def turned(self, warps: Float, points: Indices, quarters: int) -> Float:
         """Return guesses (n, 6) at `points` (n, 2) as they are in the turned image."""
         height, width = self.grey.shape
         return turn_warps(warps, points[:, 0], points[:, 1], (height, width), quarters)
 
-    def turned_back(self, solution: Solution, quarters: int) -> Solution:
-        """Return the solution of the grid in the turned image as it is in the image itself."""
+    def turned_back(self, solution: kernel.Solution, quarters: int) -> kernel.Solution:
+        """Return the grid's solution in the turned image as it is in the image itself."""
         if quarters == 0:
             return solution
         height, width = np.rot90(self.grey, quarters).shape

@@ -1,20 +1,28 @@
-"""The compiled kernel: subset correlation at the speed of the processor.
+"""The compiled kernel: IC-GN for every point of a grid.
 
-Read it in this order: `layout` (how images lie in memory), `vectors` (what one instruction does), `moments`
-(sums over a subset), `warps`, `icgn` (one point), `propagation` (many points, in the order of `heap`).
+docs/kernel.md derives the sums that the kernel works with. Read it first, then the modules in this order:
+`method`, `layout` (how images lie in memory), `warps`, `vectors` (what one instruction works on),
+`bspline_weights`,
+`moments` (sums over a subset), `prepared` (what is known of the reference's subset), `icgn` (one point),
+`uncertainty` (its standard deviations), `propagation` (many points).
 """
 
-from dic.correlation.kernel.icgn import Limits, Prepared, record_length
 from dic.correlation.kernel.layout import Deformed, Reference, lay_coefficients, lay_reference
-from dic.correlation.kernel.propagation import correlate_grid
+from dic.correlation.kernel.method import Method
+from dic.correlation.kernel.prepared import Prepared, record_length
+from dic.correlation.kernel.propagation import correlate_seeds, propagate
+from dic.correlation.kernel.solution import Grid, Solution
 
 __all__ = [
     "Deformed",
-    "Limits",
+    "Grid",
+    "Method",
     "Prepared",
     "Reference",
-    "correlate_grid",
+    "Solution",
+    "correlate_seeds",
     "lay_coefficients",
     "lay_reference",
+    "propagate",
     "record_length",
 ]

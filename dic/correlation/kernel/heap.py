@@ -1,20 +1,38 @@
-"""A queue of points, the best first: a binary heap in two arrays.
+"""A priority queue of points: a binary heap in two arrays, the largest key on top.
 
-Python's `heapq` would do, but it takes a second to compile.
+Python's `heapq` would do, but numba takes a second to compile it.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.correlation.kernel.jit import inner
 
-Keys = NDArray[np.float64]
-Items = NDArray[np.int64]
+
+class Queue(NamedTuple):
+    """Memory of a queue. How many of its places are in use, the caller keeps.
+
+    Attributes
+    ----------
+    keys : ndarray of float64, shape (places,)
+    items : ndarray of int64, shape (places,)
+    """
+
+    keys: NDArray[np.float64]
+    items: NDArray[np.int64]
+
+    @classmethod
+    def with_room_for(cls, places: int) -> "Queue":
+        """Return an empty queue that holds at most so many items."""
+        return cls(np.empty(places), np.empty(places, np.int64))
 
 
 @inner
-def push(keys: Keys, items: Items, size: int, key: float, item: int) -> int:
-    """Add an item to a heap of so many; return the new size."""
+def push(queue: Queue, size: int, key: float, item: int) -> int:
+    """Add an item to a queue of `size` items; return the new size."""
+    keys, items = queue.keys, queue.items
     at = size
     while at > 0 and keys[(at - 1) // 2] < key:
         keys[at], items[at] = keys[(at - 1) // 2], items[(at - 1) // 2]
@@ -24,8 +42,9 @@ def push(keys: Keys, items: Items, size: int, key: float, item: int) -> int:
 
 
 @inner
-def pop(keys: Keys, items: Items, size: int) -> int:
-    """Remove the item with the largest key from a heap of so many, which becomes one smaller; return it."""
+def pop(queue: Queue, size: int) -> int:
+    """Remove the item with the largest key from a queue of `size` items and return it."""
+    keys, items = queue.keys, queue.items
     best: int = items[0]
     last = size - 1
     key, item = keys[last], items[last]

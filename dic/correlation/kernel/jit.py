@@ -1,8 +1,8 @@
-"""Numba's compiler, with the types of the decorated function kept and a cache that cannot be stale.
+"""Numba's compiler with typed decorators, and a cache of machine code that is never stale.
 
-Numba keeps machine code on disk as long as the file of the outermost function stays the same; an inner
-function that changed in another file would go unnoticed. The kernel therefore has a cache folder of its own,
-named after the content of all its files and of those whose values are compiled in.
+Numba keeps machine code on disk until the file of the outermost function changes; it does not notice when an
+inner function in another file changes. The kernel therefore has a cache folder of its own, named after the
+content of every file that can affect its machine code.
 """
 
 import hashlib
@@ -16,8 +16,10 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-COMPILED_IN = ("status.py",)
-"""Files beside the kernel's folder whose values are constants of the machine code."""
+COMPILED_IN = ("correlation/status.py", "image/spline.py", "image/threads.py", "typing.py")
+"""Files of `dic` outside the kernel's folder that the kernel imports: their constants can be compiled in."""
+
+_PACKAGE = Path(__file__).parents[2]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -35,7 +37,7 @@ def compiled(function: Function) -> Function:
         try:
             return cast(Function, numba.njit(cache=True, **_OPTIONS)(function))
         except RuntimeError:
-            # Nowhere to keep it: installed by another user, and no home to write to.
+            # There is no folder for the cache: another user installed the package, and no home is writable.
             return cast(Function, numba.njit(**_OPTIONS)(function))
 
 
@@ -49,10 +51,20 @@ def inlined(function: Function) -> Function:
     return cast(Function, numba.njit(forceinline=True, **_OPTIONS, **_NO_WRAPPERS)(function))
 
 
+def cache_key(package: Path) -> str:
+    """Return a name for the kernel's machine code, from the content of the files of the package `dic`."""
+    content = hashlib.sha256()
+    kernel = sorted((package / "correlation" / "kernel").glob("*.py"))
+    for source in [*kernel, *(package / name for name in COMPILED_IN)]:
+        content.update(f"{source.name}\0{source.stat().st_size}\0".encode())
+        content.update(source.read_bytes())
+    return content.hexdigest()[:16]
+
+
 @contextmanager
 def _own_cache() -> Iterator[None]:
     before = numba.config.CACHE_DIR
-    # A folder that the user chose for numba's cache is respected.
+    # A folder that the user chose for numba's cache (NUMBA_CACHE_DIR) takes precedence.
     numba.config.CACHE_DIR = before or str(_cache_folder())
     try:
         yield
@@ -62,12 +74,8 @@ def _own_cache() -> Iterator[None]:
 
 @cache
 def _cache_folder() -> Path:
-    content = hashlib.sha256()
-    here = Path(__file__).parent
-    for source in [*sorted(here.glob("*.py")), *(here.parent / name for name in COMPILED_IN)]:
-        content.update(source.read_bytes())
     try:
         caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     except RuntimeError:  # a user without a home
         caches = Path(tempfile.gettempdir())
-    return caches / "offaxis" / content.hexdigest()[:16]
+    return caches / "offaxis" / cache_key(_PACKAGE)

@@ -1,107 +1,106 @@
 """Sums over a subset: of the reference alone, and of the reference with the warped deformed image.
 
-All that IC-GN needs of a subset is a handful of such moments, so no array of subset size exists. Images are
-flat arrays of float32 (`dic.correlation.kernel.layout`); f is the reference, zero outside the region of
-interest like its slopes fx and fy, and g the deformed image, whose spline has the coefficients c. The
-subset's centre is the element `centre` of the reference; `target` is the element of the deformed image with
-the same coordinates.
+IC-GN needs only these few sums ("moments") of a subset, so the kernel builds no array of the subset's size.
+docs/kernel.md derives them: symbol, place in the arrays below, formula, and where the papers have it.
+
+f is the grey level of the reference, fx and fy are its derivatives; all three are zero outside the region of
+interest. g is the grey level of the deformed image at the warped pixel. x and y are offsets from the subset's
+centre. Images are flat arrays of float32 (`dic.correlation.kernel.layout`).
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.correlation.kernel.bspline_weights import weights, weights_in_two_cells
 from dic.correlation.kernel.jit import inlined, inner
-from dic.correlation.kernel.layout import Deformed, Reference
+from dic.correlation.kernel.layout import Deformed, Flat, Reference
+from dic.correlation.kernel.method import Shape, Subset, Taps
 from dic.correlation.kernel.vectors import (
+    Vector,
     add_moments,
     add_powers,
     at_least,
-    blend,
     fma,
+    interpolate,
     load,
-    nothing,
     ramp8,
     ramp16,
     select,
     splat,
     total,
+    zeros,
 )
 
-Flat = NDArray[np.float32]
-Vector = NDArray[np.float32]
-Taps = tuple[float, ...]
-Shape = tuple[float, ...]
-"""A tuple whose length alone matters, so that code is compiled for it: 4 or 6 taps, 6 or 12 parameters."""
-
-# Moments of the reference, by place: fx fx, fx fy, fy fy times the fifteen monomials up to the fourth degree;
-# fx f, fy f, fx and fy times the six up to the second; f and f². Monomials are ordered 1; x, y; x², xy, y²; …
+# Moments of the reference, by place. PRODUCTS: ∑fx fx, ∑fx fy, ∑fy fy, each with the fifteen monomials up to
+# the fourth degree. FX_F, FY_F, FX, FY: ∑fx f, ∑fy f, ∑fx, ∑fy, each with the six monomials up to the second
+# degree. Monomials are ordered 1; x, y; x², xy, y²; …
 PRODUCTS, FX_F, FY_F, FX, FY, F, FF = 0, 45, 51, 57, 63, 69, 70
 REFERENCE_MOMENTS = 71
-# Moments with the deformed image: fx g and fy g times 1, x, y, x², xy, y²; g, g² and f g.
+# Moments with the deformed image: ∑fx g and ∑fy g, each with the six monomials; ∑g, ∑g² and ∑f g.
 FX_G, FY_G, G, GG, FG = 0, 6, 12, 13, 14
 MOMENTS = 15
 
 
-@inlined
-def _weights(taps: Taps, t: Vector) -> tuple[Vector, ...]:
-    """Return the B-spline weights of the taps around a position whose fractional part is `t`.
+class Rows(NamedTuple):
+    """How the rows of a strip lie in the deformed image.
 
-    Each is 6 (cubic) or 120 (quintic) times the weight: the coefficients have been divided instead.
+    Attributes
+    ----------
+    shift : ndarray of float32, shape (2, rows)
+        What each row adds to the warp of the strip's pixels along x and y, less the whole pixels in `place`.
+    place : ndarray of int64, shape (2, rows)
+        Row 0: elements by which the warp's whole pixels move each row. Row 1: whether a row reaches into the
+        next cell between pixels, to the right or below.
     """
-    one = splat(t, 1.0)
-    s = one - t
-    t2, s2 = t * t, s * s
-    if len(taps) == 4:
-        three, four, six = splat(t, 3.0), splat(t, 4.0), splat(t, 6.0)
-        return s2 * s, four + t2 * (three * t - six), four + s2 * (three * s - six), t2 * t
-    five, ten, twenty, thirty = splat(t, 5.0), splat(t, 10.0), splat(t, 20.0), splat(t, 30.0)
-    c26, c50, c60, c66 = splat(t, 26.0), splat(t, 50.0), splat(t, 60.0), splat(t, 66.0)
-    return (
-        s2 * s2 * s,
-        c26 + t * (t * (twenty + t * (twenty + t * (five * t - twenty))) - c50),
-        c66 + t2 * (t2 * (thirty - ten * t) - c60),
-        c66 + s2 * (s2 * (thirty - ten * s) - c60),
-        c26 + s * (s * (twenty + s * (twenty + s * (five * s - twenty))) - c50),
-        t2 * t2 * t,
-    )
+
+    shift: Flat
+    place: NDArray[np.int64]
 
 
-@inlined
-def _weights_of_two(taps: Taps, t: Vector) -> tuple[Vector, ...]:
-    """Return the weights, one more than taps, where `t` in [0, 2) lies in the first pixel or in the next."""
-    zero, one = splat(t, 0.0), splat(t, 1.0)
-    next_pixel = at_least(t, one)
-    w = _weights(taps, t - select(next_pixel, one, zero))
-    if len(taps) == 4:
-        return (
-            select(next_pixel, zero, w[0]),
-            select(next_pixel, w[0], w[1]),
-            select(next_pixel, w[1], w[2]),
-            select(next_pixel, w[2], w[3]),
-            select(next_pixel, w[3], zero),
-        )
-    return (
-        select(next_pixel, zero, w[0]),
-        select(next_pixel, w[0], w[1]),
-        select(next_pixel, w[1], w[2]),
-        select(next_pixel, w[2], w[3]),
-        select(next_pixel, w[3], w[4]),
-        select(next_pixel, w[4], w[5]),
-        select(next_pixel, w[5], zero),
-    )
+class Strip(NamedTuple):
+    """Neighbouring columns of a subset that are summed at once.
+
+    Attributes
+    ----------
+    left : int
+        Offset x of the first column.
+    rows : Rows
+    """
+
+    left: int
+    rows: Rows
 
 
 @inner
-def _reference_strip(image: Reference, shape: Shape, x: Vector, first: int, r: int, Q: Flat) -> None:
-    """Add one strip of the subset, as wide as the vector of its offsets `x`, to the reference's moments.
+def reference_moments(image: Reference, shape: Shape, subset: Subset, Q: Flat) -> None:
+    """Write the moments of a subset of the reference into `Q`."""
+    for k in range(REFERENCE_MOMENTS):
+        Q[k] = 0.0
+    r = subset.radius
+    corner = image.origin + (subset.y - r) * image.pitch + subset.x
+    left = -r
+    while left <= r:
+        if r - left >= 8:
+            _add_reference_strip(image, shape, ramp16(left), corner + left, r, Q)
+            left += 16
+        else:
+            _add_reference_strip(image, shape, ramp8(left), corner + left, r, Q)
+            left += 8
 
-    Lanes beyond the subset read its neighbours, which do not count.
+
+@inner
+def _add_reference_strip(image: Reference, shape: Shape, x: Vector, first: int, r: int, Q: Flat) -> None:
+    """Add a strip, which begins at the element `first` and has the offsets `x`, to the reference's moments.
+
+    Elements of the vector beyond the subset's edge are read too, and multiplied by zero at the end.
     """
     inside = _inside(x, r)
     if len(shape) == 12:
-        fxfx, fx1 = nothing(x, 5), nothing(x, 3)
+        fxfx, fx1 = zeros(x, 5), zeros(x, 3)
     else:
-        fxfx, fx1 = nothing(x, 3), nothing(x, 2)
+        fxfx, fx1 = zeros(x, 3), zeros(x, 2)
     fxfy, fyfy, fxf, fyf, fy1, f1, ff = fxfx, fxfx, fx1, fx1, fx1, splat(x, 0.0), splat(x, 0.0)
     place = first
     for j in range(-r, r + 1):
@@ -128,39 +127,52 @@ def _reference_strip(image: Reference, shape: Shape, x: Vector, first: int, r: i
     Q[FF] += total(ff * inside)
 
 
-@inner
-def reference_moments(image: Reference, shape: Shape, centre: int, r: int, Q: Flat) -> None:
-    """Write the moments of the subset around the element `centre` of the reference."""
-    for k in range(REFERENCE_MOMENTS):
-        Q[k] = 0.0
-    left = -r
-    while left <= r:
-        first = centre - r * image.pitch + left
-        if r - left >= 8:
-            _reference_strip(image, shape, ramp16(left), first, r, Q)
-            left += 16
-        else:
-            _reference_strip(image, shape, ramp8(left), first, r, Q)
-            left += 8
-
-
 @inlined
 def _inside(x: Vector, r: int) -> Vector:
-    """Return 1 where the offset `x` belongs to the subset and 0 beyond it."""
+    """Return 1 where the offset `x` belongs to the subset and 0 beyond its edge."""
     ones: Vector = select(at_least(splat(x, r), x), splat(x, 1.0), splat(x, 0.0))
     return ones
 
 
 @inner
-def _lay_rows(
-    shape: Shape, pitch: int, left: int, right: int, r: int, p: Flat, shift: Flat, place: NDArray[np.int64]
+def moments_with_image(
+    image: Reference,
+    deformed: Deformed,
+    taps: Taps,
+    shape: Shape,
+    subset: Subset,
+    p: Flat,
+    smooth: bool,
+    rows: Rows,
+    S: Flat,
 ) -> None:
-    """Write for each row of a strip where it begins to read, and how the warp lies relative to that place.
+    """Write the moments of a subset with the deformed image, warped by `p`, into `S`.
 
-    Row 0 of `place` is the offset of the first pixel's cell, row 1 tells whether the strip reaches into the
-    next cell across or down. `shift` is what the row adds to the strip's warp, less the cell.
+    A vector of pixels needs neighbours that stay neighbours in the deformed image. Where the warp is not
+    `smooth` enough for that, strips are one pixel wide. `rows` is memory to work in.
     """
-    first, last, half = np.float32(left), np.float32(right), np.float32(0.5)
+    for k in range(MOMENTS):
+        S[k] = 0.0
+    left = -subset.radius
+    while left <= subset.radius:
+        width = (16 if subset.radius - left >= 8 else 8) if smooth else 1
+        strip = Strip(left, rows)
+        _locate_rows(shape, deformed.pitch, strip, min(left + width - 1, subset.radius), subset.radius, p)
+        if width == 16:
+            _add_strip(image, deformed, taps, shape, subset, strip, ramp16(left), p, S)
+        elif width == 8:
+            _add_strip(image, deformed, taps, shape, subset, strip, ramp8(left), p, S)
+        else:
+            x: Vector = splat(p[0], left)
+            _add_strip(image, deformed, taps, shape, subset, strip, x, p, S)
+        left += width
+
+
+@inner
+def _locate_rows(shape: Shape, pitch: int, strip: Strip, right: int, r: int, p: Flat) -> None:
+    """Write where the rows of a strip, whose last column is at `right`, lie in the deformed image."""
+    shift, place = strip.rows.shift, strip.rows.place
+    first, last, half = np.float32(strip.left), np.float32(right), np.float32(0.5)
     length2 = (last - first) * (last - first)
     for j in range(2 * r + 1):
         place[0, j], place[1, j] = 0, 0
@@ -170,9 +182,9 @@ def _lay_rows(
         bend_x, twist, bend_y = np.float32(0.0), np.float32(0.0), np.float32(0.0)
         if len(shape) == 12:
             bend_x, twist, bend_y = half * p[at + 6], p[at + 7], half * p[at + 8]
-        # A parabola leaves the chord between its ends by at most so much.
+        # Between its ends a parabola lies at most so far from the straight line through them.
         sag = half * half * abs(bend_x) * length2
-        # Without branches, so that rows are laid side by side.
+        # Without branches, so that the compiler can use vectors here too.
         for j in range(2 * r + 1):
             y = np.float32(j - r)
             slope, added = along + twist * y, (down + bend_y * y) * y
@@ -185,26 +197,23 @@ def _lay_rows(
 
 
 @inner
-def _strip(
+def _add_strip(
     image: Reference,
     deformed: Deformed,
     taps: Taps,
     shape: Shape,
+    subset: Subset,
+    strip: Strip,
     x: Vector,
-    left: int,
-    centre: int,
-    target: int,
-    r: int,
     p: Flat,
-    clipped: bool,
-    shift: Flat,
-    place: NDArray[np.int64],
     S: Flat,
 ) -> None:
-    """Add one strip to the moments with the deformed image, for a smooth warp laid out by `_lay_rows`.
+    """Add a strip with the offsets `x`, located by `_locate_rows`, to the moments with the deformed image.
 
-    All lanes of a row read neighbouring taps; where the row reaches into the next cell, one more either way.
+    All pixels of a row use neighbouring taps. A row that reaches into the next cell uses one tap more in
+    either direction.
     """
+    r, shift, place = subset.radius, strip.rows.shift, strip.rows.place
     zero, inside = splat(x, 0.0), _inside(x, r)
     to_x, to_y = fma(splat(x, p[1]), x, splat(x, p[0])), fma(splat(x, p[4]), x, splat(x, p[3]))
     twist_x, twist_y = zero, zero
@@ -212,10 +221,12 @@ def _strip(
         half_square = splat(x, 0.5) * x * x
         to_x, to_y = fma(splat(x, p[6]), half_square, to_x), fma(splat(x, p[9]), half_square, to_y)
         twist_x, twist_y = splat(x, p[7]) * x, splat(x, p[10]) * x
-    fxg = nothing(x, 3) if len(shape) == 12 else nothing(x, 2)
+    fxg = zeros(x, 3) if len(shape) == 12 else zeros(x, 2)
     fyg, g1, gg, fg = fxg, zero, zero, zero
-    here, pitch = centre - r * image.pitch + left, deformed.pitch
-    row_there = target - r * pitch + left - (len(taps) // 2 - 1) * (pitch + 1)
+    pitch, left = deformed.pitch, subset.x + strip.left
+    here = image.origin + (subset.y - r) * image.pitch + left
+    row_there = deformed.origin + (subset.y - r) * pitch + left - (len(taps) // 2 - 1) * (pitch + 1)
+    clipped = subset.pixels < (2 * r + 1) * (2 * r + 1)
     for j in range(2 * r + 1):
         y = splat(x, j - r)
         tx, ty = to_x + splat(x, shift[0, j]), to_y + splat(x, shift[1, j])
@@ -223,9 +234,10 @@ def _strip(
             tx, ty = fma(twist_x, y, tx), fma(twist_y, y, ty)
         there = row_there + place[0, j]
         if place[1, j] == 0:
-            g = blend(deformed.c, there, pitch, _weights(taps, tx), _weights(taps, ty))
+            g = interpolate(deformed.c, there, pitch, weights(taps, tx), weights(taps, ty))
         else:
-            g = blend(deformed.c, there, pitch, _weights_of_two(taps, tx), _weights_of_two(taps, ty))
+            wx, wy = weights_in_two_cells(taps, tx), weights_in_two_cells(taps, ty)
+            g = interpolate(deformed.c, there, pitch, wx, wy)
         if clipped:
             g = g * load(x, image.inside, here)
         fxg = add_powers(fxg, load(x, image.fx, here) * g, y)
@@ -237,41 +249,3 @@ def _strip(
     S[G] += total(g1 * inside)
     S[GG] += total(gg * inside)
     S[FG] += total(fg * inside)
-
-
-@inner
-def moments_with_image(
-    image: Reference,
-    deformed: Deformed,
-    taps: Taps,
-    shape: Shape,
-    centre: int,
-    target: int,
-    r: int,
-    p: Flat,
-    smooth: bool,
-    clipped: bool,
-    shift: Flat,
-    place: NDArray[np.int64],
-    S: Flat,
-) -> None:
-    """Write the moments of the subset with the warped deformed image.
-
-    Where the warp is not smooth, neighbours of a row do not stay neighbours: strips are one pixel wide.
-    """
-    for k in range(MOMENTS):
-        S[k] = 0.0
-    left = -r
-    while left <= r:
-        width = (16 if r - left >= 8 else 8) if smooth else 1
-        _lay_rows(shape, deformed.pitch, left, min(left + width - 1, r), r, p, shift, place)
-        if width == 16:
-            x16 = ramp16(left)
-            _strip(image, deformed, taps, shape, x16, left, centre, target, r, p, clipped, shift, place, S)
-        elif width == 8:
-            x8 = ramp8(left)
-            _strip(image, deformed, taps, shape, x8, left, centre, target, r, p, clipped, shift, place, S)
-        else:
-            x: Vector = splat(p[0], left)
-            _strip(image, deformed, taps, shape, x, left, centre, target, r, p, clipped, shift, place, S)
-        left += width

@@ -1,144 +1,152 @@
-"""Reliability-guided propagation over a grid of points.
+"""Many points: seeds from guesses, and propagation over a grid of points, guided by reliability.
 
-Points are visited from the best outwards: B. Pan, "Reliability-guided digital image correlation for
-image deformation measurement", Applied Optics 48 (2009) 1535-1542.
+Propagation continues from the most reliable point, the one with the highest ZNCC: B. Pan, "Reliability-guided
+digital image correlation for image deformation measurement", Applied Optics 48 (2009) 1535-1542.
 """
 
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
-from dic.correlation.kernel.heap import Items, Keys, pop, push
-from dic.correlation.kernel.icgn import (
-    CONVERGED,
-    Float,
-    Limits,
-    Prepared,
-    Workspace,
-    correlate_point,
-    workspace,
-)
+import numpy as np
+
+from dic.correlation.kernel.heap import Queue, pop, push
+from dic.correlation.kernel.icgn import CONVERGED, correlate_point
 from dic.correlation.kernel.jit import compiled
 from dic.correlation.kernel.layout import Deformed, Reference
-from dic.correlation.kernel.moments import Shape, Taps
+from dic.correlation.kernel.method import Method, Subset
+from dic.correlation.kernel.prepared import Prepared
+from dic.correlation.kernel.solution import Grid, Solution
 from dic.correlation.kernel.warps import extrapolate
+from dic.correlation.kernel.workspace import Workspace
+from dic.typing import Indices, Mask
 
 
-def correlate_grid(
+class Task(NamedTuple):
+    """Which points of a grid to solve.
+
+    Attributes
+    ----------
+    seeds : ndarray of int, shape (n, 2)
+        Row and column of points that start from their own warps.
+    propagates : bool
+        Whether to continue from the converged points to their neighbours.
+    pending : ndarray of bool, shape (rows, columns)
+        Points that have no value yet, and want one.
+    """
+
+    seeds: Indices
+    propagates: bool
+    pending: Mask
+
+
+def correlate_seeds(
+    image: Reference, deformed: Deformed, method: Method, grid: Grid, seeds: Indices, solution: Solution
+) -> None:
+    """Correlate the seeds, row and column (n, 2), from their warps in `solution`, and write it in place."""
+    task = Task(seeds, False, np.ones(solution.status.shape, np.bool_))
+    _run(image, deformed, method, grid, solution, task, None)
+
+
+def propagate(
     image: Reference,
     deformed: Deformed,
-    taps: Taps,
-    shape: Shape,
-    limits: Limits,
-    xs: NDArray[np.int64],
-    ys: NDArray[np.int64],
-    pixels: NDArray[np.int64],
-    seeds: NDArray[np.int64],
-    warps: Float,
-    std: Float,
-    status: NDArray[np.int8],
-    zncc: Float,
-    iterations: NDArray[np.int16],
-    pending: NDArray[np.bool_],
-    spread: bool,
+    method: Method,
+    grid: Grid,
+    solution: Solution,
+    pending: Mask,
     prepared: Prepared | None = None,
 ) -> None:
-    """Correlate the seeds from their own warps, then spread over the grid, always on from the highest ZNCC.
+    """Continue from all converged points to pending neighbours, always from the highest ZNCC.
 
-    A point that is reached starts from the warp of its neighbour, extrapolated; one that fails may be tried
-    again from another side. Everything found is written in place.
+    A neighbour starts from the extrapolated warp. One that fails is tried again from its other neighbours.
 
     Parameters
     ----------
-    xs, ys : ndarray, shapes (columns,) and (rows,)
-        Coordinates of the grid, px.
-    pixels : ndarray, shape (rows, columns)
-        How many pixels of each subset lie in the region of interest.
-    seeds : ndarray, shape (n, 2)
-        Row and column on the grid.
-    warps : ndarray, shape (rows, columns, 6 or 12)
-    std : ndarray, shape (rows, columns, 6)
-    status, zncc, iterations : ndarray, shape (rows, columns)
+    image : Reference
+    deformed : Deformed
+    method : Method
+    grid : Grid
+    solution : Solution
+        Written in place.
     pending : ndarray of bool, shape (rows, columns)
-        Points that still want a value.
-    spread : bool
-        Whether to go on from the seeds and from all points that have converged before.
+        Points that have no value yet, and want one; those that converge are removed in place.
     prepared : Prepared, optional
-        Of these points of this reference: filled, and used where it is filled. The results are the same.
+        Of these points of this reference: used where it is known, and filled elsewhere. The results are the
+        same with and without.
     """
-    # A point is queued at most once, except that seeds may have converged before.
-    places = status.size + len(seeds) if spread else 0
-    kept = prepared is not None
-    _correlate_grid(
-        image, deformed, taps, shape, limits, xs, ys, pixels, seeds,
-        warps, std, status, zncc, iterations, pending, spread,
-        kept, prepared or Prepared.empty((1, 1), len(shape)),
-        workspace(limits.radius, len(shape)), np.empty(places), np.empty(places, np.int64),
-    )  # fmt: skip
+    task = Task(np.empty((0, 2), np.int64), True, pending)
+    _run(image, deformed, method, grid, solution, task, prepared)
+
+
+def _run(
+    image: Reference,
+    deformed: Deformed,
+    method: Method,
+    grid: Grid,
+    solution: Solution,
+    task: Task,
+    prepared: Prepared | None,
+) -> None:
+    parameters = len(method.shape)
+    work = Workspace.for_subsets(method.radius, parameters)
+    # A point is queued at most once: when it converges.
+    queue = Queue.with_room_for(solution.status.size if task.propagates else 0)
+    kept = prepared or Prepared.empty((1, 1), parameters)
+    _correlate_grid(image, deformed, method, grid, solution, task, kept, work, queue)
 
 
 @compiled
 def _correlate_grid(
     image: Reference,
     deformed: Deformed,
-    taps: Taps,
-    shape: Shape,
-    limits: Limits,
-    xs: NDArray[np.int64],
-    ys: NDArray[np.int64],
-    pixels: NDArray[np.int64],
-    seeds: NDArray[np.int64],
-    warps: Float,
-    std: Float,
-    status: NDArray[np.int8],
-    zncc: Float,
-    iterations: NDArray[np.int16],
-    pending: NDArray[np.bool_],
-    spread: bool,
-    kept: bool,
+    method: Method,
+    grid: Grid,
+    solution: Solution,
+    task: Task,
     prepared: Prepared,
     work: Workspace,
-    keys: Keys,
-    queued: Items,
+    queue: Queue,
 ) -> None:
-    """Do what `correlate_grid` promises, in memory that it has set aside."""
-    rows, columns = status.shape
-    start, queue = work.p, int(np.int64(0))  # not a literal, which would be a type of its own
-    if spread:
+    """Solve the points of a task; `prepared` is of the whole grid, or of a single point that is not kept."""
+    rows, columns = solution.status.shape
+    pending, warps, start = task.pending, solution.warps, work.p
+    kept = prepared.known.shape == solution.status.shape
+    size = int(np.int64(0))  # not a literal, which would be a type of its own
+    if task.propagates:
         for place in range(rows * columns):
             row, column = place // columns, place % columns
-            if status[row, column] == CONVERGED and not pending[row, column]:
-                queue = push(keys, queued, queue, zncc[row, column], place)
-    tasks = len(seeds)
-    task, side, row, column = 0, 4, 0, 0
+            if solution.status[row, column] == CONVERGED and not pending[row, column]:
+                size = push(queue, size, solution.zncc[row, column], place)
+    seed, side, row, column = 0, 4, 0, 0
     while True:
-        if task < tasks:
-            i, j = seeds[task, 0], seeds[task, 1]
-            task += 1
+        if seed < len(task.seeds):
+            i, j = task.seeds[seed, 0], task.seeds[seed, 1]
+            seed += 1
             for k in range(len(start)):
                 start[k] = warps[i, j, k]
         else:
             if side == 4:
-                if queue == 0:
+                if size == 0:
                     return
-                place = pop(keys, queued, queue)
-                queue -= 1
+                place = pop(queue, size)
+                size -= 1
                 row, column, side = place // columns, place % columns, 0
             i = row + (side == 0) - (side == 1)
             j = column + (side == 2) - (side == 3)
             side += 1
             if i < 0 or j < 0 or i >= rows or j >= columns or not pending[i, j]:
                 continue
-            extrapolate(warps[row, column], xs[j] - xs[column], ys[i] - ys[row], start)
+            extrapolate(warps[row, column], grid.x[j] - grid.x[column], grid.y[i] - grid.y[row], start)
         at, to = (i, j) if kept else (0, 0)
-        outcome, quality, count = correlate_point(
-            image, deformed, taps, shape, limits, xs[j], ys[i], pixels[i, j], start, std[i, j],
+        subset = Subset(grid.x[j], grid.y[i], method.radius, grid.pixels[i, j])
+        outcome, zncc, iterations = correlate_point(
+            image, deformed, method, subset, start, solution.std[i, j],
             prepared.records[at, to], prepared.known[at, to], work,
         )  # fmt: skip
         prepared.known[at, to] = kept
-        status[i, j], zncc[i, j], iterations[i, j] = outcome, quality, count
+        solution.status[i, j], solution.zncc[i, j], solution.iterations[i, j] = outcome, zncc, iterations
         pending[i, j] = outcome != CONVERGED
         if outcome == CONVERGED:
             for k in range(len(start)):
                 warps[i, j, k] = start[k]
-            if spread:
-                queue = push(keys, queued, queue, quality, i * columns + j)
+            if task.propagates:
+                size = push(queue, size, zncc, i * columns + j)

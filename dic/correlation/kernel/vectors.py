@@ -1,22 +1,27 @@
-"""Explicit vectors for numba: values of 4, 8 or 16 float32 that one instruction treats alike.
+"""Explicit vectors for numba: values of 8 or 16 float32 on which one instruction works at once.
 
-LLVM vectorises plain loops, but not the correlation loop, whose loads depend on the warp. With these types
-the loop says itself what is parallel; it needs no compiler on the user's machine and uses the widest
-instructions that the processor has. A vector's width belongs to its type, so a function written once compiles
-for each, and for single numbers (float32) too.
+LLVM vectorises plain loops, but not the correlation loop, whose loads depend on the warp. These types let the
+loop state what is parallel. They need no compiler on the user's machine, and LLVM chooses the widest
+instructions that the processor has. The width of a vector is part of its type, so a function that is written
+once compiles for each width, and for single numbers (float32) too.
 
 Public names are functions for compiled code only: `ramp16`, `ramp8`, `load`, `splat`, `fma`, `select`,
-`at_least`, `total`, `nothing`, `add_powers`, `add_moments`, `blend`; vectors also take +, - and * with one
-another. What loops over tuples is written here, where the loop costs no time at the first use: numba's
-compiler takes each operation of its own through all its stages.
+`at_least`, `total`, `zeros`, `add_powers`, `add_moments`, `interpolate`; vectors also take +, - and * with
+one another. Loops over tuples are unrolled here, while the code is generated: numba would compile every
+repetition as an operation of its own, which takes longer at the first use.
 """
 
 import operator
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float32]
+"""What a vector is to mypy: several numbers at once."""
 
 _FAST = ("fast",)
 _INDEX = ir.IntType(32)
@@ -51,12 +56,12 @@ class _MaskModel(models.PrimitiveModel):
         super().__init__(manager, kind, ir.VectorType(ir.IntType(1), kind.width))
 
 
-_VECTORS = {width: _Vector(width) for width in (4, 8, 16)}
+_VECTORS = {width: _Vector(width) for width in (8, 16)}
 _MASKS = {width: _Mask(width) for width in _VECTORS}
 
 
 def _width(kind: Any) -> int:
-    """Return how many numbers a value of this type is."""
+    """Return how many numbers a value of this type holds."""
     return kind.width if isinstance(kind, _Vector) else 1
 
 
@@ -150,15 +155,17 @@ def at_least(typing_context: Any, a: Any, b: Any) -> Any:
 
 
 def _sum(builder: Any, vector: Any, width: int) -> Any:
-    """Fold halves onto one another until one element is left."""
+    """Add one half of the vector to the other until one element is left."""
     if width == 1:
         return vector
     while width > 1:
         width //= 2
-        nothing = ir.Constant(vector.type, ir.Undefined)
+        empty = ir.Constant(vector.type, ir.Undefined)
         halves = [
             builder.shuffle_vector(
-                vector, nothing, ir.Constant(ir.VectorType(_INDEX, width), list(range(start, start + width)))
+                vector,
+                empty,
+                ir.Constant(ir.VectorType(_INDEX, width), list(range(start, start + width))),
             )
             for start in (0, width)
         ]
@@ -177,8 +184,8 @@ def total(typing_context: Any, a: Any) -> Any:
 
 
 @intrinsic(prefer_literal=True)
-def nothing(typing_context: Any, like: Any, count: Any) -> Any:
-    """Return a tuple of `count` zeros, each as wide as `like`: sums that `add_powers` adds to."""
+def zeros(typing_context: Any, like: Any, count: Any) -> Any:
+    """Return a tuple of `count` zeros, each as wide as `like`: the sums that `add_powers` adds to."""
     sums = types.UniTuple(like, count.literal_value)
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
@@ -205,10 +212,10 @@ def add_powers(typing_context: Any, sums: Any, value: Any, y: Any) -> Any:
 
 @intrinsic
 def add_moments(typing_context: Any, moments: Any, first: Any, sums: Any, x: Any, inside: Any) -> Any:
-    """Add to `moments`, from `first` on, those with the monomials 1; x, y; x², xy, y²; … of a strip.
+    """Add a strip's moments with the monomials 1; x, y; x², xy, y²; … to `moments`, from place `first` on.
 
-    `sums` are those that `add_powers` made over the strip's rows; `x` holds the offsets of its columns, and
-    `inside` is 0 for those that do not count, else 1.
+    `sums` are what `add_powers` has summed over the strip's rows. `x` holds the offsets of its columns;
+    `inside` is 1 for columns of the subset and 0 for columns beyond its edge.
     """
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
@@ -224,7 +231,7 @@ def add_moments(typing_context: Any, moments: Any, first: Any, sums: Any, x: Any
                 added = _sum(builder, by_power[power], _width(x))
                 builder.store(builder.fadd(builder.load(place), added, flags=_FAST), place)
                 at = builder.add(at, ir.Constant(at.type, 1))
-            # On to the next degree: everything so far times x.
+            # The next degree has everything so far times x, and a higher power of y.
             for power in range(degree + 1):
                 by_power[power] = builder.fmul(by_power[power], x_values, flags=_FAST)
         return context.get_dummy_value()
@@ -233,12 +240,12 @@ def add_moments(typing_context: Any, moments: Any, first: Any, sums: Any, x: Any
 
 
 @intrinsic
-def blend(typing_context: Any, array: Any, first: Any, pitch: Any, across: Any, down: Any) -> Any:
-    """Return Σ_j down[j] Σ_i across[i] array[first + j pitch + i], for neighbouring pixels at once.
+def interpolate(typing_context: Any, array: Any, first: Any, pitch: Any, across: Any, down: Any) -> Any:
+    """Return ∑_j down[j] ∑_i across[i] array[first + j pitch + i], for neighbouring pixels at once.
 
     `across` and `down` are tuples of vectors, the weights of the taps. Element k of the result uses the taps
-    that begin at first + k, so every tap is one load of neighbouring elements. For a single pixel, whose
-    weights are numbers, the taps of a row are the elements of one vector instead.
+    that begin at first + k, so one tap of all pixels is one load of neighbouring elements. If the weights are
+    single numbers, for one pixel, one load takes the taps of a row instead.
     """
     alone = not isinstance(across[0], _Vector)
     width = (4 if len(across) <= 4 else 8) if alone else across[0].width

@@ -1,7 +1,7 @@
-"""Warps: what a subset does on its way into the deformed image.
+"""Warps: where the pixels of a subset are seen in the deformed image.
 
-A warp is the vector p = (u, u_x, u_y, v, v_x, v_y), which quadratic ones continue with (u_xx, u_xy, u_yy,
-v_xx, v_xy, v_yy): the subset pixel at (x, y) from the point of the reference is seen
+A warp is the vector p = (u, u_x, u_y, v, v_x, v_y), followed by (u_xx, u_xy, u_yy, v_xx, v_xy, v_yy) if the
+shape function is quadratic. The pixel at the offset (x, y) from the subset's centre is seen
 u + u_x x + u_y y + u_xx x²/2 + u_xy xy + u_yy y²/2 further right in the deformed image, and with v likewise
 further down. The papers are those that `dic.correlation.kernel.icgn` names.
 """
@@ -9,15 +9,14 @@ further down. The papers are those that `dic.correlation.kernel.icgn` names.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.correlation.kernel.jit import inner
 from dic.correlation.kernel.layout import Deformed
-
-Float = NDArray[np.float64]
+from dic.correlation.kernel.method import Subset
+from dic.typing import Float
 
 EDGE_PX = 2
-"""Pixels along the deformed image's edge that are not used: the spline guesses what follows there."""
+"""Subsets keep this distance from the deformed image's edge, where the spline is extrapolated."""
 
 # For each parameter: whether it moves along x (0) or y (1), and powers of x and y and factor of its monomial.
 SIDE = np.array([0, 0, 0, 1, 1, 1, 0, 0, 0, 1, 1, 1])
@@ -48,7 +47,34 @@ def compose_inverse(p: Float, d: Float) -> None:
 
 
 @inner
-def _square_matrix(d: Float, D: Float) -> None:
+def compose_inverse_quadratic(p: Float, d: Float, D: Float, rows: Float) -> None:
+    """Replace the quadratic warp p by p ∘ d⁻¹, up to the third power of the small step d.
+
+    (I + D)⁻¹ = I - D + D² - … ; the terms left out vanish with the last step, so they do not change the
+    result. D (6, 6) and rows (3, 6), of the warp's matrix times 1, D and D², are memory to work in.
+    """
+    _second_degree_matrix(d, D)
+    for k in range(6):
+        D[k, k] -= 1.0
+    for side in range(2):
+        at = 3 * side
+        rows[0, 0], rows[0, 1], rows[0, 2] = p[at + 6] / 2, p[at + 7], p[at + 8] / 2
+        rows[0, 3], rows[0, 4], rows[0, 5] = p[at + 1], p[at + 2], p[at]
+        rows[0, 3 + side] += 1.0
+        for power in range(1, 3):
+            for j in range(6):
+                rows[power, j] = 0.0
+                for k in range(6):
+                    rows[power, j] += rows[power - 1, k] * D[k, j]
+        for k in range(6):
+            rows[0, k] += rows[2, k] - rows[1, k]
+        rows[0, 3 + side] -= 1.0
+        p[at + 6], p[at + 7], p[at + 8] = 2.0 * rows[0, 0], rows[0, 1], 2.0 * rows[0, 2]
+        p[at + 1], p[at + 2], p[at] = rows[0, 3], rows[0, 4], rows[0, 5]
+
+
+@inner
+def _second_degree_matrix(d: Float, D: Float) -> None:
     """Write the matrix by which a quadratic warp takes (x², xy, y², x, y, 1) to the same of the warped pixel.
 
     Gao et al. (2015), equation 12; terms above the second degree are dropped.
@@ -72,35 +98,8 @@ def _square_matrix(d: Float, D: Float) -> None:
 
 
 @inner
-def compose_inverse_quadratic(p: Float, d: Float, D: Float, rows: Float) -> None:
-    """Replace the quadratic warp p by p ∘ d⁻¹, up to the third power of the small step d.
-
-    (I + D)⁻¹ = I - D + D² - … ; what is left out vanishes with the last step, so the result is not changed.
-    D and the rows, of the warp's matrix times 1, D and D², are memory to work in.
-    """
-    _square_matrix(d, D)
-    for k in range(6):
-        D[k, k] -= 1.0
-    for side in range(2):
-        at = 3 * side
-        rows[0, 0], rows[0, 1], rows[0, 2] = p[at + 6] / 2, p[at + 7], p[at + 8] / 2
-        rows[0, 3], rows[0, 4], rows[0, 5] = p[at + 1], p[at + 2], p[at]
-        rows[0, 3 + side] += 1.0
-        for power in range(1, 3):
-            for j in range(6):
-                rows[power, j] = 0.0
-                for k in range(6):
-                    rows[power, j] += rows[power - 1, k] * D[k, j]
-        for k in range(6):
-            rows[0, k] += rows[2, k] - rows[1, k]
-        rows[0, 3 + side] -= 1.0
-        p[at + 6], p[at + 7], p[at + 8] = 2.0 * rows[0, 0], rows[0, 1], 2.0 * rows[0, 2]
-        p[at + 1], p[at + 2], p[at] = rows[0, 3], rows[0, 4], rows[0, 5]
-
-
-@inner
 def extrapolate(p: Float, dx: float, dy: float, q: Float) -> None:
-    """Write into q the warp that p predicts for the point (dx, dy) further on."""
+    """Write into q the warp that p, expanded to second order, predicts at (dx, dy) from its point."""
     for k in range(len(p)):
         q[k] = p[k]
     for at in (0, 3):
@@ -114,7 +113,7 @@ def extrapolate(p: Float, dx: float, dy: float, q: Float) -> None:
 
 @inner
 def step_length_px(d: Float, r: int) -> float:
-    """Return how far a step moves the edge of the subset, at most about."""
+    """Return about how far a step moves the pixels at the subset's edge."""
     square = 0.0
     for i in range(len(d)):
         move = FACTOR[i] * d[i]
@@ -125,8 +124,9 @@ def step_length_px(d: Float, r: int) -> float:
 
 
 @inner
-def in_view(image: Deformed, x: int, y: int, r: int, p: Float) -> bool:
-    """Tell whether the warped subset stays in the image, by its corners and what curvature may add."""
+def in_view(image: Deformed, subset: Subset, p: Float) -> bool:
+    """Tell whether the warped subset stays in the image: its corners, and what curvature adds at most."""
+    r = subset.radius
     reach_x = r * (abs(1.0 + p[1]) + abs(p[2]))
     reach_y = r * (abs(p[4]) + abs(1.0 + p[5]))
     for i in range(6, len(p)):
@@ -135,7 +135,7 @@ def in_view(image: Deformed, x: int, y: int, r: int, p: Float) -> bool:
             reach_x += bulge
         else:
             reach_y += bulge
-    to_x, to_y = x + p[0], y + p[3]
+    to_x, to_y = subset.x + p[0], subset.y + p[3]
     across = to_x - reach_x >= EDGE_PX and to_x + reach_x < image.width - EDGE_PX - 1
     down = to_y - reach_y >= EDGE_PX and to_y + reach_y < image.height - EDGE_PX - 1
     return bool(across and down)
@@ -143,7 +143,7 @@ def in_view(image: Deformed, x: int, y: int, r: int, p: Float) -> bool:
 
 @inner
 def is_smooth(p: Float, r: int) -> bool:
-    """Tell whether 16 pixels of any row of the subset move alike to within a pixel."""
+    """Tell whether displacements differ by less than a pixel within any 16 pixels of a row of the subset."""
     steepest_x, steepest_y = abs(p[1]), abs(p[4])
     if len(p) > 6:
         steepest_x += r * (abs(p[6]) + abs(p[7]))

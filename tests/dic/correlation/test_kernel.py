@@ -5,9 +5,10 @@ import pytest
 
 from dic.correlation import kernel
 from dic.correlation.correlator import Correlator
+from dic.correlation.prepared_reference import SubsetMemory
 from dic.correlation.reference_icgn import icgn
 from dic.correlation.settings import CorrelationSettings
-from dic.correlation.solver import Solver, SubsetMemory
+from dic.correlation.solver import Solver
 from dic.correlation.status import Status
 from dic.image.region import PointGrid
 from dic.image.spline import spline_image
@@ -218,7 +219,7 @@ def test_a_series_keeps_nothing_of_a_pair_and_no_more_than_four_and_a_quarter_im
     memory, parameters = SubsetMemory(), CorrelationSettings(shape=shape).parameters
     sizes = []
     for _ in range(4):
-        memory.of_next_image(grid, side * side, parameters)
+        memory.for_next_image(grid, side * side, parameters)
         sizes.append(memory.kept_bytes)
     assert sizes[0] == 0
     assert sizes[1] == sizes[2] == sizes[3] <= 4.25 * 4 * side * side + everywhere.size

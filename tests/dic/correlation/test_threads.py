@@ -33,16 +33,14 @@ def test_fields_are_the_same_for_any_number_of_threads(speckle, turn, threads, s
 def test_nearly_every_point_is_solved_in_a_band(speckle, monkeypatch):
     """Bands without a seed of their own are given one, or the threads would have little to share."""
     solved = {"whole grid": 0, "bands": 0}
-    correlate_grid = kernel.correlate_grid
+    propagate = kernel.propagate
 
-    def counting(*arguments):
-        status, _, _, pending, spread = arguments[11:16]
+    def counting(image, deformed, method, grid, solution, pending, prepared):
         before = pending.sum()
-        correlate_grid(*arguments)
-        if spread:
-            solved["whole grid" if len(status) == rows else "bands"] += int(before - pending.sum())
+        propagate(image, deformed, method, grid, solution, pending, prepared)
+        solved["whole grid" if len(grid.y) == rows else "bands"] += int(before - pending.sum())
 
-    monkeypatch.setattr(kernel, "correlate_grid", counting)
+    monkeypatch.setattr(kernel, "propagate", counting)
     pattern = speckle(seed=63, shape=(420, 200))
     settings = CorrelationSettings(subset_px=21, step_px=4)
     correlator = Correlator(pattern.draw(), settings=settings, threads=1)

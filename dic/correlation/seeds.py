@@ -1,0 +1,120 @@
+"""Seeds: a few points, spread over the region, whose guesses IC-GN and their neighbours confirm."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dic.correlation.consistency import consistent_seeds
+from dic.correlation.features import FeatureFinder
+from dic.correlation.initial_guess import guesses
+from dic.correlation.kernel import Solution
+from dic.correlation.prepared_reference import PreparedReference
+from dic.correlation.quarter_turn import quarters_of
+from dic.correlation.status import Status
+from dic.correlation.turned_image import TurnableImage
+from dic.typing import Float, Grey, Indices, Mask
+
+FEWEST_SEEDS = 3
+"""Fewer consistent seeds are no start, unless there are not that many points."""
+
+_SEEDS = 48
+"""Points that are tried."""
+
+_ENOUGH_SEEDS = 0.3
+"""Share of the seeds in view that must be consistent before no other guess is tried."""
+
+_SMALLEST_TEMPLATE_RADIUS_PX = 15
+
+
+class Seeds(NamedTuple):
+    """Points from which propagation starts.
+
+    Attributes
+    ----------
+    start : str
+        Name of the guess that led to them.
+    quarters : int
+        Quarters by which the deformed image was turned for them.
+    indices : ndarray of int, shape (n, 2)
+        Row and column on the grid.
+    solution : Solution
+        In the turned image.
+    """
+
+    start: str
+    quarters: int
+    indices: Indices
+    solution: Solution
+
+
+class SeedFinder:
+    """Finds seeds of a reference in deformed images.
+
+    Parameters
+    ----------
+    reference : PreparedReference
+    grey : ndarray of float32, shape (height, width)
+        Grey levels of the reference.
+    """
+
+    def __init__(self, reference: PreparedReference, grey: Grey) -> None:
+        self._reference, self._grey = reference, grey
+        self._features = FeatureFinder(grey, reference.usable)
+
+    def find(
+        self,
+        image: TurnableImage,
+        indices: Indices,
+        *,
+        previous: Float | None = None,
+        hint: Float | None = None,
+        quarters: int | None = None,
+    ) -> Seeds:
+        """Return the seeds of the guess that most of the points at `indices` confirm.
+
+        Parameters
+        ----------
+        image : TurnableImage
+        indices : ndarray of int, shape (n, 2)
+            Row and column of the points on the grid.
+        previous : ndarray, shape (rows, columns, 6 or 12), optional
+            Warps of the step before.
+        hint : ndarray, shape (3, 3), optional
+            Expected homography from the reference to the deformed image.
+        quarters : int, optional
+            Quarters by which the image is turned; if not given, each guess decides.
+
+        Returns
+        -------
+        Seeds
+            Perhaps none.
+        """
+        settings, points = self._reference.settings, self._reference.grid.points_at(indices)
+        before = None if previous is None else previous[indices[:, 0], indices[:, 1], :6]
+        template_radius_px = max(settings.radius_px, _SMALLEST_TEMPLATE_RADIUS_PX)
+        best = Seeds("", 0, indices[:0], Solution.empty((0,), settings.parameters))
+        for name, guess in guesses(
+            self._grey, image.grey, self._features, points, template_radius_px,
+            previous=before, hint=hint, threads=self._reference.threads,
+        ):  # fmt: skip
+            turn = quarters_of(guess) if quarters is None else quarters
+            solved = image.solver(turn).solve(indices, image.turned(guess, points, turn))
+            consistent = solved.converged
+            consistent[consistent] = consistent_seeds(points[consistent], solved.warps[consistent])
+            if consistent.sum() > len(best.indices):
+                best = Seeds(name, turn, indices[consistent], solved.part(np.flatnonzero(consistent)))
+            in_view = np.count_nonzero(solved.status != Status.OUT_OF_VIEW)
+            if len(best.indices) >= max(min(FEWEST_SEEDS, len(points)), _ENOUGH_SEEDS * in_view):
+                break
+        return best
+
+
+def scattered(points: Mask) -> Indices:
+    """Return up to about 48 indices (row, column), spread evenly over the true ones of a grid."""
+    rows, columns = np.nonzero(points)
+    stride = max(1, round(np.sqrt(rows.size / _SEEDS)))
+    while True:
+        chosen = (rows % stride == stride // 2) & (columns % stride == stride // 2)
+        if chosen.sum() >= min(_SEEDS // 2, rows.size) or stride == 1:
+            return np.stack([rows[chosen], columns[chosen]], axis=1)
+        stride -= 1
