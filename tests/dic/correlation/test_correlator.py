@@ -215,7 +215,7 @@ class TestUnusableImages:
 
     def test_in_colour(self, speckle):
         colour = np.repeat(speckle().draw()[..., None], 3, axis=2)
-        with pytest.raises(CorrelationError, match="a grey image"):
+        with pytest.raises(CorrelationError, match="colour image of 180 × 160 px"):
             Correlator(colour, settings=SMALL)
 
     def test_smaller_than_a_subset(self):
