@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from simulators.load_frame.device import LoadFrameDevice
     from simulators.load_frame.layout import LAYOUTS, Layout
-    from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
+    from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameServer
     from simulators.rig.camera import CameraSettings, SimulatedCamera
     from simulators.rig.simulation import Simulation
     from simulators.rig.virtual_rig import VirtualRig, VirtualRigSettings
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from simulators.scene.scene import Misalignment, Scene, Surface
     from simulators.scene.specimen import Specimen, SpecimenSettings, SpecimenState
     from simulators.stage.device import StageDevice
-    from simulators.stage.newport import NewportServer, NewportTcpServer
-    from simulators.stage.zaber import ZaberServer, ZaberTcpServer
+    from simulators.stage.newport import NewportServer
+    from simulators.stage.zaber import ZaberServer
     from simulators.wire.faults import FAULTS, Fault, FaultPanel
     from simulators.wire.rig_faults import RigFaults
 
@@ -41,11 +41,9 @@ __all__ = [
     "Layout",
     "LoadFrameDevice",
     "LoadFrameRtuServer",
-    "LoadFrameRtuTcpServer",
     "LoadFrameServer",
     "Misalignment",
     "NewportServer",
-    "NewportTcpServer",
     "PinholeCamera",
     "RigFaults",
     "Scene",
@@ -59,13 +57,12 @@ __all__ = [
     "VirtualRig",
     "VirtualRigSettings",
     "ZaberServer",
-    "ZaberTcpServer",
 ]
 
 _NAMES_OF = {
     "simulators.load_frame.device": ("LoadFrameDevice",),
     "simulators.load_frame.layout": ("LAYOUTS", "Layout"),
-    "simulators.load_frame.modbus": ("LoadFrameRtuServer", "LoadFrameRtuTcpServer", "LoadFrameServer"),
+    "simulators.load_frame.modbus": ("LoadFrameRtuServer", "LoadFrameServer"),
     "simulators.rig.camera": ("CameraSettings", "SimulatedCamera"),
     "simulators.rig.simulation": ("Simulation",),
     "simulators.rig.virtual_rig": ("VirtualRig", "VirtualRigSettings"),
@@ -73,8 +70,8 @@ _NAMES_OF = {
     "simulators.scene.scene": ("Misalignment", "Scene", "Surface"),
     "simulators.scene.specimen": ("Specimen", "SpecimenSettings", "SpecimenState"),
     "simulators.stage.device": ("StageDevice",),
-    "simulators.stage.newport": ("NewportServer", "NewportTcpServer"),
-    "simulators.stage.zaber": ("ZaberServer", "ZaberTcpServer"),
+    "simulators.stage.newport": ("NewportServer",),
+    "simulators.stage.zaber": ("ZaberServer",),
     "simulators.wire.faults": ("FAULTS", "Fault", "FaultPanel"),
     "simulators.wire.rig_faults": ("RigFaults",),
 }

@@ -11,17 +11,15 @@ from simulators.load_frame.layout import GENERIC, Layout
 from simulators.load_frame.modbus_framing import HEADER, crc, cut_rtu, cut_tcp
 from simulators.load_frame.registers import LoadFrameRegisters
 from simulators.wire.faults import LOAD_FRAME, FaultPanel
-from simulators.wire.ports import PtyPort, TcpPort
+from simulators.wire.ports import LOCALHOST, Server, port_of
 
 TARGET_SILENT = 11
 BROADCAST = 0
 SERIAL = 220001
 
 
-class _LoadFrameWire:
+class _LoadFrameLine(Server):
     """What every line of a load frame has; the parameters are those of `LoadFrameServer`."""
-
-    _port: PtyPort | TcpPort
 
     def __init__(
         self,
@@ -37,21 +35,12 @@ class _LoadFrameWire:
         self.faults = faults or load_frame_faults(FaultPanel(LOAD_FRAME), device)
         self.registers = registers or LoadFrameRegisters(device, layout, serial, self.faults)
 
-    @property
-    def address(self) -> str:
-        """Where it is found."""
-        return self._port.address
-
     def answer(self, unit: int, request: bytes) -> bytes | None:
         """Act on one protocol data unit (function code and data) and return the answer's, or None."""
         return self.registers.answer(request)
 
-    def close(self) -> None:
-        """Stop serving; harmless when repeated."""
-        self._port.close()
 
-
-class LoadFrameServer(_LoadFrameWire):
+class LoadFrameServer(_LoadFrameLine):
     """A load frame's Modbus TCP port.
 
     Parameters
@@ -69,19 +58,12 @@ class LoadFrameServer(_LoadFrameWire):
         One is made if none is given.
     registers : LoadFrameRegisters, optional
         The registers of another line to share; `serial` and `layout` are ignored then.
-
-    Attributes
-    ----------
-    address : str
-        ``host:port``.
     """
-
-    _port: TcpPort
 
     def __init__(
         self,
         device: LoadFrameDevice,
-        host: str = "127.0.0.1",
+        host: str = LOCALHOST,
         port: int = 0,
         *,
         unit: int = 1,
@@ -91,11 +73,7 @@ class LoadFrameServer(_LoadFrameWire):
         registers: LoadFrameRegisters | None = None,
     ) -> None:
         super().__init__(device, unit, serial, layout, faults, registers)
-        self._port = TcpPort(self, host, port)
-
-    def drop_clients(self) -> None:
-        """Cut every connection; new ones are accepted."""
-        self._port.drop_clients()
+        self._port = port_of(self, host, port)
 
     def answer(self, unit: int, request: bytes) -> bytes | None:
         """Act on one protocol data unit; a foreign unit is answered as by a gateway that cannot reach it."""
@@ -124,16 +102,18 @@ class LoadFrameServer(_LoadFrameWire):
         return reply[: HEADER - 1] + bytes([reply[HEADER - 1] ^ 0x02]) + reply[HEADER:]
 
 
-class LoadFrameRtuServer(_LoadFrameWire):
-    """The same frame as Modbus RTU on a pseudo-terminal; `address` is the path to open.
+class LoadFrameRtuServer(_LoadFrameLine):
+    """The same frame as Modbus RTU: on a pseudo-terminal, or at a host on TCP as a device server carries it.
 
     A damaged message, or one for another unit, gets no answer. A broadcast (unit 0) is carried out without an
-    answer.
+    answer. The parameters are those of `LoadFrameServer`.
     """
 
     def __init__(
         self,
         device: LoadFrameDevice,
+        host: str | None = None,
+        port: int = 0,
         *,
         unit: int = 1,
         serial: int = SERIAL,
@@ -142,7 +122,7 @@ class LoadFrameRtuServer(_LoadFrameWire):
         registers: LoadFrameRegisters | None = None,
     ) -> None:
         super().__init__(device, unit, serial, layout, faults, registers)
-        self._port = PtyPort(self)
+        self._port = port_of(self, host, port)
 
     def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
         """Return the complete messages in a buffer, and the rest."""
@@ -163,25 +143,6 @@ class LoadFrameRtuServer(_LoadFrameWire):
     def readdressed(self, reply: bytes) -> bytes:
         """Return the answer with the address of another unit of the line."""
         return _sealed(bytes([reply[0] ^ 0x02]) + reply[1:-2])
-
-
-class LoadFrameRtuTcpServer(LoadFrameRtuServer):
-    """RTU messages on a TCP port, as a serial device server carries them; `address` is ``host:port``."""
-
-    def __init__(
-        self,
-        device: LoadFrameDevice,
-        host: str = "127.0.0.1",
-        port: int = 0,
-        *,
-        unit: int = 1,
-        serial: int = SERIAL,
-        layout: Layout = GENERIC,
-        faults: FaultPanel | None = None,
-        registers: LoadFrameRegisters | None = None,
-    ) -> None:
-        _LoadFrameWire.__init__(self, device, unit, serial, layout, faults, registers)
-        self._port = TcpPort(self, host, port)
 
 
 def _sealed(message: bytes) -> bytes:

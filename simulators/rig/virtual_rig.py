@@ -15,15 +15,16 @@ from drivers.settings import Settings
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.faults import load_frame_faults
 from simulators.load_frame.layout import LAYOUTS
-from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
+from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameServer
 from simulators.rig.places import Link, Places
 from simulators.scene.scene import Misalignment, Scene
 from simulators.scene.specimen import Specimen, SpecimenSettings
 from simulators.stage.device import StageDevice
 from simulators.stage.faults import stage_faults
 from simulators.stage.newport import NewportServer
-from simulators.stage.zaber import ZaberServer, ZaberTcpServer
+from simulators.stage.zaber import ZaberServer
 from simulators.wire.faults import CAMERA, LOAD_FRAME, NEWPORT, STAGE, FaultPanel
+from simulators.wire.ports import LOCALHOST
 from simulators.wire.rig_faults import RigFaults
 
 
@@ -117,7 +118,11 @@ class VirtualRig:
 
         stage, of_stage = self.stage, self.faults[STAGE]
         serve("stage", ZaberServer(stage, faults=of_stage))
-        serve("stage_tcp", ZaberTcpServer(stage, port=port("stage_tcp"), faults=of_stage), "socket://")
+        serve(
+            "stage_tcp",
+            ZaberServer(stage, host=LOCALHOST, port=port("stage_tcp"), faults=of_stage),
+            "socket://",
+        )
         serve("newport", NewportServer(stage, self.clock, faults=self.faults[NEWPORT]))
 
         frame, of_frame = self.load_frame, self.faults[LOAD_FRAME]
@@ -126,7 +131,7 @@ class VirtualRig:
         serve("load_frame", tcp)
         serve("load_frame_rtu", LoadFrameRtuServer(frame, faults=of_frame, registers=tcp.registers))
         rtu_port = port("load_frame_rtu_tcp")
-        rtu_tcp = LoadFrameRtuTcpServer(frame, port=rtu_port, faults=of_frame, registers=tcp.registers)
+        rtu_tcp = LoadFrameRtuServer(frame, LOCALHOST, rtu_port, faults=of_frame, registers=tcp.registers)
         serve("load_frame_rtu_tcp", rtu_tcp, "rtu://")
         return addresses
 

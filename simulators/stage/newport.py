@@ -16,7 +16,7 @@ from simulators.stage.device import RefusedError, StageDevice
 from simulators.stage.faults import stage_faults
 from simulators.stage.newport_errors import ErrorQueue, NewportError
 from simulators.wire.faults import NEWPORT, FaultPanel
-from simulators.wire.ports import PtyPort, TcpPort
+from simulators.wire.ports import Server, port_of
 
 COMMAND = re.compile(r"(?P<axis>\d*)(?P<name>[A-Z]{2})(?P<value>\?|[-+]?\d*\.?\d*)")
 LINE_MAX = 256
@@ -34,13 +34,17 @@ ANSWERED_WITHOUT_MARK = frozenset({"TP", "TV", "TS", "TX", "TE", "TB", "VE", "ID
 SETTINGS = frozenset({"VA", "AC", "AG", "SL", "SR", "SN"})
 
 
-class NewportWire:
-    """How the controller carries out lines; the stage is axis 1, the other axes have no stage.
+class NewportServer(Server):
+    """A controller on a pseudo-terminal or on TCP; the stage is axis 1, the other axes have no stage.
 
     Parameters
     ----------
     device : StageDevice
     clock : Clock
+    host : str, optional
+        Serve TCP there; without one a pseudo-terminal.
+    port : int
+        Of TCP; 0 takes any free one.
     serial : int
     faults : FaultPanel, optional
         One is made if none is given.
@@ -54,7 +58,14 @@ class NewportWire:
     """
 
     def __init__(
-        self, device: StageDevice, clock: Clock, *, serial: int = 110001, faults: FaultPanel | None = None
+        self,
+        device: StageDevice,
+        clock: Clock,
+        *,
+        host: str | None = None,
+        port: int = 0,
+        serial: int = 110001,
+        faults: FaultPanel | None = None,
     ) -> None:
         self.device = device
         self.faults = faults or stage_faults(FaultPanel(NEWPORT), device)
@@ -64,6 +75,7 @@ class NewportWire:
         self.home_mode = 1
         self.soft_limits = SOFT_LIMITS
         self._switch_on()
+        self._port = port_of(self, host, port)
 
     def _switch_on(self) -> None:
         start_s = self._clock.now_s()
@@ -258,44 +270,6 @@ class NewportWire:
             raise NewportError(errors.NO_SUCH_AXIS)
         if axis > 1:
             raise NewportError(errors.AXIS * axis + errors.NOT_CONNECTED)
-
-
-class NewportServer(NewportWire):
-    """The controller on a pseudo-terminal; `address` is the path to open."""
-
-    _port: PtyPort | TcpPort
-
-    def __init__(
-        self, device: StageDevice, clock: Clock, *, serial: int = 110001, faults: FaultPanel | None = None
-    ) -> None:
-        super().__init__(device, clock, serial=serial, faults=faults)
-        self._port = PtyPort(self)
-
-    @property
-    def address(self) -> str:
-        """Address of the server."""
-        return self._port.address
-
-    def close(self) -> None:
-        """Hang up and end the threads; harmless when repeated."""
-        self._port.close()
-
-
-class NewportTcpServer(NewportServer):
-    """The same controller on a TCP port; `address` is ``host:port``."""
-
-    def __init__(
-        self,
-        device: StageDevice,
-        clock: Clock,
-        *,
-        host: str = "127.0.0.1",
-        port: int = 0,
-        serial: int = 110001,
-        faults: FaultPanel | None = None,
-    ) -> None:
-        NewportWire.__init__(self, device, clock, serial=serial, faults=faults)
-        self._port = TcpPort(self, host, port)
 
 
 def _number(value: str) -> float:

@@ -12,7 +12,7 @@ from simulators.stage.device import RefusedError, StageDevice
 from simulators.stage.faults import stage_faults
 from simulators.stage.zaber_settings import ACCELERATION_UNIT, SPEED_UNIT, ZaberDeviceSettings
 from simulators.wire.faults import STAGE, FaultPanel
-from simulators.wire.ports import PtyPort, TcpPort
+from simulators.wire.ports import Server, port_of
 
 MESSAGE = re.compile(r"/(?:(?P<address>\d+)(?: +(?P<axis>\d+)(?: +(?P<id>\d+|--))?)?)? *(?P<command>[^:]*)$")
 LINE_MAX = 128
@@ -25,12 +25,16 @@ def checksum(text: str) -> str:
     return f"{-sum(text.encode('ascii', 'replace')) & 0xFF:02X}"
 
 
-class ZaberWire:
-    """How the stage carries out messages.
+class ZaberServer(Server):
+    """A stage's line: on a pseudo-terminal, or on TCP.
 
     Parameters
     ----------
     device : StageDevice
+    host : str, optional
+        Serve TCP there; without one a pseudo-terminal.
+    port : int
+        Of TCP; 0 takes any free one.
     device_address : int
         The stage's own address; messages with address 0 or none are for all devices.
     serial : int
@@ -43,6 +47,8 @@ class ZaberWire:
         self,
         device: StageDevice,
         *,
+        host: str | None = None,
+        port: int = 0,
         device_address: int = 1,
         serial: int = 110001,
         faults: FaultPanel | None = None,
@@ -51,6 +57,7 @@ class ZaberWire:
         self.settings = ZaberDeviceSettings(device, device_address, serial)
         self.faults = faults or stage_faults(FaultPanel(STAGE), device)
         self._turn = threading.Lock()
+        self._port = port_of(self, host, port)
 
     def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
         """Return the complete lines in a buffer, and the rest."""
@@ -167,49 +174,6 @@ class ZaberWire:
             device.move_to(target, *own)
         else:
             raise RefusedError("BADCOMMAND")
-
-
-class ZaberServer(ZaberWire):
-    """The stage's line on a pseudo-terminal; `address` is the path to open."""
-
-    _port: PtyPort | TcpPort
-
-    def __init__(
-        self,
-        device: StageDevice,
-        *,
-        device_address: int = 1,
-        serial: int = 110001,
-        faults: FaultPanel | None = None,
-    ) -> None:
-        super().__init__(device, device_address=device_address, serial=serial, faults=faults)
-        self._port = PtyPort(self)
-
-    @property
-    def address(self) -> str:
-        """Address of the server."""
-        return self._port.address
-
-    def close(self) -> None:
-        """Hang up and end the threads; harmless when repeated."""
-        self._port.close()
-
-
-class ZaberTcpServer(ZaberServer):
-    """The same line on a TCP port; `address` is ``host:port``."""
-
-    def __init__(
-        self,
-        device: StageDevice,
-        *,
-        host: str = "127.0.0.1",
-        port: int = 0,
-        device_address: int = 1,
-        serial: int = 110001,
-        faults: FaultPanel | None = None,
-    ) -> None:
-        ZaberWire.__init__(self, device, device_address=device_address, serial=serial, faults=faults)
-        self._port = TcpPort(self, host, port)
 
 
 def _changed(reply: bytes, place: int, byte: int) -> bytes:

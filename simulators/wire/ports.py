@@ -14,6 +14,7 @@ from pathlib import Path
 from simulators.wire.line import Line, Wire
 from simulators.wire.tcp_server import TcpServer
 
+LOCALHOST = "127.0.0.1"
 PREFIX = "offaxis-pty-"
 """Prefix of the folders that hold links to terminals."""
 
@@ -137,3 +138,34 @@ class TcpPort:
         self._server = None
 
     close = unplug
+
+
+class Server:
+    """A device with a port of its own; a subclass says how its messages are cut, answered and damaged.
+
+    Attributes
+    ----------
+    address : str
+        The path of a pseudo-terminal, or ``host:port``.
+    """
+
+    _port: PtyPort | TcpPort
+
+    @property
+    def address(self) -> str:
+        """Where it is found."""
+        return self._port.address
+
+    def drop_clients(self) -> None:
+        """Cut every connection over TCP; new ones are accepted."""
+        if isinstance(self._port, TcpPort):
+            self._port.drop_clients()
+
+    def close(self) -> None:
+        """Hang up and end the threads; harmless when repeated."""
+        self._port.close()
+
+
+def port_of(wire: Wire, host: str | None, port: int) -> PtyPort | TcpPort:
+    """Open a wire's port: TCP at a host, where 0 takes any free port, or without one a pseudo-terminal."""
+    return PtyPort(wire) if host is None else TcpPort(wire, host, port)

@@ -26,11 +26,12 @@ from drivers.stages.esp301.stage import open_stage as open_esp301
 from drivers.stages.zaber.settings import ZaberSettings
 from drivers.stages.zaber.stage import open_stage as open_zaber
 from simulators.load_frame.device import LoadFrameDevice
-from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
+from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameServer
 from simulators.stage.device import StageDevice
-from simulators.stage.newport import NewportServer, NewportTcpServer
-from simulators.stage.zaber import ZaberServer, ZaberTcpServer
+from simulators.stage.newport import NewportServer
+from simulators.stage.zaber import ZaberServer
 from tests.spring import Spring
+from tests.tcp_servers import load_frame_rtu_on_tcp, newport_on_tcp, zaber_on_tcp
 
 BOUND_S = 0.005
 REPETITIONS = 15
@@ -97,12 +98,12 @@ def frame_line(server: Callable[..., Any], url: str, header: int) -> Line:
 
 LINES = {
     "zaber on a serial line": stage_line(ZaberServer, "{}"),
-    "zaber on TCP": stage_line(ZaberTcpServer, "socket://{}"),
+    "zaber on TCP": stage_line(zaber_on_tcp, "socket://{}"),
     "ESP301 on a serial line": newport_line(NewportServer, "{}"),
-    "ESP301 on TCP": newport_line(NewportTcpServer, "socket://{}"),
+    "ESP301 on TCP": newport_line(newport_on_tcp, "socket://{}"),
     "Modbus TCP": frame_line(LoadFrameServer, "{}", 7),
     "Modbus RTU on a serial line": frame_line(LoadFrameRtuServer, "{}", 1),
-    "Modbus RTU over TCP": frame_line(LoadFrameRtuTcpServer, "rtu://{}", 1),
+    "Modbus RTU over TCP": frame_line(load_frame_rtu_on_tcp, "rtu://{}", 1),
 }
 
 

@@ -7,9 +7,9 @@ from drivers.stages.esp301.settings import EspSettings
 from drivers.stages.esp301.stage import open_stage as open_esp301
 from drivers.stages.zaber.settings import ZaberSettings
 from drivers.stages.zaber.stage import open_stage as open_zaber
-from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
+from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameServer
 from simulators.stage.newport import NewportServer
-from simulators.stage.zaber import ZaberServer, ZaberTcpServer
+from simulators.stage.zaber import ZaberServer
 from simulators.wire.faults import CAMERA, LOAD_FRAME, NEWPORT, STAGE
 from tests.fault_matrix.bench import Bench
 from tests.fault_matrix.camera_benches import (
@@ -21,6 +21,7 @@ from tests.fault_matrix.camera_benches import (
     V4l2StreamBench,
 )
 from tests.fault_matrix.machine_benches import LoadFrameBench, StageBench
+from tests.tcp_servers import load_frame_rtu_on_tcp, zaber_on_tcp
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ COLUMNS = [
     Column(
         "zaber-ascii, TCP",
         STAGE,
-        lambda: StageBench(lambda device, _: ZaberTcpServer(device), ZaberSettings, open_zaber, "socket://"),
+        lambda: StageBench(lambda device, _: zaber_on_tcp(device), ZaberSettings, open_zaber, "socket://"),
     ),
     Column(
         "newport-esp301, pty",
@@ -57,7 +58,7 @@ COLUMNS = [
     Column(
         "modbus-frame, RTU over TCP, separate-words",
         LOAD_FRAME,
-        lambda: LoadFrameBench(LoadFrameRtuTcpServer, "separate-words", "rtu://"),
+        lambda: LoadFrameBench(load_frame_rtu_on_tcp, "separate-words", "rtu://"),
     ),
     Column("simulated-camera", CAMERA, SimulatedCameraBench),
     Column("v4l2, image", CAMERA, V4l2Bench),

@@ -14,11 +14,12 @@ from drivers.testing import LoadFrameBench, LoadFrameContract
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.faults import load_frame_faults
 from simulators.load_frame.layout import LAYOUTS
-from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
+from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameServer
 from simulators.load_frame.registers import LoadFrameRegisters
 from simulators.wire.faults import LOAD_FRAME, FaultPanel
 from tests.drivers.load_frames import foreign_servers
 from tests.spring import Spring
+from tests.tcp_servers import load_frame_rtu_on_tcp
 
 LIMITS = {"load_max_n": 5000.0, "load_min_n": -100.0, "displacement_max_mm": 5.0, "displacement_min_mm": -1.0}
 COMMANDS = {"hold", "displacement", "load", "tare"}
@@ -74,7 +75,7 @@ LINES = {
     "tcp-generic": (LoadFrameServer, "{}", "generic"),
     "tcp-scaled-integers": (LoadFrameServer, "{}", "scaled-integers"),
     "rtu-separate-words": (LoadFrameRtuServer, "{}", "separate-words"),
-    "rtu-over-tcp-generic": (LoadFrameRtuTcpServer, "rtu://{}", "generic"),
+    "rtu-over-tcp-generic": (load_frame_rtu_on_tcp, "rtu://{}", "generic"),
 }
 
 

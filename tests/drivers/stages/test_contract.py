@@ -16,9 +16,10 @@ from drivers.stages.zaber.settings import ZaberSettings
 from drivers.stages.zaber.stage import open_stage as open_zaber
 from drivers.testing import StageBench, StageContract
 from simulators.stage.device import StageDevice
-from simulators.stage.newport import NewportServer, NewportTcpServer
-from simulators.stage.zaber import ZaberServer, ZaberTcpServer
+from simulators.stage.newport import NewportServer
+from simulators.stage.zaber import ZaberServer
 from simulators.wire.faults import STAGE, FaultPanel
+from tests.tcp_servers import newport_on_tcp, zaber_on_tcp
 
 SPEED_DEG_S = 4.0
 LIMITS = {"angle_min_deg": -5.0, "angle_max_deg": 365.0, "speed_deg_s": SPEED_DEG_S}
@@ -34,9 +35,9 @@ def newport(port: str, context: OpenContext) -> RotationStage:
 
 LINES: dict[str, tuple[Callable[[StageDevice, VirtualClock], Any], str, Callable[..., RotationStage]]] = {
     "zaber-pty": (lambda device, clock: ZaberServer(device), "{}", zaber),
-    "zaber-tcp": (lambda device, clock: ZaberTcpServer(device), "socket://{}", zaber),
+    "zaber-tcp": (lambda device, clock: zaber_on_tcp(device), "socket://{}", zaber),
     "newport-pty": (NewportServer, "{}", newport),
-    "newport-tcp": (NewportTcpServer, "socket://{}", newport),
+    "newport-tcp": (newport_on_tcp, "socket://{}", newport),
 }
 MOTION = re.compile(rb"\b(home|move)\b|^\d(OR|PA|PR|MV)")
 

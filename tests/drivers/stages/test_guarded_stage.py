@@ -101,7 +101,7 @@ def test_a_stage_whose_link_was_cut_in_motion_is_stopped_over_a_new_one(kit, dev
     arrive(stage, clock)
     stage.move_to(90.0)
     clock.sleep(1.0)
-    wire._port.drop_clients()
+    wire.drop_clients()
     stage.stop()
     assert not device.moving
     assert 0.0 < device.angle_deg() < 90.0
@@ -135,7 +135,7 @@ def test_another_stage_where_ours_was_is_not_ours_standing_still(
 ):
     wire = kit.tcp_server(device, clock)
     stage = kit.open(context, f"socket://{wire.address}", StopTimes(deadline_s=0.3))
-    wire._port.drop_clients()
+    wire.drop_clients()
     setattr(wire, identity, another(device))
     with pytest.raises(DeviceTimeout, match=r"expected standstill, got .*7777.*press the emergency stop"):
         stage.stop()

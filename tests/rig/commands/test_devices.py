@@ -16,9 +16,10 @@ from rig.rigfile import read_rig
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.modbus import LoadFrameServer
 from simulators.stage.device import StageDevice
-from simulators.stage.zaber import ZaberServer, ZaberTcpServer
+from simulators.stage.zaber import ZaberServer
 from tests.command_line import run_rig
 from tests.spring import Spring
+from tests.tcp_servers import zaber_on_tcp
 
 VISION = "GigE Vision and USB3 Vision cameras"
 
@@ -89,7 +90,7 @@ def test_no_probe_sends_nothing(serve, clock):
 
 
 def test_a_stage_behind_tcp_is_found_and_named_once(serve, clock):
-    zaber = serve(ZaberTcpServer(StageDevice(clock)))
+    zaber = serve(zaber_on_tcp(StageDevice(clock)))
     place = f"socket://{zaber.address}"
     done = run_rig("devices", "--port", place, "--port", place)
     assert done.status == 0

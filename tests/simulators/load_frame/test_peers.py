@@ -11,12 +11,13 @@ import pytest
 from drivers.clock import VirtualClock
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.layout import GENERIC
-from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
+from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameServer
 from tests.peers import program, run
 from tests.spring import Spring
+from tests.tcp_servers import load_frame_rtu_on_tcp
 
 STATE_DISPLACEMENT, COMMAND, LIMIT_LOAD_MAX, WATCHDOG, HEARTBEAT = 10, 0, 34, 64, 66
-SERVERS = {"tcp": LoadFrameServer, "rtu": LoadFrameRtuServer, "rtu over tcp": LoadFrameRtuTcpServer}
+SERVERS = {"tcp": LoadFrameServer, "rtu": LoadFrameRtuServer, "rtu over tcp": load_frame_rtu_on_tcp}
 
 
 @dataclass

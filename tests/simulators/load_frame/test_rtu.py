@@ -8,10 +8,11 @@ import pytest
 import simulators.load_frame.modbus_framing
 from drivers.clock import VirtualClock
 from simulators.load_frame.device import LoadFrameDevice
-from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer
+from simulators.load_frame.modbus import LoadFrameRtuServer
 from simulators.load_frame.modbus_framing import crc, cut_rtu
 from tests.simulators.terminal import listen, terminal_of
 from tests.spring import Spring
+from tests.tcp_servers import load_frame_rtu_on_tcp
 
 
 @pytest.fixture
@@ -109,7 +110,7 @@ def test_no_stretch_longer_than_a_message_is_checked(monkeypatch):
 
 
 def test_the_same_frames_on_tcp(device, serve):
-    server = serve(LoadFrameRtuTcpServer(device))
+    server = serve(load_frame_rtu_on_tcp(device))
     host, _, port = server.address.partition(":")
     with socket.create_connection((host, int(port)), 10.0) as client:
         client.sendall(bytes.fromhex(sealed("01 04 00 20 00 03")))

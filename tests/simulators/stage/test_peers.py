@@ -7,9 +7,10 @@ import pytest
 
 from drivers.clock import SystemClock
 from simulators.stage.device import StageDevice
-from simulators.stage.newport import NewportServer, NewportTcpServer
-from simulators.stage.zaber import ZaberServer, ZaberTcpServer
+from simulators.stage.newport import NewportServer
+from simulators.stage.zaber import ZaberServer
 from tests.peers import INSTALL_S, RUN_S, interpreter, run
+from tests.tcp_servers import newport_on_tcp, zaber_on_tcp
 
 pytestmark = pytest.mark.timeout(2 * INSTALL_S + RUN_S)  # an environment is made on first use
 
@@ -119,7 +120,7 @@ def device():
     return StageDevice(SystemClock(), power_up_angle_deg=1.0, speed_deg_s=200.0, acceleration_deg_s2=20_000.0)
 
 
-@pytest.mark.parametrize("line", [ZaberServer, ZaberTcpServer], ids=["pty", "TCP"])
+@pytest.mark.parametrize("line", [ZaberServer, zaber_on_tcp], ids=["pty", "TCP"])
 def test_the_vendors_client_drives_the_stage(device, line, serve):
     python = interpreter("zaber-motion", "zaber-motion==10.*")
     server = serve(line(device))
@@ -156,7 +157,7 @@ def test_the_vendors_older_client_drives_it_without_ids_and_checksums(device, se
     }
 
 
-@pytest.mark.parametrize("line", [NewportServer, NewportTcpServer], ids=["pty", "TCP"])
+@pytest.mark.parametrize("line", [NewportServer, newport_on_tcp], ids=["pty", "TCP"])
 def test_pymeasure_drives_the_stage_on_an_esp301(device, line, serve):
     python = interpreter("pymeasure", "pymeasure==0.16.*", "pyvisa-py", "pyserial")
     server = serve(line(device, SystemClock()))

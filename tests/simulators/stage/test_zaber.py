@@ -5,8 +5,9 @@ import threading
 import pytest
 
 from simulators.stage.device import StageDevice
-from simulators.stage.zaber import ZaberServer, ZaberTcpServer
+from simulators.stage.zaber import ZaberServer
 from tests.simulators.terminal import listen, terminal_of
+from tests.tcp_servers import zaber_on_tcp
 
 
 @pytest.fixture
@@ -117,7 +118,7 @@ def test_bytes_may_come_in_pieces_on_the_terminal(server):
 
 
 def test_clients_on_tcp_share_one_stage(clock):
-    server = ZaberTcpServer(StageDevice(clock))
+    server = zaber_on_tcp(StageDevice(clock))
     host, _, port = server.address.partition(":")
     before = threading.active_count()
     try:

@@ -12,11 +12,12 @@ import pytest
 from drivers.clock import VirtualClock
 from simulators.stage.device import StageDevice
 from simulators.stage.faults import stage_faults
-from simulators.stage.zaber import ZaberServer, ZaberTcpServer, ZaberWire
+from simulators.stage.zaber import ZaberServer
 from simulators.wire.faults import FAULTS, FaultPanel, names, parse
 from simulators.wire.line import Line
 from simulators.wire.rig_faults import RigFaults
 from tests.simulators.terminal import listen, terminal_of
+from tests.tcp_servers import zaber_on_tcp
 
 FIRST, SECOND = b"@01 0 00 OK IDLE WR 0:BE\r\n", b"@01 0 01 OK IDLE WR 0:BD\r\n"
 """Answers to `get pos` with the ids 00 and 01; checksums from the vendor's way of counting."""
@@ -68,11 +69,10 @@ def test_what_comes_after_two_questions(server, fault, answers):
         ("split:1", [FIRST[:9], "0.002", FIRST[9:18], "0.002", FIRST[18:], SECOND]),
     ],
 )
-def test_when_and_in_how_many_pieces_an_answer_comes(fault, expected):
+def test_when_and_in_how_many_pieces_an_answer_comes(server, fault, expected):
     happened = []
-    wire = ZaberWire(StageDevice(VirtualClock()))
-    line = Line(wire, happened.append, lambda seconds: happened.append(f"{seconds:g}"))
-    wire.faults.switch_on(fault)
+    line = Line(server, happened.append, lambda seconds: happened.append(f"{seconds:g}"))
+    server.faults.switch_on(fault)
     line.receive(b"/1 0 00 get pos:2D\n/1 0 01 get")
     line.receive(b" pos:2C\n")
     assert happened == expected
@@ -215,7 +215,7 @@ def test_a_stage_may_be_reset_a_second_time():
 
 
 def test_a_port_that_another_program_took_meanwhile_is_said_and_comes_back_later(serve):
-    server = serve(ZaberTcpServer(StageDevice(VirtualClock())))
+    server = serve(zaber_on_tcp(StageDevice(VirtualClock())))
     server.faults.switch_on("unplug")
     host, port = server.address.split(":")
     with socket.create_server((host, int(port))), pytest.raises(OSError, match="in use"):

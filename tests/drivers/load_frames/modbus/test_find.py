@@ -6,7 +6,8 @@ import pytest
 
 from drivers.load_frames.modbus.find import modbus_at_address, modbus_at_port
 from simulators.load_frame.layout import LAYOUTS
-from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameRtuTcpServer, LoadFrameServer
+from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameServer
+from tests.tcp_servers import load_frame_rtu_on_tcp
 
 GENERIC_STATE = b"\x04\x00\x00"
 """How a request for the block `state` of the map `generic` begins: function 4, address 0."""
@@ -29,7 +30,7 @@ def test_a_load_frame_on_a_serial_line_is_found_under_its_unit(serve, device):
 
 @pytest.mark.parametrize("unit", [1, 3])
 def test_a_load_frame_behind_a_gateway_is_found_as_rtu(serve, device, unit):
-    server = serve(LoadFrameRtuTcpServer(device, unit=unit))
+    server = serve(load_frame_rtu_on_tcp(device, unit=unit))
     (found,) = modbus_at_address(f"rtu://{server.address}")
     assert found.settings["address"] == f"rtu://{server.address}"
     assert found.settings.get("unit", 1) == unit

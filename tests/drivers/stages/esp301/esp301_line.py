@@ -4,8 +4,9 @@ from drivers.clock import VirtualClock
 from drivers.stages.esp301.settings import EspSettings
 from drivers.stages.esp301.stage import open_stage
 from simulators.stage.device import StageDevice
-from simulators.stage.newport import NewportServer, NewportTcpServer
+from simulators.stage.newport import NewportServer
 from tests.drivers.stages.stage_kit import StageKit, Tamper, untampered
+from tests.tcp_servers import newport_on_tcp
 
 
 class EspLine(NewportServer):
@@ -29,4 +30,4 @@ def settings(port: str, **changes: object) -> EspSettings:
     return EspSettings.model_validate(values | changes)
 
 
-ESP301 = StageKit(open_stage, settings, EspLine, NewportTcpServer)
+ESP301 = StageKit(open_stage, settings, EspLine, newport_on_tcp)

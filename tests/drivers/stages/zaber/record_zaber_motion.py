@@ -13,7 +13,7 @@ from pathlib import Path
 
 from drivers.clock import SystemClock
 from simulators.stage.device import StageDevice
-from simulators.stage.zaber import ZaberTcpServer
+from tests.tcp_servers import zaber_on_tcp
 
 TRANSCRIPT = Path(__file__).parent / "data" / "zaber-motion.txt"
 
@@ -53,7 +53,7 @@ print(__version__)
 def record(interpreter: str) -> list[str]:
     """Return the lines of the conversation."""
     device = StageDevice(SystemClock(), speed_deg_s=200.0, acceleration_deg_s2=5000.0)
-    server = ZaberTcpServer(device)
+    server = zaber_on_tcp(device)
     lines: list[str] = []
     cut, respond = server.cut, server.respond
 

@@ -4,12 +4,13 @@ import pytest
 
 from drivers.errors import DeviceFault
 from drivers.stages.zaber.stage import open_stage
-from simulators.stage.zaber import ZaberServer, ZaberTcpServer
+from simulators.stage.zaber import ZaberServer
 from tests.drivers.stages.stage_kit import Answer, arrive, untampered
 from tests.drivers.stages.zaber.zaber_line import lose, settings
+from tests.tcp_servers import zaber_on_tcp
 
 
-@pytest.mark.parametrize(("server", "url"), [(ZaberServer, "{}"), (ZaberTcpServer, "socket://{}")])
+@pytest.mark.parametrize(("server", "url"), [(ZaberServer, "{}"), (zaber_on_tcp, "socket://{}")])
 def test_homes_and_turns_on_a_pty_and_on_tcp(server, url, device, clock, context):
     wire = server(device)
     try:

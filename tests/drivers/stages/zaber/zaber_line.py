@@ -4,8 +4,9 @@ from drivers.stages.zaber.protocol import lrc
 from drivers.stages.zaber.settings import ZaberSettings
 from drivers.stages.zaber.stage import open_stage
 from simulators.stage.device import StageDevice
-from simulators.stage.zaber import ZaberServer, ZaberTcpServer
+from simulators.stage.zaber import ZaberServer
 from tests.drivers.stages.stage_kit import Answer, StageKit, Tamper, untampered
+from tests.tcp_servers import zaber_on_tcp
 
 
 class ZaberLine(ZaberServer):
@@ -50,5 +51,5 @@ ZABER = StageKit(
     open_stage,
     settings,
     lambda device, clock: ZaberLine(device),
-    lambda device, clock: ZaberTcpServer(device),
+    lambda device, clock: zaber_on_tcp(device),
 )
