@@ -1,4 +1,4 @@
-"""Which frames of a series are missing: by the camera's counter, and by the time where that is not enough."""
+"""Which frames of a stream are missing: by the camera's counter, and by the time where that is not enough."""
 
 from collections import deque
 from dataclasses import dataclass, replace

@@ -4,6 +4,7 @@ import math
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Generic, TypeVar
 
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
@@ -45,6 +46,7 @@ class GuardedStage(ABC, Generic[P]):
     ) -> None:
         self._url = resolve_address(settings.port, context)
         self._name = f"{context.name} ({self._url})"
+        self._fault = partial(DeviceFault, self._name)
         self._open_port = open_port
         self._reply_timeout_s = settings.reply_timeout_s
         self._stop_times = stop_times
@@ -180,9 +182,6 @@ class GuardedStage(ABC, Generic[P]):
     def _require_standing(self, moving: bool, step: str) -> None:
         if moving:
             raise self._fault(step, "a standing stage", "a stage in motion", "wait for its end, or stop it")
-
-    def _fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
-        return DeviceFault(self._name, step, expected, got, remedy)
 
 
 G = TypeVar("G", bound=GuardedStage[Any])

@@ -18,7 +18,7 @@ from drivers.clock import SystemClock
 from drivers.errors import DeviceError
 from drivers.interfaces import Camera, Frame
 from drivers.testing.camera_bench import GRAB_S, ROUNDS, CameraBench
-from drivers.testing.common import Handle, needed, wait_until
+from drivers.testing.common import Handle, assert_identified, needed, wait_until
 from drivers.testing.stream_contract import StreamContract
 
 ANSWER_S = 30.0
@@ -32,10 +32,7 @@ class CameraContract(StreamContract):
 
     def test_tells_who_it_is(self, bench: CameraBench) -> None:
         """The run file needs it."""
-        info = bench.camera.info
-        assert info.vendor
-        assert info.model
-        assert info.serial
+        assert_identified(bench.camera.info)
 
     def test_images_are_of_the_announced_format(self, bench: CameraBench) -> None:
         """Size, container and significant bits."""

@@ -7,6 +7,7 @@ import pytest
 
 from drivers.clock import Clock
 from drivers.errors import DeviceError
+from drivers.interfaces import DeviceInfo
 
 Handle = Callable[[], object]
 H = TypeVar("H")
@@ -29,6 +30,13 @@ def wait_until(done: Callable[[], bool], clock: Clock, within_s: float = LONGEST
     while not done():
         assert clock.now_s() < end_s, "it never ended"
         clock.sleep(POLL_S)
+
+
+def assert_identified(info: DeviceInfo) -> None:
+    """A device tells its vendor, model and serial number; the run file needs them."""
+    assert info.vendor
+    assert info.model
+    assert info.serial
 
 
 def assert_says_all(error: DeviceError) -> None:

@@ -9,7 +9,7 @@ import pytest
 from drivers.clock import Clock
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import RotationStage
-from drivers.testing.common import Counter, Handle, assert_says_all, needed, wait_until
+from drivers.testing.common import Counter, Handle, assert_identified, assert_says_all, needed, wait_until
 
 ANSWER_S = 30.0
 
@@ -66,10 +66,7 @@ class StageContract:
 
     def test_tells_who_it_is(self, bench: StageBench) -> None:
         """The run file needs it."""
-        info = bench.stage.info
-        assert info.vendor
-        assert info.model
-        assert info.serial
+        assert_identified(bench.stage.info)
 
     def test_opening_moves_nothing(self, bench: StageBench) -> None:
         """Whoever stands at the rig is not surprised."""

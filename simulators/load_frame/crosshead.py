@@ -15,7 +15,7 @@ STIFFNESS_MIN_N_MM = 1_000.0
 
 
 class LoadString(Protocol):
-    """Specimen, grips and frame in series; it remembers plastic deformation."""
+    """Specimen, grips and load frame in series; it remembers plastic deformation."""
 
     def stretch_to(self, displacement_mm: float) -> float:
         """Bring the crosshead to `displacement_mm` from the start of the test and return the load in N."""

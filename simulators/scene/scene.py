@@ -126,7 +126,7 @@ def _meet(origin: Array, directions: Array, rotation: Array, unstretch: Array, s
 
 
 class Scene:
-    """The specimen on its stage or in its frame, and the grid that can be attached to it.
+    """The specimen on its stage or in its load frame, and the grid that can be attached to it.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ class Scene:
     angle_deg : callable
         The stage's true angle now.
     load_n : callable
-        The frame's load now; the call also updates the specimen.
+        The load frame's load now; the call also updates the specimen.
     """
 
     def __init__(

@@ -18,7 +18,7 @@ class SpecimenSettings(Settings):
 
     Material: typical values of 2024-T3 (Aluminum Association, as in MatWeb's sheet "Aluminum 2024-T3"):
     modulus 73.1 GPa, Poisson's ratio 0.33, yield 345 MPa, ultimate strength 483 MPa, elongation 18 %.
-    The values of the load string are those of a typical mechanical test frame with wedge grips.
+    The values of the load string are those of a typical mechanical load frame with wedge grips.
     """
 
     width_mm: float = Field(default=25.0, gt=0, description="width of the gauge section")
@@ -36,7 +36,9 @@ class SpecimenSettings(Settings):
     grip_slip_load_n: float = Field(
         default=1500.0, gt=0, description="load at which 63 % of the slip is over"
     )
-    machine_stiffness_n_mm: float = Field(default=15_000.0, gt=0, description="grips and frame in series")
+    machine_stiffness_n_mm: float = Field(
+        default=15_000.0, gt=0, description="grips and load frame in series"
+    )
     centre_travel: float = Field(
         default=0.0, ge=0, le=1, description="part of the displacement by which the specimen's middle moves"
     )
@@ -79,11 +81,11 @@ class SpecimenState:
 
 
 class Specimen:
-    """Specimen, grips and frame in series; the highest load so far determines plastic strain and slip.
+    """Specimen, grips and load frame in series; the highest load so far determines plastic strain and slip.
 
     Virgin loading follows Ramberg and Osgood, ``strain = s/E + 0.002 (s/yield)^n`` with n such that the
-    ultimate stress is reached at the ultimate strain; frame and grips add their elastic compliance and a slip
-    ``slip (1 - exp(-load / slip load))``. Plastic strain and slip stay on unloading, which is elastic.
+    ultimate stress is reached at the ultimate strain; load frame and grips add their elastic compliance and
+    a slip ``slip (1 - exp(-load / slip load))``. Plastic strain and slip stay on unloading, which is elastic.
     A slack sheet carries no compression. Beyond the fracture strain the specimen is broken for good.
     """
 

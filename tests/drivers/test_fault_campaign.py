@@ -85,11 +85,11 @@ def test_a_frame_in_trouble(line, seed):
     try:
         with opened(machine, url.format(server.address), map_name, 0.1) as bench:
             for _ in range(ROUNDS):
-                bench.frame.hold()
-                standing = stand(bench.frame.read, bench.clock)
+                bench.load_frame.hold()
+                standing = stand(bench.load_frame.read, bench.clock)
                 commanded, motions = 0, machine.motions
                 trouble(rng, machine.panel)
-                state = tried(bench.frame.read)
+                state = tried(bench.load_frame.read)
                 if state is not None:
                     assert (state.load_n, state.displacement_mm) == (
                         standing.load_n,
@@ -98,11 +98,11 @@ def test_a_frame_in_trouble(line, seed):
                 if rng.random() < 0.5:
                     commanded = 1
                     target_mm = rng.uniform(0.0, 1.0)
-                    tried(partial(bench.frame.go_to_displacement, target_mm, 0.5))
+                    tried(partial(bench.load_frame.go_to_displacement, target_mm, 0.5))
                 if rng.random() < 0.3:
-                    tried(bench.frame.hold)
+                    tried(bench.load_frame.hold)
                 machine.panel.clear()
                 assert machine.motions - motions <= commanded
-                tried(bench.frame.read)
+                tried(bench.load_frame.read)
     finally:
         server.close()

@@ -1,6 +1,7 @@
 """The settings of an opened GigE Vision camera: written, read back, refused if the camera took another."""
 
 import ctypes
+from functools import partial
 from typing import Any
 
 from drivers.cameras.aravis.library import Aravis, AravisError
@@ -34,6 +35,7 @@ class Features:
         self._library = library
         self._camera = camera
         self._device = device
+        self._fault = partial(DeviceFault, self._device)
         self.numbers: dict[str, float] = {}
 
     def write(self, settings: AravisSettings) -> None:
@@ -121,9 +123,6 @@ class Features:
     def _require(self, step: str, wanted: str, got: str) -> None:
         if got != wanted:
             raise self._fault(step, wanted, f"{got} on reading back", ANOTHER)
-
-    def _fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
-        return DeviceFault(self._device, step, expected, got, remedy)
 
 
 def _agree(got: float, wanted: float) -> bool:

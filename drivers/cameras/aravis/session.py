@@ -4,6 +4,7 @@ import contextlib
 import ctypes
 import math
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -50,6 +51,7 @@ class Session:
         self._library = library
         self._settings = settings
         self._device = device
+        self._fault = partial(DeviceFault, self._device)
         self._clock = clock
         self._stream: int | None = None
         self._last_id: int | None = None
@@ -210,6 +212,3 @@ class Session:
             after_s = self._clock.now_s()
             readings.append((after_s - before_s, date_s - (before_s + after_s) / 2))
         return min(readings)[1]
-
-    def _fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
-        return DeviceFault(self._device, step, expected, got, remedy)

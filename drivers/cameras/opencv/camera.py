@@ -7,6 +7,7 @@ reads back is compared. Where the camera has another driver, use that one.
 
 import math
 import threading
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,7 @@ class OpencvCamera:
         self._settings = settings
         self._clock: Clock = context.clock
         self._name = f"{context.name} ({settings.source})"
+        self._fault = partial(DeviceFault, self._name)
         self._capture = capture
         self._lock = threading.Lock()
         self._sequence = 0
@@ -159,9 +161,6 @@ class OpencvCamera:
     def _require_open(self) -> None:
         if self._capture is None:
             raise self._fault("grab", "an open camera", "a closed one", "open it again")
-
-    def _fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
-        return DeviceFault(self._name, step, expected, got, remedy)
 
 
 def open_camera(settings: OpencvCameraSettings, context: OpenContext) -> OpencvCamera:

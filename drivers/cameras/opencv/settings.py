@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field, field_validator
 
-from drivers.settings import Settings
+from drivers.cameras.settings import FrameSettings
 
 LAST_NUMBER = 9999
 """OpenCV adds some thousands for the backend to a camera's own number."""
@@ -17,7 +17,7 @@ OWN_SETTINGS = {
 }
 
 
-class OpencvCameraSettings(Settings):
+class OpencvCameraSettings(FrameSettings):
     """What a rig file says about the camera.
 
     Attributes
@@ -35,9 +35,6 @@ class OpencvCameraSettings(Settings):
     """
 
     source: int | str
-    width_px: int = Field(ge=16, le=32768)
-    height_px: int = Field(ge=16, le=32768)
-    rate_hz: float = Field(gt=0, le=10_000)
     exposure: float | None = None
     gain: float | None = None
     properties: dict[str, float] = Field(default_factory=dict)

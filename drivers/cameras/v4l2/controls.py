@@ -4,6 +4,7 @@ import errno
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from drivers.cameras.v4l2.abi import (
     NEXT_CONTROL,
@@ -15,7 +16,7 @@ from drivers.cameras.v4l2.abi import (
     Request,
 )
 from drivers.cameras.v4l2.node import Node, translate
-from drivers.errors import DeviceError, DeviceFault
+from drivers.errors import DeviceFault
 
 MANUAL_EXPOSURE = 1
 
@@ -64,6 +65,7 @@ class Controls:
     def __init__(self, node: Node, device: str) -> None:
         self._node = node
         self._device = device
+        self._fault = partial(DeviceFault, self._device)
         self._set: dict[int, int] = {}
         self.known = self._enumerate()
 
@@ -219,9 +221,6 @@ class Controls:
                 found[last] = Control(
                     last, name, query.type, query.minimum, query.maximum, max(1, query.step), query.flags
                 )
-
-    def _fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceError:
-        return DeviceFault(self._device, step, expected, got, remedy)
 
 
 _END_OF_LIST = (errno.EINVAL, errno.ENOTTY)  # the latter of a camera without any control

@@ -2,6 +2,7 @@
 
 import errno
 from datetime import datetime, timedelta
+from functools import partial
 
 from drivers.cameras.v4l2.abi import PRIORITY_RECORD, BufferFlag, Request
 from drivers.cameras.v4l2.buffers import Buffers, Filled
@@ -48,6 +49,7 @@ class Session:
         self.identity = identity
         self._node = node
         self._device = device
+        self._fault = partial(DeviceFault, self._device, "get frame")
         self._clock = clock
         self._buffers: Buffers | None = None
         self._unsettled = UNSETTLED_FRAMES
@@ -220,6 +222,3 @@ class Session:
 
     def _utc_of(self, time_s: float) -> datetime:
         return self._clock.utc() - timedelta(seconds=self._clock.now_s() - time_s)
-
-    def _fault(self, expected: str, got: str, remedy: str) -> DeviceFault:
-        return DeviceFault(self._device, "get frame", expected, got, remedy)

@@ -70,7 +70,7 @@ class LoadFrameCommands:
             self._freshness.check(int(values["sample"]), self._clock.now_s())
             self._sequence.check(int(values["executed"]))
         except ValueError as error:
-            remedy = "hold, check the controller, then open the frame again"
+            remedy = "hold, check the controller, then open the load frame again"
             raise self._work.fault(step, "a new reading", str(error), remedy) from error
         return values
 
@@ -160,7 +160,7 @@ class LoadFrameCommands:
         """A machine that somebody else has set, or that forgot its settings, is not what was opened."""
         for name, block, values in self._settings:
             if not self._work.holds(block, values, step):
-                remedy = "hold, see who else sets the machine, then open the frame again"
+                remedy = "hold, see who else sets the machine, then open the load frame again"
                 raise self._work.fault(step, f"the {name} this program has set", "another setting", remedy)
 
     def _write(self, device: MappedDevice, command: int, values: Mapping[str, float], sequence: int) -> None:

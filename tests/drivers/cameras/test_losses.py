@@ -1,4 +1,4 @@
-"""The account of a series of frames, by numbers and times that are given."""
+"""The account of a stream of frames, by numbers and times that are given."""
 
 from datetime import UTC, datetime
 
