@@ -1,14 +1,14 @@
 """The experiment: protocols, plans, runs, and the files that runs leave.
 
-Everything that is public stands here and is loaded when it is first used:
+This package exports every public name and loads each one when it is first used:
 
 >>> import rig
 >>> outcome = rig.run_protocol("tension.toml", "rig.toml", "run.h5")
 >>> with rig.RunFile("run.h5") as run:
 ...     image = run.image("off_axis", run.steps[-1])
 
-What cannot be done raises a `RigError`, of a device a `drivers.errors.DeviceError`, of a file with mistakes a
-`drivers.errors.ConfigurationError`; the message is a sentence that ends with what to do.
+An experiment that cannot go on raises `RigError`, a failing device `drivers.errors.DeviceError`, and a file
+with mistakes `drivers.errors.ConfigurationError`. Each message is one sentence that ends with the remedy.
 """
 
 from importlib import import_module

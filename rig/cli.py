@@ -1,4 +1,4 @@
-"""The command `rig`. Heavy imports wait inside the commands, so that ``--help`` answers at once."""
+"""The command `rig`. Heavy imports stand inside the commands, so that ``--help`` answers at once."""
 
 import json
 import sys
@@ -25,7 +25,7 @@ _JSON = click.option("--json", "json_path", type=_PATH, help="Also write what is
 
 
 def main() -> None:
-    """Run the command line; an error of ours is one sentence on stderr and status 2."""
+    """Run the command line; a known error prints one sentence on stderr and exits with status 2."""
     run_command(cli, (RigError, DeviceError, ConfigurationError, MeasurementError), "rig")
 
 
@@ -40,7 +40,12 @@ def cli() -> None:
 
 @cli.command()
 @click.argument("protocol", type=_PATH)
-@click.option("--rig", "rig_path", type=_PATH, help="The rig file: also plan bytes, and check its limits.")
+@click.option(
+    "--rig",
+    "rig_path",
+    type=_PATH,
+    help="The rig file: also plan the size of the images, and check the rig's limits.",
+)
 @_JSON
 def plan(protocol: Path, rig_path: Path | None, json_path: Path | None) -> None:
     """Print every step of PROTOCOL, duration, bytes and worst load. Nothing moves."""
@@ -91,9 +96,11 @@ def check(rig_path: Path, json_path: Path | None) -> None:
 
 
 @cli.command()
-@click.option("--port", "ports", multiple=True, help="Ask at this serial port too; may be repeated.")
-@click.option("--modbus", "hosts", multiple=True, metavar="HOST[:PORT]", help="Ask at this address too.")
-@click.option("--no-probe", is_flag=True, help="Send nothing to anybody.")
+@click.option("--port", "ports", multiple=True, help="Also search this serial port; may be repeated.")
+@click.option(
+    "--modbus", "hosts", multiple=True, metavar="HOST[:PORT]", help="Also search this Modbus address."
+)
+@click.option("--no-probe", is_flag=True, help="Send nothing to any device.")
 @click.option("-o", "--output", type=_PATH, help="Write a rig file to start from.")
 @_JSON
 def devices(
@@ -103,7 +110,7 @@ def devices(
     output: Path | None,
     json_path: Path | None,
 ) -> None:
-    """List cameras, serial ports and who answers at them. Nothing moves and no setting is changed."""
+    """List cameras, serial ports and the devices that answer. Nothing moves and no setting is changed."""
     from rig.commands.device_search import search
     from rig.commands.devices import lines, table, write_rig_file
 
@@ -118,7 +125,7 @@ def devices(
 @click.argument("run_file", metavar="RUN", type=_PATH)
 @_JSON
 def verify(run_file: Path, json_path: Path | None) -> None:
-    """Read every image of a run file against its checksum and say what is missing; cut-off runs too."""
+    """Check every image of a run file against its checksum and list what is missing; cut-off runs too."""
     from dataclasses import asdict
 
     from rig import verify_run
@@ -137,7 +144,7 @@ def verify(run_file: Path, json_path: Path | None) -> None:
 @cli.command()
 @click.argument("rig_path", metavar="[RIG]", type=_PATH, required=False)
 @click.option("-o", "--output", type=_PATH, help="Write a rig file that uses the simulated devices.")
-@click.option("--log", type=_PATH, help="Write what is really so, as lines of JSON.")
+@click.option("--log", type=_PATH, help="Write the true state of the simulation, as lines of JSON.")
 @click.option(
     "--period-s",
     type=click.FloatRange(0.01, 3600),
@@ -145,14 +152,16 @@ def verify(run_file: Path, json_path: Path | None) -> None:
     show_default=True,
     help="Time between two samples in the log.",
 )
-@click.option("--fault", "faults", multiple=True, help="Begin with this fault, such as stage.drop:2.")
+@click.option(
+    "--fault", "faults", multiple=True, help="Start with this fault switched on, such as stage.drop:2."
+)
 @click.option(
     "--at",
     "places",
     multiple=True,
     metavar="NAME=PLACE",
-    help="Put a server there: a TCP port, such as load_frame=5020, or the name of a terminal, such as "
-    "stage=/tmp/stage. May be repeated; others take what is free.",
+    help="The place of a server: a TCP port, such as load_frame=5020, or the name of a terminal, such as "
+    "stage=/tmp/stage. May be repeated; other servers choose a free place.",
 )
 @click.option("--list-faults", is_flag=True, help="Print all faults and end.")
 @_JSON
@@ -168,8 +177,8 @@ def simulate(
 ) -> None:
     """Start the virtual rig as servers for other programs, in real time, until Ctrl-C.
 
-    RIG is a rig file all of whose devices are simulated; without one there are a stage, a load frame and
-    two cameras. Type help while it runs.
+    RIG is a rig file in which every device is simulated. Without RIG there are a stage, a load frame and
+    two cameras. Type help while the simulation runs.
     """
     from rig.commands.simulate import find_simulator, run, signals_noted, start
 
@@ -213,7 +222,7 @@ def _write(path: Path, text: str, option: str) -> None:
             str(path),
             "a file that can be written",
             error.strerror or str(error),
-            f"name another with {option}",
+            f"name another file with {option}",
         ) from error
 
 

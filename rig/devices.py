@@ -1,4 +1,4 @@
-"""Opening the devices of a rig file, and closing every one of them whatever happens."""
+"""Open the devices of a rig file, and close every opened device in any case."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -33,7 +33,7 @@ class Rig:
 def open_rig(rig_file: RigFile) -> Iterator[Rig]:
     """Open every device of a rig file, the simulated environment first, and close them in reverse order.
 
-    Closing moves and stops nothing: that is the engine's duty.
+    Closing moves and stops nothing: the engine makes the rig safe before.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What can end a run, said in one sentence that the person at the rig can act on."""
+"""The errors that can end a run; each message is one sentence that ends with the remedy."""
 
 
 class RigError(Exception):
@@ -7,9 +7,9 @@ class RigError(Exception):
     Parameters
     ----------
     step : str
-        The step of the protocol, or the file, that was being worked on.
+        The step of the protocol, or the file, where the error occurred.
     expected, got : str
-        What should have happened, and what did.
+        What should have happened, and what happened.
     remedy : str
         What to do about it.
     """

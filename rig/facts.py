@@ -1,4 +1,4 @@
-"""What a rig can do, as far as its file says so, and as its devices confirm once they are open."""
+"""What a rig can do: first by its rig file, then by its opened devices."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,9 +11,9 @@ from rig.rigfile import RigFile
 
 @dataclass(frozen=True)
 class RigFacts:
-    """Limits and sizes that a plan is judged by; None where nothing is known, as without a rig file.
+    """Limits and sizes that a plan is checked against; None where a value is unknown.
 
-    `image_bytes` is one image from each camera together.
+    `image_bytes` is the sum over one image from each camera.
     """
 
     has_stage: bool | None = None
@@ -33,7 +33,7 @@ UNKNOWN_RIG = RigFacts()
 
 
 def facts_of_file(rig_file: RigFile) -> RigFacts:
-    """Collect what the settings of the drivers tell under the usual names; nothing is opened."""
+    """Collect the limits and sizes among the drivers' settings, by their usual names; no device is opened."""
     facts: dict[str, float | None] = {}
     if rig_file.load_frame is not None:
         for name in ("load_max_n", "displacement_max_mm", "speed_max_mm_s", "load_rate_max_n_s"):
@@ -55,7 +55,7 @@ def facts_of_file(rig_file: RigFile) -> RigFacts:
 
 
 def confirm(facts: RigFacts, rig: Rig) -> RigFacts:
-    """Replace what the file says by what the opened devices say."""
+    """Replace the values of the rig file by those of the opened devices."""
     infos: list[CameraInfo] = [camera.info for camera in rig.cameras.values()]
     image_bytes = sum(_bytes(info.width_px, info.height_px, info.bits) for info in infos)
     facts = replace(facts, image_bytes=image_bytes, cameras=len(infos))
@@ -72,7 +72,7 @@ def confirm(facts: RigFacts, rig: Rig) -> RigFacts:
 
 
 def objections(protocol: Protocol, facts: RigFacts) -> list[str]:
-    """Return one sentence for everything the protocol wants and the rig cannot do; empty when all is well."""
+    """Return one sentence for each demand of the protocol that the rig cannot meet."""
     if isinstance(protocol, TensionProtocol):
         if facts.has_load_frame is False:
             return ["a tension protocol needs a [load_frame] in the rig file; add it, or take another rig"]
@@ -91,21 +91,21 @@ def objections(protocol: Protocol, facts: RigFacts) -> list[str]:
     found = _above([("rotation.total_deg", rotation.total_deg, facts.angle_max_deg, "deg")])
     if facts.angle_min_deg is not None and facts.angle_min_deg > 0.0:
         found.append(
-            f"the reference is at 0 deg, but stage.angle_min_deg is {facts.angle_min_deg:g}; lower it to 0"
+            f"the reference is at 0 deg, but stage.angle_min_deg is {facts.angle_min_deg:g}; set that to 0"
         )
     if facts.speed_deg_s is not None:
         needed_s = rotation.increment_deg / facts.speed_deg_s + settle.dwell_s
         if needed_s > settle.timeout_s:
             found.append(
                 f"settle.timeout_s is {settle.timeout_s:g}, but a step and its dwell take {needed_s:g} s; "
-                "raise it above that"
+                f"set it above {needed_s:g}"
             )
     return found
 
 
 def _above(wishes: Sequence[tuple[str, float, float | None, str]]) -> list[str]:
     return [
-        f"{name} is {wanted:g}, but the rig allows {allowed:g} {unit} at most; lower it"
+        f"{name} is {wanted:g}, but the rig allows {allowed:g} {unit} at most; set it to {allowed:g} or less"
         for name, wanted, allowed, unit in wishes
         if allowed is not None and wanted > allowed
     ]

@@ -18,7 +18,7 @@ _SPACE_MARGIN = 1.1
 
 @dataclass(frozen=True)
 class PlannedStep:
-    """A step with its estimated duration, None if the rig does not tell how fast it moves."""
+    """A step with its estimated duration; None if the speed of the motion is unknown."""
 
     step: ProtocolStep
     duration_s: float | None
@@ -31,15 +31,15 @@ class Plan:
     Attributes
     ----------
     steps : list of PlannedStep
-        The conditional ones are needed only if the specimen demands them.
+        The specimen decides which of the conditional steps are executed.
     images : int or None
-        In all, from all cameras; None without a rig.
+        Number of images of all steps and cameras; None without a rig file.
     size_bytes : int or None
-        Of all images.
+        Size of all images; None where the size of an image is unknown.
     worst_load_n, worst_displacement_mm : float
-        The limits of the protocol, NaN for a rotation; the run ends before they are exceeded.
+        The limits of the protocol, NaN for a rotation; the engine ends a run that exceeds them.
     objections : list of str
-        Why this rig cannot do it; `rig run` refuses while there is one.
+        Reasons why this rig cannot execute the protocol; `rig run` refuses to start if there is any.
     """
 
     title: str
@@ -88,18 +88,18 @@ def require_feasible(plan: Plan, folder: Path) -> None:
     Raises
     ------
     ProtocolError
-        With every objection, or with the space that is needed and there.
+        If there are objections, no folder for the run file, or too little free space.
     """
     if plan.objections:
         raise ProtocolError(
             plan.title,
             "a protocol within the limits of the rig",
-            f"{len(plan.objections)} beyond",
+            f"{len(plan.objections)} objections",
             "; ".join(plan.objections),
         )
     if not folder.is_dir():
         raise ProtocolError(
-            str(folder), "a folder for the run file", "none", "create it, or name another with -o"
+            str(folder), "a folder for the run file", "none", "create it, or name another folder with -o"
         )
     needed, free = int((plan.size_bytes or 0) * _SPACE_MARGIN), shutil.disk_usage(folder).free
     if needed > free:
@@ -107,12 +107,12 @@ def require_feasible(plan: Plan, folder: Path) -> None:
             str(folder),
             f"{format_bytes(needed)} of free space for the run",
             format_bytes(free),
-            "free some, or name another place with -o",
+            "free disk space, or name a folder on another disk with -o",
         )
 
 
 def format_bytes(size: int) -> str:
-    """Return a size as people read it."""
+    """Return a size as text, in MB or GB."""
     return f"{size / 1e6:.1f} MB" if size < 1e9 else f"{size / 1e9:.1f} GB"
 
 

@@ -37,7 +37,7 @@ class RunHeader:
 
 @dataclass(frozen=True)
 class StepRecord:
-    """A finished step: what was asked, what was read once settled, and per camera its first row and count."""
+    """A finished step, its settled reading, and per camera the first row and the number of its images."""
 
     step: ProtocolStep
     reading: Reading
@@ -69,7 +69,7 @@ class Recorder:
     ) -> None:
         self.path = Path(path)
         with self._writing("creating the run file"):
-            # HDF5 would create the file before it finds the folder unwritable, or truncate on a wrong mode.
+            # Mode "x" never truncates an existing file.
             self._file = h5py.File(self.path, "x", libver="latest")
         with self._writing("creating the run file"):
             self._entry = _create_entry(self._file, header)
@@ -80,17 +80,17 @@ class Recorder:
             steps = schema.steps(cameras)
             self._steps = _Table(_create_group(self._entry, "steps", steps), steps)
             self._events = _Table(_create_group(self._entry, "events", schema.EVENTS), schema.EVENTS)
-            # Readers that open the file from here on never see what is created later: everything exists now.
+            # SWMR readers never see a dataset that is created later, so every dataset must exist by now.
             self._file.swmr_mode = True
             self._sync()
 
     def frame(self, camera: str, frame: Frame) -> int:
-        """Append one image and return its row. It belongs to the step that is finished next."""
+        """Append one image and return its row. The image belongs to the next step that is finished."""
         with self._writing(f"recording an image of {camera}"):
             return self._cameras[camera].append(frame, step=self._steps.length)
 
     def load_frame_state(self, state: LoadFrameState) -> None:
-        """Append what the load frame said."""
+        """Append a state of the load frame."""
         if self._load_frame is not None:
             with self._writing("recording the load"):
                 self._load_frame.append(
@@ -98,13 +98,13 @@ class Recorder:
                 )
 
     def stage_state(self, state: StageState) -> None:
-        """Append what the stage said."""
+        """Append a state of the stage."""
         if self._stage is not None:
             with self._writing("recording the angle"):
                 self._stage.append(angle_deg=state.angle_deg, time_s=state.time_s)
 
     def step(self, record: StepRecord) -> None:
-        """Append a finished step and have the disk keep everything up to here."""
+        """Append a finished step and synchronise the file with the disk."""
         firsts = {schema.first_row(name): first for name, (first, _) in record.frames.items()}
         counts = {schema.row_count(name): count for name, (_, count) in record.frames.items()}
         with self._writing(f"recording {record.step}"):
@@ -123,12 +123,12 @@ class Recorder:
             self._sync()
 
     def event(self, time_s: float, level: schema.Level, source: str, message: str) -> None:
-        """Append what happened; a message is cut at 240 bytes."""
+        """Append an event; a message is cut at 240 bytes."""
         with self._writing("recording an event"):
             self._events.append(level=level, source=source, message=message, time_s=time_s)
 
     def close(self, status: schema.RunStatus, reason: str, end: datetime) -> None:
-        """Write how the run ended and close the file; harmless when repeated."""
+        """Write how the run ended and close the file; a repeated call does nothing."""
         if not self._file:
             return
         with self._writing("closing the run file"):
@@ -157,8 +157,8 @@ class Recorder:
         except FileExistsError as error:
             raise run_file_exists(self.path) from error
         except (OSError, RuntimeError, ValueError) as error:
-            # h5py reports a full disk as one of the first two, by the call in which it is noticed, and a
-            # closed file as the last.
+            # h5py reports a full disk as OSError or RuntimeError, depending on the call, and a closed file
+            # as ValueError.
             raise RecordingError(
                 str(self.path),
                 f"{what} to succeed",
@@ -168,12 +168,12 @@ class Recorder:
 
 
 def run_file_exists(path: Path) -> RecordingError:
-    """Return the error that says why an existing file is left alone."""
+    """Return the error for a run file that exists already."""
     return RecordingError(
         str(path),
         "a new file",
         "one that exists",
-        "name another with -o, or move it away: a run is never overwritten",
+        "name a new file with -o, or move the file away: a run is never overwritten",
     )
 
 
@@ -202,7 +202,7 @@ class _Table:
 
 
 class _CameraTable:
-    """Images of one camera, one chunk each, and the table that says which of them count."""
+    """Images of one camera, one chunk each, and the table that marks the valid ones."""
 
     def __init__(self, instrument: Any, name: str, info: CameraInfo) -> None:
         group = _create_group(instrument, name, schema.DETECTOR, info)
@@ -263,7 +263,7 @@ def _device_table(instrument: Any, name: str, layout: schema.Group, info: Device
 
 
 def _create_group(parent: Any, name: str, layout: schema.Group, described: object = None) -> Any:
-    """Create a group; what its attributes say is taken from `described` by their names."""
+    """Create a group; its attributes are copied from the attributes of `described` with the same names."""
     group = parent.create_group(name)
     group.attrs["NX_class"] = layout.nx_class
     group.attrs.update({attribute: getattr(described, attribute) for attribute in layout.attributes})
@@ -282,12 +282,12 @@ def _fill(group: Any, layout: schema.Group, values: Mapping[str, Any]) -> None:
 
 
 def _create_dataset(group: Any, item: schema.Item, text_bytes: int = 0, **options: Any) -> Any:
-    """Create a dataset of the declared type; a text whose size the schema leaves open has `text_bytes`."""
+    """Create a dataset of the declared type; `text_bytes` is the size of a text without a declared one."""
     if item.text_bytes is None:
         dataset = group.create_dataset(item.name, dtype=item.dtype, **options)
         dataset.attrs["units"] = item.units
         return dataset
-    # HDF5 knows no text of no bytes.
+    # HDF5 has no text type of zero bytes.
     dtype = h5py.string_dtype("utf-8", max(item.text_bytes or text_bytes, 1))
     return group.create_dataset(item.name, dtype=dtype, **options)
 

@@ -28,22 +28,22 @@ class DeviceEntry:
     settings: Settings
 
     def setting(self, name: str) -> Any:
-        """Return a setting that many drivers have, such as ``load_max_n``; None if this one has not."""
+        """Return a setting that many drivers have, such as ``load_max_n``; None if this driver lacks it."""
         return getattr(self.settings, name, None)
 
 
 @dataclass(frozen=True)
 class RigFile:
-    """A rig file that was read and found good.
+    """A rig file without mistakes.
 
     Attributes
     ----------
     path : Path
     text : str
-        The file as it was read, for the run file.
+        The text of the file, which the run file records.
     name : str
     simulated : bool
-        Whether the file itself says that a device is not real, although its driver cannot know.
+        Whether the file declares a device simulated; the device's driver cannot know it.
     operator : DeviceEntry
     cameras : dict of str to DeviceEntry
         In the order of the file.
@@ -72,7 +72,7 @@ def read_rig(path: str | Path) -> RigFile:
     Raises
     ------
     ConfigurationError
-        If the file cannot be read or any table has mistakes; those of all tables are listed together.
+        If the file cannot be read or has mistakes; the message lists those of all tables.
     """
     path = Path(path)
     data, text = read_toml_text(path)
@@ -123,9 +123,9 @@ def _read_cameras(table: object, mistakes: list[str]) -> dict[str, DeviceEntry]:
         if not name.isidentifier():
             mistakes.append(f"cameras.{name}: a name of letters, digits and _ is expected, such as off_axis")
         if name in ("stage", "load_frame"):
-            # The run file keeps all devices side by side.
+            # The run file stores all devices in one group, by name.
             mistakes.append(
-                f"cameras.{name}: a name that is not another device's is expected, such as off_axis"
+                f"cameras.{name}: a name other than stage and load_frame is expected, such as off_axis"
             )
         entry = _read_device(f"cameras.{name}", settings, "camera", mistakes)
         if entry is not None:
@@ -134,7 +134,7 @@ def _read_cameras(table: object, mistakes: list[str]) -> dict[str, DeviceEntry]:
 
 
 def _read_device(where: str, table: object, kind: DeviceKind, mistakes: list[str]) -> DeviceEntry | None:
-    """Check one table against its driver's settings; add what is wrong to `mistakes`."""
+    """Check one table against its driver's settings; append each mistake to `mistakes`."""
     if not isinstance(table, dict) or not isinstance(table.get("driver"), str):
         mistakes.append(f'{where}: a table with driver = "NAME" is expected; add the driver')
         return None

@@ -1,4 +1,4 @@
-"""From the two files that people write to a plan or to a run file: what `rig plan` and `rig run` do."""
+"""Make a plan or a run file from a protocol and a rig file: what `rig plan` and `rig run` do."""
 
 import hashlib
 import platform
@@ -36,7 +36,7 @@ def plan_protocol(protocol_path: str | Path, rig_path: str | Path | None = None)
     Parameters
     ----------
     protocol_path, rig_path : str or Path
-        The protocol and the rig file. Without a rig the plan tells what every rig would do.
+        The protocol and the rig file. Without a rig file the plan holds only what is the same on every rig.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def run_protocol(
     on_status: Iterable[Callable[[Status], None]] = (),
     on_step: Iterable[Callable[[StepRecord], None]] = (),
 ) -> Outcome:
-    """Run a protocol on a rig and write one run file; signals abort it. Call it from the main thread.
+    """Run a protocol on a rig and write one run file; signals abort the run. Call it from the main thread.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def run_protocol(
     ConfigurationError
         If one of the two files has mistakes; those of both are listed.
     ProtocolError, RecordingError, DeviceError
-        If the run cannot begin. Nothing has moved then.
+        If the run cannot begin; no device has moved then.
     """
     files, run_path = _read_both(protocol_path, rig_path), Path(run_path)
     protocol = files.protocol

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from dic.errors import CorrelationError
+from dic.errors import CorrelationError, require_all
 from dic.image.spline import ORDERS
 
 SHAPES = {"affine": 6, "quadratic": 12}
@@ -46,17 +46,34 @@ class CorrelationSettings:
                 "subset",
                 "an odd width of at least 7 px",
                 self.subset_px,
+                "give a subset of 31 px",
             ),
-            (self.step_px >= 1, "step", "at least 1 px", self.step_px),
-            (self.shape in SHAPES, "shape function", "affine or quadratic", self.shape),
-            (self.order in ORDERS, "spline order", "3 or 5", self.order),
-            (0.0 < self.min_zncc < 1.0, "smallest ZNCC", "between 0 and 1", self.min_zncc),
-            (self.tolerance_px > 0.0, "tolerance", "above 0 px", self.tolerance_px),
-            (self.max_iterations >= 1, "iterations", "at least 1", self.max_iterations),
+            (self.step_px >= 1, "step", "at least 1 px", self.step_px, "give a step of 10 px"),
+            (
+                self.shape in SHAPES,
+                "shape function",
+                "affine or quadratic",
+                self.shape,
+                "give the shape affine",
+            ),
+            (self.order in ORDERS, "spline order", "3 or 5", self.order, "give the order 5"),
+            (
+                0.0 < self.min_zncc < 1.0,
+                "smallest ZNCC",
+                "between 0 and 1",
+                self.min_zncc,
+                "give a smallest ZNCC of 0.8",
+            ),
+            (
+                self.tolerance_px > 0.0,
+                "tolerance",
+                "above 0 px",
+                self.tolerance_px,
+                "give a tolerance of 1e-4 px",
+            ),
+            (self.max_iterations >= 1, "iterations", "at least 1", self.max_iterations, "give 40 iterations"),
         ]
-        for good, what, expected, got in checks:
-            if not good:
-                raise CorrelationError("settings", what, expected, str(got), "correct the setting")
+        require_all(CorrelationError, "settings", checks)
 
     @property
     def parameters(self) -> int:

@@ -25,7 +25,7 @@ def require_calibration(motion: Motion | None, calibration: Calibration | None) 
             "correct for motion out of the plane",
             "a calibration, which knows the camera's place",
             f"--motion {motion.kind} without one",
-            "name it with --calibration",
+            "name a calibration file, such as --calibration cal.h5",
         )
 
 

@@ -1,6 +1,6 @@
-"""A look at the rig before a run: who the devices are, what they allow, what cameras see; nothing moves.
+"""Check a rig before a run: identity, state and limits of each device, image quality; nothing moves.
 
-What a camera sees is judged as `dic quality` judges an image file: by `dic.quality`.
+`dic.quality` judges each camera's image, as `dic quality` judges an image file.
 """
 
 from dataclasses import asdict, dataclass
@@ -16,7 +16,7 @@ from dic.quality.quality import assess_quality
 from rig.devices import Rig
 
 NO_PATTERN = (
-    "shows no speckle pattern that can be measured; put the specimen into view, look at light and focus"
+    "shows no speckle pattern that can be measured; put the specimen into view, and check light and focus"
 )
 _TIMEOUT_S = 5.0
 _PRINTED = ("speckle_x_px", "speckle_y_px", "noise", "floor_px", "contrast", "blur_px")
@@ -37,7 +37,7 @@ class GreyLevels:
 
 @dataclass(frozen=True)
 class RigCheck:
-    """What was found, as lines to print and as a table for JSON, and what is not good."""
+    """The findings, as lines to print and as a table for JSON, and the problems."""
 
     lines: list[str]
     devices: dict[str, Any]
@@ -81,7 +81,7 @@ def check_rig(rig: Rig) -> RigCheck:
     if rig.stage is not None:
         state = rig.stage.read()
         _add(found, "stage", rig.stage.info, state)
-        # Without its reference a stage warns of just that, and the run finds it first.
+        # A stage without a reference position warns of that. It is no problem: the run homes the stage first.
         found.problems.extend(f"stage: warning {warning}" for warning in state.warnings if state.homed)
     if rig.load_frame is not None:
         frame = rig.load_frame.read()

@@ -47,14 +47,14 @@ def examples_folder() -> Path:
 def run_demo(folder: Path, say: Callable[[str], None]) -> Demo:
     """Run the paper's experiments on virtual rigs, measure them and write the report.
 
-    While one experiment runs, the one before is measured on the other processor.
+    While one experiment runs, a second thread measures the previous one.
 
     Parameters
     ----------
     folder : Path
         New, empty, or that of an earlier demo, whose files are replaced.
     say : callable
-        Told each step in one line; also from another thread.
+        Called with one line per step; also called from another thread.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def run_demo(folder: Path, say: Callable[[str], None]) -> Demo:
                 pending.append(pool.submit(_measure, name, demo, say))
             results = [task.result() for task in pending]
         except BaseException:
-            # Else leaving the pool would measure all that is left before the error is told.
+            # Without this, leaving the pool would finish all pending measurements before the error is raised.
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     say("writing the report")
@@ -99,7 +99,7 @@ def _run(name: str, source: Path, files: tuple[str, str], demo: Demo, say: Calla
 
 
 def _make_folder(folder: Path) -> None:
-    """Make the folder, or find it fit to be written over: real runs may have the same names."""
+    """Make the folder; refuse one with other files, because real runs may have the same file names."""
     mark = folder / _MARK
     try:
         if folder.is_dir() and any(folder.iterdir()) and not mark.exists():
@@ -107,7 +107,7 @@ def _make_folder(folder: Path) -> None:
                 str(folder),
                 "a new or empty folder, or that of an earlier demo",
                 "one with other files, which the demo could replace",
-                "name another with -o",
+                "name another folder with -o",
             )
         folder.mkdir(parents=True, exist_ok=True)
         mark.touch()
@@ -116,7 +116,7 @@ def _make_folder(folder: Path) -> None:
             str(folder),
             "a folder that can be written to",
             error.strerror or str(error),
-            "name another with -o",
+            "name another folder with -o",
         ) from error
 
 

@@ -1,4 +1,4 @@
-"""Who is there: every installed driver looks for its devices, at each port one driver after the other."""
+"""Search for devices: every installed driver looks for its own, at each port one driver after the other."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -8,7 +8,7 @@ from drivers.errors import DeviceError
 from drivers.registry import DriverSpec, Finder, Found, SerialPort, driver_names, find_driver
 from rig.errors import RigError
 
-# `host`, `host:port`, and either behind `rtu://`; an IPv6 address stands in brackets
+# `host` or `host:port`, optionally after `rtu://`; an IPv6 address stands in brackets
 _MODBUS = re.compile(r"((?:rtu://)?(?:\[[^\[\]\s]+\]|[^:\s\[\]/]+))(?::(\d{1,5}))?")
 MODBUS_PORT = 502
 NOT_ASKED = "not asked"
@@ -25,13 +25,13 @@ class Device:
 
 @dataclass(frozen=True)
 class Place:
-    """A serial port or a Modbus address, and who answers there.
+    """A serial port or a Modbus address, and the devices that answer there.
 
     Attributes
     ----------
     address : str
     description : str
-        As the adapter of a serial port says.
+        As the adapter of a serial port describes itself.
     devices : list of Device
     trouble : str
         Why the place was not asked; empty if it was.
@@ -45,7 +45,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Unsearched:
-    """Devices that were not looked for: of which kind, in words, and why not."""
+    """Devices that were not searched for: their kind, a description, and the reason."""
 
     kind: str
     what: str
@@ -59,7 +59,7 @@ class Search:
     Attributes
     ----------
     devices : list of Device
-        Those that the system lists, and those that answer on networks and buses.
+        Devices that the system lists, and devices that answer on networks and buses.
     unsearched : list of Unsearched
     unloaded : list of str
         Which drivers cannot be loaded, and why.
@@ -92,22 +92,22 @@ class _Seeker:
 
 
 def search(ports: Sequence[str], hosts: Sequence[str], *, ask: bool) -> Search:
-    """Look what is there.
+    """Search for devices.
 
     Parameters
     ----------
     ports : sequence of str
-        Serial ports besides those that the system lists, and ``socket://host:port``.
+        Serial ports in addition to those that the system lists, or ``socket://host:port``.
     hosts : sequence of str
         Modbus addresses, ``host`` or ``host:port`` for Modbus TCP, ``rtu://host:port`` for RTU over TCP.
     ask : bool
-        Whether anybody is asked who is there. The questions change nothing, but a device that is none
-        of those known gets bytes that it may not expect.
+        Whether to ask devices for their identity. The questions change nothing, but an unknown device
+        receives bytes that it may not expect.
 
     Raises
     ------
     RigError
-        If a Modbus address is none; nobody is asked then.
+        If a Modbus address is malformed; no device is asked then.
     """
     addresses = [_with_port(host) for host in hosts]
     found = Search()
@@ -141,7 +141,7 @@ def _seekers(search: Search) -> list[_Seeker]:
 def _look(
     seeker: _Seeker, look: Callable[[], Sequence[Found]] | None, search: Search, *, ask: bool = True
 ) -> None:
-    """Add the devices that a driver finds by itself, or why it does not look for them."""
+    """Add the devices that a driver finds by itself, or the reason why it does not search."""
     if look is None:
         return
     why = NOT_ASKED
@@ -155,7 +155,7 @@ def _look(
 
 
 def _serial_ports(seekers: list[_Seeker], named: Sequence[str], search: Search) -> list[SerialPort]:
-    """Return the ports that the drivers list and those named, each once."""
+    """Return the ports that the drivers list and the named ports, each once."""
     ports: dict[str, SerialPort] = {}
     for seeker in seekers:
         try:
@@ -199,6 +199,6 @@ def _with_port(address: str) -> str:
             "rig devices",
             "--modbus HOST[:PORT] or rtu://HOST[:PORT]",
             repr(address),
-            "correct it, or name a serial port with --port",
+            "give an address such as 192.168.0.8:502, or name a serial port with --port",
         )
     return f"{match[1]}:{match[2] or MODBUS_PORT}"

@@ -1,4 +1,4 @@
-"""What ``rig devices`` says of a search: lines to print, JSON, and a rig file to start from."""
+"""The output of ``rig devices``: lines to print, JSON, and a rig file to start from."""
 
 from pathlib import Path
 from typing import Any
@@ -7,7 +7,7 @@ from drivers.settings import toml_table
 from rig.commands.device_search import Device, Place, Search
 from rig.errors import RigError
 
-# What a person has to decide about a device of each kind, if its driver has such settings, and by what.
+# By kind of device: the settings that a person has to decide, if the driver has them, and the criterion.
 _TO_DECIDE = {
     "camera": (
         ("format", "width_px", "height_px", "rate_hz", "exposure_us"),
@@ -28,11 +28,11 @@ def lines(search: Search) -> list[str]:
     said += [f"{each.what}: {each.why}" for each in search.unsearched]
     said += [f"left out: {why}" for why in search.unloaded]
     for port in search.ports:
-        who = _who(port) or "nobody known answers"
+        who = _who(port) or "no known device answers"
         said.append(f"serial port {port.address} ({port.description}): {who}")
     if not search.ports:
         said.append("no serial port")
-    said += [f"Modbus at {host.address}: {_who(host) or 'nobody answers'}" for host in search.modbus]
+    said += [f"Modbus at {host.address}: {_who(host) or 'no device answers'}" for host in search.modbus]
     return said
 
 
@@ -56,7 +56,7 @@ def table(search: Search) -> dict[str, Any]:
 
 
 def rig_file(search: Search) -> str:
-    """Return a rig file with all that was found; what a person has to decide is left out, and named."""
+    """Return a rig file with all found devices; comments name the settings that a person has to decide."""
     parts = [
         "# Made by `rig devices`. Fill in what is left open: `rig check` names what is missing.",
         '[rig]\nname = "my rig"',
@@ -80,13 +80,16 @@ def rig_file(search: Search) -> str:
 
 
 def write_rig_file(search: Search, path: Path) -> None:
-    """Write the rig file to start from; `RigError` if there is one already, or it cannot be written."""
+    """Write the rig file to start from; `RigError` if the file exists or cannot be written."""
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(rig_file(search))
     except OSError as error:
         raise RigError(
-            str(path), "a new file that can be written", error.strerror or str(error), "name another with -o"
+            str(path),
+            "a new file that can be written",
+            error.strerror or str(error),
+            "name a new file with -o",
         ) from error
 
 
@@ -118,8 +121,8 @@ def _driver(device: Device) -> str:
 
 
 def _rig_table(names: list[str], device: Device, *, usable: bool) -> str:
-    """Return a table of a rig file; one that is not usable as a comment."""
-    # a comment must not end where a device's name has a line break
+    """Return a table of a rig file; as a comment if the device is not usable."""
+    # a line break in a device's name must not end the comment
     what = "".join(sign if sign.isprintable() else " " for sign in device.found.what)
     settings = {"driver": _driver(device), **device.found.settings}
     text = "\n".join([f"# {what}", toml_table(names, settings), *_left_open(device)])

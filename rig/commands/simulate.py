@@ -1,4 +1,4 @@
-"""Running the virtual rig for other programs: a loop that samples, listens to the terminal, ends at once."""
+"""Run the virtual rig for other programs: a loop that logs samples and executes typed commands."""
 
 import os
 import select
@@ -19,36 +19,36 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Log(Protocol):
-    """Where the truth goes."""
+    """The record of the true state of the simulation."""
 
     def sample(self) -> None:
-        """Write what is true now."""
+        """Write the present true state."""
 
 
 class Simulation(Protocol):
-    """What an entry point of the group `offaxis.simulators` gives when called with a rig file's tables."""
+    """What an entry point of the group `offaxis.simulators` returns for the tables of a rig file."""
 
     log: Log
 
     @property
     def addresses(self) -> Mapping[str, str]:
-        """Where each server is."""
+        """The address of each server."""
 
     def rig_file(self) -> str:
-        """A rig file that uses it."""
+        """Return a rig file that uses this simulation."""
 
     def switch_on(self, fault: str) -> None:
-        """Let something go wrong; ValueError if there is no such fault."""
+        """Switch a fault on; ValueError if there is no such fault."""
 
     def command(self, line: str) -> list[str]:
-        """Carry out a line that was typed, and return what to print."""
+        """Execute a typed line, and return the lines to print."""
 
     def close(self) -> None:
         """Stop every server."""
 
 
 def find_simulator() -> Any:
-    """Return what the entry point names.
+    """Return the simulator that the entry point names.
 
     Raises
     ------
@@ -65,24 +65,24 @@ def find_simulator() -> Any:
 def start(
     rig_path: Path | None, log: Path | None, faults: Iterable[str], places: Iterable[str]
 ) -> Simulation:
-    """Start the virtual rig that a rig file describes, or the one that there is without.
+    """Start the virtual rig that a rig file describes, or the default one.
 
     Parameters
     ----------
     rig_path, log : Path or None
     faults : iterable of str
-        Those it begins with.
+        The faults that are on from the start.
     places : iterable of str
-        ``NAME=PLACE``, where a server is to be.
+        ``NAME=PLACE``, the name of a server and its place.
 
     Raises
     ------
     ConfigurationError
         If the file has mistakes.
     RigError
-        If the log cannot be written, a place is taken or none, or there is no such fault.
+        If the log cannot be written, a place is taken or malformed, or there is no such fault.
     """
-    # From the very text that was found good: the file may have changed since.
+    # Parse the text that was checked: the file may have changed since.
     tables = {} if rig_path is None else tomllib.loads(read_rig(rig_path).text)
     try:
         simulation = cast(
@@ -107,7 +107,7 @@ def start(
 
 
 def run(simulation: Simulation, ending: int, period_s: float, say: Callable[[str], None]) -> None:
-    """Sample the truth, and do what is typed, until a signal or ``quit``.
+    """Log samples and execute typed commands until a signal or ``quit``.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def run(simulation: Simulation, ending: int, period_s: float, say: Callable[[str
             received = os.read(STDIN, 4096)
         except OSError:
             received = b""
-        # at its end nobody types any more, but the rig goes on
+        # the end of the input ends the commands but not the simulation
         typing = bool(received)
         *lines, typed = (typed + received).split(b"\n")
         for line in lines:
@@ -143,7 +143,7 @@ def run(simulation: Simulation, ending: int, period_s: float, say: Callable[[str
 
 
 def _in_foreground() -> bool:
-    """Whether what is typed is for us: a program in the background that reads its terminal is suspended."""
+    """Whether this program may read its terminal: the system suspends a background program that does."""
     try:
         return os.tcgetpgrp(STDIN) == os.getpgrp()
     except OSError:
@@ -153,16 +153,16 @@ def _in_foreground() -> bool:
 
 @contextmanager
 def signals_noted() -> Iterator[int]:
-    """Let signals make a descriptor readable, which is yielded, instead of ending the program.
+    """Yield a descriptor that a signal makes readable; the signal does not end the program.
 
-    A wait for a descriptor is over at once; a wait for time alone would go on after a signal, and one that
-    comes just before the wait would be noticed only after it.
+    A signal ends a wait for the descriptor at once, even a signal that comes just before the wait. A plain
+    sleep would continue after either signal.
     """
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     waked = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
     before = {number: signal.getsignal(number) for number in SIGNALS}
-    # under nohup the end of the terminal ends nothing
+    # nohup has SIGHUP ignored: leave it ignored
     if before[signal.SIGHUP] is signal.SIG_IGN:
         del before[signal.SIGHUP]
     try:

@@ -29,10 +29,10 @@ class Verification:
     status, reason : str
         As in the file; a run that was cut off still says "running".
     steps, planned : int
-        Finished steps, and those of the plan's worst case.
+        Number of finished steps, and number of steps in the plan's worst case.
     cameras : dict of str to CameraCheck
     problems : list of str
-        One sentence each; empty for a completed run that is whole.
+        One sentence each; empty for a completed run without damage.
     """
 
     path: Path
@@ -52,7 +52,7 @@ def verify_run(path: str | Path) -> Verification:
     Raises
     ------
     RunFileError
-        If the file is missing, cut off before its tables, or no run file.
+        If the file is missing, cut off before its tables, or not a run file.
     """
     with RunFile(path) as run:
         planned = _planned(run.info.definition)
@@ -69,7 +69,7 @@ def verify_run(path: str | Path) -> Verification:
 
 
 def _check_camera(run: RunFile, name: str, problems: list[str]) -> CameraCheck:
-    """Check the images of a camera; add what is wrong to `problems`."""
+    """Check the images of a camera; append each problem to `problems`."""
     on_file, damaged = run.rows_on_file(name), run.damaged_rows(name)
     in_steps = [row for step in run.steps for row in run.rows(name, step)]
     missing = sorted(set(in_steps) - set(on_file))

@@ -1,4 +1,4 @@
-"""The engine: executes the steps of a protocol, and makes the rig safe however a run ends."""
+"""The engine: executes the steps of a protocol, and makes the rig safe at the end of every run."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -35,8 +35,8 @@ class Engine:
         any of these --abort, exception--> SAFING --> ABORTED | FAILED
 
     PREPARING asks the operator, finds the stage's reference and zeroes the load frame. MOVING lasts until
-    the value has settled. IMAGING ends when the step is on file. SAFING holds the load frame and stops the
-    stage before anything else is done, and then the run file is closed.
+    the value has settled. IMAGING ends when the step is on file. SAFING first holds the load frame and
+    stops the stage, and then closes the run file.
 
     Parameters
     ----------
@@ -54,8 +54,8 @@ class Engine:
     Notes
     -----
     Listeners are called on the thread of `run`, which reads no device meanwhile: they should return at once.
-    A listener that raises is told no more; the run and the other listeners go on, and the run file and the
-    outcome say so. A listener that wants to end the run calls `abort`.
+    A listener that raises is not called again; the run and the other listeners go on, and the run file and
+    the outcome record the failure. A listener that wants to end the run calls `abort`.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Engine:
 
     @property
     def status(self) -> Status:
-        """The latest snapshot; may be asked for from any thread."""
+        """The latest snapshot; any thread may read it."""
         return self._status
 
     @property
@@ -96,8 +96,9 @@ class Engine:
         Returns
         -------
         Outcome
-            Also for a run that was aborted or failed for a known cause. An unknown exception is raised again,
-            after the rig was made safe and the file was closed; a note on it says what is not safe.
+            Also returned after an abort and after a failure of known cause. An unknown exception is raised
+            again, once the rig is safe and the file is closed; a note on the exception names the devices
+            whose safe state is not confirmed.
         """
         try:
             self._require_devices()
@@ -113,9 +114,10 @@ class Engine:
         return self._outcome("completed", "")
 
     def abort(self, reason: str) -> None:
-        """End the run: from any thread or signal handler, at any time, without waiting.
+        """End the run without waiting; any thread or signal handler may call this at any time.
 
-        The safe state is commanded at once. The engine notices within one poll and commands it again.
+        The safe state is commanded at once. The engine notices the abort within one poll and commands it
+        again.
         """
         if self._status.state in (State.COMPLETED, State.ABORTED, State.FAILED):
             return
@@ -161,7 +163,7 @@ class Engine:
                 f"{self._status.step}, zeroing the load frame",
                 f"a load within {protocol.loading.tare_max_n:g} N",
                 f"{reading.load_n:.1f} N",
-                "unload the specimen, as a real load must not be zeroed away; if it is none, raise "
+                "unload the specimen, as a real load must not be zeroed; if the specimen is unloaded, raise "
                 f"loading.tare_max_n above {abs(reading.load_n):.1f}",
             )
         self._event("info", f"load frame: zero at {reading.load_n:.1f} N, {reading.displacement_mm:.4f} mm")
@@ -186,7 +188,7 @@ class Engine:
             self._waiting_for_operator = False
 
     def _stand_still(self) -> None:
-        """Prove that nothing moves: a person comes near, and a killed program may have left a motion."""
+        """Make sure that nothing moves: a person comes near, and a killed program may have left a motion."""
         if self._rig.load_frame is not None:
             self._rig.load_frame.hold()
         self._wait("standing still for the operator", "standstill", lambda _: True)
@@ -238,7 +240,7 @@ class Engine:
                 row = self._recorder.frame(name, frame)
                 first, count = frames.get(name, (row, 0))
                 frames[name] = (first, count + 1)
-                # After every image, so that a slow camera starves neither the watchdog nor the limits.
+                # Read after every image: a slow camera must delay neither the watchdog nor the limits.
                 self._read()
         record = StepRecord(step, settled, frames)
         self._recorder.step(record)
@@ -265,7 +267,7 @@ class Engine:
             try:
                 self._event("warning", listener)
             except RigError:
-                # Of a run that ends, the file may be closed or be the very thing that failed.
+                # When a run ends, the run file may be closed, or may itself be the failure.
                 if not self._status.state.ending:
                     raise
 
@@ -317,11 +319,11 @@ class Engine:
         status: RunStatus = "failed" if self._abort_reason is None else "aborted"
         reason = str(error) or type(error).__name__
         if self._abort_reason is not None and not isinstance(error, Aborted):
-            # The stop that an abort commands at once may be the very thing a driver complains of.
+            # The driver's error may be a consequence of the stop that the abort commanded.
             reason = f"{self._aborted()}; meanwhile: {reason}"
         if unsafe:
             reason = f"SAFE STATE NOT CONFIRMED, use the emergency stop ({'; '.join(unsafe)}). {reason}"
-        # A file that takes no event may still take its end, and its own error is told below.
+        # A file that refuses the event may still accept its end; an error of closing is reported below.
         with suppress(RigError):
             self._event("error", reason)
         try:

@@ -1,4 +1,4 @@
-"""Taking one image that is proven to be fresh, whole and of the announced format."""
+"""Take one image, and check that it is fresh, whole and of the announced format."""
 
 from collections.abc import Callable
 
@@ -16,7 +16,7 @@ def take_image(
 ) -> Frame:
     """Return a frame exposed after this call and without error flags.
 
-    A flagged frame is taken again, at most three times in all, and said so by `warn`.
+    A flagged frame is reported by `warn` and taken again, at most three times in all.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def _require_fresh(name: str, frame: Frame, asked_s: float, step: str) -> None:
             step,
             "an image exposed after it was asked for",
             f"one exposed {asked_s - frame.exposed_s:.3f} s before",
-            "use a driver that discards the images that wait",
+            "use a driver that discards waiting images, such as v4l2 or aravis",
         )
 
 
@@ -61,5 +61,5 @@ def _require_format(name: str, camera: Camera, frame: Frame, step: str) -> None:
             step,
             f"an image of {shape[1]} x {shape[0]} px as {np.dtype(dtype)}",
             f"shape {frame.image.shape} as {frame.image.dtype}",
-            "mend the driver: it announces another format than it delivers",
+            "mend the driver, which announces a format that it does not deliver",
         )

@@ -1,4 +1,4 @@
-"""Telling a run's listeners what happens: any number of them, and none can hurt the run or another."""
+"""Call the listeners of a run; a listener that fails disturbs neither the run nor other listeners."""
 
 from collections.abc import Callable, Iterable
 from typing import Generic, TypeVar
@@ -9,7 +9,7 @@ T = TypeVar("T")
 class Listeners(Generic[T]):
     """Callables that are told the same news, one after the other, on the engine's thread.
 
-    A listener that raises is told no more: what it missed would be missing from all that it shows later.
+    A listener that raises is not called again, because its later output would lack the news that it missed.
 
     Parameters
     ----------
@@ -26,8 +26,8 @@ class Listeners(Generic[T]):
         ----------
         news : T
         ending : bool
-            Whether the run is ending: then nothing may break into the safe state. Before, `KeyboardInterrupt`
-            and `SystemExit` are raised again: somebody wants the run to end.
+            Whether the run is ending; no exception may interrupt the safe state then. Otherwise
+            `KeyboardInterrupt` and `SystemExit` are raised again, because they ask for the end of the run.
         """
         failures = []
         for listener in tuple(self._listeners):
@@ -38,5 +38,5 @@ class Listeners(Generic[T]):
                     raise
                 self._listeners.remove(listener)
                 name = getattr(listener, "__qualname__", type(listener).__qualname__)
-                failures.append(f"listener {name}: {type(error).__name__}: {error}; it is told no more")
+                failures.append(f"listener {name}: {type(error).__name__}: {error}; it is not called again")
         return failures

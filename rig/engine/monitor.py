@@ -1,4 +1,4 @@
-"""Reading all devices together: every reading is recorded, and judged before anybody uses it."""
+"""Read all devices together: every reading is recorded, and checked before it is used."""
 
 import math
 
@@ -44,7 +44,7 @@ class Monitor:
             self._recorder.load_frame_state(state)
             _require_no_faults(state, step)
             load_n, displacement_mm = state.load_n, state.displacement_mm
-            # A machine that regulates at its target may call that moving.
+            # A load frame that regulates at its target may report that as motion.
             moving = state.moving and not state.at_target
         if self._rig.stage is not None:
             stage = self._rig.stage.read()

@@ -1,4 +1,4 @@
-"""The safe state: the load frame holds and the stage stands, commanded side by side and with a deadline."""
+"""The safe state: the load frame holds and the stage stands; both are commanded at once, with a deadline."""
 
 import threading
 from collections.abc import Callable
@@ -6,14 +6,14 @@ from collections.abc import Callable
 from rig.devices import Rig
 
 STOP_DEADLINE_S = 15.0
-"""Real time; more than a driver takes to repeat a command on a silent line before it gives up."""
+"""Real time; longer than a driver repeats a command on a silent line before it gives up."""
 
 
 class SafeState:
     """Commands the safe state of a rig, each device on a thread of its own.
 
-    So a device that never answers keeps neither the other from standing still nor the run from ending, and
-    a signal handler can command it although it interrupted the very call that holds a device's lock.
+    A device that never answers then delays neither the stop of the other device nor the end of the run. A
+    signal handler can command the safe state even if it interrupted a call that holds a device's lock.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class SafeState:
         self._commanded: list[_Attempt] = []
 
     def command(self) -> None:
-        """Command it without waiting; a device that is still being commanded is left at that."""
+        """Command the safe state without waiting; skip a device whose previous command still runs."""
         for device, command in self._commands.items():
             if not any(attempt.device == device and attempt.is_alive() for attempt in self._commanded):
                 attempt = _Attempt(device, command, self._deadline_s)
@@ -40,7 +40,7 @@ class SafeState:
                 attempt.start()
 
     def confirm(self, meanwhile: Callable[[], None] = lambda: None) -> list[str]:
-        """Command it once more and wait; return one sentence for each device that did not confirm.
+        """Command the safe state again and wait; return one sentence for each device that did not confirm.
 
         Parameters
         ----------
@@ -52,7 +52,7 @@ class SafeState:
             try:
                 attempt.start()
             except RuntimeError:
-                # The system gives no more threads: then one device after the other.
+                # The system allows no more threads: command one device after the other.
                 attempt.run()
         meanwhile()
         for attempt in attempts + self._commanded:
@@ -62,7 +62,7 @@ class SafeState:
 
 
 class _Attempt(threading.Thread):
-    """One command to one device, and why it is not confirmed; empty once it is."""
+    """One command to one device; `failure` says why it is not confirmed, and is empty once it is."""
 
     def __init__(self, device: str, command: Callable[[], None], deadline_s: float) -> None:
         super().__init__(name=f"safe state of {device}", daemon=True)

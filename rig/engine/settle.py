@@ -1,4 +1,4 @@
-"""Waiting until something has settled: always with a deadline."""
+"""Wait until a value has settled, always with a deadline."""
 
 from collections.abc import Callable
 
@@ -27,10 +27,10 @@ def settle(
     within : callable
         Whether a reading is within its tolerance.
     dwell_s, timeout_s, poll_s : float
-        Length of the dwell, deadline from now for all of it, and time between two readings.
+        Length of the dwell, deadline for the whole wait, and time between two readings.
     clock : Clock
     step, expected : str
-        For the message.
+        For the message of the error.
 
     Raises
     ------

@@ -9,14 +9,14 @@ from rig.engine.engine import Engine
 from rig.errors import Aborted
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP)
-"""What ends or suspends a program from its terminal: suspended, it would no longer watch what moves."""
+"""Signals that end or suspend a program; a suspended program would not watch the moving devices."""
 
 
 @contextmanager
 def aborting_on_signals(engine: Engine) -> Iterator[None]:
-    """Turn `SIGNALS` into `Engine.abort`; only in the main thread, as Python demands.
+    """Turn `SIGNALS` into `Engine.abort`; Python allows this only in the main thread.
 
-    A signal that is ignored, such as SIGHUP under ``nohup``, stays so.
+    A signal that is ignored, such as SIGHUP under ``nohup``, stays ignored.
     """
     interrupted = False
 
@@ -25,8 +25,8 @@ def aborting_on_signals(engine: Engine) -> Iterator[None]:
         name = signal.Signals(number).name
         engine.abort(name)
         if engine.waiting_for_operator and not interrupted:
-            # A read from the terminal is resumed after a signal: only an exception ends it. And only the
-            # first: another would break into the safe state that it has led to.
+            # Python resumes a read from the terminal after a signal; only an exception ends the read. Only
+            # the first signal raises: a second exception would interrupt the safe state.
             interrupted = True
             raise Aborted("waiting for the operator", "an answer", name, "start the run again")
 

@@ -1,4 +1,4 @@
-"""What a run tells of itself: its state, a snapshot, and how it ended."""
+"""The state of a run, a snapshot of a run, and the outcome of a run."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -8,7 +8,7 @@ from rig.protocol.step import ProtocolStep, Reading
 
 
 class State(Enum):
-    """Where the engine is; the transitions are drawn in `Engine`."""
+    """The states of the engine; the transitions are drawn in `Engine`."""
 
     IDLE = "idle"
     PREPARING = "preparing"
@@ -21,7 +21,7 @@ class State(Enum):
 
     @property
     def ending(self) -> bool:
-        """Whether nothing but the end can follow."""
+        """Whether the run is ending or has ended."""
         return self in (State.SAFING, State.COMPLETED, State.ABORTED, State.FAILED)
 
 

@@ -1,4 +1,4 @@
-"""The limits a protocol declares, watched at every reading of the load frame."""
+"""The limits that a protocol declares, checked at every reading of the load frame."""
 
 from rig.errors import LimitViolation, SpecimenBroken
 from rig.protocol.protocol import Limits
@@ -12,7 +12,7 @@ class Watch:
     ----------
     limits : Limits
     carried_n : float
-        A break is judged once the specimen carried this load: below it the grips still seat.
+        A break is judged only once the specimen has carried this load: below it the grips still seat.
     """
 
     def __init__(self, limits: Limits, carried_n: float) -> None:
@@ -36,7 +36,7 @@ class Watch:
             (reading.displacement_mm, limits.displacement_max_mm, "displacement", "mm"),
         )
         for value, limit, name, unit in values:
-            # So that NaN, which is never above anything, does not pass.
+            # `not <=` instead of `>`, so that NaN is refused too.
             if not abs(value) <= limit:
                 raise LimitViolation(
                     step,

@@ -1,4 +1,4 @@
-"""When plastic deformation is evident: the declared criterion that ends the loading in increments of load."""
+"""The declared criterion of plastic deformation, which ends the increments of load."""
 
 from collections.abc import Sequence
 
@@ -12,9 +12,9 @@ class PlasticCriterion(Settings):
     """Plastic deformation is evident when an increment is clearly softer than the stiffest one before it.
 
     The stiffness of an increment is ΔF/Δu between two settled steps, u being the displacement of the grips.
-    Grips that seat and slip make the first increments soft, so the measure is the *stiffest* increment so far
-    and not the first: a toe only raises it. Slip can also soften an increment later; `judged_above_n` names
-    the load up to which that is to be expected: increments commanded to end there or below are not judged.
+    Grips that seat and slip make the first increments soft, so each increment is compared with the *stiffest*
+    one so far and not with the first. Slip can also soften a later increment; `judged_above_n` is the load up
+    to which slip is expected: increments commanded to this load or less are not judged.
     """
 
     stiffness_fraction: float = Field(

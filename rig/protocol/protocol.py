@@ -25,8 +25,8 @@ class Sample(Settings):
 class Grid(Settings):
     """The calibration grid that the operator attaches; the default is the paper's, 10 mm x 10 mm."""
 
-    lines_x: int = Field(default=21, ge=4, le=1000, description="lines that are crossed going along X")
-    lines_y: int = Field(default=21, ge=4, le=1000, description="lines that are crossed going along Y")
+    lines_x: int = Field(default=21, ge=4, le=1000, description="number of lines crossed on a path along X")
+    lines_y: int = Field(default=21, ge=4, le=1000, description="number of lines crossed on a path along Y")
     pitch_mm: float = Field(default=0.5, gt=0.0, description="distance of neighbouring lines")
 
 
@@ -75,7 +75,7 @@ class Stretching(Settings):
 
 
 class Limits(Settings):
-    """What ends the run at once, watched at every reading."""
+    """Limits that end the run at once, checked at every reading."""
 
     load_max_n: float = Field(gt=0.0)
     displacement_max_mm: float = Field(gt=0.0)
@@ -85,7 +85,7 @@ class Limits(Settings):
 
 
 def _known_kind(kind: object) -> object:
-    # Each model knows its own kind only, and would name no other.
+    # The error of a model would name only the kind of that model.
     if kind not in ("tension", "rotation"):
         raise ValueError("'tension' or 'rotation' is expected")
     return kind
@@ -144,7 +144,7 @@ class TensionProtocol(Settings):
         return [ProtocolStep(0, "grid"), ProtocolStep(1, "reference"), *loads, *self._displacement_steps(0.0)]
 
     def follow(self, execute: Execute) -> None:
-        """Call `execute` for each step in turn; its settled readings decide how many there are.
+        """Call `execute` for each step in turn; the settled readings decide how many steps there are.
 
         Raises
         ------
@@ -166,8 +166,9 @@ class TensionProtocol(Settings):
                 f"loading to {loads_n[-1]:.0f} N",
                 f"an increment of less than {fraction:g} of the highest stiffness",
                 "none",
-                f"check the specimen; raise loading.increments_max above {self.loading.increments_max} if it "
-                f"had not yielded, or loading.plastic.stiffness_fraction above {fraction:g} if it had",
+                f"check the specimen; if it did not yield, raise loading.increments_max above "
+                f"{self.loading.increments_max}; if it did, raise loading.plastic.stiffness_fraction "
+                f"above {fraction:g}",
             )
         for step in self._displacement_steps(reading.displacement_mm):
             execute(step)
@@ -180,7 +181,7 @@ class TensionProtocol(Settings):
         )
 
     def _is_judged(self, number: int) -> bool:
-        # By the commanded load: the measured one may fall on either side of the threshold by noise alone.
+        # Compare the commanded load: noise could move the measured load across the threshold.
         return number >= 2 and number * self.loading.increment_n > self.loading.plastic.judged_above_n
 
     def _displacement_steps(self, start_mm: float) -> list[ProtocolStep]:
@@ -238,9 +239,9 @@ Protocol: TypeAlias = TensionProtocol | RotationProtocol
 
 
 def increments(start: float, total: float, increment: float, tolerance: float) -> list[float]:
-    """Targets from `start` in equal increments; the last is `total` itself, however little remains.
+    """Return the targets from `start` in equal increments; the last target is `total` itself.
 
-    A remainder within `tolerance` is no step of its own.
+    A remainder within `tolerance` makes no step of its own.
 
     Examples
     --------
@@ -252,7 +253,7 @@ def increments(start: float, total: float, increment: float, tolerance: float) -
 
 
 def _too_fine(name: str, increment: float, tolerance: float) -> list[str]:
-    # Below this a step could settle before anything has moved.
+    # A smaller increment could settle before anything has moved.
     if increment > 2.0 * tolerance:
         return []
     return [f"{name} must be more than twice its settle tolerance, {tolerance:g}, got {increment:g}"]
@@ -280,7 +281,7 @@ def read_protocol_text(path: str | Path) -> tuple[Protocol, str]:
 
 def parse_protocol(table: dict[str, Any]) -> Protocol:
     """Check the content of a protocol file; raises pydantic's `ValidationError` with all mistakes."""
-    # An unknown kind must not hide the other mistakes, so then the tables tell which model to check against.
+    # An unknown kind must not hide the other mistakes: the tables then decide which model checks the file.
     kind = table.get("kind")
     if kind == "rotation" or (kind != "tension" and "rotation" in table):
         return RotationProtocol.model_validate(table)

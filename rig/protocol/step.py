@@ -1,4 +1,4 @@
-"""One step of a protocol, and what the devices say of it."""
+"""One step of a protocol, and a reading of the devices."""
 
 import math
 from collections.abc import Callable
@@ -18,7 +18,7 @@ UNITS: dict[StepKind, str] = {
 
 @dataclass(frozen=True)
 class Reading:
-    """What the devices said together, at `time_s` of the rig's clock; NaN without the device."""
+    """Readings of all devices at `time_s` of the rig's clock; NaN for a missing device."""
 
     time_s: float
     load_n: float = math.nan
@@ -27,14 +27,14 @@ class Reading:
     moving: bool = False
 
     def by_unit(self) -> dict[str, float]:
-        """Return load, displacement and angle by "N", "mm" and "deg", as far as there is a device."""
+        """Return load, displacement and angle by "N", "mm" and "deg", without missing devices."""
         values = {"N": self.load_n, "mm": self.displacement_mm, "deg": self.angle_deg}
         return {unit: value for unit, value in values.items() if not math.isnan(value)}
 
 
 @dataclass(frozen=True)
 class ProtocolStep:
-    """One step: something moves to a target (or nothing does), settles, and images are taken.
+    """One step: a device moves to a target (or nothing moves), the value settles, and images are taken.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class ProtocolStep:
     conditional: bool = False
 
     def value(self, reading: Reading) -> float:
-        """Return what this step moves, out of a reading; NaN where nothing moves."""
+        """Return the value of `reading` that this step moves; NaN where nothing moves."""
         values = {
             "load": reading.load_n,
             "displacement": reading.displacement_mm,

@@ -74,7 +74,7 @@ def test_rig_without_cameras_is_refused(tmp_path):
 def test_camera_may_not_have_the_name_of_another_device(tmp_path, name):
     path = tmp_path / "rig.toml"
     path.write_text(example("rig-virtual-tension", ("[cameras.off_axis]", f"[cameras.{name}]")))
-    with pytest.raises(ConfigurationError, match=f"cameras.{name}: a name that is not another device's"):
+    with pytest.raises(ConfigurationError, match=f"cameras.{name}: a name other than stage and load_frame"):
         read_rig(path)
 
 

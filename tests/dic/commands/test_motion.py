@@ -146,6 +146,6 @@ def test_settings_that_make_no_sense_are_refused(pulled, tmp_path):
     tension = refusal(*calibrated, "--motion", "tension", "--alignment", alignment)
     assert "expected --motion rigid" in tension
     assert "cut off" in refusal(*calibrated, "--motion", "rigid", "--alignment", broken)
-    assert "name it with --calibration" in refusal(*files, "--motion", "rigid")
+    assert "name a calibration file, such as --calibration cal.h5" in refusal(*files, "--motion", "rigid")
     unsolved = refusal(*calibrated, "--motion", "tension", "--save-alignment", tmp_path / "a.json")
     assert "expected --motion rigid, got tension" in unsolved

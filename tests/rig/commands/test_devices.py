@@ -240,8 +240,8 @@ def test_quick_drivers_ask_first_and_nobody_asks_a_device_that_is_recognised(ask
     assert lines(found) == [
         "no camera",
         "serial port /dev/a (an adapter): it",
-        "serial port /dev/b (an adapter): nobody known answers",
-        "serial port /dev/c (named): nobody known answers",
+        "serial port /dev/b (an adapter): no known device answers",
+        "serial port /dev/c (named): no known device answers",
     ]
 
 

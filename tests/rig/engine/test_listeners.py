@@ -49,7 +49,7 @@ def test_listener_that_raises_hurts_neither_the_run_nor_the_others(tension):
     assert told.count(State.MOVING) == 1
     assert others[-1].state is State.COMPLETED
     (lost,) = outcome.lost_listeners
-    assert "ZeroDivisionError: a bug; it is told no more" in lost
+    assert "ZeroDivisionError: a bug; it is not called again" in lost
     assert tension.events().count(lost) == 1
 
 
