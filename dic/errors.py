@@ -1,6 +1,7 @@
 """Errors of a measurement: each is one sentence that ends with what to do."""
 
 from collections.abc import Iterable, Sequence
+from numbers import Integral, Real
 from typing import Any, get_args
 
 
@@ -78,6 +79,16 @@ def joined(errors: Sequence[MeasurementError]) -> MeasurementError:
     first, *others = errors
     remedy = ". ".join([first.remedy, *(str(error) for error in others)])
     return type(first)(first.source, first.step, first.expected, first.got, remedy)
+
+
+def is_whole(value: object) -> bool:
+    """Tell whether a setting is a whole number, and neither text nor truth value."""
+    return isinstance(value, Integral) and not isinstance(value, bool)
+
+
+def is_number(value: object) -> bool:
+    """Tell whether a setting is a number, and neither text nor truth value."""
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def require_kind(name: str, value: object, kind: Any, remedy: str) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from dic.assessment.assessment import Assessment
 from dic.assessment.paper import (
     CLAIM_PX,
     OVERSIZED,
@@ -17,6 +18,7 @@ from dic.assessment.paper import (
     back_projected_error,
 )
 from dic.calibration.pinhole.camera import Pinhole
+from dic.typing import PathLike
 
 _CURVES = (("maximum_px", "maximum", "-o"), ("mean_px", "mean", "-s"), ("std_px", "standard deviation", "-^"))
 # fixed margins, because matplotlib's automatic layout would take half of the command's time
@@ -25,18 +27,18 @@ _MAP_FIGURE = 5
 _MAP_CAMERA = Pinhole.swung(pan_deg=30.0)
 
 
-def plot_assessment(folder: Path, rows: Sequence[Row]) -> list[Path]:
+def plot_assessment(assessment: Assessment, folder: PathLike) -> list[Path]:
     """Write figures 2 to 14 and an overview as PNG files, and return their paths.
 
     Parameters
     ----------
+    assessment : Assessment
     folder : path
         Must exist.
-    rows : sequence of Row
-        From `dic.assessment.paper.assess`.
     """
     from matplotlib.figure import Figure
 
+    folder, rows = Path(folder), assessment.rows
     paths = []
     for sweep in SWEEPS:
         for points in POINT_SETS:

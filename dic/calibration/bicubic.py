@@ -37,6 +37,10 @@ class BicubicMap:
     scale_px: float
     coefficient_errors: Float = field(default_factory=lambda: np.zeros((16, 2, 0)))
 
+    def __repr__(self) -> str:
+        x, y = self.centre_px
+        return f"BicubicMap(around ({x:.1f}, {y:.1f}) px ± {self.scale_px:.1f} px)"
+
     @classmethod
     def fit(cls, points_px: Float, points_mm: Float) -> "BicubicMap":
         """Fit both surfaces by least squares.

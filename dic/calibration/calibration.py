@@ -61,6 +61,10 @@ class Calibration:
     images: int = 1
     model: Model = "bicubic"
 
+    def __repr__(self) -> str:
+        scale = f"{self.grid.found} points, {self.rms_px:.4f} px rms, {1e3 * self.mm_per_px:.3f} µm/px"
+        return f"Calibration({self.model}, {scale}, {self.source!r})"
+
     @classmethod
     def fit(
         cls,

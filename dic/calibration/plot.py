@@ -1,13 +1,13 @@
 """A picture of a calibration: the grid points over the image, and the residuals of each model."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.calibration.residuals import Residuals
-from dic.typing import Grey
+from dic.image.given import grey_image
+from dic.typing import Grey, ImageLike, PathLike
 
 
 def draw_calibration(calibration: Calibration, image: Grey) -> Any:
@@ -45,9 +45,9 @@ def draw_calibration(calibration: Calibration, image: Grey) -> Any:
     return figure
 
 
-def plot_calibration(path: Path, calibration: Calibration, image: Grey) -> None:
+def plot_calibration(calibration: Calibration, image: ImageLike, path: PathLike) -> None:
     """Write `draw_calibration`'s figure as a PNG file."""
-    draw_calibration(calibration, image).savefig(path, dpi=100, format="png")
+    draw_calibration(calibration, grey_image(image, "grid image")).savefig(path, dpi=100, format="png")
 
 
 def _draw_image(axes: Any, calibration: Calibration, image: Grey, limits: tuple[float, float]) -> None:

@@ -34,6 +34,9 @@ class Residuals:
     mm: Float
     px: Float
 
+    def __repr__(self) -> str:
+        return f"Residuals({len(self.px)} points, rms {self.rms_px:.4f} px, maximum {self.max_px:.4f} px)"
+
     @classmethod
     def of(cls, plane_map: PlaneMap, grid: GridPoints) -> "Residuals":
         """Return the residuals of a map at grid points; the map's Jacobian converts mm to px."""

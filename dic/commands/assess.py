@@ -40,7 +40,7 @@ def assess(output: Path, json_file: Path | None) -> None:
     output.mkdir(parents=True, exist_ok=True)
     require_places([], [output / "assessment.csv", output / "assessment.json", json_file])
     assessment = assess_method()
-    plot_assessment(output, assessment.rows)
+    plot_assessment(assessment, output)
     table = assessment.table()
     lines = [",".join(table[0])] + [",".join(_text(value) for value in record.values()) for record in table]
     (output / "assessment.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")

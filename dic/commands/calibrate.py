@@ -94,7 +94,7 @@ def calibrate(
     Beside the paper's bicubic map a pinhole camera is fitted. More images by the same camera, with the grid
     tilted otherwise, tell its focal length when it looks nearly straight; the first defines the plane.
     """
-    from dic import calibrate_images, plot_calibration, read_image, save_calibration
+    from dic import calibrate_images, plot_calibration, save_calibration
     from dic.commands.calibration_text import summarise, text
     from dic.shell.output_paths import require_places
 
@@ -109,7 +109,7 @@ def calibrate(
     if outputs.points_file is not None:
         write_points(outputs.points_file, calibration)
     if outputs.plot_file is not None:
-        plot_calibration(outputs.plot_file, calibration, read_image(images[0]))
+        plot_calibration(calibration, images[0], outputs.plot_file)
     summary = summarise(calibration)
     if outputs.json_file is not None:
         content = json.dumps(summary, indent=1, ensure_ascii=False)

@@ -43,7 +43,6 @@ def quality(
         assess_quality,
         plot_quality,
         quality_findings,
-        read_image,
     )
     from dic.shell.console import fail, say
     from dic.shell.output_paths import require_places
@@ -52,11 +51,10 @@ def quality(
         lambda: CorrelationSettings(subset_px=subset, shape=shape), lambda: Quality.require_wanted(wanted_px)
     )
     require_places([image, roi, second], [plot_file, json_file])
-    grey = read_image(image)
-    judged = assess_quality(grey, roi, settings, second=second, wanted_px=wanted_px)
+    judged = assess_quality(image, roi, settings, second=second, wanted_px=wanted_px)
     sentences, figures = quality_findings(judged), judged.as_dict()
     if plot_file is not None:
-        plot_quality(plot_file, judged, grey)
+        plot_quality(judged, image, plot_file)
     if json_file is not None:
         content = {"image": str(image), **figures, "good": not sentences, "findings": sentences}
         json_file.write_text(json.dumps(content, indent=1, ensure_ascii=False), encoding="utf-8")

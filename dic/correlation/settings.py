@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from dic.errors import CorrelationError, require_all
+from dic.errors import Check, CorrelationError, is_number, is_whole, require_all
 from dic.image.spline import ORDERS
 
 SHAPES = {"affine": 6, "quadratic": 12}
@@ -40,38 +40,56 @@ class CorrelationSettings:
     max_iterations: int = 40
 
     def __post_init__(self) -> None:
-        checks = [
+        checks: list[Check] = [
             (
-                self.subset_px % 2 == 1 and self.subset_px >= 7,
+                is_whole(self.subset_px) and self.subset_px % 2 == 1 and self.subset_px >= 7,
                 "subset",
-                "an odd width of at least 7 px",
+                "an odd number, at least 7 px",
                 self.subset_px,
-                "give a subset of 31 px",
+                "give a subset between 11 and 101 px, odd",
             ),
-            (self.step_px >= 1, "step", "at least 1 px", self.step_px, "give a step of 10 px"),
+            (
+                is_whole(self.step_px) and self.step_px >= 1,
+                "step",
+                "a whole number, at least 1 px",
+                self.step_px,
+                "give a step of about a third of the subset, such as 10 px",
+            ),
             (
                 self.shape in SHAPES,
                 "shape function",
                 "affine or quadratic",
                 self.shape,
-                "give the shape affine",
+                "give the shape affine, or quadratic where strain changes within a subset",
             ),
-            (self.order in ORDERS, "spline order", "3 or 5", self.order, "give the order 5"),
             (
-                0.0 < self.min_zncc < 1.0,
+                self.order in ORDERS,
+                "spline order",
+                "3 or 5",
+                self.order,
+                "give the order 5",
+            ),
+            (
+                is_number(self.min_zncc) and 0.0 < self.min_zncc < 1.0,
                 "smallest ZNCC",
                 "between 0 and 1",
                 self.min_zncc,
                 "give a smallest ZNCC of 0.8",
             ),
             (
-                self.tolerance_px > 0.0,
+                is_number(self.tolerance_px) and 0.0 < self.tolerance_px <= 1.0,
                 "tolerance",
-                "above 0 px",
+                "above 0 px, up to 1 px",
                 self.tolerance_px,
-                "give a tolerance of 1e-4 px",
+                "give a tolerance of 0.0001 px",
             ),
-            (self.max_iterations >= 1, "iterations", "at least 1", self.max_iterations, "give 40 iterations"),
+            (
+                is_whole(self.max_iterations) and self.max_iterations >= 1,
+                "iterations",
+                "a whole number, at least 1",
+                self.max_iterations,
+                "give 40 iterations",
+            ),
         ]
         require_all(CorrelationError, "settings", checks)
 

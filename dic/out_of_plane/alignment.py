@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
 from dic.out_of_plane.plane import Plane, turned
+from dic.typing import PathLike
 
 Float = NDArray[np.float64]
 
@@ -35,6 +36,11 @@ class Alignment:
     slopes: Float
     covariance: Float
     pivot_mm: Float
+
+    def __repr__(self) -> str:
+        pairs = zip(self.wobble_deg, self.wobble_std_deg, strict=True)
+        wobble = " and ".join(f"{value:z.3f} ± {std:.3f}°" for value, std in pairs)
+        return f"Alignment(wobble {wobble}, axis at {self.pivot_mm[0]:.3f}, {self.pivot_mm[1]:.3f} mm)"
 
     @property
     def before(self) -> Plane:
@@ -97,13 +103,13 @@ def _is_possible(slopes: Float, covariance: Float) -> bool:
     return bool(np.abs(slopes).max() <= 1.0 and symmetric and np.linalg.eigvalsh(covariance)[0] >= -rounding)
 
 
-def save_alignment(alignment: Alignment, path: Path) -> None:
+def save_alignment(alignment: Alignment, path: PathLike) -> None:
     """Write an alignment as JSON, for other runs on the same fixture."""
     content = {"file_format": _FORMAT} | {k: np.asarray(v).tolist() for k, v in vars(alignment).items()}
-    path.write_text(json.dumps(content, indent=1), encoding="utf-8")
+    Path(path).write_text(json.dumps(content, indent=1), encoding="utf-8")
 
 
-def load_alignment(path: Path) -> Alignment:
+def load_alignment(path: PathLike) -> Alignment:
     """Read an alignment written by `save_alignment`.
 
     Raises
@@ -111,6 +117,7 @@ def load_alignment(path: Path) -> Alignment:
     CalibrationError
         If the file is missing or holds no alignment.
     """
+    path = Path(path)
     shapes = {"slopes": (4,), "covariance": (4, 4), "pivot_mm": (2,)}
     got = "no such file"
     if path.is_file():

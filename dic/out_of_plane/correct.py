@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dic.calibration.calibration import Calibration
-from dic.errors import CorrelationError, require_all
+from dic.errors import Check, CorrelationError, is_number, require_all
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.rigidity import correct_rotation
@@ -63,13 +63,13 @@ class Motion:
         require_all(CorrelationError, "settings", checks)
 
 
-def poisson_check(poisson_ratio: float) -> tuple[bool, str, str, object, str]:
+def poisson_check(poisson_ratio: float) -> Check:
     """Return the check of a Poisson's ratio, for `require_all`."""
     return (
-        0.0 <= poisson_ratio <= 0.5,
+        is_number(poisson_ratio) and 0.0 <= poisson_ratio <= 0.5,
         "Poisson's ratio",
         "0 to 0.5",
-        f"{poisson_ratio:g}",
+        poisson_ratio,
         "give a Poisson's ratio of 0.33 for most metals",
     )
 
@@ -80,6 +80,10 @@ class Corrections:
 
     images: list[Correction]
     alignment: Alignment | None = None
+
+    def __repr__(self) -> str:
+        applied = sum(image.declined is None for image in self.images)
+        return f"Corrections({applied} of {len(self.images)} images corrected, {self.alignment})"
 
 
 def correct(measurements: Sequence[Measurement], calibration: Calibration, motion: Motion) -> Corrections:

@@ -58,6 +58,10 @@ class Correction:
     declined: str | None = None
     stored_strain: StrainField | None = None
 
+    def __repr__(self) -> str:
+        what = f"{self.mean}" if self.declined is None else f"declined: {self.declined}"
+        return f"Correction({self.method}, {what})"
+
     @classmethod
     def refused(cls, method: str, measurement: Measurement, reason: str) -> "Correction":
         """Return the correction of a measurement that stays as calibrated, with the reason."""

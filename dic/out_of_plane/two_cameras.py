@@ -51,6 +51,10 @@ class TwoCameraStep:
     heights_std_mm: Float | None = None
     declined: str | None = None
 
+    def __repr__(self) -> str:
+        what = f"{self.mean}" if self.declined is None else f"declined: {self.declined}"
+        return f"TwoCameraStep({what})"
+
     @property
     def plane(self) -> Plane | None:
         """The specimen's plane, relative to the reference."""

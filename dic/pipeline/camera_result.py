@@ -2,12 +2,10 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dic.calibration.calibration import Calibration
 from dic.runfile.reader import RunStep
 from dic.strain.measurement import Measurement
+from dic.typing import Grey
 
 
 @dataclass(frozen=True)
@@ -30,7 +28,10 @@ class CameraResult:
 
     camera: str
     calibration: Calibration
-    reference: NDArray[np.float32]
+    reference: Grey
     steps: list[RunStep]
     measurements: list[Measurement]
     failures: list[str]
+
+    def __repr__(self) -> str:
+        return f"CameraResult({self.camera!r}, {len(self.steps)} steps, {len(self.failures)} failed)"

@@ -3,11 +3,9 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 from threading import Event
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.calibration.calibration import Calibration
 from dic.correlation.series import Series
@@ -20,8 +18,7 @@ from dic.pipeline.run_corrections import CorrectionSettings, RunCorrections, cor
 from dic.runfile.reader import RunFile, RunInfo, RunStep
 from dic.strain.strain import StrainSettings
 from dic.targets.line_grid.find import find_grid
-
-Float = NDArray[np.float64]
+from dic.typing import Float, Mask, PathLike
 
 
 @dataclass(frozen=True)
@@ -47,9 +44,13 @@ class RunResult:
     cameras: list[CameraResult]
     corrections: RunCorrections
 
+    def __repr__(self) -> str:
+        lines = [f"  {camera}" for camera in self.cameras]
+        return "\n".join([f"RunResult of {self.source}, {self.info.title!r}, {self.info.status}", *lines])
+
 
 def process_run(
-    path: Path,
+    path: PathLike,
     settings: CorrelationSettings | None = None,
     strain: StrainSettings | None = None,
     *,
@@ -62,7 +63,7 @@ def process_run(
 
     Parameters
     ----------
-    path : Path
+    path : path
         A run file, of a finished or a killed run.
     settings : CorrelationSettings, optional
         Default: quadratic shape functions.
@@ -150,7 +151,7 @@ def _calibrate(run: RunFile, camera: str) -> Calibration:
     return Calibration.fit(grid, image.shape, source)
 
 
-def _calibrated_region(calibration: Calibration, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+def _calibrated_region(calibration: Calibration, shape: tuple[int, ...]) -> Mask:
     """Return the pixels within the calibrated area: where the paper allows points."""
     height, width = shape
     x, y = np.meshgrid(np.arange(width), np.arange(height))

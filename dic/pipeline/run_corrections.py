@@ -96,6 +96,9 @@ class JointCorrections:
     steps: dict[int, TwoCameraStep]
     findings: list[str]
 
+    def __repr__(self) -> str:
+        return f"JointCorrections({' and '.join(self.cameras)}, {len(self.steps)} steps)"
+
 
 @dataclass(frozen=True)
 class RunCorrections:
@@ -117,6 +120,9 @@ class RunCorrections:
     cameras: dict[str, Corrections]
     findings: dict[str, list[str]]
     joint: JointCorrections | None = None
+
+    def __repr__(self) -> str:
+        return f"RunCorrections({self.motion}, {', '.join(self.cameras)}, {self.joint})"
 
     def best(self, camera: str, step: int, place: int) -> Correction:
         """Return the joint solution's correction of a camera's step if it applies, else the camera's own.

@@ -19,6 +19,7 @@ from dic.results.reader import read_corrections, read_measurements, read_two_cam
 from dic.results.schema import FORMAT, VERSION
 from dic.results.writer import ResultWriter
 from dic.runfile.reader import RunInfo, RunStep
+from dic.typing import PathLike
 
 _JOINT = "both"
 _STEP_UNITS = {
@@ -28,7 +29,7 @@ _STEP_UNITS = {
 _ALIGNMENT_UNITS = {"slopes": "1", "covariance": "1", "pivot_mm": "mm"}
 
 
-def save_run_result(result: RunResult, path: Path) -> None:
+def save_run_result(result: RunResult, path: PathLike) -> None:
     """Write the result file of a run; layout in `docs/results.md`.
 
     Raises
@@ -37,7 +38,7 @@ def save_run_result(result: RunResult, path: Path) -> None:
         If the file cannot be written.
     """
     corrections = result.corrections
-    with ResultWriter(path) as writer:
+    with ResultWriter(Path(path)) as writer:
         run = writer.group("run")
         run.attrs.update(asdict(result.info) | {"source": result.source, "motion": corrections.motion})
         for camera in result.cameras:
@@ -50,7 +51,7 @@ def save_run_result(result: RunResult, path: Path) -> None:
         writer.group("settings").attrs.update(vars(result.settings))
 
 
-def load_run_result(path: Path) -> RunResult:
+def load_run_result(path: PathLike) -> RunResult:
     """Read the result file of a run, every value as it stands there.
 
     Of a file that was written before result files held everything, what it lacks is computed anew.
@@ -60,6 +61,7 @@ def load_run_result(path: Path) -> RunResult:
     RunFileError
         If the file is missing, cut off, or no result file of a run.
     """
+    path = Path(path)
     if not path.is_file():
         raise _refusal(path, "no such file")
     try:

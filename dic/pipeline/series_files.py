@@ -65,11 +65,11 @@ class SeriesOutputs:
         if self._writer is not None:
             self._writer.add("series", measurement)
         if self._files.csv:
-            write_csv(self._files.csv[number], measurement)
+            write_csv(measurement, self._files.csv[number])
         if self._files.maps:
             name = Path(measurement.label).name
             title = f"{name}, subset {self._settings.subset_px} px, step {self._settings.step_px} px"
-            write_maps(self._files.maps[number], measurement, self._image, title)
+            write_maps(measurement, self._image, self._files.maps[number], title=title)
 
     def write_corrections(self, corrections: "list[Correction]") -> None:
         """Write what the images' corrections found, once all are known."""

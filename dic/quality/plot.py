@@ -1,14 +1,14 @@
 """A picture of an image's quality: noise floor, focus, autocorrelation of the pattern and grey levels."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dic.image.given import grey_image
 from dic.quality.findings import FINEST_SPECKLE_PX
 from dic.quality.picture import TILES
 from dic.quality.quality import Quality
-from dic.typing import Float, Grey, Indices
+from dic.typing import Float, Grey, ImageLike, Indices, PathLike
 
 WIDE = 1.75
 """Images wider than this multiple of their height are drawn above the other panels, others beside them."""
@@ -40,9 +40,9 @@ def draw_quality(quality: Quality, image: Grey) -> Any:
     return figure
 
 
-def plot_quality(path: Path, quality: Quality, image: Grey) -> None:
+def plot_quality(quality: Quality, image: ImageLike, path: PathLike) -> None:
     """Write `draw_quality`'s figure as a PNG file."""
-    draw_quality(quality, image).savefig(path, dpi=100, format="png")
+    draw_quality(quality, grey_image(image, "image")).savefig(path, dpi=100, format="png")
 
 
 def _draw_floor(figure: Any, axes: Any, quality: Quality, image: Grey) -> None:

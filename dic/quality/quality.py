@@ -75,6 +75,11 @@ class Quality(Picture):
     subset_for_wanted_px: int | None
     mean_gradient: float
 
+    def __repr__(self) -> str:
+        speckles = f"speckles {self.speckle_x_px:.1f} × {self.speckle_y_px:.1f} px"
+        resolved = f"resolves {self.floor_px:.4f} px with subsets of {self.settings.subset_px} px"
+        return f"Quality({speckles}, noise {self.noise:.2f}, {resolved})"
+
     @staticmethod
     def require_wanted(wanted_px: float) -> None:
         """Refuse a displacement that cannot be what is to be resolved.

@@ -17,6 +17,7 @@ from dic.report.setup_figures import harmonics_figure, height_figure, height_ste
 from dic.report.steps import StepTable, camera_tables, pair_table
 from dic.report.style import Kind, plot_style, watermark_uri
 from dic.report.tables import calibration_rows, problems, recommendations, settings_rows
+from dic.typing import PathLike
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class RunView:
     fields: list[FieldPicture]
 
 
-def write_report(results: Sequence[RunResult], path: Path) -> None:
+def write_report(results: RunResult | Sequence[RunResult], path: PathLike) -> None:
     """Write the report of one or several runs as one HTML file that needs nothing else.
 
     Runs of the rotation test are shown together, as in the paper. The on-axis camera is the one named
@@ -60,9 +61,9 @@ def write_report(results: Sequence[RunResult], path: Path) -> None:
 
     Parameters
     ----------
-    results : sequence of RunResult
+    results : RunResult, or sequence of RunResult
         At least one.
-    path : Path
+    path : path
         The file to write; an existing one is replaced.
 
     Raises
@@ -70,6 +71,8 @@ def write_report(results: Sequence[RunResult], path: Path) -> None:
     RunFileError
         If there is no run, or the file cannot be written.
     """
+    path = Path(path)
+    results = [results] if isinstance(results, RunResult) else results
     if not results:
         raise RunFileError(str(path), "write report", "at least one run", "none", "name a run file")
     page = _render(number_runs(results))

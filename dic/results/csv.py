@@ -8,12 +8,13 @@ import numpy as np
 from dic.correlation.status import Status
 from dic.strain.measurement import Measurement
 from dic.strain.strain import STRAIN_KEYS
+from dic.typing import PathLike
 
 _PIXELS = ["x_px", "y_px", "u_px", "v_px", "zncc", "status"]
 _MILLIMETRES = ["X_mm", "Y_mm", "U_mm", "V_mm", "calibration"]
 
 
-def write_csv(path: Path, measurement: Measurement) -> None:
+def write_csv(measurement: Measurement, path: PathLike) -> None:
     """Write the points of a measurement.
 
     Columns are x_px, y_px, u_px, v_px (image axes: x right, y down), zncc, status; when calibrated X_mm,
@@ -25,7 +26,7 @@ def write_csv(path: Path, measurement: Measurement) -> None:
     points, u, v = field.points, field.u_px.ravel(), field.v_px.ravel()
     zncc, status = field.zncc.ravel(), field.status.ravel()
     strains = np.stack([getattr(strain, name).ravel() for name in STRAIN_KEYS], axis=-1)
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with Path(path).open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow([*_PIXELS, *(_MILLIMETRES if calibrated else []), *STRAIN_KEYS])
         if calibrated:

@@ -1,13 +1,14 @@
 """Pictures of fields: displacement and strain over the image they come from."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.image.given import grey_image
 from dic.out_of_plane.correction import Correction
 from dic.strain.measurement import Measurement
+from dic.typing import ImageLike, PathLike
 
 Float = NDArray[np.float64]
 
@@ -82,6 +83,28 @@ def _overlay(figure: Any, axis: Any, measurement: Measurement, values: Float) ->
     bar.ax.tick_params(labelsize=7)
 
 
-def write_maps(path: Path, measurement: Measurement, image: NDArray[Any], title: str) -> None:
-    """Write the five maps of a measurement as one PNG."""
-    draw_maps(measurement, image, title).savefig(path, dpi=110)
+def write_maps(
+    measurement: Measurement,
+    reference: ImageLike,
+    path: PathLike,
+    *,
+    title: str | None = None,
+    correction: Correction | None = None,
+) -> None:
+    """Write the five maps of a measurement, two displacements and three strains, as one picture.
+
+    Parameters
+    ----------
+    measurement : Measurement
+    reference : ndarray, shape (height, width), or path
+        The reference image, where the points are.
+    path : path
+        The file to write; its ending says which kind of picture.
+    title : str, optional
+        Default: the measurement's label.
+    correction : Correction, optional
+        To show instead of calibrated strain, if it applies.
+    """
+    grey = grey_image(reference, "reference image")
+    title = measurement.label if title is None else title
+    draw_maps(measurement, grey, title, correction).savefig(path, dpi=110)

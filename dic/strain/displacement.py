@@ -36,6 +36,10 @@ class Noise:
     overlap: Float
     gradient: Float
 
+    def __repr__(self) -> str:
+        rows, columns = self.gradient.shape[:2]
+        return f"Noise({rows} × {columns} points)"
+
 
 @dataclass(frozen=True)
 class Displacement:

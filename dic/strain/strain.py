@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import CorrelationError, require_all
+from dic.errors import CorrelationError, is_whole, require_all
 from dic.strain.displacement import Displacement
 from dic.strain.fit import fitted_gradients, mean_gradient
 from dic.strain.measures import COMPONENTS, MEASURES, strain_of
@@ -50,21 +50,21 @@ class StrainSettings:
                 "strain measure",
                 f"one of {', '.join(MEASURES)}",
                 self.measure,
-                "give --strain green-lagrange",
+                "give green-lagrange, which a rigid rotation does not change",
             ),
             (
-                window >= 3 and window % 2 == 1,
+                is_whole(window) and window >= 3 and window % 2 == 1,
                 "strain window",
                 "an odd number of points, at least 3",
                 window,
-                "give --strain-window 5",
+                "give a strain window between 3 and 21 points, odd",
             ),
             (
                 self.source in SOURCES,
                 "source of local strain",
                 f"one of {', '.join(SOURCES)}",
                 self.source,
-                "give --strain-from fit",
+                "give fit, a plane through the points of the window",
             ),
         ]
         require_all(CorrelationError, "settings", checks)
@@ -117,6 +117,13 @@ class MeanStrain:
     e2_std: float
     direction_deg_std: float
 
+    def __repr__(self) -> str:
+        strains = ", ".join(
+            f"{name} {1e6 * getattr(self, name):z.0f} ± {1e6 * getattr(self, name + '_std'):.0f}"
+            for name in ("exx", "eyy", "exy")
+        )
+        return f"MeanStrain({strains} µε, rotation {self.rotation_deg:z.3f}°, {self.points} points)"
+
     def as_dict(self) -> dict[str, float | int | None]:
         """Return a dict of the values for JSON, with None instead of NaN."""
         return {k: None if v != v else v for k, v in vars(self).items()}
@@ -146,6 +153,11 @@ class StrainField:
     e1_std: Float
     e2_std: Float
     direction_deg_std: Float
+
+    def __repr__(self) -> str:
+        rows, columns = self.exx.shape
+        known = int(np.isfinite(self.exx).sum())
+        return f"StrainField({rows} × {columns} points, {known} with a value)"
 
 
 def mean_strain(

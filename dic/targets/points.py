@@ -39,6 +39,10 @@ class GridPoints:
     warnings: tuple[str, ...] = field(default=())
     orientation: str = "assumed"
 
+    def __repr__(self) -> str:
+        found = f"{self.found} of {self.expected} points"
+        return f"GridPoints({found}, pitch {self.pitch_mm:g} mm, orientation {self.orientation})"
+
     @classmethod
     def on_lattice(
         cls,

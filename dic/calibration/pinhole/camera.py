@@ -48,6 +48,10 @@ class Pinhole:
     noise_px: float = 0.0
     cross_validation_px: float = float("nan")
 
+    def __repr__(self) -> str:
+        off_axis = f"{self.off_axis_deg:.2f} ± {self.off_axis_std_deg:.2f}° off-axis"
+        return f"Pinhole(focal length {self.focal_px:.1f} px, {off_axis}, {self.distance_mm:.2f} mm away)"
+
     @classmethod
     def swung(
         cls,

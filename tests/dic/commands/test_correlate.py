@@ -95,7 +95,7 @@ def test_an_image_of_another_size_is_refused(folder, tmp_path):
     ("arguments", "sentence"),
     [
         (["missing.png", "also.png"], "missing.png"),
-        (["ref.png", "moved.png", "--subset", "20"], "an odd width"),
+        (["ref.png", "moved.png", "--subset", "20"], "an odd number"),
         (["ref.png", "moved.png", "--step", "0"], "at least 1 px"),
         (["ref.png", "moved.png", "--strain-window", "4"], "an odd number of points"),
         (["ref.png", "moved.png", "-o", "none/r.h5"], "no such folder"),

@@ -45,7 +45,7 @@ def test_a_bad_image_ends_with_1_and_says_why(folder, tmp_path):
     ("arguments", "words"),
     [
         (["none.png"], "none.png: read image"),
-        (["good.png", "--subset", "20"], "an odd width"),
+        (["good.png", "--subset", "20"], "an odd number"),
         (["good.png", "--wanted-px", "0"], "got 0"),
         (["good.png", "--shape", "cubic"], "affine or quadratic"),
     ],

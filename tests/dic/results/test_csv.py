@@ -59,7 +59,7 @@ def field() -> Field:
 @pytest.fixture(scope="module", params=[False, True], ids=["raw", "calibrated"])
 def rows(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, str]]:
     path: Path = tmp_path_factory.mktemp("csv") / "points.csv"
-    write_csv(path, measure(field(), calibration() if request.param else None))
+    write_csv(measure(field(), calibration() if request.param else None), path)
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
