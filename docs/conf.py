@@ -96,11 +96,9 @@ def _as_markdown(cell: dict[str, Any]) -> str:
     return text if cell["cell_type"] == "markdown" else f"```python\n{text}\n```"
 
 
-def _signature(
-    app: Sphinx, what: str, name: str, value: object, options: Any, signature: str | None, returns: str | None
-) -> tuple[str | None, str | None]:
+def _signature(app: Sphinx, what: str, name: str, value: object, *_: object) -> tuple[str, str] | None:
     """Nobody calls an interface: it is shown without the arguments that Python gives it."""
-    return (None, None) if getattr(value, "_is_protocol", False) else (signature, returns)
+    return ("", "") if getattr(value, "_is_protocol", False) else None
 
 
 def setup(app: Sphinx) -> None:
