@@ -29,3 +29,17 @@ def links(page: Path) -> list[str]:
     text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     targets = re.findall(r"\]\(([^)\s]+)\)", text)
     return [target.split("#")[0] for target in targets if not target.startswith(("http", "#"))]
+
+
+PACKAGES = "dic|drivers|rig|simulators|tests|benchmarks"
+
+
+def paths(page: Path) -> list[str]:
+    """The files and folders of the project that a page names, in backquotes; some with a star."""
+    return re.findall(rf"`((?:{PACKAGES}|docs|examples)/[\w./*-]*)`", page.read_text(encoding="utf-8"))
+
+
+def dotted_names(page: Path) -> list[str]:
+    """The modules, classes and functions of the packages that a page names, in backquotes."""
+    names = re.findall(rf"`((?:{PACKAGES})(?:\.\w+)+)`", page.read_text(encoding="utf-8"))
+    return [name for name in names if not name.endswith((".toml", ".h5"))]

@@ -1,11 +1,14 @@
 """The pages lead nowhere wrong, and show commands as they are."""
 
+from pkgutil import resolve_name
+
 import click
 import pytest
 
 import dic.cli
 import rig.cli
-from tests.docs.pages import PAGES, commands, links, name
+from tests.docs.pages import PAGES, commands, dotted_names, links, name, paths
+from tests.places import ROOT
 
 PROGRAMS = {"dic": dic.cli.dic, "rig": rig.cli.cli}
 
@@ -34,10 +37,32 @@ def test_links_lead_to_files(page):
     assert [target for target in links(page) if not (page.parent / target).exists()] == []
 
 
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=name)
+def test_files_and_names_exist(page):
+    """What the page names in backquotes can be opened, or imported; only the changelog names what is gone."""
+    assert [path for path in paths(page) if not any(ROOT.glob(path.rstrip("/")))] == []
+    assert [dotted for dotted in dotted_names(page) if not can_be_imported(dotted)] == []
+
+
+def can_be_imported(dotted: str) -> bool:
+    """Whether the name is a module, or an attribute of one."""
+    try:
+        resolve_name(dotted)
+    except (ImportError, AttributeError):
+        return False
+    return True
+
+
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=name)
 def test_commands_are_taken(page):
     shown = [words for words in commands(page) if not is_synopsis(words)]
     assert [complaint for complaint in map(refused, shown) if complaint] == []
+
+
+def test_a_wrong_name_would_be_noticed():
+    assert can_be_imported("dic.Calibration.fit")
+    assert not can_be_imported("dic.Calibration.load")
+    assert not can_be_imported("drivers.frame_stream")
 
 
 def test_a_wrong_command_would_be_noticed():
