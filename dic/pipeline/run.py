@@ -10,11 +10,13 @@ import numpy as np
 from dic.calibration.calibration import Calibration
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import CalibrationError
+from dic.errors import CalibrationError, RunFileError, require_kind
 from dic.image.threads import processors
+from dic.out_of_plane.diagnosis import Sensitivity
 from dic.pipeline.camera_result import CameraResult
 from dic.pipeline.images import SeriesImage, measure_series
 from dic.pipeline.run_corrections import CorrectionSettings, RunCorrections, correct_run
+from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
 from dic.runfile.reader import RunFile, RunInfo, RunStep
 from dic.strain.strain import StrainSettings
 from dic.targets.line_grid.find import find_grid
@@ -47,6 +49,32 @@ class RunResult:
     def __repr__(self) -> str:
         lines = [f"  {camera}" for camera in self.cameras]
         return "\n".join([f"RunResult of {self.source}, {self.info.title!r}, {self.info.status}", *lines])
+
+    def series(self, camera: str) -> MeasuredSeries:
+        """Return what a camera measured as `measure_images` returns it, each step with its best correction.
+
+        Parameters
+        ----------
+        camera : str
+            Its name in the run.
+
+        Raises
+        ------
+        RunFileError
+            If the run has no such camera.
+        """
+        cameras = {found.camera: found for found in self.cameras}
+        if camera not in cameras:
+            expected, remedy = " or ".join(cameras), f"give {next(iter(cameras), 'a camera of the run')}"
+            raise RunFileError(self.source, "choose a camera", expected, str(camera), remedy)
+        found = cameras[camera]
+        images = [
+            MeasuredImage(measurement.label, measurement, self.corrections.best(camera, step.index, place))
+            for place, (step, measurement) in enumerate(zip(found.steps, found.measurements, strict=True))
+        ]
+        images += [MeasuredImage(camera, failure=sentence) for sentence in found.failures]
+        alignment = self.corrections.cameras[camera].alignment
+        return MeasuredSeries(found.reference, tuple(images), alignment, Sensitivity.of(found.calibration))
 
 
 def process_run(
@@ -82,6 +110,10 @@ def process_run(
         If the file cannot be read, a grid is not found, or a camera's reference cannot be used. A single step
         that cannot be correlated is named in `failures` instead.
     """
+    Series.require_incremental(incremental)
+    require_kind("settings", settings, CorrelationSettings | None, "give dic.CorrelationSettings()")
+    require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=5)")
+    require_kind("correcting", correcting, CorrectionSettings | None, "give dic.CorrectionSettings()")
     # Seen off-axis, a subset that turns or grows does not stay affine.
     settings = settings or CorrelationSettings(shape="quadratic")
     strain = strain or StrainSettings()

@@ -54,7 +54,7 @@ class MeasuredImage:
 
     @property
     def _corrected(self) -> Correction | None:
-        return None if self.correction is None or self.correction.declined is not None else self.correction
+        return None if self.correction is None or self.correction.declined else self.correction
 
     @property
     def _measured(self) -> Measurement:
