@@ -1,4 +1,4 @@
-"""Carry points from a first reference over a later one: chains of displacement fields."""
+"""Chain displacement fields: from a first reference over later ones to an image."""
 
 from typing import NamedTuple
 
@@ -7,10 +7,7 @@ from numpy.typing import NDArray
 
 from dic.correlation.field import Field
 from dic.correlation.status import Status
-
-Float = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Mask = NDArray[np.bool_]
+from dic.typing import Float, Indices, Mask
 
 _OWN = 0.7
 """Steps around a point that its motion speaks for; sheared, the nearest points reach a little beyond half."""
@@ -125,7 +122,7 @@ def _composed(first: Float, second: Float) -> Float:
     return np.column_stack([u, gradient[:, :2], v, gradient[:, 2:]])
 
 
-def carried_region(region: Mask, field: Field) -> Mask:
+def moved_region(region: Mask, field: Field) -> Mask:
     """Return where a region of the reference is in the deformed image, as far as points converged.
 
     A pixel belongs to the point that came nearest to it. It lies in the region if the motion of that point
@@ -155,7 +152,7 @@ def carried_region(region: Mask, field: Field) -> Mask:
     point_of_label[labels[y, x]] = np.arange(len(x))
     gradient = field.gradient[rows, columns].reshape(-1, 2, 2) + np.eye(2)
     back = np.linalg.inv(gradient)
-    carried = np.zeros(region.shape, np.bool_)
+    moved = np.zeros(region.shape, np.bool_)
     reach = _OWN * _step(field) + 1
     for line in range(height):
         point = point_of_label[labels[line]]
@@ -167,8 +164,8 @@ def carried_region(region: Mask, field: Field) -> Mask:
         near = (np.abs(from_x) <= reach) & (np.abs(from_y) <= reach)
         at_x = np.clip(np.rint(field.x_px[column] + from_x), 0, width - 1).astype(np.int64)
         at_y = np.clip(np.rint(field.y_px[row] + from_y), 0, height - 1).astype(np.int64)
-        carried[line] = near & region[at_y, at_x]
-    return carried
+        moved[line] = near & region[at_y, at_x]
+    return moved
 
 
 def _step(field: Field) -> int:

@@ -6,9 +6,8 @@ mirror image.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
+from dic.typing import Float, Indices, Mask
 
 _TOLERANCE_PX, _TOLERANCE = 1.0, 0.1
 """A prediction may be wrong by so many pixels, and by this share of the distance it was made over."""
@@ -19,7 +18,7 @@ _AROUND = ((0, 1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1))
 """Rows and columns to the neighbours on a grid, in the order in which they are asked."""
 
 
-def consistent_seeds(points: NDArray[np.int64], warps: Float) -> NDArray[np.bool_]:
+def consistent_seeds(points: Indices, warps: Float) -> Mask:
     """Tell which scattered points one of their four nearest neighbours predicts.
 
     Parameters
@@ -48,9 +47,7 @@ def consistent_seeds(points: NDArray[np.int64], warps: Float) -> NDArray[np.bool
     return np.asarray(believed & agrees.any(axis=1))
 
 
-def consistent_field(
-    x_px: NDArray[np.int64], y_px: NDArray[np.int64], warps: Float, converged: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
+def consistent_field(x_px: Indices, y_px: Indices, warps: Float, converged: Mask) -> Mask:
     """Tell which converged points of a grid one of their eight neighbours predicts.
 
     Parameters
@@ -85,9 +82,7 @@ def consistent_field(
     return agrees
 
 
-def _predicts(
-    p: Float, other: Float, dx: NDArray[np.int64], dy: NDArray[np.int64] | int
-) -> NDArray[np.bool_]:
+def _predicts(p: Float, other: Float, dx: Indices, dy: Indices | int) -> Mask:
     """Tell whether warps `p`, shape (6, …), predict the displacements of the `other` points (dx, dy) away."""
     off_x = other[0] - p[0] - p[1] * dx - p[2] * dy
     off_y = other[3] - p[3] - p[4] * dx - p[5] * dy
@@ -95,7 +90,7 @@ def _predicts(
     return np.asarray(off_x * off_x + off_y * off_y < limit * limit)
 
 
-def _believable(planes: Float) -> NDArray[np.bool_]:
+def _believable(planes: Float) -> Mask:
     """Tell which warps, shape (6, …), have deformation gradients that a real surface could have."""
     a, b, c, d = 1 + planes[1], planes[2], planes[4], 1 + planes[5]
     # Singular values of a 2 x 2 matrix in closed form; the smaller is negative if the matrix mirrors.

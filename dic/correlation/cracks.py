@@ -4,12 +4,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.correlation.kernel import Reference
 from dic.image.region import PointGrid, own_part
-
-Mask = NDArray[np.bool_]
+from dic.typing import Mask
 
 _REACH = 3
 """Steps over which a neighbour's motion may be extrapolated to a point."""

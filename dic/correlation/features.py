@@ -12,9 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
-Grey = NDArray[np.float32]
-Mask = NDArray[np.bool_]
+from dic.typing import Float, Grey, Indices, Mask
 
 _AREA_PX = 400_000
 """Features are first sought in images shrunk to this size: a quarter of the work, and seldom not enough."""
@@ -55,7 +53,7 @@ class Matches:
         warps = [self._local_warp(at, k) for at, k in zip(points, nearest, strict=True)]
         return np.array(warps).reshape(-1, 6)
 
-    def _local_warp(self, point: Float, near: NDArray[np.int64]) -> Float:
+    def _local_warp(self, point: Float, near: Indices) -> Float:
         here, there = self.here[near], self.there[near]
         offset = here[None, :, :] - here[:, None, :]
         predicted = there[:, None, :] + np.einsum("iab,ijb->ija", self.gradient[near], offset)
@@ -85,7 +83,7 @@ class FeatureFinder:
 
     def __init__(self, reference: Grey, usable: Mask) -> None:
         self._reference, self._usable = reference, usable
-        self._known: dict[float, tuple[Float, NDArray[np.float32]]] = {}
+        self._known: dict[float, tuple[Float, Grey]] = {}
 
     def find(self, deformed: Grey) -> Iterator[Matches]:
         """Yield matches, the cheapest first: of shrunk images, then of larger ones up to the full size."""
@@ -101,7 +99,7 @@ class FeatureFinder:
             shrink = max(1.0, shrink / 2)
 
 
-def _features(grey: Grey, shrink: float, usable: Mask | None = None) -> tuple[Float, NDArray[np.float32]]:
+def _features(grey: Grey, shrink: float, usable: Mask | None = None) -> tuple[Float, Grey]:
     """Return places (x, y, size, angle in radians), shape (n, 4), and descriptions (n, 128) of features."""
     import cv2
 
@@ -120,9 +118,7 @@ def _features(grey: Grey, shrink: float, usable: Mask | None = None) -> tuple[Fl
     return places, words
 
 
-def _match(
-    here: tuple[Float, NDArray[np.float32]], there: tuple[Float, NDArray[np.float32]]
-) -> Matches | None:
+def _match(here: tuple[Float, Grey], there: tuple[Float, Grey]) -> Matches | None:
     """Return the pairs of features that are much more alike than the second best, or None if they are few."""
     import cv2
 

@@ -9,13 +9,10 @@ which alone decides whether a guess was right.
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.correlation.features import FeatureFinder
 from dic.image.threads import bands_of, in_parallel
-
-Float = NDArray[np.float64]
-Grey = NDArray[np.float32]
+from dic.typing import Float, Grey, Indices
 
 SEARCH_RADII_PX = (24, 80, 200)
 """Search radii, tried in this order until enough seeds converge."""
@@ -31,7 +28,7 @@ def guesses(
     reference: Grey,
     deformed: Grey,
     features: FeatureFinder,
-    points: NDArray[np.int64],
+    points: Indices,
     half_px: int,
     *,
     previous: Float | None = None,
@@ -133,7 +130,7 @@ def homography_warps(homography: Float, points: Float) -> Float:
 def search(
     reference: Grey,
     deformed: Grey,
-    points: NDArray[np.int64],
+    points: Indices,
     half_px: int,
     radius_px: int,
     motion: Float,

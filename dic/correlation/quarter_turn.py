@@ -5,10 +5,8 @@ turned image, which the kernel needs to be fast. Warps are turned with it, and b
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
-Places = NDArray[np.int64]
+from dic.typing import Float, Indices
 
 
 def quarters_of(warps: Float) -> int:
@@ -30,7 +28,7 @@ def quarters_of(warps: Float) -> int:
     return int(np.rint(np.arctan2(across, along) / (np.pi / 2))) % 4
 
 
-def turn_warps(warps: Float, x: Places, y: Places, shape: tuple[int, int], quarters: int) -> Float:
+def turn_warps(warps: Float, x: Indices, y: Indices, shape: tuple[int, int], quarters: int) -> Float:
     """Return warps to the deformed image as `numpy.rot90` turns it.
 
     One quarter takes the pixel (X, Y) of an image of width W to (Y, W - 1 - X).

@@ -5,11 +5,9 @@ symbol and in double precision throughout. Read this first.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.image.spline import MARGIN, SplineImage
-
-Float = NDArray[np.float64]
+from dic.typing import Float, Mask
 
 
 def shape_functions(x: Float, y: Float, parameters: int) -> Float:
@@ -44,7 +42,7 @@ def split(p: Float) -> tuple[Float, Float]:
 def icgn(
     reference: SplineImage,
     deformed: SplineImage,
-    region: NDArray[np.bool_],
+    region: Mask,
     point: tuple[int, int],
     radius: int,
     start: Float,

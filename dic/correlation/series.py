@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dic.correlation.chaining import carried_region, chain
+from dic.correlation.chaining import chain, moved_region
 from dic.correlation.correlator import Correlator
 from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
@@ -193,7 +193,7 @@ class Series:
 
     def _renewed(self, last: _Last) -> _Link:
         """Return a link whose reference is the last image."""
-        region = carried_region(self._first_region, last.total)
+        region = moved_region(self._first_region, last.total)
         settings = self._link.correlator.settings
         correlator = Correlator(last.image, region, settings, clip=self._clip, threads=self._threads)
         return _Link(correlator, last.total, self._link.updates + 1)

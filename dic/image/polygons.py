@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.errors import CorrelationError
-
-Float = NDArray[np.float64]
+from dic.typing import Float, Mask
 
 _PAIR = r"[-+.\deE]+\s*,\s*[-+.\deE]+"
 _TYPED = re.compile(rf"\s*{_PAIR}(\s+{_PAIR})*\s*")
@@ -57,7 +55,7 @@ def read_polygons(source: str) -> list[Float]:
     return polygons
 
 
-def polygon_mask(polygons: Sequence[Float], shape: tuple[int, ...]) -> NDArray[np.bool_]:
+def polygon_mask(polygons: Sequence[Float], shape: tuple[int, ...]) -> Mask:
     """Return the pixels whose centre lies inside an odd number of polygons: one inside another is a hole.
 
     Parameters

@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 
 from dic.errors import CorrelationError
 from dic.image.threads import bands_of, in_parallel
+from dic.typing import Grey, Indices, Mask
 
-Grey = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 Bits = NDArray[np.uint8]
-Indices = NDArray[np.int64]
 
 MIN_PIXEL_FRACTION = 0.4
 """Share of a subset's pixels that must lie in the region of interest: almost half, as at a crack's lips."""
@@ -138,10 +136,10 @@ class PointGrid:
         Whose subset the region's edge cuts into parts. Only the part around the point may be used.
     """
 
-    x: NDArray[np.int64]
-    y: NDArray[np.int64]
+    x: Indices
+    y: Indices
     active: Mask
-    pixels: NDArray[np.int64]
+    pixels: Indices
     cut: Mask
 
     def points_at(self, indices: Indices) -> Indices:
@@ -221,7 +219,7 @@ def _fewest_pixels(subset_px: int) -> float:
     return MIN_PIXEL_FRACTION * subset_px**2
 
 
-def _spread(first: int, last: int, step: int) -> NDArray[np.int64]:
+def _spread(first: int, last: int, step: int) -> Indices:
     """Return coordinates `step` apart, in the middle between `first` and `last`.
 
     A mean strain belongs to the middle of its points, which therefore should be that of the region.

@@ -6,13 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
 from dic.out_of_plane.plane import Plane, turned
-from dic.typing import PathLike
-
-Float = NDArray[np.float64]
+from dic.typing import Float, PathLike
 
 _FORMAT = "offaxis-alignment"
 _SMALL = 1e-6

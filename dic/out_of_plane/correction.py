@@ -6,7 +6,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.calibration.calibration import Calibration, Model
 from dic.out_of_plane.plane import Plane
@@ -14,8 +13,7 @@ from dic.out_of_plane.uncertainty import Points
 from dic.strain.displacement import Displacement, calibrated_displacement
 from dic.strain.measurement import Measurement
 from dic.strain.strain import MeanStrain, StrainField, StrainSettings, strain_field
-
-Float = NDArray[np.float64]
+from dic.typing import Float
 
 _CLEARLY_BETTER = 0.95
 """Cross-validation must find the bicubic map better than this part of what it finds of the pinhole."""

@@ -4,13 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.calibration.calibration import Calibration
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction
-
-Float = NDArray[np.float64]
+from dic.typing import Float
 
 _HARMONICS = 5
 _CLEAR = 3.0

@@ -3,15 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.out_of_plane.correction import by_centre
 from dic.out_of_plane.parallax import Heights, Pairs
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.uncertainty import block_diagonal
 from dic.strain.fit import gradient_weights, slopes_of
-
-Float = NDArray[np.float64]
+from dic.typing import Float
 
 _SYSTEMATIC = 2e-6
 """Standard deviation of the strain difference between the cameras that no modelled error explains."""

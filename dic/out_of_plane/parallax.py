@@ -11,15 +11,13 @@ exactly. The component along e gives the height; the component across e must van
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from dic.calibration.calibration import Calibration
 from dic.correlation.field import Field
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.uncertainty import Points
-
-Float = NDArray[np.float64]
+from dic.typing import Float, Indices
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,7 @@ class Pairs:
 
     first: Points
     second: Points
-    chosen: NDArray[np.int64]
+    chosen: Indices
     partner: csr_array
 
     @classmethod
@@ -82,7 +80,7 @@ class Pairs:
         return (first - of_first[:2]) / of_first[2], (second - of_second[:2]) / of_second[2]
 
 
-def _pitch(places_px: NDArray[np.int64]) -> float:
+def _pitch(places_px: Indices) -> float:
     return float(places_px[1] - places_px[0]) if len(places_px) > 1 else 1.0
 
 

@@ -10,11 +10,9 @@ b y the point is C + t ((m, 0) - C),
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.strain.displacement import Displacement, Noise
-
-Float = NDArray[np.float64]
+from dic.typing import Float
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.calibration.calibration import Calibration
 from dic.out_of_plane.alignment import Alignment
@@ -21,8 +20,7 @@ from dic.out_of_plane.rotation import (
 from dic.out_of_plane.uncertainty import block_diagonal
 from dic.strain.measurement import Measurement
 from dic.strain.strain import strain_of_gradient
-
-Float = NDArray[np.float64]
+from dic.typing import Float
 
 _FEWEST_POINTS = 30
 _FEWEST_STEPS = 2
@@ -181,9 +179,9 @@ class _Solved:
     def strain_left(self) -> float:
         """Return the remaining strain, in standard deviations, rms."""
         to_strain = block_diagonal([by_gradient(G) for G in self.gradients])
-        deviations = np.sqrt(np.diag(to_strain @ self.covariance @ to_strain.T))
+        std = np.sqrt(np.diag(to_strain @ self.covariance @ to_strain.T))
         strains = self.steps.strains(self.alignment.slopes, self.centre_mm)
-        return float(np.sqrt(np.mean((strains / deviations) ** 2)))
+        return float(np.sqrt(np.mean((strains / std) ** 2)))
 
     def correction(self, place: int, measurement: Measurement) -> Correction:
         """Return the correction of one step."""

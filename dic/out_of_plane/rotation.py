@@ -10,15 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.calibration.calibration import Calibration
 from dic.correlation.settings import CorrelationSettings
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.uncertainty import Points, block_diagonal
 from dic.strain.fit import gradient_weights, slopes_of
-
-Float = NDArray[np.float64]
+from dic.typing import Float
 
 PRIOR_SLOPE = np.tan(np.radians(1.0))
 """Prior standard deviation of the four slopes, some tenths of a degree. It matters only where the images do

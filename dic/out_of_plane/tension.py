@@ -6,7 +6,6 @@ other residuals that the points are not one body. In both cases the image stays 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.calibration.calibration import Calibration
 from dic.out_of_plane.correction import Correction, by_centre, points_of
@@ -16,8 +15,7 @@ from dic.out_of_plane.uncertainty import Points
 from dic.strain.fit import gradient_weights, slopes_of
 from dic.strain.measurement import Measurement
 from dic.strain.strain import strain_of_gradient
-
-Float = NDArray[np.float64]
+from dic.typing import Float
 
 _FEWEST_POINTS = 30
 

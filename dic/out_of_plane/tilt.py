@@ -9,12 +9,10 @@ the points, placed on the sloped plane, moved by an affine motion and bending.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.uncertainty import Points
-
-Float = NDArray[np.float64]
+from dic.typing import Float
 
 _STEPS = 8
 _CLOSE = 1e-9

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.calibration.calibration import Calibration
 from dic.out_of_plane.correction import Correction, points_of
@@ -13,8 +12,7 @@ from dic.out_of_plane.plane import Plane, moved_out_of_plane
 from dic.out_of_plane.uncertainty import Points
 from dic.strain.measurement import Measurement
 from dic.strain.strain import MeanStrain, strain_of_gradient
-
-Float = NDArray[np.float64]
+from dic.typing import Float
 
 _FEWEST_PAIRS = 30
 _LEAST_PARALLAX = np.tan(np.radians(5.0))

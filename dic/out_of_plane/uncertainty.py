@@ -9,14 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.calibration.calibration import Calibration
 from dic.strain.displacement import Displacement
 from dic.strain.fit import covariance_of_sums, slopes_of
-
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from dic.typing import Float, Mask
 
 _SMOOTH_PX = 0.0004
 """Displacement errors of interpolation. They change with the sub-pixel part of the displacement and are

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.errors import CorrelationError, require_all
 from dic.out_of_plane.alignment import Alignment
@@ -15,8 +14,6 @@ from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.diagnosis import Harmonics, Sensitivity, rotation_findings, tension_findings
 from dic.out_of_plane.two_cameras import TwoCameraStep, correct_with_two_cameras
 from dic.pipeline.camera_result import CameraResult
-
-Float = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,7 @@ from numpy.typing import NDArray
 from dic.image.given import grey_image
 from dic.out_of_plane.correction import Correction
 from dic.strain.measurement import Measurement
-from dic.typing import ImageLike, PathLike
-
-Float = NDArray[np.float64]
+from dic.typing import Float, ImageLike, PathLike
 
 MICRO = 1e6
 

@@ -6,7 +6,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from dic.correlation.chaining import carried_region, chain
+from dic.correlation.chaining import chain, moved_region
 from dic.correlation.correlator import Correlator
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
@@ -115,7 +115,7 @@ def test_a_chain_of_two_fields_is_their_exact_composition(speckle, turn):
     )
 
 
-def test_the_carried_region_goes_with_the_surface(speckle, turn):
+def test_a_region_moves_with_the_surface(speckle, turn):
     pattern, centre = speckle(seed=56, shape=(200, 220)), (109.5, 99.5)
     y, x = np.mgrid[:200, :220]
     ring = (np.hypot(x - 95, y - 99.5) < 60) & (np.hypot(x - 95, y - 99.5) > 20)
@@ -123,9 +123,9 @@ def test_the_carried_region_goes_with_the_surface(speckle, turn):
     c, s = np.cos(np.radians(30.0)), np.sin(np.radians(30.0))
     to_x, to_y = centre[0] + c * -14.5, centre[1] - s * -14.5
     distance = np.hypot(x - to_x, y - to_y)
-    carried = carried_region(ring, field)
-    assert carried[(distance < 54) & (distance > 26)].mean() > 0.99
-    assert not carried[(distance > 62) | (distance < 18)].any()
+    moved = moved_region(ring, field)
+    assert moved[(distance < 54) & (distance > 26)].mean() > 0.99
+    assert not moved[(distance > 62) | (distance < 18)].any()
 
 
 def test_an_image_that_fails_does_not_end_the_series(speckle):
