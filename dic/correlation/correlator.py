@@ -5,6 +5,7 @@ import numpy as np
 from dic.correlation import kernel
 from dic.correlation.consistency import consistent_field
 from dic.correlation.field import Field
+from dic.correlation.initial_guess import checked_homography
 from dic.correlation.prepared_reference import PreparedReference
 from dic.correlation.seeds import FEWEST_SEEDS, SeedFinder, Seeds, scattered
 from dic.correlation.settings import CorrelationSettings
@@ -95,6 +96,8 @@ class Correlator:
         CorrelationError
             If the image cannot be used, or does not show the reference's pattern.
         """
+        require_kind("previous", previous, Field | None, "give the field of the image before")
+        hint = None if hint is None else checked_homography(hint)
         image = TurnableImage(self._reference, self._checked_deformed(deformed))
         seeds = self._first_seeds(image, previous, hint)
         solver = image.solver(seeds.quarters)

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from dic.correlation.features import FeatureFinder
+from dic.errors import CorrelationError
 from dic.image.threads import bands_of, in_parallel
 from dic.typing import Float, Grey, Indices
 
@@ -108,6 +109,32 @@ def rigid_motion(angle_deg: float, shift_px: tuple[float, float], centre_px: tup
     motion = np.eye(3)
     motion[:2, :2], motion[:2, 2] = turn, centre + np.array(shift_px) - turn @ centre
     return motion
+
+
+def checked_homography(hint: object) -> Float:
+    """Return an expected motion as an array (3, 3).
+
+    Raises
+    ------
+    CorrelationError
+        If it is not one of finite numbers.
+    """
+    try:
+        motion = np.array(hint, np.float64)
+        got = f"an array of shape {motion.shape}"
+    except (TypeError, ValueError):
+        motion, got = np.empty(0), f"a {type(hint).__name__}"
+    if motion.shape == (3, 3):
+        if np.isfinite(motion).all() and motion[2, 2]:
+            return motion
+        got = "one that takes points to infinity"
+    raise CorrelationError(
+        "hint",
+        "expect motion",
+        "a homography of shape (3, 3)",
+        got,
+        "give that of dic.rigid_motion",
+    )
 
 
 def homography_warps(homography: Float, points: Float) -> Float:

@@ -1,6 +1,7 @@
 """What a Python user does with `dic`: from images or a run to strain, and what happens to wrong arguments."""
 
 import weakref
+from functools import cache
 
 import cv2
 import numpy as np
@@ -237,6 +238,13 @@ dic.write_maps(series.images[-1].measurement, series.reference, "strain.png")
 
 COLOUR = np.zeros((64, 64, 3), np.uint8)
 GREY = np.zeros((64, 64), np.uint8)
+
+
+@cache
+def speckled() -> dic.Correlator:
+    return dic.Correlator(np.random.default_rng(1).integers(0, 255, (64, 64)))
+
+
 WRONG = [
     (lambda: dic.Correlator("absent.tif"), "absent.tif: read image"),
     (lambda: dic.Correlator(COLOUR), "reference image: read: .* got a colour image of 64 × 64 px"),
@@ -249,6 +257,10 @@ WRONG = [
     ),
     (lambda: dic.Correlator(GREY, GREY[:9]), "a mask of 64 x 64 px, got 64 x 9 px"),
     (lambda: dic.Correlator(GREY, None, dic.StrainSettings()), "settings: .* got a StrainSettings"),
+    (lambda: speckled().correlate(GREY, hint=30.0), "hint: .* got an array of shape \\(\\)"),
+    (lambda: speckled().correlate(GREY, hint="up"), "hint: .* got a str"),
+    (lambda: speckled().correlate(GREY, hint=np.full((3, 3), np.nan)), "takes points to infinity"),
+    (lambda: speckled().correlate(GREY, previous=GREY), "previous: expected a Field or None, got a ndarray"),
     (lambda: dic.Series(GREY, incremental="now"), "auto or never or always, got now"),
     (lambda: dic.measure("deformed.tif"), "field: expected a Field, got a str; correlate first"),
     (lambda: dic.measure_images(GREY, GREY, calibration=3), "calibration: expected a Calibration or None"),
