@@ -22,7 +22,6 @@ ROOTS = {
 }
 ARGUMENTS_MAX = 9
 LINES_MAX = 400
-# What is not in order yet; nothing may be added.
 CLOCKS = ("time.sleep", "time.time", "time.monotonic", "datetime.now", "datetime.utcnow")
 
 
