@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from dic.report.numbers import micro
+from dic.report.numbers import micro, micro_with_std
 from dic.report.series import CameraSeries, Run
 from dic.report.strains import COMPONENTS
 from dic.typing import Float
@@ -86,5 +86,6 @@ def worst_text(camera: CameraSeries, values: Float, stds: Float | None = None) -
     if not np.isfinite(values).any():
         return "–"
     row, component = np.unravel_index(np.nanargmax(np.abs(values)), values.shape)
-    std = "" if stds is None else f" ± {micro(stds[row, component])}"
-    return f"{COMPONENTS[component]} {micro(values[row, component])}{std} µε at {camera.angles_deg[row]:.1f}°"
+    value, at = values[row, component], camera.angles_deg[row]
+    text = micro(value) if stds is None else micro_with_std(value, stds[row, component])
+    return f"{COMPONENTS[component]} {text} µε at {at:.1f}°"

@@ -4,6 +4,8 @@ import math
 from datetime import datetime
 
 _MOST_DIGITS = 4
+_ROUND = 9.95
+"""Smaller numbers are not yet 10.0 to one decimal."""
 
 
 def micro(value: float) -> str:
@@ -15,6 +17,18 @@ def micro(value: float) -> str:
     ('−1235', '–')
     """
     return _signed(value, 0)
+
+
+def micro_with_std(value: float, std: float) -> str:
+    """Return a strain in µε and its standard deviation, with a decimal where that is below 10 µε.
+
+    Examples
+    --------
+    >>> micro_with_std(-362.13, 0.44), micro_with_std(1234.5, 12.3)
+    ('−362.1 ± 0.4', '1234 ± 12')
+    """
+    decimals = 1 if std < _ROUND else 0
+    return f"{_signed(value, decimals)} ± {_signed(std, decimals)}"
 
 
 def fixed(value: float, decimals: int) -> str:

@@ -1,6 +1,7 @@
 """What two cameras saw together of a run, as series over its steps."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -34,44 +35,44 @@ class PairSeries:
     steps: list[RunStep]
     found: list[TwoCameraStep]
 
-    @property
+    @cached_property
     def points(self) -> list[int]:
         """How many points both cameras share, per step."""
         return [0 if step.mean is None else step.mean.points for step in self.found]
 
-    @property
+    @cached_property
     def corrected(self) -> Float:
         """Mean strain εxx, εyy, εxy, µε, shape (k, 3); NaN where the correction was declined."""
         return strains([step.mean for step in self.found])
 
-    @property
+    @cached_property
     def corrected_std(self) -> Float:
         """Standard deviations of `corrected`."""
         return strain_stds([step.mean for step in self.found])
 
-    @property
+    @cached_property
     def slopes_deg(self) -> Float:
         """Slopes of the specimen's plane along X and Y since the reference, shape (k, 2)."""
         return plane_slopes(self._planes)[0]
 
-    @property
+    @cached_property
     def slopes_std_deg(self) -> Float:
         """Standard deviations of `slopes_deg`."""
         return plane_slopes(self._planes)[1]
 
-    @property
+    @cached_property
     def shift_um(self) -> Float:
         """Shift of the plane towards the camera since the reference, at the grid's centre, shape (k,)."""
         planes = [None if step.declined is not None else step.plane for step in self.found]
         return _MM_TO_UM * np.array([np.nan if plane is None else plane.shift_mm for plane in planes])
 
-    @property
+    @cached_property
     def shift_std_um(self) -> Float:
         """Standard deviations of `shift_um`."""
         stds = [None if step.declined is not None else step.plane_std for step in self.found]
         return _MM_TO_UM * np.array([np.nan if std is None else std[2] for std in stds])
 
-    @property
+    @cached_property
     def declined(self) -> list[str | None]:
         """Per step why it was not corrected."""
         return [step.declined for step in self.found]

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -97,27 +98,27 @@ class CameraSeries:
         along = np.tan(np.radians(_ALONG_DEG))
         return (XX,) if y < along * x else (YY,) if x < along * y else (XX, YY)
 
-    @property
+    @cached_property
     def raw(self) -> Float:
         """Mean strain εxx, εyy, εxy of the displacements in pixels, µε, shape (k, 3); NaN where none is."""
         return strains([m.raw_mean for m in self.measurements])
 
-    @property
+    @cached_property
     def calibrated(self) -> Float:
         """The same of the calibrated displacements."""
         return strains([m.calibrated_mean for m in self.measurements])
 
-    @property
+    @cached_property
     def corrected(self) -> Float:
         """The same corrected for motion out of the grid's plane; NaN where the correction was declined."""
         return strains(self._corrected_means)
 
-    @property
+    @cached_property
     def corrected_std(self) -> Float:
         """Standard deviations of `corrected`."""
         return strain_stds(self._corrected_means)
 
-    @property
+    @cached_property
     def declined(self) -> list[str | None]:
         """Per step why it was not corrected."""
         return [correction.declined for correction in self.corrections]

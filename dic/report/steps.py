@@ -2,15 +2,24 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 from string import ascii_lowercase
 
-from dic.report.numbers import fixed, micro
+from dic.report.numbers import fixed, micro, micro_with_std
 from dic.report.pair import PairSeries
 from dic.report.series import CameraSeries, Run
 from dic.runfile.reader import RunStep
 from dic.typing import Float
 
-_UNITS = {"load": "N", "displacement": "mm", "rotation": "°"}
+Reading = tuple[str, str, int]
+
+_UNITS = {"load": " N", "displacement": " mm", "rotation": "°"}
+_READINGS: tuple[Reading, ...] = (
+    ("Load, N", "load_n", 1),
+    ("Displ., mm", "displacement_mm", 4),
+    ("Angle, °", "angle_deg", 3),
+)
+"""Heading, value of a step, and decimals."""
 
 
 @dataclass(frozen=True)
@@ -27,8 +36,11 @@ class StepRow:
 
     Attributes
     ----------
-    step : RunStep
+    index : int
+        Number of the step.
     target : str
+    readings : list of str
+        What the devices read, as text, under the table's headings.
     points : str
         How many points the values come from.
     cells : list of str or None
@@ -39,8 +51,9 @@ class StepRow:
         Of the note that says why there are none.
     """
 
-    step: RunStep
+    index: int
     target: str
+    readings: list[str]
     points: str
     cells: list[str] | None
     corrected: list[str]
@@ -49,16 +62,26 @@ class StepRow:
 
 @dataclass(frozen=True)
 class StepTable:
-    """All steps of one camera, or of two together."""
+    """All steps of one camera, or of two together.
+
+    Attributes
+    ----------
+    label : str
+    readings : list of str
+        Headings of what at least one step has a reading of.
+    rows : list of StepRow
+    notes : list of Note
+    """
 
     label: str
+    readings: list[str]
     rows: list[StepRow]
     notes: list[Note]
 
 
 def camera_tables(run: Run) -> list[StepTable]:
     """Return a table per camera; raw and calibrated strain as µε, corrected with its standard deviation."""
-    tables = []
+    tables, readings = [], _readings(run)
     for series in run.cameras:
         notes = _notes(series.declined)
         at = {step.index: k for k, step in enumerate(series.steps)}
@@ -66,13 +89,13 @@ def camera_tables(run: Run) -> list[StepTable]:
         for step in run.steps:
             k = at.get(step.index)
             if k is None:
-                rows.append(StepRow(step, _target(step), "", None, [], ""))
+                rows.append(StepRow(*_head(step, readings), "", None, [], ""))
                 continue
             measurement = series.measurements[k]
             points = f"{measurement.raw_mean.points}/{measurement.field.in_view}"
             cells = [micro(value) for value in (*series.raw[k], *series.calibrated[k])]
-            rows.append(StepRow(step, _target(step), points, cells, *_corrected(series, k, notes)))
-        tables.append(StepTable(series.label, rows, notes))
+            rows.append(StepRow(*_head(step, readings), points, cells, *_corrected(series, k, notes)))
+        tables.append(StepTable(series.label, [heading for heading, *_ in readings], rows, notes))
     return tables
 
 
@@ -81,7 +104,7 @@ def pair_table(run: Run) -> StepTable | None:
     pair = run.pair
     if pair is None:
         return None
-    notes = _notes(pair.declined)
+    notes, readings = _notes(pair.declined), _readings(run)
     rows = []
     for k, step in enumerate(pair.steps):
         corrected, mark = _corrected(pair, k, notes)
@@ -89,8 +112,19 @@ def pair_table(run: Run) -> StepTable | None:
             corrected.append(f"{fixed(pair.shift_um[k], 2)} ± {fixed(pair.shift_std_um[k], 2)}")
             slopes = zip(pair.slopes_deg[k], pair.slopes_std_deg[k], strict=True)
             corrected += [f"{fixed(slope, 4)} ± {fixed(std, 4)}" for slope, std in slopes]
-        rows.append(StepRow(step, _target(step), str(pair.points[k]), [], corrected, mark))
-    return StepTable(pair.label, rows, notes)
+        rows.append(StepRow(*_head(step, readings), str(pair.points[k]), [], corrected, mark))
+    return StepTable(pair.label, [heading for heading, *_ in readings], rows, notes)
+
+
+def _readings(run: Run) -> list[Reading]:
+    """Return what at least one step has a reading of: a tension rig has no angle, a stage no load."""
+    return [reading for reading in _READINGS if any(isfinite(getattr(s, reading[1])) for s in run.steps)]
+
+
+def _head(step: RunStep, readings: Sequence[Reading]) -> tuple[int, str, list[str]]:
+    """Return number, target and readings of a step as a table has them."""
+    target = f"{step.target:.6g}{_UNITS.get(step.kind, '')}"
+    return step.index, target, [fixed(getattr(step, name), decimals) for _, name, decimals in readings]
 
 
 def _corrected(series: CameraSeries | PairSeries, k: int, notes: Sequence[Note]) -> tuple[list[str], str]:
@@ -101,11 +135,7 @@ def _corrected(series: CameraSeries | PairSeries, k: int, notes: Sequence[Note])
 
 
 def _strains(values: Float, stds: Float) -> list[str]:
-    return [f"{micro(value)} ± {micro(std)}" for value, std in zip(values, stds, strict=True)]
-
-
-def _target(step: RunStep) -> str:
-    return f"{step.target:.6g} {_UNITS.get(step.kind, '')}".rstrip()
+    return [micro_with_std(value, std) for value, std in zip(values, stds, strict=True)]
 
 
 def _notes(declined: Sequence[str | None]) -> list[Note]:

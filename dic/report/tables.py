@@ -5,6 +5,7 @@ from pathlib import Path
 from dic.pipeline.camera_result import CameraResult
 from dic.report.numbers import date, fixed
 from dic.report.series import Run
+from dic.strain.measurement import Measurement
 from dic.strain.strain import gauge_text
 
 _MEASURES = {
@@ -117,16 +118,20 @@ def _strain_rows(run: Run) -> list[tuple[str, str]]:
     for measure in sorted({m.strain_settings.measure for m in measurements}):
         name = _MEASURES[measure]
         rows.append(("Strain", f"{name}, axes X right and Y up; mean: plane fitted to all valid points"))
-    gauges = {(m.strain_settings, gauge_text(m.gauge_px, m.gauge_mm)) for m in measurements}
-    for settings, gauge in sorted(gauges, key=str):
-        window = settings.window_points
-        source = {
-            "fit": f"plane fitted to {window} × {window} points",
-            "quadratic-fit": f"quadratic surface fitted to {window} × {window} points",
-            "shape": "gradient of the shape function",
-        }[settings.source]
-        rows.append(("Local strain", f"{source}: {gauge}"))
+    for series in run.cameras:
+        for gauge in sorted({_gauge(m) for m in series.measurements}):
+            rows.append((f"Local strain, {series.camera}", gauge))
     return rows
+
+
+def _gauge(measurement: Measurement) -> str:
+    window = measurement.strain_settings.window_points
+    source = {
+        "fit": f"plane fitted to {window} × {window} points",
+        "quadratic-fit": f"quadratic surface fitted to {window} × {window} points",
+        "shape": "gradient of the shape function",
+    }[measurement.strain_settings.source]
+    return f"{source}: {gauge_text(measurement.gauge_px, measurement.gauge_mm)}"
 
 
 def problems(run: Run) -> list[str]:

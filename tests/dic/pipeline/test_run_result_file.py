@@ -227,7 +227,7 @@ class TestTamperedFile:
         rows = [row for kind in ("steps", "steps together") for t in page.all_tables(kind) for row in t]
         cells = {cell for row in rows for cell in row}
         assert {"12 346", "24 691", "37 037 ± 4000"} <= cells
-        assert any(cell.startswith("49 382 ± ") for cell in cells)
+        assert any(cell.startswith("49 382") for cell in cells)
         assert "Somebody was here." in page.text
 
     def test_local_strain_in_the_maps(self, tampered: Path) -> None:

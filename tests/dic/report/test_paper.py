@@ -30,7 +30,7 @@ def test_corrected_rotation_is_set_beside_the_paper_and_says_what_was_not_correc
     page = Page(rotation_html)
     rows = page.table("comparison")
     worst = rows.index(next(row for row in rows if "largest strain error after correction" in row[0]))
-    assert rows[worst][-2:] == ["run 2, off_axis 30.0°", "εyy 7 ± 3 µε at 180.0°"]
+    assert rows[worst][-2:] == ["run 2, off_axis 30.0°", "εyy 7.0 ± 3.0 µε at 180.0°"]
     assert rows[worst + 1] == ["run 1, off_axis 10.0°", "not corrected"]
     assert f"run 2, on_axis: {STRAIGHT}." in page.text
     assert page.values("alt").count("Corrected mean strains against the angle of rotation") == 1
