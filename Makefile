@@ -40,7 +40,7 @@ laws: $(STAMP)
 	$(BIN)/lint-imports
 
 test: lint types laws
-	$(BIN)/pytest -n 2 -m "not long"
+	$(BIN)/pytest -n 2 --dist worksteal -m "not long"
 
 test-kernel: $(STAMP)
 	$(BIN)/pytest -rA tests/real_cameras/kernel_vm tests/real_cameras/gige
