@@ -82,7 +82,7 @@ def correlate(
     gauge_px = how.gauge_px(settings)
     say(gauge_text(gauge_px, None if calibration is None else gauge_px * calibration.mm_per_px))
 
-    record = SeriesRecord()
+    record = SeriesRecord(keep_corrections=outputs.output is not None)
     with SeriesOutputs(image, settings, files) as results:
         with progress("correlating", len(deformed)) as bar, stopping_between() as stopped:
             for number, found in enumerate(measured, 1):

@@ -1,5 +1,6 @@
 """What `dic correlate` says of its images, one after the other and at the end."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dic.commands.series_text import corrected_text, image_text
@@ -12,6 +13,11 @@ if TYPE_CHECKING:
 class SeriesRecord:
     """Prints images as they come in, and keeps what files and programs get at the end.
 
+    Parameters
+    ----------
+    keep_corrections : bool
+        Whether a result file will hold them. They take much memory.
+
     Attributes
     ----------
     summaries : list of dict
@@ -21,10 +27,11 @@ class SeriesRecord:
     bad : list of str
         One sentence per image that was measured badly.
     corrections : list of Correction
-        Of the images that were measured, as far as they are known.
+        Of the images that were measured, if they are kept.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, keep_corrections: bool) -> None:
+        self._keep_corrections = keep_corrections
         self.summaries: list[dict[str, Any]] = []
         self.failures: list[dict[str, str]] = []
         self.bad: list[str] = []
@@ -62,9 +69,10 @@ class SeriesRecord:
         for summary, image in zip(self.summaries, images, strict=True):
             if image.correction is not None:
                 self._correct(summary, image.correction)
-                say(f"{summary['file'].rpartition('/')[2]}: {corrected_text(summary['corrected'])}")
+                say(f"{Path(summary['file']).name}: {corrected_text(summary['corrected'])}")
         return alignment
 
     def _correct(self, summary: dict[str, Any], correction: "Correction") -> None:
         summary["corrected"] = correction.as_dict()
-        self.corrections.append(correction)
+        if self._keep_corrections:
+            self.corrections.append(correction)

@@ -1,12 +1,17 @@
 """The files that `dic correlate` leaves behind, each only if it was asked for."""
 
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
-if TYPE_CHECKING:
-    from dic.out_of_plane.correction import Correction
-    from dic.strain.measurement import Measurement
+from dic.correlation.settings import CorrelationSettings
+from dic.out_of_plane.correction import Correction
+from dic.results.csv import write_csv
+from dic.results.maps import write_maps
+from dic.results.writer import ResultWriter
+from dic.strain.measurement import Measurement
+from dic.typing import Grey
 
 
 class SeriesFiles:
@@ -20,7 +25,7 @@ class SeriesFiles:
         output: Path | None,
         csv_folder: Path | None,
         maps_folder: Path | None,
-        deformed: tuple[Path, ...],
+        deformed: Sequence[Path],
     ) -> None:
         for folder in (csv_folder, maps_folder):
             if folder is not None:
@@ -42,10 +47,8 @@ class SeriesFiles:
 class SeriesOutputs:
     """Writes the files of a series, image by image."""
 
-    def __init__(self, image: Any, settings: Any, files: SeriesFiles) -> None:
-        from dic.results.writer import ResultWriter
-
-        self._image, self._settings, self._files = image, settings, files
+    def __init__(self, reference: Grey, settings: CorrelationSettings, files: SeriesFiles) -> None:
+        self._reference, self._settings, self._files = reference, settings, files
         self._writer = None if files.output is None else ResultWriter(files.output)
 
     def __enter__(self) -> Self:
@@ -57,11 +60,8 @@ class SeriesOutputs:
         if self._writer is not None:
             self._writer.__exit__(*error)
 
-    def write(self, number: int, measurement: "Measurement") -> None:
+    def write(self, number: int, measurement: Measurement) -> None:
         """Write the measurement of the image `number` to every file that was asked for."""
-        from dic.results.csv import write_csv
-        from dic.results.maps import write_maps
-
         if self._writer is not None:
             self._writer.add("series", measurement)
         if self._files.csv:
@@ -69,9 +69,9 @@ class SeriesOutputs:
         if self._files.maps:
             name = Path(measurement.label).name
             title = f"{name}, subset {self._settings.subset_px} px, step {self._settings.step_px} px"
-            write_maps(measurement, self._image, self._files.maps[number], title=title)
+            write_maps(measurement, self._reference, self._files.maps[number], title=title)
 
-    def write_corrections(self, corrections: "list[Correction]") -> None:
+    def write_corrections(self, corrections: Sequence[Correction]) -> None:
         """Write what the images' corrections found, once all are known."""
         if self._writer is not None and corrections:
             self._writer.add_corrections("series", corrections)
