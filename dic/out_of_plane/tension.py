@@ -55,11 +55,25 @@ def correct_tilt(measurement: Measurement, calibration: Calibration, poisson_rat
     objection = _unsuitable(measurement, points)
     if objection is not None:
         return Correction.refused("tilt", measurement, objection)
-    fit = fit_tilt(points, pinhole.centre_mm, poisson_ratio)
-    moved = moved_out_of_plane(points.displacement, pinhole.centre_mm, Plane(), fit.plane)
+    centre_mm, settings = pinhole.centre_mm, measurement.strain_settings
+    fit = fit_tilt(points, centre_mm, poisson_ratio)
     objection = _uneven(fit, points, calibration.mm_per_px)
     if objection is not None:
         return Correction.refused("tilt", measurement, objection)
+    gradient = _gradient(points, centre_mm, fit.plane)
+    change = np.abs(gradient - _gradient(points, centre_mm, Plane())).max()
+    covariance = _covariance(points, fit, centre_mm, poisson_ratio)
+    std = np.sqrt(np.diag(covariance))
+    if std[:4].max() > _USEFUL and change < 2 * std[:4].max():
+        reason = f"the tilt is too uncertain here (strain ± {1e6 * std[:4].max():.0f} µε)"
+        return Correction.refused("tilt", measurement, reason)
+    mean = strain_of_gradient(gradient, covariance[:4, :4], len(points.before_mm), settings.measure)
+    moved = moved_out_of_plane(points.displacement, centre_mm, Plane(), fit.plane)
+    return Correction("tilt", mean, moved, settings, fit.plane, np.array([*std[4:], np.nan]))
+
+
+def _covariance(points: Points, fit: TiltFit, centre_mm: Float, poisson_ratio: float) -> Float:
+    """Return the covariance (6, 6) of the corrected mean gradient and of both slopes of the plane."""
 
     def estimate(centre_mm: Float) -> Float:
         found = tilt_seen_from(points, centre_mm, poisson_ratio, fit.plane)
@@ -69,17 +83,7 @@ def correct_tilt(measurement: Measurement, calibration: Calibration, poisson_rat
     weights = gradient_weights(points.before_mm)
     by_slope = np.einsum("nip,nis->ps", weights, fit.by_slope)
     total = np.concatenate([weights + fit.slope_weights @ by_slope.T, fit.slope_weights], axis=2)
-    covariance = points.covariance(total, by_centre(estimate, pinhole.centre_mm))
-    gradient = _gradient(points, pinhole.centre_mm, fit.plane)
-    settings = measurement.strain_settings
-    mean = strain_of_gradient(gradient, covariance[:4, :4], len(points.before_mm), settings.measure)
-    change = np.abs(gradient - _gradient(points, pinhole.centre_mm, Plane())).max()
-    std = np.sqrt(np.diag(covariance))
-    if std[:4].max() > _USEFUL and change < 2 * std[:4].max():
-        reason = f"the tilt is too uncertain here (strain ± {1e6 * std[:4].max():.0f} µε)"
-        return Correction.refused("tilt", measurement, reason)
-    after_std = np.array([*std[4:], np.nan])
-    return Correction("tilt", mean, moved, settings, fit.plane, after_std)
+    return points.covariance(total, by_centre(estimate, centre_mm))
 
 
 def _gradient(points: Points, centre_mm: Float, plane: Plane) -> Float:

@@ -151,7 +151,7 @@ def correct_run(cameras: Sequence[CameraResult], settings: CorrectionSettings) -
         corrected[camera.camera] = found
         findings[camera.camera] = _findings(motion, camera, found)
     pair = _pair(cameras) if motion == "tension" else None
-    return RunCorrections(motion, corrected, findings, None if pair is None else _together(*pair))
+    return RunCorrections(motion, corrected, findings, None if pair is None else _solve_jointly(*pair))
 
 
 def motion_of(kinds: Set[str]) -> str:
@@ -191,7 +191,7 @@ def _pair(cameras: Sequence[CameraResult]) -> tuple[CameraResult, CameraResult] 
     return first[1], second[1]
 
 
-def _together(first: CameraResult, second: CameraResult) -> JointCorrections:
+def _solve_jointly(first: CameraResult, second: CameraResult) -> JointCorrections:
     others = {step.index: m for step, m in zip(second.steps, second.measurements, strict=True)}
     calibrations = first.calibration, second.calibration
     steps, loads_n = {}, []

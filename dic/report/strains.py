@@ -10,7 +10,8 @@ from dic.typing import Float
 
 MICRO = 1e6
 COMPONENTS = ("εxx", "εyy", "εxy")
-XX, YY, XY = range(3)
+XX, YY = 0, 1
+"""Places of the strains along the axes among `COMPONENTS`."""
 
 _NAMES = ("exx", "eyy", "exy")
 

@@ -16,10 +16,10 @@ from dic.correlation.settings import CorrelationSettings
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.two_cameras import TwoCameraStep
-from dic.results.schema import LOCAL_KEYS, MEAN_KEYS
+from dic.results.schema import MEAN_KEYS
 from dic.strain.displacement import Displacement, raw_displacement
 from dic.strain.measurement import Measurement, measure
-from dic.strain.strain import MeanStrain, StrainField, StrainSettings
+from dic.strain.strain import STRAIN_KEYS, MeanStrain, StrainField, StrainSettings
 from dic.typing import Float
 
 
@@ -177,7 +177,7 @@ def _read_displacement(group: Any, k: int) -> Displacement:
 
 
 def _read_strain(group: Any, k: int) -> StrainField:
-    return StrainField(**{name: group[name][k] for name in LOCAL_KEYS})
+    return StrainField(**{name: group[name][k] for name in STRAIN_KEYS})
 
 
 def _read_mean(group: Any, k: int, anew: MeanStrain | None = None) -> MeanStrain:

@@ -2,12 +2,11 @@
 
 from dataclasses import fields
 
-from dic.strain.strain import STRAIN_KEYS, MeanStrain
+from dic.strain.strain import MeanStrain
 
 FORMAT = "offaxis-results"
 VERSION = 1
 MEAN_KEYS = tuple(field.name for field in fields(MeanStrain))
-LOCAL_KEYS = STRAIN_KEYS
 PLANE_UNITS = {
     "slope_x_deg": "deg",
     "slope_y_deg": "deg",
@@ -20,5 +19,5 @@ PLANE_UNITS = {
 
 
 def strain_units(name: str) -> str:
-    """Return the units of a value of `MEAN_KEYS` or `LOCAL_KEYS`."""
+    """Return the units of a value of `MEAN_KEYS`, to which those of local strain belong."""
     return "deg" if "_deg" in name else "1"

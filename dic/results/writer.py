@@ -11,10 +11,10 @@ import numpy as np
 from dic.errors import RunFileError
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.two_cameras import TwoCameraStep
-from dic.results.schema import FORMAT, LOCAL_KEYS, MEAN_KEYS, PLANE_UNITS, VERSION, strain_units
+from dic.results.schema import FORMAT, MEAN_KEYS, PLANE_UNITS, VERSION, strain_units
 from dic.strain.displacement import Displacement
 from dic.strain.measurement import Measurement
-from dic.strain.strain import MeanStrain, StrainField
+from dic.strain.strain import STRAIN_KEYS, MeanStrain, StrainField
 
 
 class ResultWriter:
@@ -170,7 +170,7 @@ def _create_series(group: Any, measurement: Measurement) -> Any:
 
 
 def _create_strain(group: Any, shape: tuple[int, ...], n: int = 0) -> None:
-    for name in LOCAL_KEYS:
+    for name in STRAIN_KEYS:
         _rows(group, name, strain_units(name), shape, n)
 
 
@@ -188,7 +188,7 @@ def _create_means(group: Any) -> None:
 
 
 def _strain_rows(strain: StrainField) -> dict[str, Any]:
-    return {name: getattr(strain, name) for name in LOCAL_KEYS}
+    return {name: getattr(strain, name) for name in STRAIN_KEYS}
 
 
 def _mean_rows(mean: MeanStrain, place: str) -> dict[str, Any]:
