@@ -54,7 +54,8 @@ def save_run_result(result: RunResult, path: PathLike) -> None:
 def load_run_result(path: PathLike) -> RunResult:
     """Read the result file of a run, every value as it stands there.
 
-    Of a file that was written before result files held everything, what it lacks is computed anew.
+    What a file of an earlier version of this program lacks is computed anew. Calibrated displacements come
+    without the gradients and errors that strain was computed from: `measure` gives them anew.
 
     Raises
     ------
