@@ -15,14 +15,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from benchmarks.speckle import Float, Speckle, noisy, shift
+from benchmarks.speckle import Speckle, noisy, shift
 from benchmarks.theory import cramer_rao_px, resolution_px, slopes
 from dic.correlation.correlator import Correlator
 from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
 from dic.image.read import read_image
+from dic.typing import Float, Grey
 
 STAR = Path(__file__).parents[1].parent / "shared" / "data" / "star2"
 SHIFTS_PX = np.linspace(0.0, 1.0, 11)
@@ -93,7 +93,7 @@ def noise(
     )
 
 
-def _whole(reference: NDArray[np.float32], settings: CorrelationSettings) -> Correlator:
+def _whole(reference: Grey, settings: CorrelationSettings) -> Correlator:
     """Return a correlator with points everywhere, so that all pairs have the same."""
     return Correlator(reference, np.ones(reference.shape, np.bool_), settings)
 
@@ -112,9 +112,7 @@ class Resolution:
         return self.measured_px * self.noise_px
 
 
-def star_resolution(
-    images: tuple[NDArray[np.float32], NDArray[np.float32]], settings: CorrelationSettings
-) -> Resolution:
+def star_resolution(images: tuple[Grey, Grey], settings: CorrelationSettings) -> Resolution:
     """Measure the star: v = cos(2π (y - 250) / p) / 2 with a period p that grows along x, and u = 0.
 
     The amplitude kept at a column is the measured v projected on the true one over two periods. Around
@@ -133,9 +131,7 @@ def star_resolution(
     return Resolution(expected, float(measured), float(np.nanstd(calm.u_px)))
 
 
-def _correlate_columns(
-    images: tuple[NDArray[np.float32], NDArray[np.float32]], columns: slice, settings: CorrelationSettings
-) -> Field:
+def _correlate_columns(images: tuple[Grey, Grey], columns: slice, settings: CorrelationSettings) -> Field:
     reference, deformed = (np.ascontiguousarray(image[:, columns]) for image in images)
     return _whole(reference, settings).correlate(deformed)
 
@@ -155,7 +151,7 @@ def _kept_amplitude(field: Field, period: Float) -> Float:
     return kept
 
 
-def read_star(folder: Path) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def read_star(folder: Path) -> tuple[Grey, Grey]:
     """Read the star pair of the DIC Challenge 2.0 with noise."""
     reference, deformed = (folder / f"DIC_Challenge_Star_Noise_{which}.tiff" for which in ("Ref", "Def"))
     return read_image(reference), read_image(deformed)

@@ -17,7 +17,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from dic.calibration.calibration import Calibration, Model
@@ -27,15 +26,13 @@ from dic.correlation.settings import SHAPES, CorrelationSettings
 from dic.strain.displacement import Displacement, calibrated_displacement, raw_displacement
 from dic.strain.strain import StrainSettings, mean_strain, strain_field
 from dic.targets.line_grid.find import find_grid
+from dic.typing import Float, Grey
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
 from simulators.scene.render import render
 from simulators.scene.scene import Surface
 from simulators.scene.sensor import Sensor
 from simulators.scene.texture import LineGrid, Speckle
-
-Float = NDArray[np.float64]
-Grey = NDArray[np.float32]
 
 OFF_AXIS_DEG = (30.0, 20.0, 10.0, 0.0)
 TURNS_DEG = (45.0, 90.0, 180.0, 360.0)

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
+from dic.typing import Float, Grey
+
 Motion = Callable[[Float, Float], tuple[Float, Float]]
 
 _REACH = 5.5
@@ -108,6 +109,6 @@ def eight_bit(picture: Float, noise: float, seed: int) -> NDArray[np.uint8]:
     return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
 
 
-def noisy(picture: Float, noise: float, seed: int) -> NDArray[np.float32]:
+def noisy(picture: Float, noise: float, seed: int) -> Grey:
     """Return the picture with `noise` grey levels of Gaussian noise, neither rounded nor limited."""
     return (picture + np.random.default_rng(seed).normal(0, noise, picture.shape)).astype(np.float32)

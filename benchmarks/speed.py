@@ -24,9 +24,10 @@ from numpy.typing import NDArray
 
 from benchmarks import machine, peers
 from benchmarks.engine import KernelAlone, Series, Timing, time_pair
-from benchmarks.speckle import Float, Motion, Speckle, eight_bit, gentle_strain, truth
+from benchmarks.speckle import Motion, Speckle, eight_bit, gentle_strain, truth
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.status import Status
+from dic.typing import Float
 
 SIDE_PX = 1024
 STEP_PX = 5
@@ -37,7 +38,6 @@ _LOST_PX = 0.5
 """A point further than this from the truth is counted as lost and kept out of bias and spread."""
 
 _MOTION = gentle_strain()
-Grey = NDArray[np.float32]
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,10 @@ squares, and the transfer of a period is that of a polynomial fit.
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from benchmarks.speckle import Speckle, shift
-
-Float = NDArray[np.float64]
+from dic.typing import Float, Indices
 
 _H = 0.02
 
@@ -29,7 +27,7 @@ def slopes(speckle: Speckle) -> tuple[Float, Float]:
 
 
 def cramer_rao_px(
-    picture: Float, gradient: tuple[Float, Float], points: NDArray[np.int64], subset_px: int, shape: str
+    picture: Float, gradient: tuple[Float, Float], points: Indices, subset_px: int, shape: str
 ) -> Float:
     """Return the smallest possible standard deviations of u and v per grey level of noise, (n, 2).
 

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from dic.typing import Float
+
 _LIBRARIES = ("OMP", "OPENBLAS", "MKL", "NUMBA")
 _ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in _LIBRARIES}
 
@@ -60,8 +62,8 @@ PEERS = (
 class PeerResult:
     """What a peer found in one call: points and displacements (n, 2), and how long the call took."""
 
-    points: NDArray[np.float64]
-    moved: NDArray[np.float64]
+    points: Float
+    moved: Float
     cpu_s: float
     wall_s: float
 
