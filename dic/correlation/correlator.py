@@ -14,8 +14,9 @@ from dic.correlation.status import Status
 from dic.correlation.turned_image import TurnableImage
 from dic.errors import CorrelationError, require_kind
 from dic.image.given import checked_region, grey_image
-from dic.image.region import place_points, textured
+from dic.image.point_grid import place_points
 from dic.image.spline import spline_image
+from dic.image.texture import textured
 from dic.image.threads import processors
 from dic.typing import Float, Grey, ImageLike, Mask, PathLike
 
@@ -142,7 +143,7 @@ class Correlator:
                 f"at least {fewest} of {len(indices)} subsets of {subset_px} px"
                 f" with ZNCC above {self.settings.min_zncc:g} that predict one another",
                 f"{len(seeds.indices)}",
-                "check that both images show the same textured surface, or set a larger odd subset_px,"
+                "check that both images show the same textured surface, or give a larger subset_px,"
                 f" such as {subset_px + 20}",
             )
         return seeds
@@ -205,6 +206,6 @@ def _checked_reference(reference: ImageLike, subset_px: int) -> Grey:
             "read",
             f"an image that holds a subset of {subset_px} px",
             f"{grey.shape[1]} x {grey.shape[0]} px",
-            "use a larger image, or a smaller odd subset_px such as 21",
+            "use a larger image, or give a smaller subset_px (odd, at least 7)",
         )
     return grey

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from dic.correlation import kernel
 from dic.correlation.settings import CorrelationSettings
-from dic.image.region import PointGrid
+from dic.image.point_grid import PointGrid
 from dic.typing import Mask
 
 _LARGEST = 4.25

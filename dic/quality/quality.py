@@ -9,8 +9,8 @@ from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError, require_kind
 from dic.image.given import checked_region, grey_image, name_of
 from dic.image.read import require_same_size
-from dic.image.region import textured
 from dic.image.spline import spline_image
+from dic.image.texture import textured
 from dic.quality.noise import noise_of_one, noise_of_two
 from dic.quality.noise_floor import (
     noise_floor,

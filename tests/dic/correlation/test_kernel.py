@@ -10,7 +10,7 @@ from dic.correlation.reference_icgn import icgn
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.solver import Solver
 from dic.correlation.status import Status
-from dic.image.region import PointGrid
+from dic.image.point_grid import PointGrid
 from dic.image.spline import spline_image
 
 NEAR = np.array([0.3, 0, 0, -0.2, 0, 0])
