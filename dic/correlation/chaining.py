@@ -9,11 +9,11 @@ from dic.correlation.field import Field
 from dic.correlation.status import Status
 from dic.typing import Float, Indices, Mask
 
-_OWN = 0.7
-"""Steps around a point that its motion speaks for; sheared, the nearest points reach a little beyond half."""
+_CELL_REACH = 0.7
+"""Steps around a point that move with it: half a step, and a little more for sheared grids."""
 
-_REACH = 1.5
-"""Steps over which the nearest point's motion is extrapolated where one of the four around is missing."""
+_EXTRAPOLATION_REACH = 1.5
+"""Steps over which the nearest point's motion is extrapolated if one of the four around is missing."""
 
 
 def chain(first: Field, second: Field) -> Field:
@@ -29,8 +29,8 @@ def chain(first: Field, second: Field) -> Field:
     Returns
     -------
     Field
-        On the grid of `first`, with affine warps. Gradients are those of F₂F₁; standard deviations are roots
-        of summed variances. A point that failed in either field has failed.
+        On the grid of `first`, with affine warps. Gradients are those of F₂F₁; standard deviations are the
+        roots of summed variances. A point that failed in either field has failed.
     """
     rows, columns = np.nonzero(first.converged)
     x, y = first.x_px[columns] + first.u_px[rows, columns], first.y_px[rows] + first.v_px[rows, columns]
@@ -52,7 +52,9 @@ def chain(first: Field, second: Field) -> Field:
     )  # fmt: skip
 
 
-class _Moved(NamedTuple):
+class _Interpolated(NamedTuple):
+    """A field's values at places between its points; warps are NaN where there are none."""
+
     warps: Float
     std: Float
     status: NDArray[np.int8]
@@ -60,11 +62,11 @@ class _Moved(NamedTuple):
     iterations: NDArray[np.int16]
 
 
-def _interpolated(field: Field, place: Float) -> _Moved:
+def _interpolated(field: Field, place: Float) -> _Interpolated:
     """Return the field's values at `place` (n, 2), between its points.
 
-    Between four points with values f and slopes ∇f, the bilinear mean of f + ∇f·d/2 at distances d is exact
-    for every quadratic function: the errors of interpolation and of extrapolation cancel.
+    Four points around the place, at distances d, have values f and slopes ∇f. The bilinear mean of f + ∇f·d/2
+    is exact for every quadratic function: the errors of interpolation and of extrapolation cancel.
     """
     step = _step(field)
     at = (place - [field.x_px[0], field.y_px[0]]) / step
@@ -80,24 +82,23 @@ def _interpolated(field: Field, place: Float) -> _Moved:
         corner = _extrapolated(field, row, column, place, 0.5)
         warps += weight[:, None] * np.where(np.isfinite(corner), corner, 0.0)
         variance = np.square(field.std[row, column])
-        # A point without texture above the noise has an infinite one, which matters only where it is used.
+        # A point whose texture is all noise has an infinite variance, which 0 would turn into NaN.
         std += np.multiply(weight[:, None], variance, out=np.zeros_like(variance), where=weight[:, None] > 0)
     std = np.sqrt(std)
     row, column = _nearest_converged(field, at)
-    status = np.full(len(place), Status.NOT_REACHED, np.int8)
-    near = np.hypot(*(at - np.stack([column, row], axis=1)).T) <= _REACH
+    near = np.hypot(*(at - np.stack([column, row], axis=1)).T) <= _EXTRAPOLATION_REACH
     alone = ~complete & near
     warps[alone] = _extrapolated(field, row[alone], column[alone], place[alone], 1.0)
     std[alone] = field.std[row[alone], column[alone]]
     warps[~complete & ~near] = np.nan
     own = np.clip(np.rint(at), 0, shape - 1).astype(np.int64)
     failed = field.status[own[:, 1], own[:, 0]]
-    status[:] = np.where(failed == Status.CONVERGED, Status.NOT_REACHED, failed)
-    return _Moved(warps, std, status, field.zncc[row, column], field.iterations[row, column])
+    status = np.where(failed == Status.CONVERGED, np.int8(Status.NOT_REACHED), failed)
+    return _Interpolated(warps, std, status, field.zncc[row, column], field.iterations[row, column])
 
 
 def _extrapolated(field: Field, row: Indices, column: Indices, place: Float, share: float) -> Float:
-    """Return warps (n, 6) at `place` (n, 2) by `share` of the slopes of the points at row, column."""
+    """Return warps (n, 6) at `place` (n, 2), from points at row, column and a `share` of their slopes."""
     warps: Float = field.warps[row, column, :6].copy()
     dx, dy = place[:, 0] - field.x_px[column], place[:, 1] - field.y_px[row]
     warps[:, 0] += share * (warps[:, 1] * dx + warps[:, 2] * dy)
@@ -106,7 +107,7 @@ def _extrapolated(field: Field, row: Indices, column: Indices, place: Float, sha
 
 
 def _nearest_converged(field: Field, at: Float) -> tuple[Indices, Indices]:
-    """Return row and column of the converged point nearest to places `at` (n, 2), in steps."""
+    """Return row and column of the converged points nearest to `at` (n, 2), given in steps of the grid."""
     from scipy.spatial import cKDTree
 
     rows, columns = np.nonzero(field.converged)
@@ -125,8 +126,9 @@ def _composed(first: Float, second: Float) -> Float:
 def moved_region(region: Mask, field: Field) -> Mask:
     """Return where a region of the reference is in the deformed image, as far as points converged.
 
-    A pixel belongs to the point that came nearest to it. It lies in the region if the motion of that point
-    takes it back to a pixel of the region near the point: between the lips of an open crack none does.
+    A pixel of the deformed image moves with the point that is nearest to it there. It belongs to the region
+    if the motion of that point takes it back to a pixel of the region near the point. Pixels between the
+    lips of an open crack are taken back too far from their point.
 
     Parameters
     ----------
@@ -153,7 +155,7 @@ def moved_region(region: Mask, field: Field) -> Mask:
     gradient = field.gradient[rows, columns].reshape(-1, 2, 2) + np.eye(2)
     back = np.linalg.inv(gradient)
     moved = np.zeros(region.shape, np.bool_)
-    reach = _OWN * _step(field) + 1
+    reach = _CELL_REACH * _step(field) + 1
     for line in range(height):
         point = point_of_label[labels[line]]
         row, column = rows[point], columns[point]
@@ -169,7 +171,7 @@ def moved_region(region: Mask, field: Field) -> Mask:
 
 
 def _step(field: Field) -> int:
-    """Return the distance of the field's points, px; 1 for a single one."""
+    """Return the distance of the field's points, px; 1 if there is a single one."""
     for along in (field.x_px, field.y_px):
         if len(along) > 1:
             return int(along[1] - along[0])

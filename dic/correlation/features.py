@@ -1,9 +1,10 @@
-"""The first guess for large motion: features of the pattern that are recognised after any turn.
+"""The first guess for large motion: features of the pattern that are recognised after any rotation.
 
-Scale-invariant features (D. Lowe, International Journal of Computer Vision 60 (2004) 91-110) of the reference
-are looked up in the deformed image. Each match tells not only where a feature went but also how much it
-turned and grew, so it predicts where its neighbours went. The prediction that most neighbours confirm gives
-the guess at a point: no motion of the whole image has to be assumed, and two bodies may move apart.
+Scale-invariant features (SIFT; D. Lowe, International Journal of Computer Vision 60 (2004) 91-110) of the
+reference are matched with those of the deformed image. A match gives the displacement of a feature, its
+rotation and its scale, so it predicts where neighbouring features are. The prediction that most neighbours
+confirm gives the guess at a point. This assumes no common motion of the whole image: two bodies may move
+apart.
 """
 
 from collections.abc import Iterator
@@ -14,29 +15,36 @@ from numpy.typing import NDArray
 
 from dic.typing import Float, Grey, Indices, Mask
 
+Descriptors = NDArray[np.float32]
+"""What features look like, (n, 128)."""
+
 _AREA_PX = 400_000
-"""Features are first sought in images shrunk to this size: a quarter of the work, and seldom not enough."""
+"""Features are first searched in images shrunk to this size, which usually suffices."""
 
 _FEATURES = 2000
+_CONTRAST = 0.02
+
 _RATIO = 0.8
+"""A match must differ less than this share of what the second best match differs (Lowe's ratio test)."""
+
 _FEWEST_MATCHES = 12
 
 _NEIGHBOURS = 24
 _FEWEST_SUPPORTERS = 5
 _TOLERANCE_PX, _TOLERANCE = 2.0, 0.15
-"""A match may predict a neighbour wrong by so many pixels, and by this share of the distance between them."""
+"""Largest error of a prediction: so many pixels, plus this share of the distance to the neighbour."""
 
 
 @dataclass(frozen=True)
 class Matches:
-    """Features of the reference that were found in the deformed image; some of them wrongly.
+    """Features of the reference with their matches in the deformed image, some of which are wrong.
 
     Attributes
     ----------
     here, there : ndarray, shape (n, 2)
         Positions (x, y) in the reference and in the deformed image.
     gradient : ndarray, shape (n, 2, 2)
-        Deformation gradients: turns and growths of the features.
+        Deformation gradients from rotations and scales of the features.
     """
 
     here: Float
@@ -44,7 +52,7 @@ class Matches:
     gradient: Float
 
     def warps_at(self, points: Float) -> Float:
-        """Return affine warps (n, 6) by local fits at `points` (n, 2); NaN where too few matches agree."""
+        """Return affine warps (n, 6) by local fits at `points` (n, 2); NaN if too few matches fit."""
         from scipy.spatial import cKDTree
 
         count = min(_NEIGHBOURS, len(self.here))
@@ -54,6 +62,7 @@ class Matches:
         return np.array(warps).reshape(-1, 6)
 
     def _local_warp(self, point: Float, near: Indices) -> Float:
+        """Fit a warp at a point to those of its neighbours that the best of them predicts."""
         here, there = self.here[near], self.there[near]
         offset = here[None, :, :] - here[:, None, :]
         predicted = there[:, None, :] + np.einsum("iab,ijb->ija", self.gradient[near], offset)
@@ -72,21 +81,21 @@ class Matches:
 
 
 class FeatureFinder:
-    """Finds the reference's features in deformed images; those of the reference are computed once.
+    """Finds features of one reference in deformed images.
 
     Parameters
     ----------
     reference : ndarray of float32, shape (height, width)
     usable : ndarray of bool, shape (height, width)
-        Where features of the reference are taken from.
+        Where features of the reference may lie.
     """
 
     def __init__(self, reference: Grey, usable: Mask) -> None:
         self._reference, self._usable = reference, usable
-        self._known: dict[float, tuple[Float, Grey]] = {}
+        self._known: dict[float, tuple[Float, Descriptors]] = {}
 
     def find(self, deformed: Grey) -> Iterator[Matches]:
-        """Yield matches, the cheapest first: of shrunk images, then of larger ones up to the full size."""
+        """Yield matches in shrunk images first, then in larger ones up to the full size."""
         shrink = max(1.0, float(np.sqrt(deformed.size / _AREA_PX)))
         while True:
             if shrink not in self._known:
@@ -99,8 +108,8 @@ class FeatureFinder:
             shrink = max(1.0, shrink / 2)
 
 
-def _features(grey: Grey, shrink: float, usable: Mask | None = None) -> tuple[Float, Grey]:
-    """Return places (x, y, size, angle in radians), shape (n, 4), and descriptions (n, 128) of features."""
+def _features(grey: Grey, shrink: float, usable: Mask | None = None) -> tuple[Float, Descriptors]:
+    """Return features: x, y, size and angle in radians, (n, 4), and their descriptors."""
     import cv2
 
     small, mask = _to_8_bit(grey), None if usable is None else usable.astype(np.uint8)
@@ -108,18 +117,18 @@ def _features(grey: Grey, shrink: float, usable: Mask | None = None) -> tuple[Fl
         size = (round(grey.shape[1] / shrink), round(grey.shape[0] / shrink))
         small = np.asarray(cv2.resize(small, size, interpolation=cv2.INTER_AREA), np.uint8)
         mask = None if mask is None else cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST)
-    sift = cv2.SIFT.create(nfeatures=_FEATURES, contrastThreshold=0.02)
-    found, words = sift.detectAndCompute(small, mask)
-    if words is None:
+    sift = cv2.SIFT.create(nfeatures=_FEATURES, contrastThreshold=_CONTRAST)
+    found, descriptors = sift.detectAndCompute(small, mask)
+    if descriptors is None:
         return np.empty((0, 4)), np.empty((0, 128), np.float32)
     places = np.array([(*k.pt, k.size, np.radians(k.angle)) for k in found], np.float64)
     scale = np.array(grey.shape[::-1]) / small.shape[::-1]
     places[:, :2] = (places[:, :2] + 0.5) * scale - 0.5
-    return places, words
+    return places, descriptors
 
 
-def _match(here: tuple[Float, Grey], there: tuple[Float, Grey]) -> Matches | None:
-    """Return the pairs of features that are much more alike than the second best, or None if they are few."""
+def _match(here: tuple[Float, Descriptors], there: tuple[Float, Descriptors]) -> Matches | None:
+    """Return the pairs of features that pass the ratio test, or None if there are too few."""
     import cv2
 
     if min(len(here[0]), len(there[0])) < _FEWEST_MATCHES:
@@ -130,14 +139,14 @@ def _match(here: tuple[Float, Grey], there: tuple[Float, Grey]) -> Matches | Non
         return None
     one, other = np.array(good).T
     before, after = here[0][one], there[0][other]
-    growth, turn = after[:, 2] / before[:, 2], after[:, 3] - before[:, 3]
-    c, s = growth * np.cos(turn), growth * np.sin(turn)
+    scale, angle = after[:, 2] / before[:, 2], after[:, 3] - before[:, 3]
+    c, s = scale * np.cos(angle), scale * np.sin(angle)
     gradient = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=1)
     return Matches(before[:, :2], after[:, :2], gradient)
 
 
 def _to_8_bit(grey: Grey) -> NDArray[np.uint8]:
-    """Return the image stretched to 0..255 between its 0.5 and 99.5 percentiles, as SIFT wants it."""
+    """Return the image for SIFT: stretched to 0..255 between its 0.5 and 99.5 percentiles."""
     low, high = np.percentile(grey[:: max(1, len(grey) // 1000)], (0.5, 99.5))
     stretched = np.clip((grey - low) * (255.0 / max(float(high - low), 1e-9)), 0, 255)
     return np.asarray(stretched, np.uint8)

@@ -34,7 +34,7 @@ class Field:
     settings : CorrelationSettings
         How the images were correlated.
     updates : int
-        Over how many new references the points were chained; each adds to `std`.
+        How many times the reference was updated on the way; each update adds to `std`.
     """
 
     x_px: Indices

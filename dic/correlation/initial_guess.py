@@ -1,9 +1,9 @@
-"""The first guess: where a few subsets of the reference are in the deformed image, whatever moved.
+"""The first guess: where a few subsets of the reference are in the deformed image.
 
-`guesses` tries what is likely and cheap first. `search` compares templates at whole pixels after the deformed
-image was turned back by an expected motion: none, the shift of the whole image, or the stage's angle.
-Whatever turned or went far is found by its features (`dic.correlation.features`). All give warps for IC-GN,
-which alone decides whether a guess was right.
+`guesses` yields likely and cheap guesses first. `search` compares templates at whole pixels, after it has
+moved the deformed image back by an expected motion: none, the shift of the whole image, or the stage's angle.
+Large rotations and displacements are found by features (`dic.correlation.features`). Every guess is a warp,
+and only IC-GN decides whether it is right.
 """
 
 from collections.abc import Iterator
@@ -18,11 +18,13 @@ from dic.typing import Float, Grey, Indices
 SEARCH_RADII_PX = (24, 80, 200)
 """Search radii, tried in this order until enough seeds converge."""
 
-_AT_ONCE = 4
-"""Templates that a thread looks for before it takes the next ones."""
+_TEMPLATES_PER_TASK = 4
+"""Templates that a thread searches before it takes the next ones."""
+
+_SMALLEST_TEMPLATE_RADIUS_PX = 3
 
 _SHIFT_SIDE_PX = 512
-"""The shift of a whole image is sought in one shrunk to this width or height."""
+"""The shift of the whole image is measured in images shrunk to this width or height."""
 
 
 def guesses(
@@ -84,7 +86,7 @@ def whole_shift(reference: Grey, deformed: Grey) -> Float:
     shrink = max(1.0, max(height, width) / _SHIFT_SIDE_PX)
     size = (round(width / shrink), round(height / shrink))
     here, there = (cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in (reference, deformed))
-    # The window keeps the image's edges, which do not move, from being found.
+    # Without a window the edges of the image, which do not move, would determine the shift.
     (x, y), _ = cv2.phaseCorrelate(here, there, cv2.createHanningWindow(size, cv2.CV_32F))
     return np.array(
         [[1.0, 0.0, round(x * width / size[0])], [0.0, 1.0, round(y * height / size[1])], [0, 0, 1]]
@@ -92,7 +94,7 @@ def whole_shift(reference: Grey, deformed: Grey) -> Float:
 
 
 def rigid_motion(angle_deg: float, shift_px: tuple[float, float], centre_px: tuple[float, float]) -> Float:
-    """Return the homography of a turn about a centre followed by a shift.
+    """Return the homography of a rotation about a centre followed by a shift.
 
     Parameters
     ----------
@@ -104,10 +106,10 @@ def rigid_motion(angle_deg: float, shift_px: tuple[float, float], centre_px: tup
         Column and row.
     """
     c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
-    turn = np.array([[c, s], [-s, c]])
+    rotation = np.array([[c, s], [-s, c]])
     centre = np.array(centre_px)
     motion = np.eye(3)
-    motion[:2, :2], motion[:2, 2] = turn, centre + np.array(shift_px) - turn @ centre
+    motion[:2, :2], motion[:2, 2] = rotation, centre + np.array(shift_px) - rotation @ centre
     return motion
 
 
@@ -138,7 +140,7 @@ def checked_homography(hint: object) -> Float:
 
 
 def homography_warps(homography: Float, points: Float) -> Float:
-    """Return the affine warps (n, 6) that a plane motion gives at `points` (n, 2).
+    """Return the affine warps (n, 6) of a homography at `points` (n, 2).
 
     Parameters
     ----------
@@ -173,21 +175,21 @@ def search(
     half_px : int
         A template is 2 * half_px + 1 wide.
     radius_px : int
-        How far the truth may be from `motion`.
+        Largest distance of the displacements from those of `motion`.
     motion : ndarray, shape (3, 3)
-        Expected homography from the reference to the deformed image; the identity if nothing is known.
+        Expected homography from the reference to the deformed image; the identity if no motion is expected.
 
     Returns
     -------
     ndarray, shape (n, 6)
-        Warps; NaN where the template does not fit into the image.
+        Warps; NaN where the template is too close to the edge, or has no contrast.
     """
     import cv2
 
     height, width = reference.shape
-    turned_back = deformed
+    moved_back = deformed
     if not np.allclose(motion, np.eye(3), atol=1e-12):
-        turned_back = cv2.warpPerspective(
+        moved_back = cv2.warpPerspective(
             deformed, motion, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         )
     found = np.full((len(points), 2), np.nan)
@@ -195,11 +197,11 @@ def search(
     def work(band: slice) -> None:
         for k in range(len(points))[band]:
             x, y = points[k].tolist()
-            found[k] = _whole_pixel(reference, turned_back, x, y, half_px, radius_px)
+            found[k] = _whole_pixel(reference, moved_back, x, y, half_px, radius_px)
 
-    in_parallel(work, bands_of(len(points), _AT_ONCE), threads)
+    in_parallel(work, bands_of(len(points), _TEMPLATES_PER_TASK), threads)
     shift = found - points
-    # The template at a point p looks like the turned-back image at p + shift, which shows motion(p + shift).
+    # The template at a point p looks like the moved-back image at p + shift, which shows motion(p + shift).
     warps = homography_warps(motion, found)
     warps[:, 0] += shift[:, 0]
     warps[:, 3] += shift[:, 1]
@@ -207,17 +209,17 @@ def search(
 
 
 def _whole_pixel(
-    reference: Grey, turned_back: Grey, x: int, y: int, half_px: int, radius_px: int
+    reference: Grey, moved_back: Grey, x: int, y: int, half_px: int, radius_px: int
 ) -> tuple[float, float]:
-    """Return the pixel (x, y) that the template around a point fits best, or NaN where none fits."""
+    """Return the pixel (x, y) that fits the template around a point best, or NaN without a template."""
     import cv2
 
     height, width = reference.shape
     half = min(half_px, x, y, width - 1 - x, height - 1 - y)
     left, top = max(0, x - half - radius_px), max(0, y - half - radius_px)
-    window = turned_back[top : y + half + radius_px + 1, left : x + half + radius_px + 1]
+    window = moved_back[top : y + half + radius_px + 1, left : x + half + radius_px + 1]
     template = reference[y - half : y + half + 1, x - half : x + half + 1]
-    if half < 3 or np.ptp(template) == 0.0 or np.ptp(window) == 0.0:
+    if half < _SMALLEST_TEMPLATE_RADIUS_PX or np.ptp(template) == 0.0 or np.ptp(window) == 0.0:
         return np.nan, np.nan
     scores = cv2.matchTemplate(window, template, cv2.TM_CCOEFF_NORMED)
     _, _, _, (column, row) = cv2.minMaxLoc(scores)

@@ -1,7 +1,7 @@
-"""IC-GN for one point in plain NumPy: slow, short, and what the compiled kernel is held against.
+"""IC-GN for one point in plain NumPy: slow and short. Read this before the compiled kernel.
 
-The formulas are those of `dic.correlation.kernel.icgn`, written as the literature has them, one array per
-symbol and in double precision throughout. Read this first.
+The method is that of `dic.correlation.kernel.icgn`, written as in the papers, with one array per symbol and
+double precision throughout. Tests compare the kernel with it.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from dic.typing import Float, Mask
 
 
 def shape_functions(x: Float, y: Float, parameters: int) -> Float:
-    """Return what each parameter of one component multiplies at offsets (n,): (n, 3) or (n, 6)."""
+    """Return the monomials that the parameters of u, or of v, multiply at offsets (n,): (n, 3) or (n, 6)."""
     columns = [np.ones_like(x), x, y]
     if parameters == 12:
         columns += [x**2 / 2, x * y, y**2 / 2]
@@ -48,7 +48,7 @@ def icgn(
     start: Float,
     iterations: int = 60,
 ) -> tuple[Float, float]:
-    """Return the warp of one point and its ZNCC, after so many iterations that nothing changes any more.
+    """Return the warp of one point and its ZNCC, after so many iterations that the warp no longer changes.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def icgn(
     radius : int
         Half of the subset's width.
     start : ndarray, shape (6,) or (12,)
-        The first guess, in the order of `dic.correlation.kernel.icgn`.
+        The first guess, in the order of `dic.correlation.kernel.warps`.
     """
     dy, dx = np.mgrid[-radius : radius + 1, -radius : radius + 1]
     inside = region[point[1] + dy, point[0] + dx]
@@ -86,10 +86,10 @@ def icgn(
 
 
 def compose_inverse(p: Float, step: Float, radius: int) -> Float:
-    """Return the warp p ∘ W(step)⁻¹, found by what it does to points of the subset.
+    """Return the warp p ∘ W(step)⁻¹, fitted to points of the subset.
 
-    `step` has the parameters of u, then those of v. Where the step takes a point of the subset, p takes it on
-    from; the shape functions through those pairs of points are the composition.
+    `step` has the parameters of u, then those of v. The composition takes W(step)(x) to W(p)(x) for every
+    offset x; its parameters are fitted to such pairs of points.
     """
     half = len(step) // 2
     side = np.linspace(-radius, radius, 7)

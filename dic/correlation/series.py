@@ -1,8 +1,8 @@
-"""A series of images measured against its first, over later references once the first is not recognised.
+"""A series of images measured against its first image, by way of later references if necessary.
 
-Large deformation and changing patterns make subsets unlike what they were. The image before then becomes the
-reference, and what is measured from there on is added to what the points had done until then. Every update
-adds its error, so updates are made only when the correlation drops.
+Large deformation and changing patterns make subsets look different from those of the reference. Then the
+image before becomes the reference, and the displacements from there on are chained to those before. Every
+update of the reference adds its error, so it is updated only when the correlation drops.
 """
 
 from dataclasses import dataclass, replace
@@ -19,56 +19,58 @@ from dic.typing import Float, Grey, ImageLike, Mask, PathLike
 
 INCREMENTAL = ("auto", "never", "always")
 
-_LOST = 0.98
-"""Share of the converged points that must remain for a reference to be kept."""
+_KEPT_SHARE = 0.98
+"""Share of the converged points that must still converge for a reference to be kept."""
 
 
 @dataclass(frozen=True)
-class _Last:
-    """The last image, and its fields from the reference in use and from the first."""
+class _LastImage:
+    """The last image, and its fields from the current reference and from the first one."""
 
     image: Grey
-    part: Field
-    total: Field
+    from_current: Field
+    from_first: Field
 
 
 @dataclass(frozen=True)
-class _Link:
-    """The reference in use, and what is known of it.
+class _CurrentReference:
+    """The current reference of a series.
 
     Attributes
     ----------
     correlator : Correlator
-        Of the reference in use.
     before : Field or None
-        From the first reference to the one in use; None if it is the first.
+        From the first reference to this one; None if this is the first.
     updates : int
         How many references there were before.
     quality : (float, float) or None
-        Share of converged points and median ZNCC of the first image that was compared with it.
-    last : _Last or None
+        Share of converged points and median ZNCC of the first image that was correlated with it.
+    last : _LastImage or None
     """
 
     correlator: Correlator
     before: Field | None = None
     updates: int = 0
     quality: tuple[float, float] | None = None
-    last: _Last | None = None
+    last: _LastImage | None = None
 
-    def measure(self, deformed: Grey, hint: Float | None) -> Field:
-        """Return the field from the reference in use."""
-        previous = None if self.last is None else self.last.part
+    def correlate(self, deformed: Grey, hint: Float | None) -> Field:
+        """Return the field from this reference."""
+        previous = None if self.last is None else self.last.from_current
         return self.correlator.correlate(
             deformed, previous=previous, hint=hint if self.before is None else None
         )
 
-    def dropped(self, part: Field) -> bool:
-        """Tell whether many points, or half of the margin of ZNCC, were lost since the reference was new."""
+    def has_dropped(self, field: Field) -> bool:
+        """Tell whether the correlation has dropped since the reference was new.
+
+        It has if more than 2 % of the points are lost, or half of the margin between ZNCC and its limit.
+        """
         if self.quality is None:
             return False
-        (share, zncc), (first_share, first_zncc) = _quality(part), self.quality
+        (share, zncc), (first_share, first_zncc) = _quality(field), self.quality
         limit = (first_zncc + self.correlator.settings.min_zncc) / 2
-        return share < _LOST * first_share or zncc < limit
+        return share < _KEPT_SHARE * first_share or zncc < limit
 
 
 class Series:
@@ -87,7 +89,7 @@ class Series:
         "never" compares every image with the reference itself; "always" with the image before; "auto" with
         the reference until correlation drops, then with the last image that was well correlated.
     clip : bool, optional
-        Whether subsets are clipped at the region's edge; if not told, they are where a region is given.
+        Whether subsets use only pixels of the region. By default they do if a region is given.
     threads : int
         How many to work with; 0 for as many as there are processors.
 
@@ -110,8 +112,8 @@ class Series:
         self.require_incremental(incremental)
         self._incremental, self._threads = incremental, threads
         self._clip = region is not None if clip is None else clip
-        self._link = _Link(Correlator(reference, region, settings, clip=self._clip, threads=threads))
-        self._first_region = self._link.correlator.region
+        first = Correlator(reference, region, settings, clip=self._clip, threads=threads)
+        self._current, self._first_region = _CurrentReference(first), first.region
 
     @staticmethod
     def require_incremental(incremental: str) -> None:
@@ -133,7 +135,7 @@ class Series:
     @property
     def settings(self) -> CorrelationSettings:
         """How the images are correlated."""
-        return self._link.correlator.settings
+        return self._current.correlator.settings
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -144,13 +146,13 @@ class Series:
     @property
     def updates(self) -> int:
         """How many times the reference has been replaced so far."""
-        return self._link.updates
+        return self._current.updates
 
     def correlate(self, deformed: ImageLike, *, hint: Float | None = None) -> Field:
         """Return the displacement field from the first reference to `deformed`.
 
-        Where the reference was updated, `std_u_px` and the like are the roots of the summed variances of all
-        parts: rather too large, as the noise of the images in between largely cancels.
+        After an update of the reference, standard deviations are the roots of the summed variances of all
+        parts. They are rather too large, because the noise of the images in between largely cancels.
 
         Parameters
         ----------
@@ -161,42 +163,42 @@ class Series:
         Raises
         ------
         CorrelationError
-            If the image cannot be used, or shows nothing of the pattern.
+            If the image cannot be used, or does not show the pattern.
         """
         deformed = grey_image(deformed, "deformed image")
-        link, part = self._measured(deformed, hint)
-        total = part if link.before is None else chain(link.before, part)
-        self._link = replace(link, quality=link.quality or _quality(part), last=_Last(deformed, part, total))
-        return total
+        reference, field = self._best_reference(deformed, hint)
+        chained = field if reference.before is None else chain(reference.before, field)
+        quality, last = reference.quality or _quality(field), _LastImage(deformed, field, chained)
+        self._current = replace(reference, quality=quality, last=last)
+        return chained
 
-    def _measured(self, deformed: Grey, hint: Float | None) -> tuple[_Link, Field]:
-        """Return the reference that serves best and the field from it."""
-        link, last = self._link, self._link.last
+    def _best_reference(self, deformed: Grey, hint: Float | None) -> tuple[_CurrentReference, Field]:
+        """Return the reference to use for an image, and the field from it."""
+        current, last = self._current, self._current.last
         if self._incremental == "never" or last is None:
-            return link, link.measure(deformed, hint)
+            return current, current.correlate(deformed, hint)
         if self._incremental == "always":
-            link = self._renewed(last)
-            return link, link.measure(deformed, hint)
+            updated = self._updated(last)
+            return updated, updated.correlate(deformed, hint)
         try:
-            part = link.measure(deformed, hint)
+            field = current.correlate(deformed, hint)
         except CorrelationError:
-            link = self._renewed(last)
-            return link, link.measure(deformed, None)
-        if not link.dropped(part):
-            return link, part
+            updated = self._updated(last)
+            return updated, updated.correlate(deformed, None)
+        if not current.has_dropped(field):
+            return current, field
         try:
-            renewed = self._renewed(last)
-            other = renewed.measure(deformed, None)
+            updated = self._updated(last)
+            other = updated.correlate(deformed, None)
         except CorrelationError:
-            return link, part
-        return (renewed, other) if _quality(other) > _quality(part) else (link, part)
+            return current, field
+        return (updated, other) if _quality(other) > _quality(field) else (current, field)
 
-    def _renewed(self, last: _Last) -> _Link:
-        """Return a link whose reference is the last image."""
-        region = moved_region(self._first_region, last.total)
-        settings = self._link.correlator.settings
-        correlator = Correlator(last.image, region, settings, clip=self._clip, threads=self._threads)
-        return _Link(correlator, last.total, self._link.updates + 1)
+    def _updated(self, last: _LastImage) -> _CurrentReference:
+        """Return the last image as the reference."""
+        region = moved_region(self._first_region, last.from_first)
+        correlator = Correlator(last.image, region, self.settings, clip=self._clip, threads=self._threads)
+        return _CurrentReference(correlator, last.from_first, self._current.updates + 1)
 
 
 def _quality(field: Field) -> tuple[float, float]:

@@ -47,7 +47,7 @@ def grey_image(image: object, name: str) -> Grey:
         grey = np.ascontiguousarray(image, np.float32)
         if np.isfinite(grey).all():
             return grey
-        got, remedy = "NaN or infinity among them", "repair the image"
+        got, remedy = "NaN or infinity among them", "replace them, for example by 0"
     raise CorrelationError(name, "read", "finite grey levels of shape (height, width)", got, remedy)
 
 
@@ -84,7 +84,7 @@ def checked_region(region: object, shape: tuple[int, ...]) -> Mask:
         got, remedy = f"a {type(region).__name__}", "give a mask, and settings by their name: settings=…"
     elif region.shape != shape:
         got = " x ".join(str(n) for n in region.shape[::-1]) + " px"
-        remedy = "draw the mask over an image of the series"
+        remedy = f"draw the mask on an image of the series, {shape[1]} x {shape[0]} px"
     else:
         return np.ascontiguousarray(region, np.bool_)
     raise CorrelationError(

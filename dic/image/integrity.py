@@ -1,7 +1,7 @@
-"""Is an image file whole?
+"""Is an image file complete and undamaged?
 
-Decoders fill what is missing with grey and say little about it; a strain measured in that grey is worse than
-none. So the containers are checked byte by byte before any decoder sees them.
+Decoders fill missing pixels with grey, often without an error, and correlation would measure a strain there.
+So the containers of PNG, TIFF and BMP are checked before they are decoded.
 """
 
 import struct
@@ -16,7 +16,7 @@ _WANTED_TAGS = {_COMPRESSION, *(tag for pair in _STRIPS_AND_TILES for tag in pai
 
 
 def damage_in(content: bytes) -> str | None:
-    """Return what is wrong with the bytes of a PNG, TIFF or BMP file, or None if the file is whole.
+    """Return what is wrong with a PNG, TIFF or BMP file, or None if it is complete and undamaged.
 
     Parameters
     ----------
@@ -26,13 +26,13 @@ def damage_in(content: bytes) -> str | None:
     Returns
     -------
     str or None
-        A phrase that continues "got …", such as ``"a PNG that was cut off after 5000 bytes"``.
+        A phrase that follows "got" in an error, such as ``"a PNG that was cut off after 5000 bytes"``.
 
     Notes
     -----
-    PNG: chunks, their check sums and the end chunk (ISO/IEC 15948, clause 5). TIFF, BigTIFF: every strip or
-    tile of the first page lies within the file (TIFF 6.0, section 3), and deflated ones have their check sum
-    right. BMP: the size in the header.
+    PNG: the chunks, their checksums and the end chunk (ISO/IEC 15948, clause 5). TIFF and BigTIFF: every
+    strip or tile of the first page lies within the file (TIFF 6.0, section 3), and the checksums of deflated
+    ones are right. BMP: the size in the header.
     """
     if not content:
         return "an empty file"
@@ -79,7 +79,7 @@ def _tiff_damage(content: bytes) -> str | None:
 
 
 def _tiff_tags(content: bytes) -> dict[int, tuple[int, ...]]:
-    """Return the values of the first page's tags that say where its pixels are and how they are packed."""
+    """Return the values of the first page's tags for the places and the compression of its pixels."""
     order = "<" if content[:1] == b"I" else ">"
     big = content[2:4] in (b"+\0", b"\0+")
     offset_code, count_code, entry_bytes = ("Q", "Q", 20) if big else ("I", "H", 12)
@@ -100,7 +100,7 @@ def _tiff_tags(content: bytes) -> dict[int, tuple[int, ...]]:
 
 
 def _deflate_damage(pieces: list[bytes]) -> str | None:
-    """Check what decoders do not: the check sum at the end of each deflated strip or tile."""
+    """Check the checksum at the end of each deflated strip or tile, which decoders do not."""
     try:
         for piece in pieces:
             zlib.decompress(piece)

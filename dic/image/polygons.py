@@ -19,10 +19,11 @@ _EXPECTED = (
     'corners as "x,y x,y x,y", or a file: TOML or JSON with polygon = [[x, y], ...] or'
     " polygons = [polygon, ...], or CSV with columns x_px, y_px and, for several, polygon"
 )
+_REMEDY = 'give at least 3 corners, for example "10,10 200,10 200,150"'
 
 
 def read_polygons(source: str) -> list[Float]:
-    """Return the polygons that a person typed or that a file holds.
+    """Return the polygons that are typed on the command line or stored in a file.
 
     Parameters
     ----------
@@ -37,7 +38,7 @@ def read_polygons(source: str) -> list[Float]:
     Raises
     ------
     CorrelationError
-        If the file is missing, or what it says is no polygon.
+        If the file is missing, or does not hold polygons.
     """
     if _TYPED.fullmatch(source):
         found: Any = [[pair.split(",") for pair in re.sub(r"\s*,\s*", ",", source).split()]]
@@ -46,7 +47,7 @@ def read_polygons(source: str) -> list[Float]:
     try:
         polygons = [np.array(corners, np.float64) for corners in found]
     except (TypeError, ValueError) as error:
-        raise _refusal(source, "something else") from error
+        raise _refusal(source, "values that are no pairs of numbers") from error
     for corners in polygons:
         if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not np.isfinite(corners).all():
             raise _refusal(source, f"values of shape {corners.shape}, or fewer than 3 corners")
@@ -56,7 +57,7 @@ def read_polygons(source: str) -> list[Float]:
 
 
 def polygon_mask(polygons: Sequence[Float], shape: tuple[int, ...]) -> Mask:
-    """Return the pixels whose centre lies inside an odd number of polygons: one inside another is a hole.
+    """Return the pixels whose centre lies inside an odd number of polygons: a polygon in another is a hole.
 
     Parameters
     ----------
@@ -70,7 +71,7 @@ def polygon_mask(polygons: Sequence[Float], shape: tuple[int, ...]) -> Mask:
     pixels = np.arange(width)
     mask = np.zeros((height, width), np.bool_)
     for y in range(height):
-        # Half-open, so that a corner on the row counts once.
+        # An end on the row counts only for the edge below it, so that a corner counts once.
         crossed = (starts[:, 1] <= y) != (ends[:, 1] <= y)
         (x0, y0), (x1, y1) = starts[crossed].T, ends[crossed].T
         crossings = np.sort(x0 + (y - y0) / (y1 - y0) * (x1 - x0))
@@ -92,7 +93,7 @@ def _polygons_in(path: Path) -> Any:
         name, value = content.popitem()
         if name in ("polygon", "polygons"):
             return [value] if name == "polygon" else value
-    raise _refusal(str(path), "other content")
+    raise _refusal(str(path), "a file without polygon or polygons")
 
 
 def _csv_polygons(text: str) -> list[list[tuple[float, float]]]:
@@ -104,4 +105,4 @@ def _csv_polygons(text: str) -> list[list[tuple[float, float]]]:
 
 
 def _refusal(source: str, got: str) -> CorrelationError:
-    return CorrelationError(source, "read region of interest", _EXPECTED, got, "correct the polygon")
+    return CorrelationError(source, "read region of interest", _EXPECTED, got, _REMEDY)

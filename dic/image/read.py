@@ -1,4 +1,4 @@
-"""Image files in, grey levels out; what cannot be measured is refused."""
+"""Read image files as grey levels; refuse those that cannot be measured."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -13,8 +13,9 @@ from dic.image.integrity import damage_in
 
 MINIMUM_SIDE_PX = 32
 GREY_MAX = 1e9
-"""Fourth powers of larger ones exceed single precision, and no camera gives them."""
-# ITU-R BT.601, in OpenCV's channel order
+"""Larger grey levels are refused: their fourth powers overflow float32, and no camera has them."""
+
+# ITU-R BT.601, in OpenCV's order of channels
 _LUMA_BGR = np.array([0.114, 0.587, 0.299])
 
 
@@ -34,7 +35,8 @@ def read_image(path: str | Path) -> NDArray[np.float32]:
     Raises
     ------
     ImageError
-        If the file is missing, cut off, damaged, no image, smaller than 32 px, or not finite everywhere.
+        If the file is missing, cut off, damaged or no image, or the image is smaller than 32 px or has values
+        that are not finite.
     """
     path = Path(path)
     try:
@@ -70,7 +72,7 @@ def require_same_size(images: Sequence[NDArray[Any]], names: Sequence[str]) -> N
     Raises
     ------
     ImageError
-        Naming the first image that differs.
+        If one differs; the message names the first.
     """
     for image, name in zip(images[1:], names[1:], strict=True):
         if image.shape[:2] != images[0].shape[:2]:
@@ -80,7 +82,7 @@ def require_same_size(images: Sequence[NDArray[Any]], names: Sequence[str]) -> N
                 "compare image sizes",
                 f"{width} × {height} px like {names[0]}",
                 f"{other_width} × {other_height} px",
-                "use images of one camera with one region of readout",
+                "use images that one camera took with one readout region",
             )
 
 
@@ -105,7 +107,7 @@ def _decode(content: bytes) -> NDArray[Any] | None:
 
 @contextmanager
 def _silent_opencv() -> Iterator[None]:
-    """Keep OpenCV's own log off the terminal: our sentence says it."""
+    """Keep OpenCV's log off the terminal: the error says what is wrong."""
     import cv2
 
     before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)

@@ -15,7 +15,7 @@ from dic.image.threads import bands_of, in_parallel
 
 ORDERS = (3, 5)
 MARGIN = 3
-"""Coefficients kept beyond each edge, so that every tap of the widest spline exists inside the image."""
+"""Coefficients beyond each edge, so that every position in the image has all taps of the widest spline."""
 
 _BAND_PX = 256
 """Height of the bands in which images are filtered."""
@@ -68,7 +68,7 @@ def spline_image(grey: NDArray[np.float32], order: int, threads: int = 1) -> Spl
     reach = len(taps) // 2
 
     def work(band: slice) -> None:
-        # Rows that the filter's end did not see right are left out, except at the edges of the image.
+        # Filter with `reach` more rows on either side, and drop them: their own neighbours were missing.
         first = max(0, band.start - reach)
         rows = grey[first : min(height, band.stop + reach)]
         filtered = cv2.sepFilter2D(rows, cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REFLECT_101)
@@ -95,9 +95,9 @@ def _samples(order: int) -> NDArray[np.float64]:
 
 @cache
 def halfway_noise_gain(order: int) -> float:
-    """Return by how much interpolation half-way between two pixels multiplies the variance of white noise.
+    """Return the factor by which interpolation half-way between pixels changes the variance of white noise.
 
-    It is the sum of the squared weights that the pixels of a row have there: 1 at a pixel, less between.
+    It is the sum of the squared weights of the pixels of a row; at a pixel it is 1.
     """
     from scipy.interpolate import BSpline
 

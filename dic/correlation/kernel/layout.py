@@ -1,7 +1,8 @@
-"""How the compiled kernel wants its images: flat, padded, in float32.
+"""How images lie in memory for the compiled kernel: flat, padded, in float32.
 
-Vectors read a little past the pixels they are for, so rows follow one another without gaps and there is slack
-at either end. Grey levels are relative to their mean: float32 then has digits to spare.
+Vectors read a few elements beyond the pixels of a subset. So rows follow one another without gaps, and there
+are spare elements at either end. Grey levels are relative to the reference's mean, which saves digits of
+float32.
 """
 
 from typing import NamedTuple
@@ -11,27 +12,29 @@ from numpy.typing import NDArray
 
 from dic.image.spline import MARGIN, SplineImage
 from dic.image.threads import bands_of, in_parallel
+from dic.typing import Grey, Mask
 
 Flat = NDArray[np.float32]
-Grey = NDArray[np.float32]
 
-_SLACK = 64
+_SPARE = 64
+"""Elements before the first and after the last row."""
+
 _BAND_PX = 128
 
 _ROUNDING = 1.0 / 12.0
-"""Variance, in steps of the grey levels, that rounding to whole steps leaves."""
+"""Variance that rounding to whole steps adds, in squares of the step between grey levels."""
 
 _STEP = 4.0 / 255.0
-"""Step of a well exposed image of 8 bits in standard deviations, four of which fill its range."""
+"""Step of an 8-bit image in standard deviations of its grey levels, four of which fill its range."""
 
 
 class Deformed(NamedTuple):
-    """A deformed image for the kernel, which may be of another shape than the reference.
+    """A deformed image for the kernel; its shape may differ from the reference's.
 
     Attributes
     ----------
     c : ndarray of float32, flat
-        Coefficients of the spline, divided by the denominators of its weights, which the kernel leaves out.
+        Coefficients of the spline, divided by the denominators that the kernel leaves out of its weights.
     pitch : int
         Elements from one row to the next.
     origin : int
@@ -61,7 +64,7 @@ class Reference(NamedTuple):
     origin : int
         Element of the image's first pixel.
     flat_variance : float
-        Up to this variance of the grey levels, a subset shows rounding and no pattern.
+        A subset whose grey levels vary no more than this shows rounding and no pattern.
     """
 
     f: Flat
@@ -74,7 +77,7 @@ class Reference(NamedTuple):
 
 
 def lay_reference(
-    spline: SplineImage, slopes: tuple[Grey, Grey], region: NDArray[np.bool_], mean: float, threads: int = 1
+    spline: SplineImage, slopes: tuple[Grey, Grey], region: Mask, mean: float, threads: int = 1
 ) -> Reference:
     """Return the reference for the kernel, its grey levels relative to `mean`."""
     height, width = spline.grey.shape
@@ -83,7 +86,7 @@ def lay_reference(
     )
 
     def lay(band: slice) -> None:
-        # Written in place: at 20 megapixels every copy in between counts.
+        # Write in place: of 20 megapixels every copy takes 80 MB.
         own = region[band]
         np.subtract(spline.grey[band], np.float32(mean), out=f_image[band], where=own)
         np.copyto(fx_image[band], slopes[0][band], where=own)
@@ -95,26 +98,26 @@ def lay_reference(
     return Reference(f, fx, fy, inside, pitch, origin, _flat_variance(spline.grey, region))
 
 
-def _flat_variance(grey: Grey, region: NDArray[np.bool_]) -> float:
+def _flat_variance(grey: Grey, region: Mask) -> float:
     """Return the variance that rounding alone may give the grey levels of a subset in the region.
 
-    Images hold grey levels in any unit. The step is taken to be that of 8 bits, and at least 1 where the grey
-    levels are whole numbers.
+    The unit of the grey levels is not known. The step between them is assumed to be that of an 8-bit image,
+    and at least 1 if all grey levels are whole numbers.
     """
-    # Every fourth line tells as much as all of them.
-    some = grey[::4][region[::4]]
-    if not some.size:
+    # Every fourth row suffices.
+    sample = grey[::4][region[::4]]
+    if not sample.size:
         return 0.0
-    whole = bool((some == np.rint(some)).all())
-    step = max(_STEP * float(some.std(dtype=np.float64)), 1.0 if whole else 0.0)
+    whole = bool((sample == np.rint(sample)).all())
+    step = max(_STEP * float(sample.std(dtype=np.float64)), 1.0 if whole else 0.0)
     return _ROUNDING * step**2
 
 
 def lay_coefficients(spline: SplineImage, mean: float, threads: int = 1) -> Deformed:
     """Return a deformed image for the kernel, its grey levels relative to the reference's `mean`."""
     factor = np.float32(1.0 / {3: 6.0, 5: 120.0}[spline.order] ** 2)
-    flat = np.zeros(spline.coefficients.size + 2 * _SLACK, np.float32)
-    plane = flat[_SLACK:-_SLACK].reshape(spline.coefficients.shape)
+    flat = np.zeros(spline.coefficients.size + 2 * _SPARE, np.float32)
+    plane = flat[_SPARE:-_SPARE].reshape(spline.coefficients.shape)
 
     def lay(band: slice) -> None:
         np.subtract(spline.coefficients[band], np.float32(mean), out=plane[band])
@@ -126,13 +129,13 @@ def lay_coefficients(spline: SplineImage, mean: float, threads: int = 1) -> Defo
 
 
 def _pitch_and_origin(width: int) -> tuple[int, int]:
-    """Return the pitch of an image that is so wide, and the element of its first pixel."""
+    """Return the pitch of an image of this width, and the element of its first pixel."""
     pitch = width + 2 * MARGIN
-    return pitch, _SLACK + MARGIN * pitch + MARGIN
+    return pitch, _SPARE + MARGIN * pitch + MARGIN
 
 
 def _empty_plane(height: int, width: int) -> tuple[Flat, Grey]:
     """Return a flat plane of zeros and the view of it that holds the image."""
-    flat = np.zeros((height + 2 * MARGIN) * (width + 2 * MARGIN) + 2 * _SLACK, np.float32)
-    plane = flat[_SLACK:-_SLACK].reshape(height + 2 * MARGIN, width + 2 * MARGIN)
+    flat = np.zeros((height + 2 * MARGIN) * (width + 2 * MARGIN) + 2 * _SPARE, np.float32)
+    plane = flat[_SPARE:-_SPARE].reshape(height + 2 * MARGIN, width + 2 * MARGIN)
     return flat, plane[MARGIN:-MARGIN, MARGIN:-MARGIN]

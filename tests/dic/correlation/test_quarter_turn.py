@@ -58,10 +58,10 @@ def test_the_nearest_quarter_is_chosen():
     assert quarters_of(np.full((3, 6), np.nan)) == 0
 
 
-def test_an_odd_turn_exchanges_the_deviations_of_u_and_v():
-    deviations = np.arange(6.0)
-    np.testing.assert_array_equal(turn_std(deviations, 2), deviations)
-    np.testing.assert_array_equal(turn_std(deviations, 3), [3, 4, 5, 0, 1, 2])
+def test_an_odd_turn_exchanges_the_std_of_u_and_v():
+    std = np.arange(6.0)
+    np.testing.assert_array_equal(turn_std(std, 2), std)
+    np.testing.assert_array_equal(turn_std(std, 3), [3, 4, 5, 0, 1, 2])
 
 
 @pytest.fixture(scope="module")
