@@ -17,20 +17,17 @@ from dic.correlation.kernel.bspline_weights import weights, weights_in_two_cells
 from dic.correlation.kernel.jit import inlined, inner
 from dic.correlation.kernel.layout import Deformed, Flat, Reference
 from dic.correlation.kernel.method import Shape, Subset, Taps
+from dic.correlation.kernel.unrolled import add_moments, add_powers, interpolate, zeros
 from dic.correlation.kernel.vectors import (
     Vector,
-    add_moments,
-    add_powers,
     at_least,
     fma,
-    interpolate,
     load,
     ramp8,
     ramp16,
     select,
     splat,
     total,
-    zeros,
 )
 
 # Moments of the reference, by place. PRODUCTS: ∑fx fx, ∑fx fy, ∑fy fy, each with the fifteen monomials up to

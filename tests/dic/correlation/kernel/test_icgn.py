@@ -3,18 +3,11 @@
 import numpy as np
 import pytest
 
-from dic.correlation import kernel
 from dic.correlation.correlator import Correlator
-from dic.correlation.prepared_reference import SubsetMemory
 from dic.correlation.reference_icgn import icgn
 from dic.correlation.settings import CorrelationSettings
-from dic.correlation.solver import Solver
 from dic.correlation.status import Status
-from dic.image.point_grid import PointGrid
 from dic.image.spline import spline_image
-
-NEAR = np.array([0.3, 0, 0, -0.2, 0, 0])
-"""From the truth to where iterations start."""
 
 
 def waves(x, y):
@@ -140,87 +133,3 @@ def test_a_faint_pattern_is_still_measured(speckle):
     faint = field.x_px > 90 + 20
     assert (field.status[:, faint] == Status.CONVERGED).all()
     np.testing.assert_allclose(field.u_px[:, faint], 0.4, atol=0.005)
-
-
-def solver_of(reference, deformed, settings):
-    """A solver of all points of `reference` in an image of any shape."""
-    solved = Correlator(reference, np.ones(reference.shape, bool), settings)
-    laid = kernel.lay_coefficients(spline_image(deformed, settings.order), float(reference.mean()))
-    return Solver(solved._reference, laid)
-
-
-def points_of(solver, indices):
-    grid = solver._reference.grid
-    return grid.x[indices[:, 1]], grid.y[indices[:, 0]]
-
-
-@pytest.mark.parametrize("shape", ["affine", "quadratic"])
-@pytest.mark.parametrize(("height", "width"), [(160, 120), (130, 260)])
-def test_a_deformed_image_may_be_narrower_or_wider_than_the_reference(speckle, shape, height, width):
-    pattern = speckle(seed=37, shape=(160, 180))
-    image = pattern.draw()
-    deformed = np.pad(image, ((0, 0), (0, 80)), mode="reflect")[160 - height :, :width]
-    solver = solver_of(image, deformed, CorrelationSettings(21, 12, shape=shape))
-    rows, columns = solver._reference.grid.active.nonzero()
-    indices = np.stack([rows, columns], axis=1)
-    cropped = np.array([0.0, 0, 0, height - 160.0, 0, 0])
-    solved = solver.solve(indices, np.tile(cropped + NEAR, (len(indices), 1)))
-    x, y = points_of(solver, indices)
-    seen = (x + 10 < width - 4) & (y - 10 + cropped[3] >= 4)
-    assert seen.any()
-    assert solved.converged[seen].all()
-    np.testing.assert_allclose(solved.warps[seen, :6], np.tile(cropped, (seen.sum(), 1)), atol=1e-4)
-    lost = (x + 10 >= width) | (y - 10 + cropped[3] < 0)
-    assert (solved.status[lost] == Status.OUT_OF_VIEW).all()
-
-
-@pytest.mark.parametrize("shape", ["affine", "quadratic"])
-def test_an_image_turned_upright_is_another_shape_and_correlates(speckle, shape):
-    """np.rot90 moves whole pixels: the pixel at (x, y) goes to (y, width - 1 - x)."""
-    pattern = speckle(seed=38, shape=(110, 180))
-    image = pattern.draw()
-    solver = solver_of(image, np.rot90(image), CorrelationSettings(21, 15, shape=shape))
-    rows, columns = solver._reference.grid.active.nonzero()
-    indices = np.stack([rows, columns], axis=1)
-    x, y = points_of(solver, indices)
-    one = np.ones(len(x))
-    exact = np.stack([y - x, -one, one, 179 - x - y, -one, -one], axis=1)
-    solved = solver.solve(indices, exact + NEAR)
-    inside = (x > 16) & (x < 163) & (y > 16) & (y < 93)
-    assert solved.converged[inside].all()
-    np.testing.assert_allclose(solved.warps[inside, :6], exact[inside], atol=1e-4)
-
-
-@pytest.mark.parametrize("shape", ["affine", "quadratic"])
-def test_what_is_kept_for_a_series_does_not_change_results(speckle, shape):
-    pattern = speckle(seed=39, shape=(150, 240), noise=1.0)
-    region = np.ones(pattern.shape, bool)
-    region[40:70, 100:115] = False
-    reference = pattern.draw(noise_seed=1)
-    images = [pattern.draw(lambda x, y, k=k: waves(x + k / 4, y), noise_seed=2 + k) for k in range(3)]
-    settings = CorrelationSettings(21, 6, shape=shape)
-    series = Correlator(reference, region, settings)
-    for image in images:
-        kept = series.correlate(image)
-        alone = Correlator(reference, region, settings).correlate(image)
-        assert kept.converged.any()
-        for name in ("warps", "std", "zncc", "status", "iterations"):
-            np.testing.assert_array_equal(getattr(kept, name), getattr(alone, name), err_msg=name)
-    assert series._reference.memory.kept_bytes > 0
-
-
-@pytest.mark.parametrize("shape", ["affine", "quadratic"])
-@pytest.mark.parametrize("step_px", [1, 5, 20])
-def test_a_series_keeps_nothing_of_a_pair_and_no_more_than_four_and_a_quarter_images(shape, step_px):
-    side = 1000
-    at = np.arange(20, side - 20, step_px)
-    everywhere = np.ones((len(at), len(at)), bool)
-    grid = PointGrid(at, at, everywhere, everywhere.astype(np.int64), ~everywhere)
-    memory, parameters = SubsetMemory(), CorrelationSettings(shape=shape).parameters
-    sizes = []
-    for _ in range(4):
-        memory.for_next_image(grid, side * side, parameters)
-        sizes.append(memory.kept_bytes)
-    assert sizes[0] == 0
-    assert sizes[1] == sizes[2] == sizes[3] <= 4.25 * 4 * side * side + everywhere.size
-    assert (sizes[1] > 0) == (step_px >= 5)
