@@ -1,4 +1,4 @@
-"""In which order to calibrate and correlate a turned specimen that a camera sees from aside.
+"""A rotated specimen seen off-axis: correlate first and map the points, or rectify the images first?
 
     python -m benchmarks.order [--seeds N] [--json FILE]
 

@@ -3,7 +3,7 @@
     python -m benchmarks.speed [--peers] [--repetitions N] [--json FILE]
 
 The pair is 1024 × 1024, 8 bit, with 2 grey levels of noise and about 1 % of strain. All cases take turns, and
-the median of the repetitions counts, so that what else the machine does falls on all alike. Speeds are points
+the median of the repetitions counts, so that other load on the computer affects all alike. Speeds are points
 per second of processor time, except the gain of two threads, which needs an idle machine.
 """
 
@@ -96,7 +96,7 @@ class Case:
         x, y = np.meshgrid(field.x_px, field.y_px)
         points = np.stack([x, y], axis=-1)[tried]
         self.error = error_of(points.astype(float), moved, _RIM_PX)
-        # A subset at the rim may leave the image on its way, which ends it at once.
+        # A subset at the rim may leave the image during its iterations, which ends them.
         rim = settings.subset_px + 8
         at = np.arange(rim, self._reference.shape[0] - rim, STEP_PX)
         x, y = np.meshgrid(at, at)

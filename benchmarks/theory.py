@@ -1,4 +1,4 @@
-"""What the best possible correlation could reach, computed from the pattern alone.
+"""The accuracy of the best possible correlation, computed from the pattern alone.
 
 Nothing here uses the engine under test: derivatives are differences of analytic pictures, bounds are least
 squares, and the transfer of a period is that of a polynomial fit.
