@@ -53,6 +53,8 @@ class TcpServer:
                 talk = threading.Thread(
                     target=self._talk, args=(connection,), name=f"serve {self.address}", daemon=True
                 )
+                # A thread is forgotten only once it has ended, so that `drop_clients` waits for every one.
+                self._talks = {each: thread for each, thread in self._talks.items() if thread.is_alive()}
                 self._talks[connection] = talk
                 talk.start()
 
@@ -60,8 +62,6 @@ class TcpServer:
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         with connection, contextlib.suppress(OSError):
             self._converse(connection)
-        with self._lock:
-            self._talks.pop(connection, None)
 
     def drop_clients(self) -> None:
         """Cut every connection, as a broken cable would; new ones are accepted."""

@@ -95,9 +95,9 @@ def test_all_impossible_settings_are_reported_together():
     with pytest.raises(CorrelationError) as caught:
         StrainSettings("true", 4, "nodes")
     for sentence in (
-        "got true; give --strain green-lagrange",
-        "got 4; give --strain-window 5",
-        "got nodes; give --strain-from fit",
+        "got true; give green-lagrange",
+        "got 4; give a strain window between 3 and 21 points, odd",
+        "got nodes; give fit",
     ):
         assert sentence in str(caught.value)
 
