@@ -143,8 +143,8 @@ class Correlator:
                 f"at least {fewest} of {len(indices)} subsets of {subset_px} px"
                 f" with ZNCC above {self.settings.min_zncc:g} that predict one another",
                 f"{len(seeds.indices)}",
-                "check that both images show the same textured surface, or give a larger subset_px,"
-                f" such as {subset_px + 20}",
+                "check that both images show the same textured surface, or give a larger subset, such as"
+                f" {subset_px + 20} px",
             )
         return seeds
 
@@ -206,6 +206,6 @@ def _checked_reference(reference: ImageLike, subset_px: int) -> Grey:
             "read",
             f"an image that holds a subset of {subset_px} px",
             f"{grey.shape[1]} x {grey.shape[0]} px",
-            "use a larger image, or give a smaller subset_px (odd, at least 7)",
+            "use a larger image, or give a smaller subset (odd, at least 7 px)",
         )
     return grey

@@ -135,7 +135,7 @@ def checked_homography(hint: object) -> Float:
         "expect motion",
         "a homography of shape (3, 3)",
         got,
-        "give that of dic.rigid_motion",
+        "give the homography that dic.rigid_motion returns",
     )
 
 

@@ -82,7 +82,7 @@ def place_points(centres: Mask, usable: Mask, subset_px: int, step_px: int) -> P
         "place points",
         f"an area with texture that holds subsets of {subset_px} px, {EDGE_PX} px from the image's edge",
         "none",
-        "enlarge the region, or give a smaller subset_px (odd, at least 7)",
+        "enlarge the region, or give a smaller subset (odd, at least 7 px)",
     )
 
 
