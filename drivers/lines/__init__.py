@@ -1,1 +1,1 @@
-"""Serial and TCP lines to instruments: channels, their addresses, whose turn it is, deadlines of a stop."""
+"""Serial and TCP lines to instruments: channels, addresses, order of requests, deadlines of a stop."""

@@ -1,4 +1,4 @@
-"""Addresses in a rig file: as written, by name from the simulated rig, or lasting names of the system."""
+"""Addresses in a rig file: literal addresses, names of the simulated rig, lasting names of the system."""
 
 from pathlib import Path
 
@@ -29,7 +29,7 @@ def resolve_address(address: str, context: OpenContext) -> str:
 
 
 def lasting_names(folder: Path) -> dict[str, str]:
-    """Return the links in a folder such as ``/dev/serial/by-id``, by the name of the node each leads to."""
+    """Return the links in a folder such as ``/dev/serial/by-id``, keyed by the name of their target."""
     if not folder.is_dir():
         return {}
     return {link.resolve().name: str(link) for link in sorted(folder.iterdir(), reverse=True)}

@@ -13,19 +13,19 @@ from drivers.clock import SystemClock
 from drivers.errors import LinkLost
 
 CHUNK = 4096
-# More than any device leaves unread: one that still sends then never stops.
+# No device leaves more chunks unread; a device that still sends after so many never stops.
 DRAIN_CHUNKS = 256
-# For so many times the time for sending, TCP may try to deliver what was sent.
+# TCP may try to deliver data for this multiple of the send timeout.
 UNDELIVERED = 2
 TCP_PREFIX = "socket://"
-# pyserial's SerialException is an OSError, termios.error is none
+# pyserial's SerialException is an OSError; termios.error is not an OSError
 CHANNEL_ERRORS = (OSError, termios.error)
-# Linux, Documentation/admin-guide/devices.txt: the ends of pseudo-terminals that programs open.
+# Major numbers of pseudo-terminal slaves: Linux, Documentation/admin-guide/devices.txt.
 PTY_MAJORS = range(136, 144)
 
 
 class OvertakenError(Exception):
-    """The wait was ended by something urgent."""
+    """An urgent request ended the wait."""
 
 
 class _Port(Protocol):
@@ -34,12 +34,12 @@ class _Port(Protocol):
 
 
 class Channel(ABC):
-    """An open connection; any of its calls may raise one of `CHANNEL_ERRORS` when it is gone.
+    """An open connection; every method may raise one of `CHANNEL_ERRORS` if the connection is lost.
 
     Parameters
     ----------
     port : socket or serial port
-        Owned, and closed with the channel.
+        The channel owns the port and closes it.
     """
 
     def __init__(self, port: _Port) -> None:
@@ -48,21 +48,21 @@ class Channel(ABC):
 
     @abstractmethod
     def send(self, data: bytes) -> None:
-        """Hand all of `data` to the system."""
+        """Hand all of `data` to the operating system."""
 
     def drain(self) -> None:
-        """Forget what was received and not read."""
+        """Discard the received bytes that were not read."""
         for _ in range(DRAIN_CHUNKS):
             if not self.receive(0.0):
                 return
         raise ConnectionAbortedError("the other end sends without end")
 
     def discard(self) -> None:
-        """Forget what was received and not read, and what was sent and has not left yet, if it can be."""
+        """Discard unread received bytes and, if the port allows it, bytes not yet transmitted."""
         self.drain()
 
     def receive(self, deadline_s: float, wake: int | None = None) -> bytes:
-        """Return what has come, at least a byte; nothing when the deadline passes first.
+        """Return the received bytes, at least one; empty if the deadline passes first.
 
         Parameters
         ----------
@@ -92,13 +92,13 @@ class Channel(ABC):
         return data
 
     def close(self) -> None:
-        """Close it; harmless when repeated."""
+        """Close the channel; harmless when repeated."""
         with contextlib.suppress(*CHANNEL_ERRORS):
             self._port.close()
 
 
 class TcpChannel(Channel):
-    """A TCP connection; messages leave at once.
+    """A TCP connection that transmits every message at once.
 
     Parameters
     ----------
@@ -114,14 +114,14 @@ class TcpChannel(Channel):
         except UnicodeError as error:
             raise OSError(f"{host!r} is no host name") from error
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        # What cannot be delivered is dropped with the connection: a motion command that the system sent again
-        # once the cable is back would move what everybody believes to be standing.
+        # The connection is dropped with all undelivered data. Otherwise TCP would deliver an old motion
+        # command when the cable is plugged in again, and a stage believed to stand would move.
         unheard_ms = max(1, round(1000 * UNDELIVERED * timeout_s))
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, unheard_ms)
         super().__init__(self._socket)
 
     def send(self, data: bytes) -> None:
-        """Hand all of `data` to the system."""
+        """Hand all of `data` to the operating system."""
         self._socket.sendall(data)
 
 
@@ -157,8 +157,8 @@ class SerialChannel(Channel):
         super().__init__(self._serial)
 
     def send(self, data: bytes) -> None:
-        """Hand all of `data` to the system."""
-        # pyserial's own calls a message that has left unsent, if this program had to wait for the processor
+        """Hand all of `data` to the operating system."""
+        # pyserial's write can report a timeout for a sent message if this process waited for the processor
         descriptor, deadline_s = self._port.fileno(), self._clock.now_s() + self._timeout_s
         room = select.poll()
         room.register(descriptor, select.POLLOUT)
@@ -172,7 +172,7 @@ class SerialChannel(Channel):
                 raise TimeoutError(f"a port that takes no bytes for {self._timeout_s:g} s")
 
     def discard(self) -> None:
-        """Forget what was received and not read, and what was sent and has not left yet."""
+        """Discard unread received bytes and bytes not yet transmitted."""
         self._serial.reset_output_buffer()
         self.drain()
 
@@ -183,7 +183,7 @@ def open_channel(url: str, baud: int, timeout_s: float) -> Channel:
     Raises
     ------
     OSError, termios.error
-        If that fails, or the address is none.
+        If the address is malformed or the channel cannot be opened.
     """
     if not url.startswith(TCP_PREFIX):
         return SerialChannel(url, baud, "N", 1, timeout_s)
@@ -194,7 +194,7 @@ def open_channel(url: str, baud: int, timeout_s: float) -> Channel:
 
 
 def open_device(name: str, url: str, baud: int, timeout_s: float) -> Channel:
-    """Open the channel to a device; `LinkLost`, with the device's name, if that fails."""
+    """Open the channel to a device; raise `LinkLost` with the device's name on failure."""
     try:
         return open_channel(url, baud, timeout_s)
     except CHANNEL_ERRORS as error:
@@ -208,5 +208,5 @@ def open_device(name: str, url: str, baud: int, timeout_s: float) -> Channel:
 
 
 def _is_pseudo_terminal(path: str) -> bool:
-    """Whether there is no line behind it: it has no parity bit, and the system refuses to set one twice."""
+    """Whether a path is a pseudo-terminal: Linux refuses to set its parity a second time."""
     return os.major(Path(path).stat().st_rdev) in PTY_MAJORS

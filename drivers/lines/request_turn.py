@@ -1,4 +1,4 @@
-"""Whose turn it is on a line that carries one request at a time: what is urgent goes first."""
+"""Order of requests on a line that carries one request at a time: urgent requests go first."""
 
 import contextlib
 import os
@@ -9,8 +9,8 @@ from collections.abc import Iterator
 class Turn:
     """One request at a time.
 
-    Whoever waits for an ordinary answer watches `wake`: it becomes readable when something urgent comes,
-    and the wait must end then. No ordinary request begins while an urgent one waits.
+    A thread that waits for an ordinary answer watches `wake`. An urgent request makes `wake` readable, and
+    the thread must then end its wait. No ordinary request begins while an urgent request waits.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Turn:
             finally:
                 self._release()
         finally:
-            # also when the wait was broken off: nobody else would ever get a turn again
+            # also after an exception during the wait; otherwise ordinary requests would wait for ever
             with self._changed:
                 self._urgent -= 1
                 self._changed.notify_all()
@@ -70,7 +70,7 @@ class Turn:
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Release the descriptors; harmless when repeated. Nobody may wait any more."""
+        """Release the descriptors; harmless when repeated. No thread may be waiting."""
         with self._changed:
             if not self._closed:
                 self._closed = True

@@ -1,4 +1,4 @@
-"""The serial ports of this machine, and what is answered at one."""
+"""The serial ports of this computer, and the answer of a device at a port."""
 
 from pathlib import Path
 
@@ -17,21 +17,21 @@ def serial_ports(root: Path = Path("/")) -> list[SerialPort]:
     Parameters
     ----------
     root : Path
-        Where the system's ``dev`` is.
+        Folder that contains the system's ``dev``.
     """
     from serial.tools import list_ports
 
     by_id, by_path = lasting_names(root / "dev/serial/by-id"), lasting_names(root / "dev/serial/by-path")
     ports = []
     for port in sorted(list_ports.comports()):
-        # adapters of a kind without serial numbers have one name between them
+        # adapters of one model without serial numbers all have the same name in by-id
         lasting = by_id if port.serial_number else by_path
         ports.append(SerialPort(lasting.get(Path(port.device).name, port.device), port.description))
     return ports
 
 
 def lines_answered(url: str, baud: int, question: bytes) -> list[bytes]:
-    """Send a question to a serial port or ``socket://host:port`` and return the lines that are answered.
+    """Send a question to a serial port or ``socket://host:port`` and return the lines of the answer.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""How long a stop is repeated: a deadline that holds on a simulated clock and on a silent line alike."""
+"""The deadline of a repeated stop, which works on a simulated clock and on a silent line."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,11 +15,11 @@ class StopTimes:
     Attributes
     ----------
     deadline_s : float
-        Unconfirmed after so long, it has failed: only the emergency stop is left.
+        A stop not confirmed within this time has failed; only the emergency stop is left.
     answer_s : float
-        How long one try waits for its answer, even if the rig file lets other answers take longer.
+        Time limit for the answer to one try, even if the rig file allows other answers more time.
     poll_s : float
-        From the end of one try to the next.
+        Pause between two tries.
     """
 
     deadline_s: float = 5.0
@@ -31,10 +31,10 @@ STOP_TIMES = StopTimes()
 
 
 class StopDeadline:
-    """A deadline that has passed when either the rig's clock or the machine's own is past it.
+    """A deadline that has passed as soon as the rig's clock or the system's clock is past it.
 
-    On a virtual clock no time passes while a real line is silent; on the machine's clock none passes while
-    simulated time is slept away.
+    A virtual clock does not advance during the wait on a real line. The system's clock does not advance
+    during a simulated sleep.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class StopDeadline:
 
 @contextmanager
 def calling_for_the_emergency_stop(name: str) -> Iterator[None]:
-    """Turn a link that is lost during a stop into what it means: nobody knows whether the device still moves.
+    """Turn a link lost during a stop into an error that asks for the emergency stop.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Rotation stages: what all of them share, and one folder per protocol."""
+"""Rotation stages: the common part, and one folder per protocol."""

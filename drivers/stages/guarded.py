@@ -1,4 +1,4 @@
-"""What every rotation stage of ours sees to before the stage moves, and how it is stopped."""
+"""Checks of every rotation stage before a motion, and the stop."""
 
 import math
 import threading
@@ -18,13 +18,13 @@ P = TypeVar("P", bound=StagePort)
 
 
 class GuardedStage(ABC, Generic[P]):
-    """Limits, permission and stop of a `RotationStage`; a driver adds how its device is asked and told.
+    """Limits, permission and stop of a `RotationStage`; a driver adds the messages of its device.
 
     Parameters
     ----------
     open_port : callable
-        ``open_port(name, url, reply_timeout_s)`` opens the port, and once more for a stop after the link was
-        lost. The name is the device's, with its port, for messages.
+        ``open_port(name, url, reply_timeout_s)`` opens the port, and opens it again for a stop after the
+        link was lost. `name` is the device's name and port, for messages.
     settings : StageSettings
     context : OpenContext
     stop_times : StopTimes
@@ -64,22 +64,22 @@ class GuardedStage(ABC, Generic[P]):
 
     @abstractmethod
     def read(self) -> StageState:
-        """Ask for position and status; `DeviceFault` if the device reports that motion failed."""
+        """Ask for position and status; raise `DeviceFault` if the device reports failed motion."""
 
     @abstractmethod
     def _begin_move(self, angle_deg: float, state: StageState, step: str, permit: Callable[[], None]) -> None:
-        """Send the motion once, if `permit` lets it; `state` was read just before."""
+        """Send the motion command once if `permit` allows it; `state` was read just before."""
 
     @abstractmethod
     def _try_to_stop(self, port: P) -> str:
-        """Command a stop once, and return what was seen instead of standstill; empty if it stands.
+        """Command a stop once; return an empty text if the stage stands, otherwise what it does.
 
-        `DeviceTimeout` if nothing is known.
+        Raises `DeviceTimeout` if the state of the stage is unknown.
         """
 
     @abstractmethod
     def _stranger(self, port: P) -> str:
-        """Return who answers there, if it is not this device; `DeviceTimeout` if nobody does."""
+        """Return the name of a different device that answers; `DeviceTimeout` if none answers."""
 
     def move_to(self, angle_deg: float) -> None:
         """Begin to move to an absolute angle.
@@ -89,7 +89,8 @@ class GuardedStage(ABC, Generic[P]):
         DeviceFault
             If the angle is out of limits, or the stage moves, has no reference, has a fault or refuses.
         DeviceTimeout
-            If the stage did not take the command. It is never sent twice: the stage is asked what it does.
+            If the stage does not move. The command is never sent twice: the state of the stage is read
+            instead.
         """
         step = f"move to {angle_deg:g}°"
         permit = self._unless_stopped(step)
@@ -98,15 +99,15 @@ class GuardedStage(ABC, Generic[P]):
         self._begin_move(angle_deg, state, step, permit)
 
     def stop(self) -> None:
-        """Stop now; repeated until the device says that the stage stands still.
+        """Stop now; repeat the stop until the device reports standstill.
 
-        Other threads' requests do not delay it, and a motion command that was not yet sent is kept back. If
-        the link is lost, the port is opened once more for the stop alone.
+        Requests of other threads do not delay the stop, and a motion command not yet sent is not sent. If the
+        link is lost, the port is opened once more for the stop only.
 
         Raises
         ------
         DeviceTimeout
-            If that is not confirmed before the stop's deadline.
+            If standstill is not confirmed before the stop's deadline.
         LinkLost
             If the port is gone.
         """
@@ -122,7 +123,7 @@ class GuardedStage(ABC, Generic[P]):
                 self._stop_on_new_link()
 
     def _stop_on_new_link(self) -> None:
-        """Stop a stage that goes on without us; for everything else the link stays lost."""
+        """Stop a stage that moves after the link was lost; all other requests still fail."""
         with self._new_link_lock:
             self._port.close()
             timeout_s = min(self._reply_timeout_s, self._stop_times.answer_s)
@@ -145,16 +146,16 @@ class GuardedStage(ABC, Generic[P]):
         raise DeviceTimeout(self._name, "stop", "standstill", got, "press the emergency stop")
 
     def close(self) -> None:
-        """Release the port; harmless when repeated. It does not stop anything."""
+        """Release the port; harmless when repeated. Closing does not stop the stage."""
         self._closed = True
         self._port.close()
 
     @abstractmethod
     def _break_off_search(self) -> None:
-        """A home search under way will find nothing; called with the stop's lock, before the stop is sent."""
+        """Mark a running home search as void; called under the stop's lock before the stop is sent."""
 
     def _unless_stopped(self, step: str) -> Callable[[], None]:
-        """Return what raises if a stop was called for since now."""
+        """Return a function that raises if a stop is requested after this call."""
         stops = self._stops
 
         def permit() -> None:
@@ -188,7 +189,7 @@ G = TypeVar("G", bound=GuardedStage[Any])
 
 
 def set_up(stage: G) -> G:
-    """Set up a stage whose port is open, and return it; if that fails, its port is closed."""
+    """Set up a stage whose port is open, and return the stage; close the port on failure."""
     try:
         stage.set_up()
     except BaseException:

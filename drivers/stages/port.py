@@ -1,4 +1,4 @@
-"""What the ports of all stages share: an exclusive channel, one message at a time, and errors."""
+"""Base of all stage ports: an exclusive channel, one message at a time, and errors."""
 
 import threading
 from abc import ABC, abstractmethod
@@ -39,7 +39,7 @@ class StagePort(ABC):
         """Release the port; harmless when repeated."""
 
     def _write(self, message: bytes, command: str, permit: Callable[[], None] | None) -> None:
-        """Send a message; `permit` is asked just before, while nobody else can write, and may raise.
+        """Send a message; call `permit` just before, while no other thread can write; it may raise.
 
         The caller holds the write lock.
         """

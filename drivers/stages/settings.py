@@ -1,4 +1,4 @@
-"""What a rig file says about any stage of ours."""
+"""Rig-file settings that all stages share."""
 
 from typing import Self
 
@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from drivers.settings import Settings
 
-# Bounds of what any stage can mean, so that a slip of the keyboard is told before a device is asked.
+# Plausible bounds for any stage, so that typing errors are reported before a device is opened.
 ANGLE_GREATEST_DEG = 1e6
 SPEED_GREATEST_DEG_S = 1e4
 
@@ -23,7 +23,7 @@ class StageSettings(Settings):
     speed_deg_s : float
         Written to the device.
     reply_timeout_s : float
-        How long an answer may take.
+        Time limit for an answer.
     """
 
     port: str

@@ -1,4 +1,4 @@
-"""The numbers of a load frame's commands: each newer than the last, and a hold makes older motion void."""
+"""Sequence numbers of a load frame's commands: each is newer; a hold invalidates older motion."""
 
 import threading
 
@@ -6,7 +6,7 @@ MODULUS = 2**16
 
 
 class CommandSequence:
-    """Numbers from several threads, and how often a hold was called for.
+    """Sequence numbers for several threads, and the number of holds requested.
 
     Parameters
     ----------
@@ -23,11 +23,11 @@ class CommandSequence:
 
     @property
     def holds(self) -> int:
-        """How often a hold was called for."""
+        """Number of holds requested."""
         return self._holds
 
     def begin_hold(self) -> None:
-        """From now on motion commands begun before are kept back."""
+        """Refuse from now on all motion commands that were begun earlier."""
         with self._lock:
             self._holds += 1
 
@@ -37,14 +37,14 @@ class CommandSequence:
             return self._next()
 
     def draw_unless_held(self, holds: int, refusal: Exception) -> int:
-        """Take the next number for a motion; raise the refusal if a hold was called for since `holds`."""
+        """Take the next number for a motion; raise the refusal if `holds` has changed."""
         with self._lock:
             if self._holds != holds:
                 raise refusal
             return self._next()
 
     def follow(self, executed: int) -> None:
-        """Go on from the machine's number when another program has used newer ones."""
+        """Continue from the machine's number if another program has used newer numbers."""
         with self._lock:
             if 0 < (executed - self._number) % MODULUS < MODULUS // 2:
                 self._number = executed
@@ -52,12 +52,12 @@ class CommandSequence:
     def check(self, executed: int) -> None:
         """Compare the machine's number with the last one seen.
 
-        A restarted machine has its own limits again, and a narrow sample counter alone may not tell.
+        A restarted machine has its own limits again, and a 16-bit sample counter may not show the restart.
 
         Raises
         ------
         ValueError
-            If it has gone back: the machine was restarted, and stays suspect.
+            If the number has gone back, which means a restart of the machine; every later check then fails.
         """
         with self._lock:
             self._restarted |= 0 < (self._executed - executed) % MODULUS < MODULUS // 2

@@ -1,4 +1,4 @@
-"""Commands to a load frame on Modbus: each proven by its number, and a hold that overtakes them all."""
+"""Commands to a load frame on Modbus: each confirmed by its number, and a hold that precedes them."""
 
 import contextlib
 from collections.abc import Iterator, Mapping
@@ -14,15 +14,15 @@ from drivers.load_frames.modbus.registers.registers import Number
 from drivers.load_frames.modbus.sample_counter import Freshness
 from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 
-# Switches and machines forget a connection that nobody uses, some without a word.
+# Network switches and machines drop unused connections, some without notice.
 HOLD_PROVEN_EVERY_S = 10.0
 COMMAND_ATTEMPTS = 2
 
 
 class LoadFrameCommands:
-    """What a load frame is told, and the readings that prove that it listens.
+    """Commands to a load frame, and the readings that confirm them.
 
-    Once nobody can know what the machine does, it is given no motion until a hold was confirmed.
+    If the state of the machine is uncertain, every motion command is refused until a hold is confirmed.
 
     Parameters
     ----------
@@ -31,7 +31,8 @@ class LoadFrameCommands:
         The rig's.
     register_map : RegisterMap
     work, safety : MappedDevice
-        Two ways to the same machine, the second for `hold`, which nothing else may delay.
+        Both reach the same machine. `safety` is for `hold`, which nothing else may delay: it has its own
+        connection or, if there is only one connection, priority on it.
     hold_times : StopTimes
     """
 
@@ -63,7 +64,7 @@ class LoadFrameCommands:
         self._hold_proven_s = clock.now_s()
 
     def state(self, step: str) -> dict[str, Number]:
-        """Read the state; `DeviceFault` if it is stale, impossible or that of a restarted machine."""
+        """Read the state; `DeviceFault` if it is stale or impossible, or the machine was restarted."""
         with self._doubting():
             values = self._work.read_state(step)
         try:
@@ -75,24 +76,24 @@ class LoadFrameCommands:
         return values
 
     def stay_in_charge(self) -> None:
-        """Feed the machine's watchdog, and see now and then that a hold would get through."""
+        """Feed the machine's watchdog, and check regularly that the connection for `hold` works."""
         self._heartbeat = (self._heartbeat + 1) % 2**16
-        with self._doubting(), contextlib.suppress(Overtaken):  # by a hold: nothing moves any more
+        with self._doubting(), contextlib.suppress(Overtaken):  # overtaken by a hold: nothing moves
             self._work.write(self._map.blocks.heartbeat, {"heartbeat": self._heartbeat}, "feed the watchdog")
         now_s = self._clock.now_s()
         if now_s - self._hold_proven_s > HOLD_PROVEN_EVERY_S and not self._safety.shares_link(self._work):
             with self._doubting():
-                # a hold must not wait for its own proof
+                # not urgent, so that a hold does not wait for this check
                 self._safety.unhurried().read_status("prove the way for hold")
             self._hold_proven_s = now_s
 
     def give(self, step: str, command: int, values: Mapping[str, float]) -> None:
-        """Give one command and prove by its sequence number that it was executed, once, and accepted."""
+        """Give one command and confirm by its sequence number that it was executed once and accepted."""
         if self._doubt:
             remedy = "call for a hold, then look at the specimen"
             raise self._work.fault(step, "a machine in a known state", self._doubt, remedy)
         holds = self._sequence.holds
-        # a machine that cannot measure, or was restarted, is not set in motion to find out
+        # refuse motion before the command if the machine cannot measure or was restarted
         self.state(step)
         with self._doubting():
             self._refuse_lost_settings(step)
@@ -100,7 +101,7 @@ class LoadFrameCommands:
         overtaken = self._work.fault(step, "no hold meanwhile", "a hold", "command it again if it is wanted")
         sequence = self._sequence.draw_unless_held(holds, overtaken)
         for _ in range(COMMAND_ATTEMPTS):
-            # after a lost answer nobody knows whether the command arrived: the state read next tells
+            # a lost answer leaves open whether the command arrived: the state read next shows it
             with contextlib.suppress(DeviceTimeout, LinkLost):
                 self._write(self._work, command, values, sequence)
             state = self.state(step)
@@ -109,7 +110,7 @@ class LoadFrameCommands:
             if self._sequence.holds != holds:
                 raise overtaken
         else:
-            # it may still be under way
+            # the command may still be on its way
             self._doubt = "a command that was not confirmed"
             raise DeviceTimeout(
                 self._work.name,
@@ -133,11 +134,11 @@ class LoadFrameCommands:
             try:
                 sequence = self._sequence.draw()
                 self._write(self._safety, self._map.commands.hold, {}, sequence)
-                # a broken load cell must not keep the machine from confirming
+                # without load and displacement: a broken load cell must not prevent the confirmation
                 values = self._safety.read_status("hold")
                 self._sequence.follow(int(values["executed"]))
                 status, bits = self._map.status, int(values["status"])
-                # that it holds is not enough: only an executed hold makes a motion command under way too old
+                # the status bit is not enough: only an executed hold invalidates a motion command on its way
                 executed = values["executed"] == sequence
                 if executed and bits >> status.hold & 1 and not bits >> status.moving & 1:
                     self._doubt = ""
@@ -157,7 +158,7 @@ class LoadFrameCommands:
             raise
 
     def _refuse_lost_settings(self, step: str) -> None:
-        """A machine that somebody else has set, or that forgot its settings, is not what was opened."""
+        """Refuse a machine whose settings differ from those this program wrote."""
         for name, block, values in self._settings:
             if not self._work.holds(block, values, step):
                 remedy = "hold, see who else sets the machine, then open the load frame again"

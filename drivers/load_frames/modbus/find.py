@@ -1,4 +1,4 @@
-"""Which Modbus devices answer at a serial port or a network address, and which shipped map fits them."""
+"""Find Modbus devices at a serial port or a network address, and the shipped map that fits."""
 
 from drivers.errors import DeviceError
 from drivers.lines.channel import CHANNEL_ERRORS, TCP_PREFIX
@@ -13,7 +13,7 @@ from drivers.registry import Finder, Found
 
 LINE_ANSWER_S = 0.1
 CONNECT_S = 2.0
-# The specification's own setting, and the usual ones.
+# The default setting of the specification, and other usual settings.
 LINES = ((19_200, "E"), (9600, "N"), (9600, "E"), (115_200, "N"))
 COMMON_SERIAL_UNITS = (1, 2, 3)
 COMMON_TCP_UNITS = (1, 255, 0)
@@ -22,7 +22,7 @@ COMMON_TCP_UNITS = (1, 255, 0)
 def modbus_at_port(path: str) -> list[Found]:
     """Return the Modbus RTU devices at a serial port, under the usual units, rates and parities.
 
-    Behind ``socket://host:port`` there is none: Modbus has addresses of its own for TCP.
+    ``socket://host:port`` is not searched: Modbus has its own addresses for TCP.
 
     Raises
     ------
@@ -54,13 +54,13 @@ def _modbus(
             given = settings if unit == 1 else settings | {"unit": unit}
             found.append(_described(place, unit, given, timeout_s))
             if not place.rtu:
-                # on TCP these are names of one and the same
+                # on TCP all unit numbers usually reach the same device
                 break
     return found
 
 
 def _answers(place: ModbusAddress, unit: int, timeout_s: float) -> bool:
-    """Whether anything comes back that is Modbus, a refusal included."""
+    """Whether a Modbus answer comes back, including a refusal."""
     request = read_request("holding", 0, 1)
     try:
         wire = place.open(CONNECT_S)
@@ -80,7 +80,7 @@ def _answers(place: ModbusAddress, unit: int, timeout_s: float) -> bool:
 
 
 def _described(place: ModbusAddress, unit: int, settings: dict[str, str | int], timeout_s: float) -> Found:
-    """Find the shipped map whose blocks are all there, with its revision."""
+    """Find the shipped map whose blocks and revision the device has."""
     link = ModbusLink("probe", place, unit, max(timeout_s, ANSWER_S))
     try:
         for name in shipped_maps():
@@ -93,7 +93,7 @@ def _described(place: ModbusAddress, unit: int, settings: dict[str, str | int], 
 
 
 def _serial_by_map(link: ModbusLink, name: str) -> int | None:
-    """Return the serial number a map finds; None if not all its blocks are there, or its revision is not."""
+    """Return the serial number, or None if the device lacks a block or the revision of the map."""
     register_map = load_map(name)
     device = MappedDevice(link, register_map)
     blocks = register_map.blocks

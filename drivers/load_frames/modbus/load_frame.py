@@ -25,8 +25,8 @@ class ModbusLoadFrame:
     context : OpenContext
     register_map : RegisterMap
     work, safety : MappedDevice
-        Two ways to the same machine, the second for `hold`, which nothing else may delay: a connection of
-        its own, or the right to go first where there is only one.
+        Both reach the same machine. `safety` is for `hold`, which nothing else may delay: it has its own
+        connection or, if there is only one connection, priority on it.
     hold_times : StopTimes
     """
 
@@ -56,7 +56,7 @@ class ModbusLoadFrame:
             simulated=settings.address.startswith("@"),
         )
         self._commands = LoadFrameCommands(settings, context.clock, register_map, work, safety, hold_times)
-        # the machine has them word for word: what differs is only the rounding of its registers
+        # the machine holds the same limits, rounded to the resolution of its registers
         self.limits = settings.limits
         self._prove_way_for_hold(identity)
 
@@ -68,7 +68,7 @@ class ModbusLoadFrame:
         DeviceFault
             If the readings are stale, impossible or of another register map, or the machine was restarted.
         DeviceTimeout, LinkLost
-            If no answer came. After that motion is refused until `hold` was confirmed.
+            If no answer came. Every later motion is refused until a `hold` is confirmed.
         """
         values = self._commands.state("read")
         read_s = self._clock.now_s()
@@ -114,10 +114,10 @@ class ModbusLoadFrame:
         self._commands.give("tare", self._map.commands.tare, {})
 
     def hold(self) -> None:
-        """Stop and hold position now, on a connection of its own; repeated until the machine confirms.
+        """Stop and hold position now, ahead of all other requests; repeat until the machine confirms.
 
-        A motion command that another thread has not yet sent is kept back, and one that is overtaken is not
-        executed by the machine.
+        A motion command that another thread has not yet sent is not sent. The machine does not execute a
+        motion command that arrives after the hold.
 
         Raises
         ------
@@ -127,7 +127,7 @@ class ModbusLoadFrame:
         self._commands.hold()
 
     def close(self) -> None:
-        """Release both connections; harmless when repeated. It does not stop anything."""
+        """Release both connections; harmless when repeated. Closing does not stop the machine."""
         self._work.close()
         self._safety.close()
 
@@ -162,7 +162,7 @@ def open_frame(
     Raises
     ------
     DeviceError
-        If the machine does not answer, or a limit is not taken.
+        If the machine does not answer, or does not accept a limit.
     ConfigurationError
         If the register map has mistakes.
     """

@@ -1,8 +1,8 @@
-"""Is a machine's reading new? Its own sample counter tells."""
+"""Check by the machine's sample counter that a reading is new."""
 
 WIDE = 2**32
 GOES_ROUND_S = 10.0
-"""How long a narrow counter may go unread and still tell a restart: 16 bits at 3 kHz are then half round."""
+"""Longest time between readings in which a 16-bit counter still shows a restart: half a turn at 3 kHz."""
 
 
 class Freshness:
@@ -13,7 +13,7 @@ class Freshness:
     stale_after_s : float
         How long the counter may stand still.
     modulus : int
-        Where the counter begins again at 0.
+        The counter wraps to 0 at this value.
     """
 
     def __init__(self, stale_after_s: float, modulus: int) -> None:
@@ -30,9 +30,10 @@ class Freshness:
         Raises
         ------
         ValueError
-            If it has stood still too long, or has gone back: the machine was restarted, and stays suspect.
+            If the counter stands still too long, or has gone back. After a step back, which means a restart
+            of the machine, every later check fails.
         """
-        # While the operator is at the grid nobody reads, and a narrow counter goes round.
+        # No readings while the operator works at the grid: a 16-bit counter can wrap in that time.
         unread = self._modulus < WIDE and now_s - self._checked_s > GOES_ROUND_S
         self._checked_s = now_s
         if self._sample is None or (unread and sample != self._sample and not self._restarted):

@@ -1,4 +1,4 @@
-"""What a rig file says about a Modbus load frame."""
+"""Rig-file settings of a Modbus load frame."""
 
 from typing import Literal, Self
 
@@ -22,22 +22,22 @@ class ModbusLoadFrameSettings(Settings):
     baud : int
     parity : str
     stop_bits : int
-        Of a serial port; the defaults are those of the specification.
+        Only for a serial port; the defaults are those of the specification.
     map : str
         A shipped register map's name, or the path of a map.
     unit : int
         Modbus unit identifier.
     connections : int
-        Over TCP: 2, so that a hold has one of its own, or 1 for a machine that takes no more.
+        Over TCP: 2, so that a hold has its own connection, or 1 if the machine accepts only one.
     load_min_n, load_max_n, displacement_min_mm, displacement_max_mm : float
     speed_max_mm_s, load_rate_max_n_s : float
         Limits, also written to the machine and read back.
     watchdog_s : float
-        The machine holds by itself when it is not read for so long while it moves; 0 switches that off.
+        A moving machine holds by itself if it is not read for this time; 0 switches the watchdog off.
     stale_after_s : float
         Readings whose sample counter has stood still for longer are refused.
     reply_timeout_s : float
-        How long an answer may take; to a hold 1 s at most.
+        Time limit for an answer; for a hold 1 s at most.
     """
 
     address: str
@@ -67,7 +67,7 @@ class ModbusLoadFrameSettings(Settings):
     @field_validator("map")
     @classmethod
     def _sound(cls, name: str) -> str:
-        # here already, so that its mistakes are told with all the others and before any device is opened
+        # checked here, so that mistakes of the map are reported with all others before a device is opened
         try:
             load_map(name)
         except ConfigurationError as error:
@@ -95,7 +95,7 @@ class ModbusLoadFrameSettings(Settings):
         return self
 
     def place(self, address: str) -> ModbusAddress:
-        """The machine's place, once ``@name`` was looked up."""
+        """The machine's address, after ``@name`` was looked up."""
         return ModbusAddress(address, self.baud, self.parity, self.stop_bits)
 
     @property

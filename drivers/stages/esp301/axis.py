@@ -1,4 +1,4 @@
-"""One axis of a Newport ESP301: questions, commands, and the errors that only a queue tells of."""
+"""One axis of a Newport ESP301: questions, commands, and the error queue."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 class EspAxis:
-    """An axis, and what its errors mean for its reference position.
+    """An axis, and the effect of its errors on the reference position.
 
     Parameters
     ----------
@@ -20,7 +20,7 @@ class EspAxis:
     number : int
         1 to 3.
     reference : Reference
-        Is told of every error after which motion has failed.
+        Records every error that means failed motion.
     """
 
     def __init__(self, port: EspPort, number: int, reference: Reference) -> None:
@@ -29,16 +29,16 @@ class EspAxis:
         self._reference = reference
 
     def ask(self, question: str, read: Callable[[str], T]) -> T:
-        """Ask what may be asked twice."""
+        """Ask a question that is harmless when repeated."""
         return self._port.ask(f"{self.number}{question}", read)
 
     def tell(self, command: str, step: str, permit: Callable[[], None] | None = None) -> None:
-        """Send a command once, if `permit` lets it; `DeviceFault` if the controller refused it."""
+        """Send a command once if `permit` allows it; `DeviceFault` if the controller refuses the command."""
         self._port.send(f"{self.number}{command}", permit)
         try:
             errors = self.take_errors(after_command=True)
         except DeviceTimeout:
-            return  # whether it was obeyed is seen by what the stage does
+            return  # the state of the stage shows later whether it executed the command
         if refused := [str(error) for error in errors if error.axis in (0, self.number)]:
             raise DeviceFault(
                 self._port.name,
@@ -49,7 +49,7 @@ class EspAxis:
             )
 
     def take_errors(self, *, after_command: bool = False) -> list[QueuedError]:
-        """Take out all errors, and note those after which motion has failed: nobody can read them again."""
+        """Empty the error queue and record errors of failed motion: an error can be read only once."""
         errors = []
         for _ in range(QUEUE_DEPTH + 1):
             error = self._oldest_error()
@@ -64,6 +64,6 @@ class EspAxis:
         try:
             return self._port.ask("TB?", read_error, attempts=1)
         except DeviceTimeout:
-            # the answer that is missing may have been the error that ended a home search
+            # the missing answer may contain the error that ended a home search
             self._reference.break_off()
             return self._port.ask("TB?", read_error)

@@ -1,4 +1,4 @@
-"""Which Newport controller answers at a serial port: it is asked for its version, which every model knows."""
+"""Find the Newport controller at a serial port by its version, which every model reports."""
 
 from drivers.lines.serial_ports import ANSWER_S, lines_answered, serial_ports
 from drivers.registry import Finder, Found

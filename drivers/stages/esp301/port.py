@@ -1,8 +1,8 @@
 """A serial port with a Newport ESP301 behind it.
 
-Its answers carry no number, but come in the order of the questions. So after a missing or strange answer the
-controller is asked for its version, and everything before that answer is thrown away. A command that has no
-answer, such as a stop, waits for nobody's answer.
+Answers have no number, but come in the order of the questions. So after a missing or unexpected answer the
+driver asks for the controller's version and discards everything before the version. A command without an
+answer, such as a stop, is sent without waiting for pending answers.
 """
 
 from collections.abc import Callable, Iterator
@@ -31,7 +31,7 @@ class EspPort(StagePort):
         self._clock = SystemClock()
         self._turn = Turn()
         self._buffer = b""
-        # what a program before left on the line is not ours
+        # an earlier program may have left answers on the line
         self._suspect = True
         self.version = ""
 
@@ -42,7 +42,7 @@ class EspPort(StagePort):
         ----------
         command : str
         permit : callable, optional
-            Called just before the bytes go out, while nobody else can write; it raises to keep them back.
+            Called just before the bytes are sent, while no other thread can write; raises to prevent sending.
 
         Raises
         ------
@@ -53,15 +53,16 @@ class EspPort(StagePort):
             self._write(command.encode("ascii") + END, command, permit)
 
     def ask(self, question: str, read: Callable[[str], T], attempts: int = ATTEMPTS) -> T:
-        """Ask and return the answer; asked once more if none came, or one that `read` does not understand.
+        """Ask and return the answer; ask again if the answer is missing or `read` rejects it.
 
         Parameters
         ----------
         question : str
         read : callable
-            Turns a line into a value; `ValueError` if it cannot be the answer.
+            Turns a line into a value; raises `ValueError` if the line cannot be the answer.
         attempts : int
-            1 for what must not be asked again unnoticed. A question that a stop broke off always is.
+            1 if the caller must know of every lost answer. A question interrupted by a stop is always
+            repeated.
 
         Raises
         ------
@@ -80,14 +81,14 @@ class EspPort(StagePort):
                     raise
 
     def ask_first(self, question: str, read: Callable[[str], T], at_most_s: float) -> T:
-        """Ask ahead of everybody who waits, and prove that the answer belongs to this question.
+        """Ask before all waiting questions, and prove that the answer belongs to this question.
 
         Parameters
         ----------
         question : str
         read : callable
         at_most_s : float
-            Wait no longer than that for an answer, if answers may take longer.
+            Upper limit of the wait for an answer, even if the reply timeout is longer.
 
         Raises
         ------
@@ -120,7 +121,7 @@ class EspPort(StagePort):
             answer = read(line)
         except ValueError as error:
             raise self._timeout(question, timeout_s, str(error)[:SHOWN_MAX]) from None
-        # the same once more says nothing else; of two that differ nobody knows which is the answer
+        # a repeated identical line is harmless; two different lines are ambiguous
         for other in self._buffer.split(b"\n")[:-1]:
             if _text(other) != line:
                 raise self._timeout(question, timeout_s, f"{line!r} and {_text(other)[:SHOWN_MAX]!r}")
@@ -129,7 +130,7 @@ class EspPort(StagePort):
 
     @contextmanager
     def _losing(self, question: str) -> Iterator[None]:
-        """Tell of a lost link, now and from now on."""
+        """Raise `LinkLost` if the channel fails, and on every later use."""
         if self._lost is not None:
             raise self._link_lost(question)
         try:
@@ -139,7 +140,7 @@ class EspPort(StagePort):
             raise self._link_lost(question) from error
 
     def _resynchronise(self, wake: int | None, timeout_s: float) -> None:
-        """Ask for the version and throw away whatever comes before it."""
+        """Ask for the version and discard everything before it."""
         self.send("VE?")
         deadline_s = self._clock.now_s() + timeout_s
         while True:
@@ -149,7 +150,7 @@ class EspPort(StagePort):
                 return
 
     def _prove(self, answer: str, timeout_s: float) -> None:
-        """Ask for the version, which must come next: after a late answer in its place the true one would."""
+        """Ask for the version, which must be the next line; another line means that `answer` was late."""
         self._suspect = True
         self.send("VE?")
         deadline_s = self._clock.now_s() + timeout_s
@@ -160,7 +161,7 @@ class EspPort(StagePort):
         self._suspect = False
 
     def _line(self, question: str, wake: int | None, timeout_s: float, deadline_s: float) -> str:
-        """Wait for a whole line; it may be there already, but not for ever."""
+        """Wait for a complete line, or take a buffered line before the deadline."""
         while b"\n" not in self._buffer:
             data = self._channel.receive(deadline_s, wake)
             if not data or len(self._buffer) > LINE_MAX:

@@ -1,4 +1,4 @@
-"""Newport ESP301 messages: what the answers mean, and what its errors are; bytes and texts only, no port.
+"""Newport ESP301 messages: meaning of answers and errors; bytes and texts only, no port.
 
 A command is an axis number, two letters and a value, ended by CR; ``?`` asks. There are no ids and no
 checksums, and a command is not acknowledged: errors wait in a queue, ten deep, that ``TB?`` empties.
@@ -18,45 +18,45 @@ _ERROR = re.compile(r"(?P<code>\d+) *, *(?P<stamp>\d+) *, *(?P<text>.*)")
 MISUNDERSTOOD = frozenset({6, 7, 9, 37, 38})
 NOT_OF_AN_AXIS = 100
 
-# Errors of an axis, less the axis number times 100, that only say that a command was not taken. After all
-# others its last motion has failed, or cannot be trusted.
+# Axis errors (code minus 100 times the axis number) that only mean that a command was not accepted. After
+# every other axis error the last motion has failed or cannot be trusted.
 NOT_TAKEN = frozenset({1, 10, 11, 15, 16, 17, 24, 25, 26, 27, 28, 30, 31, 32})
-# Errors that may say so: of a soft limit, or a motor that is off. They may come in motion too.
+# Errors that may mean a refused command: software limit, motor off. They can also occur in motion.
 PERHAPS_NOT_TAKEN = frozenset({6, 7, 13})
 
-# Bits of the software limits' configuration, ``ZS``: they are watched; the motor is switched off, or stopped.
+# Bits of the software limits' configuration, ``ZS``: limits watched; motor switched off or stopped.
 LIMITS_WATCHED = 1 << 0
 LIMITS_ACTED_ON = 1 << 1 | 1 << 2
 
 
 @dataclass(frozen=True)
 class QueuedError:
-    """An entry of the error queue; code 0 says that it is empty."""
+    """An entry of the error queue; code 0 means that the queue is empty."""
 
     code: int
     text: str
 
     @property
     def axis(self) -> int:
-        """The axis it belongs to; 0 for the controller."""
+        """The axis of the error; 0 for the controller."""
         return self.code // NOT_OF_AN_AXIS
 
     def __str__(self) -> str:
         return f"error {self.code} ({self.text.lower()})"
 
     def fails(self, axis: int) -> bool:
-        """Whether the last motion of `axis` has failed by it."""
+        """Whether the error means that the last motion of `axis` failed."""
         if self.axis == 0:
             return self.code not in (0, *MISUNDERSTOOD)
         return self.axis == axis and self.code % NOT_OF_AN_AXIS not in NOT_TAKEN
 
     def may_refuse(self, axis: int) -> bool:
-        """Whether it may be what a command to `axis` was refused for, with the motion before it unharmed."""
+        """Whether the error may only mean a refused command to `axis`; the earlier motion is intact."""
         return self.axis == axis and self.code % NOT_OF_AN_AXIS in PERHAPS_NOT_TAKEN
 
 
 def read_error(line: str) -> QueuedError:
-    """Read the answer to ``TB?``; `ValueError` if it is none."""
+    """Read the answer to ``TB?``; `ValueError` if the line is not such an answer."""
     match = _ERROR.fullmatch(line)
     if match is None:
         raise ValueError(f"{line!r} instead of an error's code, time and text")
@@ -64,14 +64,14 @@ def read_error(line: str) -> QueuedError:
 
 
 def read_number(line: str) -> float:
-    """Read a number; `ValueError` if it is none."""
+    """Read a number; `ValueError` if the line is not a number."""
     if re.fullmatch(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?", line) is None:
         raise ValueError(f"{line!r} instead of a number")
     return float(line)
 
 
 def read_bits(line: str) -> int:
-    """Read a hexadecimal number such as ``5H``; `ValueError` if it is none."""
+    """Read a hexadecimal number such as ``5H``; `ValueError` for any other line."""
     match = re.fullmatch(r"([0-9A-F]+)H?", line)
     if match is None:
         raise ValueError(f"{line!r} instead of a hexadecimal number")
@@ -79,14 +79,14 @@ def read_bits(line: str) -> int:
 
 
 def read_name(line: str) -> str:
-    """Read who a stage is; `ValueError` if it is rather the controller that says its version."""
+    """Read the identity of a stage; `ValueError` if the line is the version of the controller."""
     if MODEL.fullmatch(line):
         raise ValueError(f"{line!r} instead of a stage's name")
     return line
 
 
 def read_switch(line: str) -> bool:
-    """Read 0 or 1; `ValueError` if it is neither."""
+    """Read 0 or 1; `ValueError` for any other line."""
     if line not in ("0", "1"):
         raise ValueError(f"{line!r} instead of 0 or 1")
     return line == "1"

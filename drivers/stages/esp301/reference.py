@@ -1,7 +1,7 @@
-"""Whether the position of a stage on an ESP301 has a reference: it does not say so, it must be remembered.
+"""Memory of the reference position: an ESP301 does not report whether a stage has a reference.
 
-Only a home search of this program's own counts, and only as long as the motor stays on: a reset, a power cut
-and an emergency stop all switch it off.
+Only a home search by this program counts, and only as long as the motor stays on. A reset, a power cut and an
+emergency stop all switch the motor off.
 """
 
 import threading
@@ -10,7 +10,7 @@ MOTOR_OFF = "motor off"
 
 
 class Reference:
-    """What was seen of the stage so far; may be used from any thread."""
+    """Observations of the stage so far; may be used from any thread."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -26,50 +26,50 @@ class Reference:
             self._found = self._seeking = False
 
     def motor_is_on(self) -> None:
-        """From now on, a motor that is off was switched off by something."""
+        """Record that the motor is on; if it is off later, this is a failure."""
         with self._lock:
             self._on = True
 
     @property
     def seeking(self) -> bool:
-        """Whether a home search is under way, as far as was seen."""
+        """Whether a home search is under way according to the last observation."""
         return self._seeking
 
     def seek(self) -> None:
-        """Say that a home search has begun."""
+        """Record that a home search has begun."""
         with self._lock:
             self._seeking = True
 
     def break_off(self) -> None:
-        """Say that a home search under way, if there is one, finds nothing that can be believed."""
+        """Record that the result of a running home search cannot be trusted."""
         with self._lock:
             self._seeking = False
 
     def forget(self) -> None:
-        """Say that the position cannot be trusted."""
+        """Record that the position cannot be trusted."""
         with self._lock:
             self._found = self._seeking = False
 
     def fail(self, failure: str) -> None:
-        """Say what made motion fail."""
+        """Record the cause of a failed motion."""
         with self._lock:
             self._fail(failure)
 
     def see(self, *, on: bool, ended: bool) -> tuple[bool, str]:
-        """Take in a reading.
+        """Record a reading.
 
         Parameters
         ----------
         on : bool
             Whether the motor is on.
         ended : bool
-            Whether a home search was under way before the stage was asked, and it stood then.
+            Whether a home search was under way before the reading, and the stage stands in the reading.
 
         Returns
         -------
         referenced : bool
         failure : str
-            What made motion fail since the last acknowledgement; empty if nothing did.
+            Causes of failed motion since the last acknowledgement; empty if there are none.
         """
         with self._lock:
             if self._on and not on:

@@ -1,4 +1,4 @@
-"""What a rig file says about a stage on a Newport ESP301."""
+"""Rig-file settings of a stage on a Newport ESP301."""
 
 from pydantic import Field
 
@@ -6,7 +6,7 @@ from drivers.stages.settings import StageSettings
 
 
 class EspSettings(StageSettings):
-    """Line, axis and home search, besides what all stages have.
+    """Line, axis and home search, in addition to the settings of all stages.
 
     Attributes
     ----------
@@ -14,10 +14,10 @@ class EspSettings(StageSettings):
         921600 on an ESP301; an ESP300 has 19200.
     axis : int
     home_mode : int, optional
-        The value of ``OR``: which signals the home search looks for; the controller's own without one. 0 is
-        none: it looks for no signal and goes to where the counter happens to be 0.
+        The value of ``OR``: the signals that the home search looks for. By default the controller's own mode.
+        0 is refused: this home search looks for no signal and moves to the counter value 0.
     tolerance_deg : float
-        A stage that stands so near its target has arrived.
+        A stage within this distance of its target has arrived.
     """
 
     baud: int = Field(default=921_600, ge=300, le=4_000_000)

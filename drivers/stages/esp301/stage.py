@@ -27,7 +27,7 @@ from drivers.stages.guarded import GuardedStage, set_up
 POLL_S = 0.02
 START_POLLS = 5
 POSITION_ATTEMPTS = 3
-# The controller rounds what it is told to its own counts.
+# The controller rounds settings to encoder counts.
 SETTING_TOLERANCE = 1e-3
 
 
@@ -43,7 +43,7 @@ class EspStage(GuardedStage[EspPort]):
     def set_up(self) -> None:
         """Identify controller and stage, write limits and speed; nothing moves."""
         self._axis.take_errors()
-        # what went wrong before was not ours; without a reference nothing moves anyhow
+        # earlier errors do not belong to this program; a stage without reference does not move anyway
         self._reference.acknowledge()
         found = MODEL.fullmatch(self._port.version)
         self._identity = self._axis.ask("ID?", read_name)
@@ -64,13 +64,13 @@ class EspStage(GuardedStage[EspPort]):
         Raises
         ------
         DeviceFault
-            If motion failed or the motor was switched off; it stays until `home` acknowledges it.
+            If motion failed or the motor was switched off; the fault stays until `home` acknowledges it.
         DeviceTimeout, LinkLost
         """
         sought = self._reference.seeking
         angle_deg, moving = self._position()
         on = self._axis.ask("MO?", read_switch)
-        # the last question has an answer like no other: it proves that all answers were in their places
+        # answers to TB? have a unique format: this one proves that no earlier answer was out of order
         errors = self._axis.take_errors()
         referenced, failure = self._reference.see(on=on, ended=sought and not moving)
         if failure:
@@ -120,7 +120,7 @@ class EspStage(GuardedStage[EspPort]):
             )
         low, high = self._limits_deg
         limits = [("SR", high, "set right limit"), ("SL", low, "set left limit")]
-        # in the order that never crosses them
+        # the lower limit never exceeds the upper limit in this order
         if high <= self._axis.ask("SL?", read_number):
             limits.reverse()
         for name, value, step in limits:
@@ -136,7 +136,7 @@ class EspStage(GuardedStage[EspPort]):
         self._set("VA", speed_deg_s, "set speed")
 
     def _signals_to_home_by(self) -> int:
-        """Return the home search's mode, the controller's own if none is given; it must look for a signal."""
+        """Return the home mode, by default the controller's; refuse a mode that looks for no signal."""
         mode = self._settings.home_mode or self._axis.ask("OM?", read_number)
         if mode < 1:
             raise self._fault(
@@ -148,7 +148,7 @@ class EspStage(GuardedStage[EspPort]):
         return int(mode)
 
     def _refuse_idle_limits(self) -> None:
-        """Limits that the controller was told, but not to watch, do not hold anything."""
+        """Refuse a controller that does not enforce its software limits."""
         bits = self._axis.ask("ZS?", read_bits)
         if not (bits & LIMITS_WATCHED and bits & LIMITS_ACTED_ON):
             raise self._fault(
@@ -165,7 +165,7 @@ class EspStage(GuardedStage[EspPort]):
             raise self._fault(step, f"{value:g}", f"{got:g} on reading back", "check the stage's own limits")
 
     def _refuse_forgotten_limits(self, step: str) -> None:
-        """A controller that was reset and switched on again behind our back has its own limits again."""
+        """Refuse motion if the limits have changed: a controller that was reset loses the limits set here."""
         for name, value in zip(("SL", "SR"), self._limits_deg, strict=True):
             got = self._axis.ask(f"{name}?", read_number)
             if abs(got - value) > SETTING_TOLERANCE:
@@ -178,7 +178,7 @@ class EspStage(GuardedStage[EspPort]):
                 )
 
     def _confirm_start(self, step: str, target_deg: float | None, permit: Callable[[], None]) -> None:
-        """See that the stage moves, or stands at its target already."""
+        """Check that the stage moves, or stands at its target already."""
         for _ in range(START_POLLS):
             if not self._axis.ask("MD?", read_switch):
                 return
@@ -197,9 +197,9 @@ class EspStage(GuardedStage[EspPort]):
         )
 
     def _position(self) -> tuple[float, bool]:
-        """Return the angle and whether the stage moves; that of a standing stage is asked for twice.
+        """Return the angle and whether the stage moves; read the angle of a standing stage twice.
 
-        There is no checksum: a digit that was disturbed on the line looks like any other.
+        Answers have no checksum: a digit changed by noise cannot be detected in a single reading.
         """
         for _ in range(POSITION_ATTEMPTS):
             angle_deg = self._axis.ask("TP", read_number)
@@ -221,7 +221,7 @@ def open_stage(settings: EspSettings, context: OpenContext, stop_times: StopTime
     Raises
     ------
     DeviceError
-        If the port cannot be opened, nothing answers, or a setting is not taken.
+        If the port cannot be opened, no device answers, or the stage does not accept a setting.
     """
     return set_up(EspStage(settings, context, stop_times))
 

@@ -1,7 +1,7 @@
-"""A serial port with a Zaber ASCII device behind it: requests out, each answer to whoever asked for it.
+"""A serial port with a Zaber ASCII device behind it: each answer goes to the thread that sent the request.
 
-One thread reads the port and hands every answer over by its id. So a stop never waits for another request's
-answer: only the writing of a message, a few bytes, is done one at a time.
+One thread reads the port and assigns every answer to its request by the id. So a stop never waits for the
+answer to another request. Only the writing of a message, a few bytes, is exclusive.
 """
 
 import math
@@ -51,14 +51,14 @@ class ZaberPort(StagePort):
         command : str
             Empty to ask for the status.
         permit : callable, optional
-            Called just before the bytes go out, while nobody else can write; it raises to keep them back.
+            Called just before the bytes are sent, while no other thread can write; raises to prevent sending.
         at_most_s : float
-            Wait no longer than that for the answer, if answers may take longer.
+            Upper limit of the wait, even if the reply timeout is longer.
 
         Raises
         ------
         DeviceTimeout
-            If no whole answer came in time. The device may have acted on the command all the same.
+            If no complete answer came in time. The device may have executed the command nevertheless.
         LinkLost
             If the port is gone.
         """
@@ -102,7 +102,7 @@ class ZaberPort(StagePort):
         try:
             reply = decode(line)
         except DamagedLineError as damage:
-            # its id cannot be trusted either: it may have been the answer to anybody who waits
+            # the id may be damaged too: the line may be the answer to any waiting request
             self._tell_all(damage)
             return
         if reply is not None and (answers := self._waiting.get(reply.id)) is not None:
@@ -122,5 +122,5 @@ class ZaberPort(StagePort):
 
 
 def _after(id: int) -> list[int]:
-    """All ids, from the one after `id` on: a late answer meets its id again only after a hundred requests."""
+    """Return all ids, beginning after `id`, so that an id is reused as late as possible."""
     return [*IDS[id + 1 :], *IDS[: id + 1]]

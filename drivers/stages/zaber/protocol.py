@@ -1,14 +1,14 @@
 """Zaber ASCII protocol, version 3: messages, checksums, flags and reject reasons; bytes only, no port.
 
-Every message goes out with an id and a checksum, so every answer must carry the same id and a checksum of its
-own. Source: Zaber ASCII Protocol Manual (https://www.zaber.com/protocol-manual), chapters Message Format,
-Warning Flags and Rejection Reasons.
+Every request has an id and a checksum, so every answer must have the same id and its own checksum. Source:
+Zaber ASCII Protocol Manual (https://www.zaber.com/protocol-manual), chapters Message Format, Warning Flags
+and Rejection Reasons.
 """
 
 import re
 from dataclasses import dataclass
 
-# The data value of a speed is microsteps per second times this.
+# A speed in a message is microsteps per second times this factor.
 SPEED_UNIT = 1.6384
 IDS = range(100)
 
@@ -17,7 +17,7 @@ _REPLY = re.compile(
     r"(?P<flag>--|[A-Z0-9]{2}) (?P<data>.*)"
 )
 
-# Flags that say that the position counter does not belong to a reference.
+# Flags of a position counter without a reference.
 NOT_REFERENCED = frozenset({"WR", "WH"})
 
 FLAGS = {
@@ -56,7 +56,7 @@ REJECTIONS = {
 
 
 class DamagedLineError(ValueError):
-    """A line that is no reply, or whose checksum is missing or wrong."""
+    """A line that is not a reply, or whose checksum is missing or wrong."""
 
 
 @dataclass(frozen=True)
@@ -66,15 +66,15 @@ class Reply:
     Attributes
     ----------
     address, axis, id : int
-        Whose answer it is, and to which request.
+        The device and axis that answered, and the id of the request.
     accepted : bool
         OK or RJ.
     busy : bool
         True while the axis moves.
     flag : str
-        The gravest warning flag, or ``--``.
+        The most severe warning flag, or ``--``.
     data : str
-        The value asked for, or the reason of a rejection.
+        The requested value, or the reason of a rejection.
     """
 
     address: int
@@ -87,7 +87,7 @@ class Reply:
 
 
 def is_fault(flag: str) -> bool:
-    """Whether motion failed, or cannot be: every flag that the manual calls a fault, known here or not."""
+    """Whether motion failed or is impossible: all fault flags of the manual, even those not listed here."""
     return flag.startswith("F") or flag == "WL"
 
 
@@ -97,7 +97,7 @@ def lrc(text: str) -> str:
     Parameters
     ----------
     text : str
-        What stands between the message's first character and its colon.
+        The text between the message's first character and its colon.
     """
     return f"{-sum(text.encode('ascii')) & 0xFF:02X}"
 
@@ -121,7 +121,7 @@ def decode(line: bytes) -> Reply | None:
     Raises
     ------
     DamagedLineError
-        If it is no reply or its checksum is missing or wrong.
+        If the line is not a reply, or its checksum is missing or wrong.
     """
     text = line.decode("ascii", "backslashreplace")
     if re.match(r"[!#]\d\d ", text):

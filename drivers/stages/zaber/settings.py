@@ -1,4 +1,4 @@
-"""What a rig file says about a stage in the Zaber ASCII protocol."""
+"""Rig-file settings of a stage with the Zaber ASCII protocol."""
 
 from pydantic import Field
 
@@ -6,14 +6,14 @@ from drivers.stages.settings import StageSettings
 
 
 class ZaberSettings(StageSettings):
-    """Address and scale, besides what all stages have.
+    """Address and scale, in addition to the settings of all stages.
 
     Attributes
     ----------
     address, axis : int
         The device in the chain and its axis.
     microsteps_per_deg : float
-        As the data sheet says; a stage that knows its own is asked, and another value is refused.
+        From the data sheet. If the stage reports its own scale, a different value is refused.
     """
 
     address: int = Field(default=1, ge=1, le=99)

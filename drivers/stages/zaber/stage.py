@@ -30,7 +30,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
     def __init__(self, settings: ZaberSettings, context: OpenContext, stop_times: StopTimes) -> None:
         super().__init__(ZaberPort, settings, context, stop_times)
         self._settings = settings
-        # After a fault the stage may still call its reference good: only a whole home search counts then.
+        # After a fault the stage may still report a valid reference; only a completed home search is trusted.
         self._doubted = self._seeking = False
 
     def set_up(self) -> None:
@@ -50,7 +50,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
         Raises
         ------
         DeviceFault
-            If a flag says that motion failed; it stays until `home` acknowledges it.
+            If a flag reports failed motion; the fault stays until `home` acknowledges it.
         """
         seeking = self._seeking
         reply = self._query("get pos", "read position")
@@ -90,7 +90,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
 
     def _begin_move(self, angle_deg: float, state: StageState, step: str, permit: Callable[[], None]) -> None:
         if state.warnings:
-            # so that NI afterwards tells of this motion, not of the last one
+            # so that a later flag NI belongs to this motion, not to the previous motion
             self._query("warnings clear", step)
         target = self._microsteps(angle_deg)
         self._begin(
@@ -118,7 +118,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
         self._check_scale(self._settings.microsteps_per_deg)
         low, high = (self._microsteps(angle_deg) for angle_deg in self._limits_deg)
         limits = [("limit.max", high), ("limit.min", low)]
-        # in the order that never crosses them: a stage may refuse a minimum above its present maximum
+        # the minimum never exceeds the maximum in this order: a stage may refuse such limits
         if high <= self._integer(self._query("get limit.min", "read limit.min"), "read limit.min"):
             limits.reverse()
         for name, value in limits:
@@ -127,9 +127,9 @@ class ZaberStage(GuardedStage[ZaberPort]):
         self._set("maxspeed", round(speed_microsteps_s * SPEED_UNIT))
 
     def _check_scale(self, scale: float) -> None:
-        """Compare with the stage's own microsteps in a turn, where it knows them."""
+        """Compare the scale with the microsteps per turn that the stage reports, if any."""
         step = "read limit.cycle.dist"
-        # older firmware, or a stage without turns, does not know it
+        # older firmware and stages without full turns do not have this setting
         reply = self._query("get limit.cycle.dist", step, tolerated=UNKNOWN_COMMAND)
         turn = self._integer(reply, step) if reply.accepted else 0
         if turn > 0 and turn != round(360 * scale):
@@ -151,7 +151,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
         return self._query(f"get {name}", f"read {name}", axis).data
 
     def _query(self, command: str, step: str, axis: int | None = None, tolerated: str = "") -> Reply:
-        """Ask what may be asked twice: a reading, or a setting, or an acknowledgement."""
+        """Send a command that is harmless when repeated: a reading, a setting or an acknowledgement."""
         axis = self._settings.axis if axis is None else axis
         for attempt in range(READ_ATTEMPTS):
             try:
@@ -164,7 +164,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
     def _begin(
         self, command: str, step: str, permit: Callable[[], None], arrived: Callable[[StageState], bool]
     ) -> None:
-        """Send a motion command once; if its answer is lost, find out whether the stage took it."""
+        """Send a motion command once; if the answer is lost, find out whether the stage executes it."""
         settings = self._settings
         try:
             self._accepted(self._port.ask(settings.address, settings.axis, command, permit=permit), step)
@@ -225,7 +225,7 @@ def open_stage(
     Raises
     ------
     DeviceError
-        If the port cannot be opened, nothing answers, or a setting is not taken.
+        If the port cannot be opened, no device answers, or the stage does not accept a setting.
     """
     return set_up(ZaberStage(settings, context, stop_times))
 

@@ -1,1 +1,1 @@
-"""Modbus itself: addresses, requests, wires, and the link that keeps them alive."""
+"""Modbus itself: addresses, requests, wires, and the link to a device."""

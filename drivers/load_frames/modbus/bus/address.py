@@ -1,4 +1,4 @@
-"""Where a Modbus device is: ``host:port``, ``rtu://host:port``, or the path of a serial port."""
+"""Address of a Modbus device: ``host:port``, ``rtu://host:port``, or the path of a serial port."""
 
 from dataclasses import dataclass
 
@@ -6,13 +6,13 @@ from drivers.lines.channel import SerialChannel, TcpChannel
 from drivers.load_frames.modbus.bus.wire import RtuWire, TcpWire, Wire
 
 RTU_PREFIX = "rtu://"
-# Unit 0 of a serial line is everybody: nobody answers it, so nothing sent there could be confirmed.
+# Unit 0 of a serial line is the broadcast: no device answers, so no request could be confirmed.
 SERIAL_UNITS = range(1, 248)
 
 
 @dataclass(frozen=True)
 class ModbusAddress:
-    """A device's place and how it is spoken to.
+    """A device's address and the settings of its line.
 
     Attributes
     ----------
@@ -32,12 +32,12 @@ class ModbusAddress:
 
     @property
     def rtu(self) -> bool:
-        """Whether it is Modbus RTU: one line, one master, answers without numbers."""
+        """Whether the device speaks Modbus RTU: one line, one master, answers without transaction numbers."""
         return self.serial or self.text.startswith(RTU_PREFIX)
 
     @property
     def serial(self) -> bool:
-        """Whether it is a serial port of this machine."""
+        """Whether the address is a serial port of this computer."""
         return self.text.startswith("/")
 
     def open(self, timeout_s: float) -> Wire:

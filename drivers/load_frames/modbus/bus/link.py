@@ -1,8 +1,8 @@
-"""Modbus requests with answers that can be believed.
+"""Modbus requests with verified answers.
 
-Every answer is compared with its request. Nothing that writes is ever repeated here. Where answers carry no
-number (RTU), a line on which one is missing stays quiet until none can be late any more. Then, and on every
-new connection, it proves by a known answer that the machine is the same, before anything but a hold goes out.
+Every answer is compared with its request. This module never repeats a write. RTU answers have no number:
+after a missing answer the link sends nothing until no late answer can come any more. Then, and on every new
+connection, the link reads known registers to prove that the machine is the same. Only a hold is sent earlier.
 """
 
 from collections.abc import Callable
@@ -30,11 +30,11 @@ T = TypeVar("T")
 
 
 class Overtaken(DeviceTimeout):
-    """Something urgent went first; the device may have acted on the request all the same."""
+    """An urgent request went first; the device may have executed this request nevertheless."""
 
 
 class ModbusLink:
-    """One connection with one request in flight; made when first needed, and again after it was lost.
+    """A connection with one request at a time; opened at the first request and again after a loss.
 
     Parameters
     ----------
@@ -46,8 +46,8 @@ class ModbusLink:
     reply_timeout_s : float
         Deadline for an answer; real time.
     urgent_timeout_s : float
-        At most so much of it is for connecting, a wait that nothing urgent can end, and for what is urgent,
-        which is repeated rather than waited for.
+        Upper limit for connecting and for urgent requests. An urgent request cannot end the wait for a
+        connection, and the caller repeats an urgent request instead of waiting longer.
     """
 
     def __init__(
@@ -69,21 +69,21 @@ class ModbusLink:
         self._closed = False
 
     def prove_by(self, table: str, address: int, words: list[int]) -> None:
-        """Name registers that never change, and what they hold: by them the machine is known again."""
+        """Name registers that never change and their content, which identify the machine later."""
         self._proof = read_request(table, address, len(words)), words
 
     def read(self, table: str, address: int, count: int, *, urgent: bool = False) -> list[int]:
-        """Return `count` registers of the `input` or `holding` table; repeated once, for reading is harmless.
+        """Return `count` registers of the `input` or `holding` table; a failed read is repeated once.
 
         Parameters
         ----------
         urgent : bool
-            Go first, and end the wait of whoever else uses this link.
+            Go first, and end the wait of all other users of this link.
 
         Raises
         ------
         DeviceTimeout, LinkLost
-            If no answer, or none that belongs to the request, came.
+            If no answer came, or the answer does not belong to the request.
         DeviceFault
             If the device answered with an exception.
         """
@@ -105,14 +105,15 @@ class ModbusLink:
         Parameters
         ----------
         urgent : bool
-            Go first, and end the wait of whoever else uses this link.
+            Go first, and end the wait of all other users of this link.
         single : bool
             Write the one register by function 6 instead of 16.
 
         Raises
         ------
         DeviceTimeout, LinkLost
-            If it was not acknowledged. The device may have taken it all the same: read back and decide.
+            If the device did not acknowledge the request. It may have executed the request nevertheless: read
+            the registers back, then decide.
         DeviceFault
             If the device answered with an exception.
         """
@@ -140,13 +141,13 @@ class ModbusLink:
             try:
                 self._resynchronise()
             except (DamagedError, ForeignAnswerError):
-                # that was the late answer, come with the proof
+                # this was the late answer, received instead of the proof
                 self._resynchronise()
             self._suspect = False
         return self._ask(request, self._reply_timeout_s, self._turn.wake)
 
     def _resynchronise(self) -> None:
-        """Wait until no answer can be late any more, and read what is known."""
+        """Wait until no late answer can come any more, then read the known registers."""
         self._connected().quieten(self._reply_timeout_s, self._turn.wake)
         if self._proof is not None:
             request, known = self._proof
@@ -166,7 +167,7 @@ class ModbusLink:
         return self._wire
 
     def _told(self, request: Request, timeout_s: float, ask: Callable[[], T]) -> T:
-        """Turn what can go wrong on the wire into an error of this device."""
+        """Turn failures on the wire into errors of this device."""
         step = request.step
         try:
             return ask()
@@ -212,7 +213,7 @@ class ModbusLink:
             ) from error
 
     def _distrust(self, error: DeviceError) -> DeviceError:
-        """See that a late answer cannot be taken for the next one's: reconnect, or wait before going on."""
+        """Prevent the use of a late answer for the next request: reconnect, or wait before it."""
         if self._wire is not None and self._wire.numbered:
             self._drop()
         else:
@@ -221,7 +222,7 @@ class ModbusLink:
 
     def _drop(self) -> None:
         wire, self._wire = self._wire, None
-        # somebody else may be there next time, and on a line late answers come over a new connection too
+        # a different machine may answer next time, and RTU answers can be late on a new connection too
         self._suspect = True
         if wire is not None:
             wire.close()

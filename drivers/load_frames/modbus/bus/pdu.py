@@ -1,9 +1,10 @@
-"""Modbus requests, and whether an answer belongs to one: protocol data units, without unit and checksum.
+"""Modbus requests and the check of their answers: protocol data units, without unit and checksum.
 
 Source: MODBUS Application Protocol Specification V1.1b3, chapters 6.3, 6.4, 6.6, 6.12 and 7.
 
-pymodbus writes the requests and checksums, here and nowhere else. Answers are judged by ourselves, because it
-takes wrong functions and lengths for success, and so is the waiting, which a stop must be able to end.
+Only this module uses pymodbus, to write requests and checksums. The driver checks the answers itself, because
+pymodbus accepts wrong functions and lengths. The driver also waits itself, because a stop must be able to end
+the wait.
 """
 
 import struct
@@ -20,7 +21,7 @@ from pymodbus.pdu.register_message import (
 
 READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY = 3, 4, 6, 16
 EXCEPTION_BIT = 0x80
-# A gateway's own answers: the device behind it said nothing, and may have acted all the same.
+# Answers of a gateway itself: the device behind it did not answer, but may have executed the request.
 NOBODY = (10, 11)
 SHOWN_MAX = 40
 EXCEPTIONS = {
@@ -60,7 +61,7 @@ class ExceptionAnswerError(Exception):
 
 @dataclass(frozen=True)
 class Request:
-    """What is asked of a device.
+    """A request to a device.
 
     Attributes
     ----------
@@ -86,7 +87,7 @@ class Request:
         ExceptionAnswerError
             If the device refused.
         ForeignAnswerError
-            If function, length or what is echoed is not the request's.
+            If function, length or echo do not match the request.
         """
         if len(answer) == 2 and answer[0] == self.function | EXCEPTION_BIT:
             raise ExceptionAnswerError(answer[1])
@@ -117,13 +118,13 @@ def write_request(address: int, words: list[int]) -> Request:
 
 
 def write_one_request(address: int, word: int) -> Request:
-    """Write one holding register by the function that every device has."""
+    """Write one holding register by function 6, which every device has."""
     request = WriteSingleRegisterRequest(address=address, registers=[word])
     return Request(_encoded(request), f"write holding register {address}")
 
 
 def shown(data: bytes) -> str:
-    """Return bytes as a person reads them in a message, or the first of too many."""
+    """Return bytes in readable form for a message; only the first if there are too many."""
     text = data[:SHOWN_MAX].hex(" ")
     return text if len(data) <= SHOWN_MAX else f"{text} … ({len(data)} bytes)"
 

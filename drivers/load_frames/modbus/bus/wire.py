@@ -1,4 +1,4 @@
-"""Modbus messages on TCP and on a serial line: one request out, its answer back.
+"""Modbus messages on TCP and on a serial line: one request, then its answer.
 
 Sources: MODBUS Messaging on TCP/IP Implementation Guide V1.0b, chapter 3.1.3; MODBUS over Serial Line V1.02,
 chapters 2.5.1 (frames, silent intervals) and 6.2.2 (CRC).
@@ -26,20 +26,20 @@ GAP_CHARACTERS = 3.5
 # Above 19 200 baud the specification fixes the gap.
 GAP_MIN_S = 0.00175
 PDU_MAX = 253
-# A line that is not quiet after so many times the silence that is waited for carries somebody else's traffic.
+# A line that is not quiet after this multiple of the required silence has traffic of other devices.
 QUIET_ATTEMPTS = 10
 
 
 class SilenceError(Exception):
-    """No whole answer came in time; the text says what came instead."""
+    """No complete answer came in time; the text says what came instead."""
 
 
 class DamagedError(SilenceError):
-    """What came in time is no whole answer, or more than one."""
+    """The data received in time are not exactly one valid answer."""
 
 
 class Wire(Protocol):
-    """A way to ask a device on a line.
+    """A connection for requests to a device.
 
     Attributes
     ----------
@@ -53,10 +53,10 @@ class Wire(Protocol):
         """Send a request and return the answer's protocol data unit; `wake` as in `drivers.lines.channel`."""
 
     def quieten(self, silence_s: float, wake: int | None) -> None:
-        """Discard what comes until nothing has come for `silence_s`."""
+        """Discard received bytes until the line has been silent for `silence_s`."""
 
     def close(self) -> None:
-        """Close it; harmless when repeated."""
+        """Close the connection; harmless when repeated."""
 
 
 class TcpWire:
@@ -90,12 +90,12 @@ class TcpWire:
                 if answering != unit:
                     raise ForeignAnswerError(f"an answer of unit {unit}", f"one of unit {answering}")
                 return answer
-            # to an earlier request, which nobody waits for any more; there may be no end of those
+            # an answer to an earlier request is discarded; the deadline limits how many
             if self._clock.now_s() > deadline_s:
                 raise SilenceError("answers to other requests")
 
     def _next(self) -> tuple[int, int, bytes] | None:
-        """Take one whole message from the buffer: transaction, unit, protocol data unit."""
+        """Take one complete message from the buffer: transaction, unit, protocol data unit."""
         if len(self._buffer) < 7:
             return None
         transaction, protocol, length, unit = struct.unpack(">HHHB", self._buffer[:7])
@@ -107,10 +107,10 @@ class TcpWire:
         return transaction, unit, answer
 
     def quieten(self, silence_s: float, wake: int | None) -> None:
-        """Do nothing: a late answer is known by its number."""
+        """Do nothing: a late answer is recognised by its number."""
 
     def close(self) -> None:
-        """Close it; harmless when repeated."""
+        """Close the connection; harmless when repeated."""
         self._channel.close()
 
 
@@ -121,9 +121,9 @@ class RtuWire:
     ----------
     channel : Channel
     baud : int, optional
-        For the silent interval between frames; None where a gateway keeps it.
+        For the silent interval between frames; None if a gateway keeps the interval.
     clock : Clock, optional
-        The machine's own by default.
+        The system's clock by default.
     """
 
     numbered = False
@@ -143,7 +143,7 @@ class RtuWire:
         SilenceError, OvertakenError, ForeignAnswerError
         """
         self._channel.discard()
-        # a frame that was cut short just now must be followed by the gap for the device to see a new one
+        # the device needs the gap to recognise a new frame, also after an interrupted frame
         self._clock.sleep(min(self._busy_until_s - self._clock.now_s(), self._gap_s))
         frame = bytes([unit]) + pdu
         self._channel.send(frame + crc(frame))
@@ -164,18 +164,18 @@ class RtuWire:
                 raise SilenceError(f"the part {shown(buffer)}" if buffer else "none")
             buffer += data
         frame = buffer[:size]
-        # the same frame again says nothing else; two different ones leave open which is the answer
+        # a repeated identical frame is harmless; two different frames are ambiguous
         if buffer != (frame * (len(buffer) // size + 1))[: len(buffer)]:
             raise DamagedError(f"more than one frame, {shown(buffer)}")
         return frame
 
     def quieten(self, silence_s: float, wake: int | None) -> None:
-        """Discard what comes until nothing has come for `silence_s`.
+        """Discard received bytes until the line has been silent for `silence_s`.
 
         Raises
         ------
         SilenceError
-            If something comes all the time.
+            If the line does not become silent.
         OvertakenError
         """
         end_s = self._clock.now_s() + QUIET_ATTEMPTS * silence_s
@@ -184,12 +184,12 @@ class RtuWire:
                 raise SilenceError("other bytes all the time")
 
     def close(self) -> None:
-        """Close it; harmless when repeated."""
+        """Close the connection; harmless when repeated."""
         self._channel.close()
 
 
 def _frame_size(start: bytes) -> int | None:
-    """Length of the frame that begins so, unit and checksum included; None if too little of it is known."""
+    """Length of the frame beginning with `start`, with unit and checksum; None if `start` is too short."""
     if len(start) < 3:
         return None
     function = start[1]

@@ -1,7 +1,8 @@
-"""Register maps: what stands where in a load frame's Modbus registers, as TOML data, and how to read it.
+"""Register maps: the layout of a load frame's Modbus registers as TOML data, and its parser.
 
-A map has blocks. Each block is read or written whole, in one request, so that its values belong together; its
-registers follow each other without a gap. `drivers/load_frames/modbus/maps/generic.toml` is the example.
+A map has blocks. Each block is read or written as a whole in one request, so that its values belong together.
+The registers of a block have no gaps between them. `drivers/load_frames/modbus/maps/generic.toml` is the
+example.
 """
 
 from collections.abc import Mapping
@@ -17,15 +18,15 @@ from drivers.settings import Settings, mistakes_in, read_toml
 
 
 class Blocks(Settings):
-    """The blocks every map has, and two that some machines keep apart.
+    """The blocks of every map, and two optional blocks.
 
     Attributes
     ----------
     state, identity, command, limits, watchdog, heartbeat : Block
     status : Block, optional
-        Where status word, fault and executed command do not stand beside load and displacement.
+        For status word, fault and executed command, if they are not in the block `state`.
     setpoints : Block, optional
-        Where targets and rates do not stand beside the command word; they are written and read back first.
+        For targets and rates, if they are not in the block `command`; written and read back before a command.
     """
 
     state: Block
@@ -78,11 +79,11 @@ class RegisterMap(Settings):
     ----------
     vendor, model : str
     revision : int
-        What the register `revision` must hold.
+        Required value of the register `revision`.
     word_order : str
-        How the bytes A (most significant) to D of a 32-bit value stand in its two registers.
+        Order of the bytes A (most significant) to D of a 32-bit value in its two registers.
     request_max : int
-        Most registers the device takes in one request.
+        Most registers that the device accepts in one request.
     blocks, status, commands
     fault_codes, results : dict
         Meaning of the values of `fault` and `result`; 0 is always "none" and "accepted".
@@ -114,12 +115,12 @@ def shipped_maps() -> list[str]:
 
 
 def load_map(name: str) -> RegisterMap:
-    """Read a map by the name of a shipped one, or by path.
+    """Read a map by the name of a shipped map, or by path.
 
     Raises
     ------
     ConfigurationError
-        If it cannot be read or has mistakes; all are reported together.
+        If the map cannot be read or has mistakes; all mistakes are reported together.
     """
     path = Path(__file__).parents[1] / "maps" / f"{name}.toml" if name in shipped_maps() else Path(name)
     if not path.is_file():

@@ -1,4 +1,4 @@
-"""What can be wrong with a register map as a whole: places, sizes, and what the driver needs."""
+"""Check of a register map as a whole: addresses, sizes, and the registers the driver needs."""
 
 import contextlib
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from drivers.load_frames.modbus.registers.registers import Register, Unit
 
-# What Modbus itself allows in one request.
+# Most registers that Modbus allows in one request.
 READ_MAX, WRITE_MAX = 125, 123
 
 # The registers the driver needs, and the unit of each.
@@ -29,12 +29,12 @@ NEEDED: dict[str, dict[str, Unit]] = {
     "watchdog": {"timeout": "s"},
     "heartbeat": {"heartbeat": ""},
 }  # fmt: skip
-# Blocks a map may have besides, and the registers that stand there then, and in which block they stand else.
+# Optional blocks: the mandatory block that otherwise holds their registers, and these registers.
 APART = {
     "status": ("state", ("status", "fault", "executed", "result")),
     "setpoints": ("command", ("displacement", "speed", "load", "load_rate")),
 }
-# Those without a unit are whole numbers as they stand; some must be these.
+# Registers without a unit hold unscaled whole numbers; some must have one of these types.
 UNSIGNED = ["u16", "u32"]
 TYPES = {
     "sequence": ["u16"], "executed": ["u16"], "heartbeat": ["u16"], "command": ["u16"],
@@ -45,7 +45,7 @@ WRITTEN = ("command", "setpoints", "limits", "watchdog", "heartbeat")
 
 
 def mistakes_across(data: Mapping[str, Any]) -> list[str]:
-    """Return what is wrong between the parts of a map, one sentence each, as far as it can be understood.
+    """Return the mistakes between the valid parts of a map, one sentence each.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def mistakes_across(data: Mapping[str, Any]) -> list[str]:
 
 
 class _Understood:
-    """What can be understood of a block as written: a mistake in one register does not hide others."""
+    """The valid registers of a block: a mistake in one register does not hide other mistakes."""
 
     def __init__(self, name: str, raw: Mapping[str, Any]) -> None:
         self.name = name
@@ -118,7 +118,7 @@ class _Understood:
         return [f"{self.where}: {self.count} registers, more than {most} in one request"]
 
     def use_mistakes(self, needed: Mapping[str, Unit]) -> list[str]:
-        """What the driver needs of this block and does not find."""
+        """Return the mistakes in the registers that the driver needs in this block."""
         mistakes = [
             f"{self.where}.registers.{name}: is missing; add it" for name in needed if name not in self.names
         ]
@@ -142,7 +142,7 @@ class _Understood:
 
 
 def _needed(blocks: Mapping[str, object]) -> dict[str, dict[str, Unit]]:
-    """Return the registers each block of a map must have, where some stand apart."""
+    """Return the registers that each block must have, given the optional blocks of the map."""
     needed = {name: dict(registers) for name, registers in NEEDED.items()}
     for name, (home, registers) in APART.items():
         if name in blocks:
@@ -163,7 +163,7 @@ def _collisions(blocks: list[_Understood]) -> list[str]:
 
 
 def _bit_mistakes(blocks: Mapping[str, _Understood], status: Mapping[str, Any]) -> list[str]:
-    """A bit that its register has not got is never set: the machine would never be seen to move."""
+    """Return bits outside the status register: they would never be set, so no motion would be seen."""
     home = blocks.get("status", blocks.get("state"))
     width = (
         next((16 * register.size for name, register in home.placed if name == "status"), 32) if home else 32

@@ -1,4 +1,4 @@
-"""A Modbus device seen through its register map: values by name instead of words by address."""
+"""A Modbus device with its register map: values by name instead of words by address."""
 
 import contextlib
 from collections.abc import Collection, Iterator, Mapping
@@ -17,7 +17,7 @@ class MappedDevice:
     link : ModbusLink
     register_map : RegisterMap
     urgent : bool
-        Go first on a link that others use too.
+        Go first on a shared link.
     """
 
     def __init__(self, link: ModbusLink, register_map: RegisterMap, *, urgent: bool = False) -> None:
@@ -27,7 +27,7 @@ class MappedDevice:
         self._urgent = urgent
 
     def read(self, block: Block, step: str, names: Collection[str] | None = None) -> dict[str, Number]:
-        """Return a block's values, or those named, each in its unit.
+        """Return all or the named values of a block, each in its unit.
 
         Raises
         ------
@@ -37,7 +37,7 @@ class MappedDevice:
         return self._decoded(block, self._words(block, step), step, names)
 
     def identify(self, step: str) -> dict[str, Number]:
-        """Return the identity, by which the link knows the machine again from now on."""
+        """Return the identity; the link uses it from now on to recognise the machine."""
         block = self._map.blocks.identity
         words = self._words(block, step)
         self._link.prove_by(block.table, block.address, words)
@@ -54,19 +54,19 @@ class MappedDevice:
             ) from error
 
     def read_status(self, step: str) -> dict[str, Number]:
-        """Return status word and executed command, and nothing that a broken load cell can spoil."""
+        """Return status word and executed command, without values that a broken load cell makes invalid."""
         blocks = self._map.blocks
         return self.read(blocks.status or blocks.state, step, names=("status", "executed"))
 
     def read_state(self, step: str) -> dict[str, Number]:
-        """Return the values of the block `state`, and those of `status` where they stand apart.
+        """Return the values of the block `state` and, if the map has it, of the block `status`.
 
-        The status is read first then: what it says of the machine is never newer than load and displacement.
+        The block `status` is read first, so that the status is never newer than load and displacement.
 
         Raises
         ------
         DeviceFault
-            Also if it is of another revision of the map, or marks the load as invalid.
+            Also if the map's revision is different, or the load is marked as invalid.
         """
         blocks = self._map.blocks
         values = {} if blocks.status is None else self.read(blocks.status, step)
@@ -81,14 +81,14 @@ class MappedDevice:
         return values
 
     def write(self, block: Block, values: Mapping[str, Number], step: str) -> None:
-        """Write a block in one request; registers that are not named become 0."""
+        """Write a block in one request; all registers not named become 0."""
         self._write_words(block, self._encode(block, values, step), step)
 
     def set(self, block: Block, values: Mapping[str, Number], step: str) -> None:
-        """Make a block hold `values`, and leave its other registers alone.
+        """Set registers of a block to `values`, and leave its other registers unchanged.
 
-        It is written only if it does not hold them, for memory wears with writing, and then read back;
-        `DeviceFault` unless every word is the same.
+        The block is written only if its values differ, because writing wears the memory. The block is then
+        read back; `DeviceFault` unless all words are equal.
         """
         found = self._words(block, step)
         wanted = self._encode(block, values, step, found)
@@ -109,7 +109,7 @@ class MappedDevice:
         return DeviceFault(self.name, step, expected, got, remedy)
 
     def unhurried(self) -> "MappedDevice":
-        """Return the same device over the same link, asked when nobody is in a hurry."""
+        """Return the same device on the same link, with ordinary instead of urgent requests."""
         return MappedDevice(self._link, self._map)
 
     def shares_link(self, other: "MappedDevice") -> bool:
@@ -139,7 +139,7 @@ class MappedDevice:
 
 @contextlib.contextmanager
 def _during(step: str) -> Iterator[None]:
-    """Say in errors of the link what it was used for."""
+    """Add the step to the errors of the link."""
     try:
         yield
     except DeviceError as error:

@@ -1,4 +1,4 @@
-"""Values in Modbus registers: types, word orders, scales, and blocks that go in one request."""
+"""Values in Modbus registers: types, word orders, scales, and blocks transferred in one request."""
 
 import math
 import struct
@@ -14,23 +14,23 @@ WordOrder = Literal["ABCD", "CDAB", "BADC", "DCBA"]
 Unit = Literal["", "N", "mm", "N/s", "mm/s", "s"]
 RAW_BOUNDS = {"u16": (0, 2**16), "i16": (-(2**15), 2**15), "u32": (0, 2**32), "i32": (-(2**31), 2**31)}
 FORMATS = {"u16": "H", "i16": "h", "u32": "I", "i32": "i", "f32": "f"}
-# What is so small that its register shows 0 would mean something else there: off, or never.
+# A value that rounds to 0 would have another meaning in these registers: off, or never.
 NEVER_ROUNDED_TO_0 = ("N/s", "mm/s", "s")
 
 
 class Register(Settings):
-    """One value: where it stands, how it is written, what it may be.
+    """One value: address, encoding and range.
 
     Attributes
     ----------
     address : int
-        As on the wire, from 0.
+        As in the Modbus message, from 0.
     type : str
     scale : float
         Value in `unit` = raw value × scale.
     unit : str
     invalid : list of int
-        Raw values that mean "no value", such as 0x7FFFFFFF for a broken wire. Never written either.
+        Raw values that mean "no value", such as 0x7FFFFFFF for a broken wire. These values are never written.
     valid : list of two floats, optional
         Least and greatest possible value (in `unit`).
     """
@@ -92,17 +92,17 @@ class Register(Settings):
         return value
 
     def encode(self, value: Number, order: WordOrder) -> list[int]:
-        """Return the words that stand for a value.
+        """Return the words that represent a value.
 
         Raises
         ------
         ValueError
-            If the type cannot hold it, it is none that `decode` takes, or a rate or time would become 0.
+            If the type cannot hold the value, `decode` would refuse it, or a rate or time would become 0.
         """
         format = ">" + FORMATS[self.type]
         raw = value if self.scale == 1.0 else value / self.scale
         try:
-            # some machines show the negative zero of floats as the other one
+            # some machines report the negative zero of a float as positive zero
             packed = struct.pack(format, raw + 0.0 if self.type == "f32" else round(raw))
         except (struct.error, OverflowError, ValueError) as error:
             raise ValueError(
@@ -129,7 +129,7 @@ class Block(Settings):
     table : str
         `input`, read by function 4, or `holding`, read by 3 and written by 16.
     single : bool
-        Write the block, which is one register, by function 6: some devices know no other.
+        Write the block, which is one register, by function 6: some devices have no other.
     registers : dict of Register
     """
 
@@ -150,7 +150,7 @@ class Block(Settings):
     def decode(
         self, words: Sequence[int], order: WordOrder, names: Collection[str] | None = None
     ) -> dict[str, Number]:
-        """Return every value, or those named, by name; `ValueError` names the register that has none."""
+        """Return all or the named values by name; `ValueError` names a register without a valid value."""
         values = {}
         for name, register in self.registers.items():
             if names is not None and name not in names:
@@ -165,7 +165,7 @@ class Block(Settings):
     def encode(
         self, values: Mapping[str, Number], order: WordOrder, onto: Sequence[int] | None = None
     ) -> list[int]:
-        """Return the block's words; registers without a value are as in `onto`, or else 0.
+        """Return the block's words; registers without a value keep the words of `onto`, or are 0.
 
         `ValueError` names the register that cannot hold its value.
         """
@@ -181,7 +181,7 @@ class Block(Settings):
 
 
 def _ordered(data: bytes, order: WordOrder) -> bytes:
-    """Bring a value's bytes into, or out of, its order in the registers; each order is its own inverse."""
+    """Convert bytes to or from the word order of the registers; each order is its own inverse."""
     if order in ("BADC", "DCBA"):
         data = b"".join(data[i : i + 2][::-1] for i in range(0, len(data), 2))
     if order in ("CDAB", "DCBA"):
