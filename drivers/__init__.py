@@ -1,14 +1,14 @@
-"""Devices behind one interface per kind: what a rig asks of them, and how a driver for one is found.
+"""Interfaces to the devices of a rig, one per kind of device, and the search for their drivers.
 
-Everything that is public stands here and is loaded when it is first used:
+All public names are available here. Each is loaded at its first use:
 
 >>> import drivers
 >>> drivers.find_driver("zaber-ascii").kind
 'stage'
 
-A driver of yours implements `Camera`, `RotationStage`, `LoadFrame` or `Operator` and is offered as a
-`DriverSpec`; `drivers.testing` has the tests that it must pass. A device that does not do what is asked
-raises a `DeviceError`, whose message is one sentence that ends with what to do.
+Your own driver implements `Camera`, `RotationStage`, `LoadFrame` or `Operator` and is published as a
+`DriverSpec`; `drivers.testing` has the tests that the driver must pass. A device that does not execute a
+command raises a `DeviceError`. The error message is one sentence that ends with the remedy.
 """
 
 from importlib import import_module

@@ -1,7 +1,7 @@
-"""The one clock of the house: nothing else may sleep or ask for the time.
+"""The only clock of the program: no other module may sleep or read the time.
 
-A run takes its clock as an argument, so hours of protocol pass in seconds on a `VirtualClock`
-and the same code runs a real rig on the `SystemClock`.
+A run takes its clock as an argument. A `VirtualClock` simulates hours of a protocol in seconds; the same code
+runs a real rig on the `SystemClock`.
 """
 
 import threading
@@ -11,7 +11,7 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """Monotonic time, waiting, and the date that belongs to a monotonic time."""
+    """Monotonic time, waiting, and date and time."""
 
     def now_s(self) -> float:
         """Seconds since an arbitrary start; never goes back."""
@@ -27,7 +27,7 @@ class SystemClock:
     """The machine's own time."""
 
     def now_s(self) -> float:
-        """Seconds of the system's monotonic clock (the clock V4L2 stamps frames with)."""
+        """Seconds of the system's monotonic clock (the clock of V4L2's frame timestamps)."""
         return time.monotonic()
 
     def sleep(self, duration_s: float) -> None:
@@ -40,12 +40,12 @@ class SystemClock:
 
 
 class VirtualClock:
-    """Simulated time: it advances only when somebody sleeps on it, and then at once.
+    """Simulated time: only calls of `sleep` advance the clock, without waiting.
 
     Parameters
     ----------
     start : datetime, optional
-        The date at simulated second 0. Fixed by default, so a run repeats bit by bit.
+        The date at simulated second 0. The default is a fixed date, so that runs are reproducible bit by bit.
     """
 
     def __init__(self, start: datetime = datetime(2026, 1, 1, 8, 0, tzinfo=UTC)) -> None:

@@ -1,23 +1,23 @@
-"""What can go wrong with a device, said in one sentence that a technician can act on."""
+"""Errors of devices. Each message is one sentence that tells a technician what to do."""
 
 
 class DeviceError(Exception):
-    """A device did not do what was asked.
+    """A device did not execute a command or request.
 
     Parameters
     ----------
     device : str
         The device as the rig file names it, with its port or address.
     step : str
-        What was being done.
+        The action that failed.
     expected, got : str
-        What should have happened, and what did.
+        The expected and the actual result.
     remedy : str
-        What to do about it.
+        What the user can do.
     """
 
     def __init__(self, device: str, step: str, expected: str, got: str, remedy: str) -> None:
-        # The arguments are kept as they are, so that an error survives the way back from another process.
+        # Pass all arguments to the base class, so that the error can be pickled between processes.
         super().__init__(device, step, expected, got, remedy)
         self.device, self.step = device, step
         self.expected, self.got, self.remedy = expected, got, remedy
@@ -27,7 +27,7 @@ class DeviceError(Exception):
 
 
 class LinkLost(DeviceError):
-    """The connection is gone or can no longer be trusted."""
+    """The connection is lost or no longer reliable."""
 
 
 class DeviceTimeout(DeviceError):
@@ -46,7 +46,7 @@ class ConfigurationError(Exception):
     source : str
         The file.
     mistakes : sequence of str
-        One sentence each: where, what was expected, what was found.
+        One sentence per mistake: the place, the expected value and the actual value.
     """
 
     def __init__(self, source: str, mistakes: list[str]) -> None:

@@ -1,8 +1,8 @@
-"""What the rig asks of a device, and what a device answers.
+"""Interfaces between the rig and its devices.
 
-These protocols are the whole contract: a driver implements one of them, a simulated camera does too,
-and third parties' drivers found by entry point (`drivers.registry`) need nothing else.
-Every call returns soon or raises a `DeviceError`; whoever waits for motion has a deadline of his own.
+These protocols are the complete contract. Every driver implements one of them: real devices, simulated
+devices, and third parties' drivers found by entry point (`drivers.registry`). Every call returns soon or
+raises a `DeviceError`. A caller that waits for motion must use a deadline of its own.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from drivers.clock import Clock
 
 @dataclass(frozen=True)
 class DeviceInfo:
-    """Who a device is, as it says itself; written into the run file."""
+    """Identity of a device as reported by the device; written into the run file."""
 
     vendor: str
     model: str
@@ -38,20 +38,20 @@ class CameraInfo(DeviceInfo):
 
 @dataclass(frozen=True)
 class Frame:
-    """One image as the sensor gave it.
+    """One image, unchanged since the sensor.
 
     Attributes
     ----------
     image : ndarray of uint8 or uint16, shape (height, width)
     exposed_s : float
-        When the exposure began at the earliest, on the rig's monotonic clock: what a driver does not know of
-        the delay counts against the frame.
+        Earliest possible start of the exposure, on the rig's monotonic clock. A driver subtracts the longest
+        possible delay where the delay is unknown.
     received_s : float
-        When the frame reached the program, on the same clock.
+        Time at which the program received the frame, on the same clock.
     utc : datetime
         The date of `exposed_s`.
     sequence : int
-        The camera's own frame counter; a gap means lost frames.
+        The camera's frame counter; a gap means lost frames.
     flags : int
         The driver's buffer flags, 0 for a good frame.
     exposure_us, gain : float
@@ -69,7 +69,7 @@ class Frame:
 
 
 class Camera(Protocol):
-    """A camera that can prove how old its frames are."""
+    """A camera with an upper limit for the age of each frame."""
 
     info: CameraInfo
 
@@ -82,9 +82,10 @@ class Camera(Protocol):
 
 @dataclass(frozen=True)
 class StageState:
-    """Where a rotation stage is.
+    """Position and status of a rotation stage.
 
-    `warnings` are the device's own flags. A state is read fresh from the device, at `time_s` of the clock.
+    `warnings` are the warning flags of the device. `time_s` is the time on the clock at which the state was
+    read from the device.
     """
 
     angle_deg: float
@@ -103,32 +104,32 @@ class RotationStage(Protocol):
         """Ask for position and status; `DeviceFault` if the device reports that motion failed."""
 
     def home(self) -> None:
-        """Begin to find the reference position; `read` tells when it is done."""
+        """Begin to find the reference position; `read` reports the end of the search."""
 
     def move_to(self, angle_deg: float) -> None:
-        """Begin to move to an absolute angle; refused out of limits or without a reference."""
+        """Begin to move to an absolute angle; refused beyond the limits or without a reference."""
 
     def stop(self) -> None:
-        """Stop now, ahead of everything that waits, until the device says that it stands still."""
+        """Stop before any waiting command, and wait until the device reports standstill."""
 
     def close(self) -> None:
-        """Release the port; harmless when repeated. It does not move or stop anything."""
+        """Release the port; harmless when repeated. Closing does not start or stop any motion."""
 
 
 @dataclass(frozen=True)
 class LoadFrameState:
-    """What a load frame reports, read in one coherent block at `time_s` of the rig's clock.
+    """State of a load frame, read in one coherent block at `time_s` of the rig's clock.
 
     Attributes
     ----------
     load_n, displacement_mm : float
         Tensile load and crosshead displacement, both positive in tension.
     moving, at_target, holding : bool
-        What the machine does now.
+        The present motion status of the machine.
     sample : int
-        The machine's own sample counter: a value that does not grow is stale.
+        The machine's sample counter. If the counter does not increase, the values are stale.
     faults : tuple of str
-        Names of active faults, trips and limits; empty when all is well.
+        Names of active faults, trips and limits; empty without any.
     """
 
     load_n: float
@@ -163,38 +164,38 @@ class LoadFrame(Protocol):
         """Read the state and feed the watchdog; raises on stale or impossible values and a lost link."""
 
     def go_to_load(self, load_n: float, rate_n_s: float) -> None:
-        """Begin to approach a load; refused beyond the limits."""
+        """Begin to approach a load. Loads beyond the limits are refused."""
 
     def go_to_displacement(self, displacement_mm: float, speed_mm_s: float) -> None:
-        """Begin to approach a crosshead position; refused beyond the limits."""
+        """Begin to approach a crosshead position. Positions beyond the limits are refused."""
 
     def hold(self) -> None:
-        """Stop and hold position now, ahead of everything that waits, until the machine confirms it."""
+        """Stop and hold position before any waiting command, and wait until the machine confirms."""
 
     def tare(self) -> None:
         """Make the present load and displacement the zero."""
 
     def close(self) -> None:
-        """Release the link; harmless when repeated. It does not move or stop anything."""
+        """Release the link; harmless when repeated. Closing does not start or stop any motion."""
 
 
 class OperatorAction(Enum):
-    """What a protocol asks of the person at the rig."""
+    """An action that a protocol requests from the person at the rig."""
 
     ATTACH_GRID = "attach the calibration grid to the specimen"
     REMOVE_GRID = "remove the calibration grid"
 
 
 class Operator(Protocol):
-    """The person at the rig, or whoever stands in for that person."""
+    """The person at the rig, or a substitute for that person."""
 
     def perform(self, action: OperatorAction) -> None:
-        """Return when the action was done; raise `DeviceError` when it was refused."""
+        """Return after the action was done; raise `DeviceError` if the person refused the action."""
 
 
 @dataclass(frozen=True)
 class OpenContext:
-    """What a driver gets besides its own settings.
+    """Arguments of a driver other than its settings.
 
     Attributes
     ----------
@@ -202,8 +203,8 @@ class OpenContext:
         The device's name in the rig file, for messages.
     clock : Clock
     environment : object or None
-        The simulated rig, if there is one: its `clock`, and in `addresses` the ports of its servers by name;
-        a rig file refers to them as ``@name``. Simulated devices know its concrete type.
+        The simulated rig, if there is one. `clock` is its clock; `addresses` holds the ports of its servers
+        by name, and a rig file refers to them as ``@name``. Simulated devices know the concrete type.
     """
 
     name: str

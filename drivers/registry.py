@@ -1,4 +1,4 @@
-"""Drivers by name: ours and third parties' are found the same way, by entry point."""
+"""Drivers by name. Our own and third parties' drivers are both found by entry point."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,9 +20,9 @@ class SerialPort:
     Attributes
     ----------
     path : str
-        Lasting, where the system keeps such a name.
+        A persistent name, if the system has one.
     description : str
-        As the adapter says.
+        As reported by the adapter.
     """
 
     path: str
@@ -36,11 +36,12 @@ class Found:
     Attributes
     ----------
     what : str
-        Who it is, in words.
+        Name of the device, for people.
     settings : dict
-        What a rig file would say about it. The first setting is its place: a node, a port, an address.
+        Settings of the device in a rig file. The first setting is its location: a node, a port or an address.
     usable : bool
-        Whether the driver can open it so; a rig file offers any other as a comment.
+        Whether the driver can open the device with these settings; a generated rig file lists unusable
+        devices as comments.
     """
 
     what: str
@@ -49,24 +50,24 @@ class Found:
 
     @property
     def place(self) -> str:
-        """Where the device is; empty without settings."""
+        """Location of the device; empty without settings."""
         return str(next(iter(self.settings.values()), ""))
 
 
 @dataclass(frozen=True)
 class Finder:
-    """Where a driver looks for its devices; what it cannot do is left out.
+    """How a driver looks for its devices; methods that the driver does not support are None.
 
-    Each function ends soon, changes no setting, moves nothing, and raises `OSError` with the reason if it
-    cannot look. Ports are asked by one driver at a time; a port at which one found its device is asked by no
-    other.
+    Each function ends soon, changes no setting, starts no motion, and raises `OSError` with the reason if the
+    search is impossible. Drivers query a port one after the other. When a driver has found its device at a
+    port, no other driver queries that port.
 
     Attributes
     ----------
     what : str
-        What is looked for, in words for a person: ``Zaber stages``.
+        Name of the devices, for people: ``Zaber stages``.
     listed : callable, optional
-        ``listed()`` returns the devices that the system lists. It sends nothing to anybody.
+        ``listed()`` returns the devices that the system lists. The call sends nothing to any device.
     answering : callable, optional
         ``answering()`` returns the devices that answer on networks and buses.
     ports : callable, optional
@@ -74,9 +75,9 @@ class Finder:
     at_port : callable, optional
         ``at_port(path)`` returns the devices that answer at a serial port or behind ``socket://host:port``.
     at_modbus : callable, optional
-        ``at_modbus(address)`` returns those at ``host:port`` (Modbus TCP) or ``rtu://host:port``.
+        ``at_modbus(address)`` returns the devices at ``host:port`` (Modbus TCP) or ``rtu://host:port``.
     asks_for_s : float
-        How long a port is asked in vain. Quick drivers go first.
+        Duration of a query at a port without an answer. Drivers with short queries go first.
     """
 
     what: str
@@ -90,18 +91,19 @@ class Finder:
 
 @dataclass(frozen=True)
 class DriverSpec:
-    """How a driver is found, configured and opened.
+    """Description of a driver: kind of device, settings, opening and search.
 
     Attributes
     ----------
     kind : str
-        Which of the interfaces in `drivers.interfaces` it implements; an ``environment`` is a simulated rig.
+        The interface in `drivers.interfaces` that the driver implements; an ``environment`` is a simulated
+        rig.
     settings : type of Settings
-        What the rig file may say about it; unknown keys are refused.
+        The keys that the rig file may contain; unknown keys are refused.
     open : callable
-        ``open(settings, context)`` returns the device, ready, or raises `DeviceError`.
+        ``open(settings, context)`` returns the device, ready for use, or raises `DeviceError`.
     find : Finder, optional
-        How ``rig devices`` finds its devices.
+        The search of ``rig devices`` for devices of this driver.
     """
 
     kind: DeviceKind
@@ -121,7 +123,7 @@ def find_driver(name: str) -> DriverSpec:
     Raises
     ------
     LookupError
-        If no installed package offers it, more than one does, or it cannot be loaded.
+        If no installed package or several packages offer the driver, or if the driver cannot be loaded.
     """
     points = {point.value: point for point in entry_points(group=GROUP, name=name)}
     if not points:
@@ -133,7 +135,7 @@ def find_driver(name: str) -> DriverSpec:
     (point,) = points.values()
     try:
         spec = point.load()
-    # somebody else's module may fail in any way
+    # a third party's module may raise any exception
     except Exception as error:
         raise LookupError(
             f"driver {name!r}: {point.value!r} cannot be loaded: {type(error).__name__}: {error}"

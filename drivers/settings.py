@@ -1,4 +1,4 @@
-"""Files that people write: TOML, strictly checked, all mistakes reported together."""
+"""TOML files written by people: strictly validated, all mistakes reported together."""
 
 import json
 import re
@@ -14,14 +14,14 @@ from drivers.errors import ConfigurationError
 
 
 class Settings(BaseModel):
-    """Base of everything read from TOML: frozen, no unknown keys, no conversion, no NaN or infinity."""
+    """Base class of settings read from TOML: frozen, no unknown keys, no conversion, no NaN or infinity."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
     @field_validator("*", mode="after")
     @classmethod
     def _without_control_characters(cls, value: Any) -> Any:
-        # A null ends a text in a run file, and a line break tears the tables it is printed in.
+        # A null character ends a text in a run file, and a line break breaks the printed tables.
         if isinstance(value, str) and any(unicodedata.category(sign) == "Cc" for sign in value):
             raise ValueError("a text without control characters is expected")
         return value
@@ -44,7 +44,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 def read_toml_text(path: Path) -> tuple[dict[str, Any], str]:
     """Return a TOML file's content and its text, byte for byte; raises like `read_toml`."""
     try:
-        # Not `read_text`, which would turn every line's end into a plain line feed.
+        # Do not use `read_text`: universal newlines would convert all line ends to line feeds.
         text = path.read_bytes().decode()
         if text.startswith("\ufeff"):
             raise ConfigurationError(str(path), ["has a byte order mark; save it as UTF-8 without one"])
@@ -79,7 +79,7 @@ def _toml_value(value: object) -> str:
 
 
 def mistakes_in(error: ValidationError, prefix: str = "") -> list[str]:
-    """Turn pydantic's findings into one sentence each: where, what was expected, what was found."""
+    """Turn each pydantic error into one sentence: the place, the expected value and the actual value."""
     sentences = []
     for finding in error.errors(include_url=False):
         where = ".".join(str(part) for part in finding["loc"])

@@ -1,1 +1,1 @@
-"""Cameras: what all of them share, and one folder per interface to a camera."""
+"""Cameras: shared modules, and one folder per camera interface."""

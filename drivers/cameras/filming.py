@@ -1,4 +1,4 @@
-"""What cameras that film all the time have in common: a fresh frame at each call, or all as a stream."""
+"""Base class of cameras that film continuously: a new frame per call, or all frames as a stream."""
 
 import threading
 from abc import ABC, abstractmethod
@@ -14,7 +14,7 @@ from drivers.interfaces import CameraInfo, Frame, OpenContext
 SILENCE_S = 1.0
 SILENCE_FRAMES = 10
 LOST_FRAMES = 3
-"""After so many frames' time without any, whatever its age, a camera may be opened anew."""
+"""A camera may be reopened after this many frame times without any frame, new or old."""
 OPENING_S = 20.0
 """How long a stream waits for a camera to be opened again."""
 
@@ -25,17 +25,17 @@ class Session(Protocol):
     Attributes
     ----------
     seen : int
-        How many frames came since it was opened, fresh or not.
+        Number of frames received since opening, including old frames.
     """
 
     seen: int
 
     @property
     def interval_s(self) -> float:
-        """From one frame to the next."""
+        """Time between frames."""
 
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
-        """Return the next frame whose exposure began after `after_s`; None when the time is over."""
+        """Return the next frame whose exposure began after `after_s`; None after `timeout_s`."""
 
     def verify(self) -> None:
         """Read the settings back; `DeviceFault` if one has changed, `LinkLost` without an answer."""
@@ -48,7 +48,7 @@ S = TypeVar("S", bound=Session)
 
 
 class FilmingCamera(ABC, Generic[S]):
-    """A `Camera` that throws away what was exposed before a call, and is opened anew once it was lost.
+    """A `Camera` that discards frames exposed before a call, and that is reopened after a lost connection.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class FilmingCamera(ABC, Generic[S]):
 
     info: CameraInfo
     silent_is_lost = False
-    """Whether a camera that gave no frame at all is to be opened anew."""
+    """Whether a camera without any frame counts as lost and is reopened."""
 
     def __init__(self, name: str, clock: Clock) -> None:
         self._name = name
@@ -71,16 +71,16 @@ class FilmingCamera(ABC, Generic[S]):
         self._silent_s = 0.0
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return a frame whose exposure began after this call; its flags tell if it is damaged.
+        """Return a frame whose exposure began after this call; a damaged frame has flags.
 
         Raises
         ------
         DeviceTimeout
-            If there is none after `timeout_s`.
+            If no such frame arrives within `timeout_s`.
         LinkLost
             If the camera was unplugged or does not answer any more.
         DeviceFault
-            If it reports errors, a setting has changed, or a stream is open.
+            If the camera reports errors, a setting has changed, or a stream is open.
         """
         asked_s = self._clock.now_s()
         with to_itself(self._lock, self._name, "grab", timeout_s):
@@ -105,17 +105,17 @@ class FilmingCamera(ABC, Generic[S]):
         )
 
     def stream(self, capacity: int = CAPACITY) -> FrameStream:
-        """Return a stream of all frames from now on; `grab` is refused until it is closed.
+        """Return a stream of all frames from now on; `grab` is refused until the stream is closed.
 
         Parameters
         ----------
         capacity : int
-            How many frames may wait for the program.
+            Largest number of frames in the queue.
 
         Raises
         ------
         DeviceError
-            As `grab` does.
+            As `grab`.
         """
         with to_itself(self._lock, self._name, "stream", OPENING_S):
             session = self._ready("stream", self._clock.now_s() + OPENING_S)
@@ -140,7 +140,8 @@ class FilmingCamera(ABC, Generic[S]):
 
     def close(self) -> None:
         """Release the camera; harmless when repeated."""
-        self._closed = True  # before it waits: threads that grab by turns might never let it in
+        # set before waiting for the lock: threads that grab in turns might never leave the lock to `close`
+        self._closed = True
         with self._lock:
             stream = self._stream
         if stream is not None:
@@ -150,7 +151,7 @@ class FilmingCamera(ABC, Generic[S]):
 
     @abstractmethod
     def _open_again(self, step: str, deadline_s: float) -> S:
-        """Open the camera that was given up, at most until the deadline."""
+        """Reopen the camera after a lost connection, at most until the deadline."""
 
     def _give_up(self) -> None:
         session, self._session = self._session, None
@@ -187,7 +188,7 @@ class FilmingCamera(ABC, Generic[S]):
 
 @contextmanager
 def to_itself(lock: threading.Lock, device: str, step: str, timeout_s: float) -> Iterator[None]:
-    """Hold a camera's lock; `DeviceTimeout` if another call still does after `timeout_s`."""
+    """Hold a camera's lock; `DeviceTimeout` if another call holds the lock for longer than `timeout_s`."""
     if not lock.acquire(timeout=min(max(0.0, timeout_s), threading.TIMEOUT_MAX)):
         raise DeviceTimeout(
             device,
@@ -203,7 +204,7 @@ def to_itself(lock: threading.Lock, device: str, step: str, timeout_s: float) ->
 
 
 def refuse_simulated_time(device: str, context: OpenContext) -> None:
-    """Raise `DeviceFault` where time is simulated: a real camera knows nothing of it."""
+    """Raise `DeviceFault` if time is simulated: a real camera runs in real time."""
     if isinstance(context.clock, VirtualClock):
         raise DeviceFault(
             device,

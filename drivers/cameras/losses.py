@@ -1,4 +1,4 @@
-"""Which frames of a stream are missing: by the camera's counter, and by the time where that is not enough."""
+"""Missing frames of a stream, from the camera's counter and, where that is not sufficient, from the time."""
 
 from collections import deque
 from dataclasses import dataclass, replace
@@ -7,15 +7,15 @@ from enum import Enum
 from drivers.interfaces import Frame
 
 IN_A_ROW = 8
-"""So many frames must all come late before time says that some were not counted."""
+"""Number of consecutive late frames that prove frames missing without a gap in the counter."""
 DOUBTED = 128
-"""For so many frames a later one that is on time takes this back; then a fast camera's clock could, too."""
+"""An on-time frame withdraws a `PAUSE` loss only within this many frames; later, a fast clock could, too."""
 OVERTAKEN = 64
-"""A counter that goes back by less may be a frame that comes late; by more it began anew."""
+"""A smaller step back of the counter may be a delayed frame; a larger step is a restart."""
 
 
 class LossKind(Enum):
-    """How it is known that frames are missing."""
+    """Evidence for missing frames."""
 
     GAP = "the camera's counter jumped"
     PAUSE = "more time went by than the camera's counter says"
@@ -26,18 +26,18 @@ class LossKind(Enum):
 
 @dataclass(frozen=True)
 class Loss:
-    """Missing frames in a row.
+    """Consecutive missing frames.
 
     Attributes
     ----------
     kind : LossKind
     first : int
-        Sequence number of the first one missing; for `LossKind.REPEAT` that of the frame at which it was
-        noticed, for `LossKind.PAUSE` that of the first frame that came late, to within eight.
+        Sequence number of the first missing frame; for `LossKind.REPEAT` that of the frame with the repeated
+        number; for `LossKind.PAUSE` that of the first late frame, to within eight.
     count : int
-        How many; 0 for a counter that did not grow, since the frame itself is there.
+        Number of missing frames; 0 if the counter did not increase, since the frame itself was received.
     time_s : float
-        When it was noticed, on the rig's clock.
+        Time of detection, on the rig's clock.
     """
 
     kind: LossKind
@@ -52,28 +52,28 @@ class LossAccount:
     Parameters
     ----------
     interval_s : float
-        From one frame to the next.
+        Time between frames.
     """
 
     def __init__(self, interval_s: float) -> None:
         self._interval_s = interval_s
         self._last: Frame | None = None
         self._certain: list[Loss] = []
-        # frames not counted, each with the delay before it
+        # losses that the counter does not show, each with the delay before the loss
         self._pauses: list[tuple[Loss, float]] = []
         self._settled = 0
         self._delays: deque[tuple[int, float]] = deque(maxlen=2 * IN_A_ROW)
 
     def losses(self) -> tuple[Loss, ...]:
-        """Return all losses in the order in which they were noticed."""
+        """Return all losses in the order of detection."""
         pauses = [loss for loss, _ in self._pauses if loss.count]
         return tuple(sorted((*self._certain, *pauses), key=lambda loss: loss.time_s))
 
     def see(self, frame: Frame) -> bool:
-        """Note what is missing before a frame; False for one that the next ones have overtaken.
+        """Record the frames missing before a frame; False for a frame that arrives after later frames.
 
-        Such a frame's packets were sent again by a network camera. It was counted as missing, or came damaged
-        before, and stays so: frames are delivered in order.
+        A network camera has sent the packets of such a frame again. The frame stays recorded as missing or
+        damaged, because frames are delivered in order.
         """
         last = self._last
         if last is None:
@@ -93,7 +93,7 @@ class LossAccount:
         return True
 
     def add(self, kind: LossKind, first: int, count: int, frame: Frame) -> None:
-        """Note a loss at the time of a frame; overflows in a row are one."""
+        """Record a loss at the time of a frame; consecutive overflows are merged."""
         last = self._certain[-1] if self._certain else None
         if last is not None and last.kind is kind is LossKind.OVERFLOW and last.first + last.count == first:
             self._certain[-1] = replace(last, count=last.count + count)
@@ -104,10 +104,10 @@ class LossAccount:
         return any(loss.first <= number < loss.first + loss.count for loss in self._certain)
 
     def _compare_time(self, frame: Frame, *, began_anew: bool) -> None:
-        """Find frames that the camera did not count, by the time that the counter leaves unexplained.
+        """Find missing frames that the camera did not count, from the time that the counter does not explain.
 
-        A frame may come late, but not early: the least delay of some frames in a row tells their true pace.
-        If they all were late, a later one will show it.
+        A frame can be late, but not early: the least delay of several consecutive frames is the true one. If
+        all of them were late, a later frame corrects the loss.
         """
         delay_s = frame.exposed_s - frame.sequence * self._interval_s
         if began_anew:
@@ -117,7 +117,7 @@ class LossAccount:
         if len(self._delays) < 2 * IN_A_ROW:
             return
         older, newer = list(self._delays)[:IN_A_ROW], list(self._delays)[IN_A_ROW:]
-        # not the least: the number of one may be rounded up, by a camera that numbers by the time
+        # use the second least delay: a camera that derives numbers from time may have rounded one number up
         before_s = sorted(delay_s for _, delay_s in older)[1]
         after_s = min(delay_s for _, delay_s in newer)
         uncounted = round((after_s - before_s) / self._interval_s)
@@ -127,7 +127,7 @@ class LossAccount:
             self._delays.extend(explained + newer)
 
     def _doubt(self, number: int, delay_s: float) -> None:
-        """Take back what was said missing by its time, if a frame has come too early for that."""
+        """Reduce `PAUSE` losses if a frame arrives too early for them."""
         later = 0
         for index in range(len(self._pauses) - 1, self._settled - 1, -1):
             loss, before_s = self._pauses[index]

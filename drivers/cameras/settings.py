@@ -1,4 +1,4 @@
-"""What a rig file says about the frames of any camera of ours."""
+"""Settings of frames in a rig file, common to all our cameras."""
 
 from typing import Self
 
@@ -16,15 +16,15 @@ class FrameSettings(Settings):
 
 
 class DatedFrameSettings(FrameSettings):
-    """The same of a camera that can tell when a frame was exposed.
+    """Settings of frames for cameras with timestamps.
 
     Attributes
     ----------
     exposure_us : float, optional
-        Left out only where the camera has no control for it.
+        Omit only if the camera has no exposure control.
     transfer_us : float, optional
-        Longest time from the end of exposure to the frame's time stamp, where this does not mark the start of
-        exposure; a frame time by default.
+        Longest time from the end of exposure to the timestamp of the frame; a frame time by default. Unused
+        if the timestamp marks the start of exposure.
     """
 
     exposure_us: float | None = Field(default=None, gt=0)

@@ -1,4 +1,4 @@
-"""Frames as fast as the camera gives them, with an account of every one that is missing."""
+"""Frames at the full rate of the camera, with a record of every missing frame."""
 
 import threading
 from collections import deque
@@ -13,17 +13,17 @@ from drivers.interfaces import Frame
 
 CAPACITY = 64
 SLICE_S = 0.1
-"""How long the thread waits at a time before it looks whether it shall end."""
+"""Longest wait of the thread between two checks for its end."""
 
 
 @dataclass(frozen=True)
 class StreamReport:
-    """What became of the frames of a stream.
+    """Numbers of delivered and missing frames of a stream.
 
     Attributes
     ----------
     taken : int
-        Whole frames that were queued for the program.
+        Number of undamaged frames that were queued for the program.
     losses : tuple of Loss
     """
 
@@ -32,36 +32,36 @@ class StreamReport:
 
     @property
     def lost(self) -> int:
-        """How many frames are missing in all."""
+        """Total number of missing frames."""
         return sum(loss.count for loss in self.losses)
 
 
 class FrameStream:
     """A thread that takes frames from a camera into a bounded queue; use it as a context manager.
 
-    Frames with error flags are not delivered. When the queue is full the newest frame is dropped. Nothing is
-    dropped, skipped or found missing that `report` does not tell.
+    Frames with error flags are not delivered. When the queue is full, the newest frame is dropped. `report`
+    lists every dropped, damaged or missing frame.
 
     Parameters
     ----------
     device : str
         For messages.
     source : callable
-        ``source(timeout_s)`` returns the next frame, or None when the time is over; it raises `DeviceError`.
+        ``source(timeout_s)`` returns the next frame, or None after the timeout; errors raise `DeviceError`.
     clock : Clock
     interval_s : float
-        From one frame to the next.
+        Time between frames.
     silence_s : float
-        After how long without a frame the camera counts as stalled.
+        The camera counts as stalled after this time without a frame.
     capacity : int
-        Of the queue.
+        Capacity of the queue.
     on_close : callable
-        Called once the thread has ended.
+        Called after the end of the thread.
 
     Raises
     ------
     DeviceFault
-        If the queue has no room.
+        If the capacity is less than one frame.
     """
 
     def __init__(
@@ -99,14 +99,14 @@ class FrameStream:
         self._thread.start()
 
     def next(self, timeout_s: float) -> Frame:
-        """Return the oldest frame that waits.
+        """Return the oldest frame in the queue.
 
         Raises
         ------
         DeviceTimeout
             If none comes in time.
         DeviceError
-            What ended the stream, once the frames before it are taken.
+            The error that ended the stream, after all earlier frames were taken.
         """
         with self._news:
             self._news.wait_for(
@@ -121,12 +121,12 @@ class FrameStream:
         raise self._timeout(f"a frame within {timeout_s:g} s", got)
 
     def report(self) -> StreamReport:
-        """Return the account up to now."""
+        """Return the present numbers of delivered and missing frames."""
         with self._news:
             return StreamReport(self._taken, self._losses.losses())
 
     def close(self) -> None:
-        """End the thread; frames that wait can still be taken. Harmless when repeated."""
+        """End the thread; queued frames can still be taken. Harmless when repeated."""
         self._ending.set()
         self._thread.join()
         with self._news:
@@ -141,7 +141,7 @@ class FrameStream:
         self.close()
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield frames until the stream is closed; raises what ended it otherwise."""
+        """Yield frames until the stream is closed; raise the error if an error ended the stream."""
         while True:
             try:
                 yield self.next(self._silence_s)
@@ -160,7 +160,7 @@ class FrameStream:
                     if now_s - heard_s > self._silence_s:
                         raise self._timeout(f"a frame within {self._silence_s:g} s", "none")
                     continue
-            except Exception as error:  # whatever it is: whoever takes the frames must hear of it
+            except Exception as error:  # pass any exception to the reader of the frames
                 with self._news:
                     self._error = error
                     self._news.notify_all()
@@ -186,4 +186,4 @@ class FrameStream:
 
 
 def _nothing() -> None:
-    """Stand in for what was called already."""
+    """Do nothing; replaces a callback after its call."""

@@ -1,1 +1,1 @@
-"""Operators: who is asked to act at the machine."""
+"""Operators: the people who act at the machine on request."""

@@ -10,18 +10,18 @@ from drivers.settings import Settings
 
 
 class ConsoleOperatorSettings(Settings):
-    """Nothing to set."""
+    """No settings."""
 
 
 class ConsoleOperator:
-    """An `Operator` who reads what to do and confirms it with Enter.
+    """An `Operator` who reads the requested action and confirms with Enter.
 
     Parameters
     ----------
     name : str
         For messages.
     ask : callable
-        Shows a text and returns the line typed; raises EOFError when there is nobody.
+        Shows a text and returns the typed line; raises EOFError if there is no terminal input.
     """
 
     def __init__(self, name: str, ask: Callable[[str], str]) -> None:
@@ -45,7 +45,7 @@ class ConsoleOperator:
 
 
 def _ask_on_terminal(text: str) -> str:
-    # standard output may be piped elsewhere: what a person must read goes where errors go
+    # standard output may be redirected: write the request to standard error
     print(text, end="", file=sys.stderr, flush=True)
     return input()
 

@@ -1,4 +1,4 @@
-"""What every driver must do, as tests that a driver's own test suite inherits.
+"""Requirements for every driver, as tests that the driver's own test suite inherits.
 
 ::
 
@@ -10,8 +10,8 @@
             with my_simulator() as device:
                 yield StageBench(open_my_stage(...), ...)
 
-A bench is the opened device and what the tests need besides: its clock, its limits, and handles for what can
-go wrong. A handle that a bench has not got is None; the tests that need it are skipped and say so.
+A bench holds the opened device, its clock, its limits, and handles that cause faults. A missing handle is
+None; the tests that need this handle are reported as skipped.
 """
 
 from drivers.testing.camera_bench import CameraBench

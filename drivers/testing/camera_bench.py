@@ -1,4 +1,4 @@
-"""A camera, and what its contract needs besides."""
+"""A camera with the handles that its contract needs."""
 
 import math
 from collections.abc import Callable
@@ -15,36 +15,36 @@ from drivers.testing.common import Counter, Handle, assert_says_all, needed
 GRAB_S = 20.0
 ROUNDS = 6
 TINY_S = 1e-5
-"""Stamps count microseconds."""
+"""Tolerance for timestamps with a resolution of 1 µs."""
 
 
 @dataclass(frozen=True)
 class CameraBench:
-    """A camera that was just opened, and what can be done to it.
+    """A newly opened camera, with handles for the tests.
 
     Attributes
     ----------
     camera : Camera
     clock : Clock
-        The clock of its frames' times.
+        The clock of the frame times.
     name : str
-        The camera's name in the rig file, which errors must tell.
+        The camera's name in the rig file; errors must contain this name.
     interval_s : float
-        From one frame to the next.
+        Time between frames.
     reopen : callable
-        ``reopen()`` opens the camera once more, as it was; the test closes it.
+        ``reopen()`` opens the camera again with the same settings; the test closes the camera.
     exposure_us, gain : float
-        As set; NaN where the camera does not tell them.
+        As set; NaN if the camera does not report the value.
     tolerance_s : float
-        How long after its deadline a call may end, and by how much the date of a frame may be wrong.
+        Longest delay of a call after its deadline, and largest error of the date of a frame.
     shows : callable, optional
-        ``shows(frame)`` tells by the picture alone when its exposure truly began.
+        ``shows(frame)`` returns the true start of exposure, from the picture alone.
     stall, go_on : callable, optional
-        From now on the camera gives no frames; and it does again.
+        Stop the delivery of frames; start the delivery again.
     lose : callable, optional
-        The next frame is lost, or some of the next are.
+        Lose the next frame, or some of the next frames.
     held : callable, optional
-        ``held()`` counts what the driver has not released of the camera: its nodes, its buffers.
+        ``held()`` returns the number of nodes and buffers that the driver has not released.
     """
 
     camera: Camera
@@ -62,7 +62,7 @@ class CameraBench:
     held: Counter | None = None
 
     def grab(self) -> Frame:
-        """Grab a frame that was exposed after the call, by its stamps and by its picture."""
+        """Grab a frame and assert, by timestamps and by picture, that its exposure began after the call."""
         asked_s = self.clock.now_s()
         frame = self.camera.grab(GRAB_S)
         assert asked_s <= frame.exposed_s <= frame.received_s <= self.clock.now_s()
@@ -72,19 +72,19 @@ class CameraBench:
         return frame
 
     def stream(self, **options: Any) -> Any:
-        """Open a stream of all frames; the test is skipped where the driver has none."""
+        """Open a stream of all frames; skip the test if the driver has no streams."""
         return needed(getattr(self.camera, "stream", None), "stream")(**options)
 
     def assert_times_out(self, timeout_s: float) -> None:
-        """A frame that cannot come in time is given up in time, in one sentence."""
+        """Assert that `grab` raises `DeviceTimeout` in time, with a complete message."""
         asked_s = self.clock.now_s()
         with pytest.raises(DeviceTimeout) as late:
             self.camera.grab(timeout_s)
-        allowed_s = timeout_s if timeout_s > 0 else 0.0  # NaN counts as none
+        allowed_s = timeout_s if timeout_s > 0 else 0.0  # NaN counts as 0
         assert self.clock.now_s() - asked_s <= allowed_s + self.tolerance_s
         self.assert_says_all(late.value)
 
     def assert_says_all(self, error: DeviceError) -> None:
-        """An error names this camera."""
+        """Assert that an error is complete and names this camera."""
         assert_says_all(error)
         assert self.name in error.device

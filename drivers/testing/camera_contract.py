@@ -23,15 +23,15 @@ from drivers.testing.stream_contract import StreamContract
 
 ANSWER_S = 30.0
 PAUSES, PAUSE_S = 0.3, 1e-3
-"""At which share of a driver's calls and returns a thread gives way to others, and for how long at most."""
+"""Fraction of a driver's calls and returns at which a thread yields, and the longest pause."""
 BYTE_BITS = 8
 
 
 class CameraContract(StreamContract):
-    """Inherit from it and give a fixture `bench`: a `CameraBench`, closed at its end."""
+    """Inherit from this class and define a fixture `bench`: a `CameraBench`, closed at the end."""
 
     def test_tells_who_it_is(self, bench: CameraBench) -> None:
-        """The run file needs it."""
+        """The run file needs the identity."""
         assert_identified(bench.camera.info)
 
     def test_images_are_of_the_announced_format(self, bench: CameraBench) -> None:
@@ -44,20 +44,20 @@ class CameraContract(StreamContract):
         assert 0 < int(frame.image.max()) < 1 << info.bits
 
     def test_tells_exposure_and_gain(self, bench: CameraBench) -> None:
-        """In µs, and in the camera's own unit; NaN says that they are not known."""
+        """Exposure in µs, gain in the unit of the camera; NaN if unknown."""
         frame = bench.grab()
         assert frame.exposure_us == pytest.approx(bench.exposure_us, nan_ok=True)
         assert frame.gain == pytest.approx(bench.gain, nan_ok=True)
 
     def test_a_frame_was_exposed_after_the_call_whatever_the_pause(self, bench: CameraBench) -> None:
-        """What waited in a queue shows the specimen as it was."""
+        """Queued frames show an earlier state of the specimen."""
         bench.grab()
         for pause in (0.0, 0.3, 0.9, 7.6, 40.1):
             bench.clock.sleep(pause * bench.interval_s)
             bench.grab()
 
     def test_frames_are_numbered_and_dated(self, bench: CameraBench) -> None:
-        """The date is that of the exposure."""
+        """The date is the start of exposure."""
         frames = [bench.grab() for _ in range(3)]
         late_s = (bench.clock.utc() - frames[-1].utc).total_seconds()
         age_s = bench.clock.now_s() - frames[-1].exposed_s
@@ -65,7 +65,7 @@ class CameraContract(StreamContract):
         assert all(before.sequence < after.sequence for before, after in pairwise(frames))
 
     def test_a_frame_stays_as_it_was(self, bench: CameraBench) -> None:
-        """The buffers of later frames are others."""
+        """Later frames use other buffers."""
         first = bench.grab()
         kept = first.image.copy()
         later = [bench.grab() for _ in range(ROUNDS)]
@@ -73,13 +73,13 @@ class CameraContract(StreamContract):
         assert not any(np.shares_memory(first.image, frame.image) for frame in later)
 
     def test_a_deadline_that_cannot_be_kept_is_told_in_time(self, bench: CameraBench) -> None:
-        """A deadline of NaN has passed already; and the camera is as good as before."""
+        """A NaN timeout counts as 0; the camera stays usable."""
         for timeout_s in (0.0, -1.0, math.nan, bench.interval_s / 4):
             bench.assert_times_out(timeout_s)
             bench.grab()
 
     def test_a_camera_that_gives_nothing_is_told_in_time_and_used_again(self, bench: CameraBench) -> None:
-        """No hang, and nobody needs to open it anew."""
+        """Calls do not hang, and the user does not have to reopen the camera."""
         stall, go_on = needed(bench.stall, "stall"), needed(bench.go_on, "go on")
         bench.grab()
         stall()
@@ -89,8 +89,8 @@ class CameraContract(StreamContract):
         bench.grab()
 
     def test_calls_from_two_threads_do_not_mix(self, bench: CameraBench) -> None:
-        """Each gets frames of its own."""
-        # so many, for a mix-up shows by chance
+        """Each thread gets its own frames."""
+        # many rounds, because a race shows only by chance
         rounds, together = 3 * ROUNDS, threading.Barrier(2)
 
         def grabs() -> list[Frame]:
@@ -104,7 +104,7 @@ class CameraContract(StreamContract):
         assert len({frame.sequence for frames in both for frame in frames}) == 2 * rounds
 
     def test_may_be_closed_while_another_thread_grabs(self, bench: CameraBench) -> None:
-        """Which gets its frame or a clear word."""
+        """The other thread gets its frame or a clear error."""
         grabbing, closed = threading.Event(), threading.Event()
 
         def grabs() -> None:
@@ -123,7 +123,7 @@ class CameraContract(StreamContract):
             bench.assert_says_all(error)
 
     def test_closing_twice_is_harmless_and_the_end(self, bench: CameraBench) -> None:
-        """Of this driver, not of the camera."""
+        """Closing ends the driver's use of the camera; the camera can be opened again."""
         bench.grab()
         bench.camera.close()
         bench.camera.close()
@@ -138,7 +138,7 @@ class CameraContract(StreamContract):
             assert again.grab(GRAB_S).flags == 0
 
     def test_nothing_is_left_of_a_closed_camera(self, bench: CameraBench) -> None:
-        """Neither threads, nor descriptors, nor the camera's own."""
+        """No threads, file descriptors or camera resources stay open."""
         bench.camera.close()
         threads, descriptors = _threads(), _descriptors()
         for _ in range(3):
@@ -147,20 +147,20 @@ class CameraContract(StreamContract):
                 if hasattr(camera, "stream"):
                     camera.stream().next(GRAB_S)
             assert bench.held is None or bench.held() == 0
-        # the other end of a connection, if it is in this program, needs its time
+        # a simulator in this process needs time to close its end of the connection
         wait_until(lambda: _threads() <= threads, SystemClock(), ANSWER_S)
         wait_until(lambda: _descriptors() <= descriptors, SystemClock(), ANSWER_S)
 
 
 @contextmanager
 def _giving_way(camera: Camera) -> Iterator[None]:
-    """Let threads that begin now give way to others at many of the driver's calls and returns.
+    """Make new threads yield to others at many of the driver's calls and returns.
 
-    A profile function sees those: a trace function would take the place of a debugger's, or of coverage's.
+    A profile function does this, because a trace function would replace that of a debugger or of coverage.
     """
     modules = {each.__module__ for each in type(camera).__mro__}
     theirs = {name for name in modules if name.partition(".")[0] not in sys.stdlib_module_names}
-    # a driver of several modules is a package
+    # a driver with several modules is a package
     packages = tuple(name.rpartition(".")[0] or name for name in theirs)
     clock, chance, before = SystemClock(), Random(1), threading.getprofile()
 

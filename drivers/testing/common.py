@@ -1,4 +1,4 @@
-"""What the contracts of all devices share."""
+"""Functions common to the contracts of all devices."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -18,14 +18,14 @@ LONGEST_S = 600.0
 
 
 def needed(handle: H | None, what: str) -> H:
-    """Return a bench's handle; the test is skipped where there is none."""
+    """Return a bench's handle; skip the test if the handle is None."""
     if handle is None:
         pytest.skip(f"this bench cannot {what}")
     return handle
 
 
 def wait_until(done: Callable[[], bool], clock: Clock, within_s: float = LONGEST_S) -> None:
-    """Let the clock go on until `done`, for at most `within_s`."""
+    """Sleep on the clock until `done`, for at most `within_s`."""
     end_s = clock.now_s() + within_s
     while not done():
         assert clock.now_s() < end_s, "it never ended"
@@ -33,14 +33,14 @@ def wait_until(done: Callable[[], bool], clock: Clock, within_s: float = LONGEST
 
 
 def assert_identified(info: DeviceInfo) -> None:
-    """A device tells its vendor, model and serial number; the run file needs them."""
+    """Assert that a device reports vendor, model and serial number; the run file needs them."""
     assert info.vendor
     assert info.model
     assert info.serial
 
 
 def assert_says_all(error: DeviceError) -> None:
-    """An error tells device, step, expected, got and what to do, in one line."""
+    """Assert that an error names device, step, expected and actual result and remedy, in one line."""
     parts = (error.device, error.step, error.expected, error.got, error.remedy)
     assert all(parts)
     assert all(part in str(error) for part in parts)

@@ -16,24 +16,24 @@ ANSWER_S = 30.0
 
 @dataclass(frozen=True)
 class LoadFrameBench:
-    """A load frame that was just opened and holds at 0 N and 0 mm, and what can be done to it.
+    """A newly opened load frame that holds at 0 N and 0 mm, with handles for the tests.
 
     Attributes
     ----------
     load_frame : LoadFrame
-        With a specimen that takes 2 kN within 1 mm; its limits must allow as much.
+        With a specimen that reaches 2 kN within 1 mm; the limits of the machine must allow both.
     clock : Clock
         The clock the machine runs on.
     load_tolerance_n, displacement_tolerance_mm : float
-        How near a standing machine is to its target.
+        Largest distance of a stopped machine from its target.
     duration_tolerance : float
-        By which fraction a motion may take longer or shorter than its way at the commanded rate.
+        Largest relative deviation of a motion's duration from the duration at the commanded rate.
     commands : callable, optional
-        ``commands()`` counts the motion commands the machine executed, holds not among them.
+        ``commands()`` returns the number of motion commands that the machine executed, without holds.
     lose_answers, restore : callable, optional
-        From now on the machine acts, but its answers are lost; and everything is as it should be again.
+        Lose all answers of a machine that still executes commands; restore normal operation.
     break_load_cell, freeze : callable, optional
-        The load is no number; the readings and their counter stand still.
+        Make the load NaN; freeze the readings and their counter.
     press_estop, release_estop : callable, optional
     """
 
@@ -58,21 +58,21 @@ class LoadFrameBench:
 
 
 class LoadFrameContract:
-    """Inherit from it and give a fixture `bench`: a `LoadFrameBench`, closed at its end."""
+    """Inherit from this class and define a fixture `bench`: a `LoadFrameBench`, closed at the end."""
 
     def test_tells_who_it_is(self, bench: LoadFrameBench) -> None:
-        """The run file needs it."""
+        """The run file needs the identity."""
         assert_identified(bench.load_frame.info)
 
     def test_opening_moves_nothing(self, bench: LoadFrameBench) -> None:
-        """Whoever stands at the rig is not surprised."""
+        """Opening must not endanger a person at the rig."""
         state = bench.load_frame.read()
         assert not state.moving
         assert state.holding
         assert state.displacement_mm == pytest.approx(0.0, abs=bench.displacement_tolerance_mm)
 
     def test_goes_to_a_displacement(self, bench: LoadFrameBench) -> None:
-        """In its time, 0.2 mm at 0.1 mm/s, and says so."""
+        """0.2 mm at 0.1 mm/s takes the expected time, and the machine reports arrival."""
         bench.load_frame.go_to_displacement(0.2, 0.1)
         assert bench.load_frame.read().moving
         assert bench.arrive() == pytest.approx(2.0, rel=bench.duration_tolerance)
@@ -82,7 +82,7 @@ class LoadFrameContract:
         assert state.faults == ()
 
     def test_goes_to_a_load(self, bench: LoadFrameBench) -> None:
-        """In its time, 500 N at 250 N/s, and says so."""
+        """500 N at 250 N/s takes the expected time, and the machine reports arrival."""
         bench.load_frame.go_to_load(500.0, 250.0)
         assert bench.arrive() == pytest.approx(2.0, rel=bench.duration_tolerance)
         state = bench.load_frame.read()
@@ -90,7 +90,7 @@ class LoadFrameContract:
         assert state.load_n == pytest.approx(500.0, abs=bench.load_tolerance_n)
 
     def test_tare_makes_the_present_state_the_zero(self, bench: LoadFrameBench) -> None:
-        """Of load and displacement alike."""
+        """Both load and displacement become zero."""
         bench.load_frame.go_to_displacement(0.1, 0.1)
         bench.arrive()
         bench.load_frame.tare()
@@ -99,7 +99,7 @@ class LoadFrameContract:
         assert state.displacement_mm == pytest.approx(0.0, abs=bench.displacement_tolerance_mm)
 
     def test_refuses_what_is_beyond_its_limits_before_anything_moves(self, bench: LoadFrameBench) -> None:
-        """Refused, not clipped."""
+        """Targets beyond the limits are refused, not clipped."""
         limits = bench.load_frame.limits
         for load_n in (limits.load_min_n - 1.0, limits.load_max_n + 1.0, math.nan):
             with pytest.raises(DeviceFault) as refused:
@@ -114,7 +114,7 @@ class LoadFrameContract:
         assert not bench.load_frame.read().moving
 
     def test_hold_returns_when_it_stands(self, bench: LoadFrameBench) -> None:
-        """And a motion may follow."""
+        """Another motion may follow."""
         bench.load_frame.go_to_displacement(1.0, 0.1)
         bench.clock.sleep(1.0)
         bench.load_frame.hold()
@@ -128,7 +128,7 @@ class LoadFrameContract:
         assert bench.load_frame.read().at_target
 
     def test_readings_are_new(self, bench: LoadFrameBench) -> None:
-        """The machine's own counter grows."""
+        """The machine's sample counter increases."""
         first = bench.load_frame.read()
         bench.clock.sleep(0.5)
         second = bench.load_frame.read()
@@ -136,7 +136,7 @@ class LoadFrameContract:
         assert second.time_s > first.time_s
 
     def test_readings_that_stand_still_are_refused(self, bench: LoadFrameBench) -> None:
-        """A frozen display looks like a machine that holds, and nothing moves on its word."""
+        """Frozen readings look like a holding machine; no motion may start from them."""
         freeze = needed(bench.freeze, "freeze the readings")
         bench.load_frame.read()
         freeze()
@@ -152,7 +152,7 @@ class LoadFrameContract:
         assert commands() == count
 
     def test_a_load_that_is_none_is_refused_but_the_machine_holds(self, bench: LoadFrameBench) -> None:
-        """A broken wire must neither pass for a load nor keep anybody from stopping."""
+        """A broken wire must neither count as a load nor prevent a stop."""
         break_load_cell = needed(bench.break_load_cell, "break the load cell")
         bench.load_frame.go_to_displacement(1.0, 0.1)
         break_load_cell()
@@ -163,7 +163,7 @@ class LoadFrameContract:
         bench.load_frame.hold()
 
     def test_without_a_load_that_is_one_nothing_is_set_in_motion(self, bench: LoadFrameBench) -> None:
-        """Told only afterwards, the crosshead would already move."""
+        """The driver checks the load before the command; a later check would find the crosshead moving."""
         break_load_cell = needed(bench.break_load_cell, "break the load cell")
         commands = needed(bench.commands, "count commands")
         break_load_cell()
@@ -173,7 +173,7 @@ class LoadFrameContract:
         assert commands() == count
 
     def test_an_open_emergency_stop_is_told_and_takes_no_motion(self, bench: LoadFrameBench) -> None:
-        """It is read, never reset."""
+        """The driver reads the emergency stop but never resets it."""
         press, release = needed(bench.press_estop, "press"), needed(bench.release_estop, "release")
         press()
         assert bench.load_frame.read().faults
@@ -186,7 +186,7 @@ class LoadFrameContract:
         assert bench.load_frame.read().at_target
 
     def test_silence_is_told_in_time_and_motion_waits_for_a_hold(self, bench: LoadFrameBench) -> None:
-        """No hang; and nobody knows what the machine did meanwhile."""
+        """Calls do not hang. The state of the machine is unknown until a hold is confirmed."""
         lose, restore = needed(bench.lose_answers, "lose answers"), needed(bench.restore, "restore")
         lose()
         with ThreadPoolExecutor(1) as pool, pytest.raises(DeviceTimeout) as silence:
@@ -202,7 +202,7 @@ class LoadFrameContract:
         assert bench.load_frame.read().at_target
 
     def test_a_command_whose_answer_is_lost_is_executed_once_at_most(self, bench: LoadFrameBench) -> None:
-        """Twice the same command would be twice the way on some machines."""
+        """Some machines would move twice the distance after a repeated command."""
         lose, restore = needed(bench.lose_answers, "lose answers"), needed(bench.restore, "restore")
         commands = needed(bench.commands, "count commands")
         count = commands()
@@ -214,7 +214,7 @@ class LoadFrameContract:
         bench.load_frame.hold()
 
     def test_closing_twice_is_harmless_and_the_end(self, bench: LoadFrameBench) -> None:
-        """A closed device answers at once."""
+        """Calls on a closed device fail at once."""
         bench.load_frame.close()
         bench.load_frame.close()
         with pytest.raises(LinkLost) as lost:

@@ -16,25 +16,25 @@ ANSWER_S = 30.0
 
 @dataclass(frozen=True)
 class StageBench:
-    """A stage that was just opened and stands without a reference, and what can be done to it.
+    """A newly opened stage, stopped and without a reference, with handles for the tests.
 
     Attributes
     ----------
     stage : RotationStage
     clock : Clock
-        The clock its motion runs on.
+        The clock of the stage's motion.
     angle_min_deg, angle_max_deg : float
-        Its limits; they must leave room for a way of 40° from 0.
+        Limits of the stage; they must allow a move of 40° from 0.
     tolerance_deg : float
-        How near a standing stage is to its target.
+        Largest distance of a stopped stage from its target.
     speed_deg_s : float, optional
-        The speed that its settings give.
+        The speed in the settings of the stage.
     motions : callable, optional
-        ``motions()`` counts the motion commands that reached the device.
+        ``motions()`` returns the number of motion commands that reached the device.
     lose_answers : callable, optional
-        From now on the device acts, but its answers are lost.
+        Lose all answers of a device that still executes commands.
     restore : callable, optional
-        Everything is as it should be again.
+        Restore normal operation.
     power_cycle : callable, optional
         Switch the device off and on.
     """
@@ -51,7 +51,7 @@ class StageBench:
     power_cycle: Handle | None = None
 
     def arrive(self) -> float:
-        """Wait until the stage stands and return its angle."""
+        """Wait until the stage has stopped, and return its angle."""
         wait_until(lambda: not self.stage.read().moving, self.clock)
         return self.stage.read().angle_deg
 
@@ -62,20 +62,20 @@ class StageBench:
 
 
 class StageContract:
-    """Inherit from it and give a fixture `bench`: a `StageBench`, closed at its end."""
+    """Inherit from this class and define a fixture `bench`: a `StageBench`, closed at the end."""
 
     def test_tells_who_it_is(self, bench: StageBench) -> None:
-        """The run file needs it."""
+        """The run file needs the identity."""
         assert_identified(bench.stage.info)
 
     def test_opening_moves_nothing(self, bench: StageBench) -> None:
-        """Whoever stands at the rig is not surprised."""
+        """Opening must not endanger a person at the rig."""
         motions = needed(bench.motions, "count motions")
         assert not bench.stage.read().moving
         assert motions() == 0
 
     def test_takes_no_move_without_a_reference(self, bench: StageBench) -> None:
-        """An angle without a reference means nothing."""
+        """Without a reference an absolute angle has no meaning."""
         assert not bench.stage.read().homed
         with pytest.raises(DeviceFault) as refused:
             bench.stage.move_to(0.0)
@@ -83,7 +83,7 @@ class StageContract:
         assert not bench.stage.read().moving
 
     def test_homes_and_moves_to_an_angle(self, bench: StageBench) -> None:
-        """What it is for."""
+        """The stage finds its reference and reaches the angle."""
         bench.home()
         assert bench.stage.read().homed
         bench.stage.move_to(30.0)
@@ -92,13 +92,13 @@ class StageContract:
         assert bench.arrive() == pytest.approx(17.5, abs=bench.tolerance_deg)
 
     def test_a_reading_has_the_time_it_was_made_at(self, bench: StageBench) -> None:
-        """A state is never an old one."""
+        """Every state is read from the device, never cached."""
         bench.clock.sleep(3.0)
         before_s = bench.clock.now_s()
         assert before_s <= bench.stage.read().time_s <= bench.clock.now_s()
 
     def test_refuses_what_is_out_of_its_limits_before_anything_moves(self, bench: StageBench) -> None:
-        """Refused, not clipped."""
+        """Angles beyond the limits are refused, not clipped."""
         bench.home()
         for angle_deg in (bench.angle_min_deg - 0.1, bench.angle_max_deg + 0.1, math.nan, math.inf):
             with pytest.raises(DeviceFault) as refused:
@@ -110,7 +110,7 @@ class StageContract:
             assert bench.arrive() == pytest.approx(angle_deg, abs=bench.tolerance_deg)
 
     def test_moves_at_the_speed_of_its_settings(self, bench: StageBench) -> None:
-        """It takes at most a quarter longer, for it has to accelerate."""
+        """Acceleration may prolong the move by at most a quarter."""
         duration_s = 40.0 / needed(bench.speed_deg_s, "tell its speed")
         bench.home()
         start_s = bench.clock.now_s()
@@ -119,7 +119,7 @@ class StageContract:
         assert duration_s <= bench.clock.now_s() - start_s < 1.25 * duration_s
 
     def test_refuses_a_second_motion(self, bench: StageBench) -> None:
-        """Whoever wants it stops the first one."""
+        """The caller must stop the first motion before a second."""
         bench.home()
         bench.stage.move_to(40.0)
         with pytest.raises(DeviceFault):
@@ -127,7 +127,7 @@ class StageContract:
         assert bench.arrive() == pytest.approx(40.0, abs=bench.tolerance_deg)
 
     def test_stop_returns_when_it_stands(self, bench: StageBench) -> None:
-        """And it may move again afterwards."""
+        """The stage may move again afterwards."""
         bench.home()
         bench.stage.move_to(40.0)
         bench.clock.sleep(0.5)
@@ -140,13 +140,13 @@ class StageContract:
         assert bench.arrive() == pytest.approx(0.0, abs=bench.tolerance_deg)
 
     def test_a_stopped_home_search_found_nothing(self, bench: StageBench) -> None:
-        """A stage that stands still is not a stage at its reference."""
+        """A stopped stage is not necessarily at its reference."""
         bench.stage.home()
         bench.stage.stop()
         assert not bench.stage.read().homed
 
     def test_silence_is_told_in_time_and_overcome(self, bench: StageBench) -> None:
-        """No hang, and no reopening needed where nothing was lost but answers."""
+        """Calls do not hang, and lost answers alone do not require reopening."""
         lose, restore = needed(bench.lose_answers, "lose answers"), needed(bench.restore, "restore")
         lose()
         with ThreadPoolExecutor(1) as pool, pytest.raises(DeviceTimeout) as silence:
@@ -156,7 +156,7 @@ class StageContract:
         assert not bench.stage.read().moving
 
     def test_a_move_whose_answer_is_lost_is_done_once(self, bench: StageBench) -> None:
-        """The stage is asked what it does instead."""
+        """The driver reads the state of the stage instead of repeating the command."""
         lose, restore = needed(bench.lose_answers, "lose answers"), needed(bench.restore, "restore")
         motions = needed(bench.motions, "count motions")
         bench.home()
@@ -168,7 +168,7 @@ class StageContract:
         assert motions() in (count, count + 1)
 
     def test_a_lost_reference_is_noticed(self, bench: StageBench) -> None:
-        """After a power cut the counter says something, but not where the stage is."""
+        """After a power cut the position counter does not give the true angle."""
         power_cycle = needed(bench.power_cycle, "switch the device off and on")
         bench.home()
         bench.stage.move_to(20.0)
@@ -182,7 +182,7 @@ class StageContract:
         assert bench.arrive() == pytest.approx(10.0, abs=bench.tolerance_deg)
 
     def test_closing_twice_is_harmless_and_the_end(self, bench: StageBench) -> None:
-        """A closed device answers at once."""
+        """Calls on a closed device fail at once."""
         bench.stage.close()
         bench.stage.close()
         with pytest.raises(LinkLost) as lost:

@@ -1,4 +1,4 @@
-"""What the contract of cameras asks of those that give all their frames as a stream."""
+"""The contract of cameras with streams."""
 
 from itertools import pairwise
 
@@ -16,7 +16,7 @@ CERTAIN = (LossKind.GAP, LossKind.DAMAGED, LossKind.OVERFLOW)
 
 
 class StreamContract:
-    """Inherit from `CameraContract`; its tests are skipped where the camera has no ``stream``."""
+    """Inherit from `CameraContract`; the stream tests are skipped if the camera has no ``stream``."""
 
     def test_a_stream_is_in_order_and_has_the_camera_to_itself(self, bench: CameraBench) -> None:
         """From its opening to its end."""
@@ -34,15 +34,15 @@ class StreamContract:
         bench.grab()
 
     def test_a_stream_accounts_for_every_frame(self, bench: CameraBench) -> None:
-        """Those that nobody took in time, too."""
+        """Frames that the program did not take in time are reported, too."""
         with bench.stream(capacity=2) as stream:
             wait_until(lambda: stream.report().lost > 2, SystemClock(), GRAB_S)
             frames = [stream.next(GRAB_S) for _ in range(ROUNDS)]
-        frames += list(stream)  # what still waits
+        frames += list(stream)  # frames that are still queued
         assert _told_missing(frames, stream.report())
 
     def test_a_stream_tells_of_lost_frames(self, bench: CameraBench) -> None:
-        """The camera's own numbers do."""
+        """Gaps in the camera's frame numbers show lost frames."""
         lose = needed(bench.lose, "lose frames")
         with bench.stream() as stream:
             frames = [stream.next(GRAB_S) for _ in range(ROUNDS)]
@@ -53,7 +53,7 @@ class StreamContract:
         assert _told_missing(frames, stream.report())
 
     def test_a_stream_without_room_is_refused(self, bench: CameraBench) -> None:
-        """It would lose every frame."""
+        """A queue without room would lose every frame."""
         for capacity in (0, -1):
             with pytest.raises(DeviceFault) as refused:
                 bench.stream(capacity=capacity)
@@ -61,7 +61,7 @@ class StreamContract:
         bench.grab()
 
     def test_closing_the_camera_ends_its_stream(self, bench: CameraBench) -> None:
-        """Whoever takes its frames gets those that wait, then hears of the end."""
+        """The reader gets the queued frames first, then an error."""
         stream = bench.stream()
         stream.next(GRAB_S)
         bench.camera.close()
@@ -73,7 +73,7 @@ class StreamContract:
 
 
 def _told_missing(frames: list[Frame], report: StreamReport) -> set[int]:
-    """Which numbers are missing between those of all frames that were taken, as is told."""
+    """Return the frame numbers that the report lists as missing between the frames taken."""
     assert report.taken == len(frames)
     numbers = {frame.sequence for frame in frames}
     span = set(range(min(numbers), max(numbers)))

@@ -14,11 +14,11 @@ from drivers.interfaces import CameraInfo, OpenContext
 from drivers.registry import DriverSpec
 
 GIVING_UP_S = 20.0
-"""How long `close` waits for a connection to be given up; a camera that died takes Aravis up to 13 s."""
+"""Longest wait of `close` for a connection to end; Aravis needs up to 13 s for a camera that is gone."""
 
 
 class _Aside:
-    """Something done in a thread of its own, since Aravis asks a camera that does not answer for seconds."""
+    """An action in a thread of its own, because Aravis retries for seconds if a camera does not answer."""
 
     def __init__(self, name: str, act: Callable[[], Session | None]) -> None:
         self._act = act
@@ -28,12 +28,12 @@ class _Aside:
         self._thread.start()
 
     def is_done(self, timeout_s: float) -> bool:
-        """Return whether it is done within that time."""
+        """Return whether the action ends within `timeout_s`."""
         self._thread.join(max(0.0, timeout_s))
         return not self._thread.is_alive()
 
     def result(self) -> Session | None:
-        """Return what was opened, if anything was, or raise what was raised."""
+        """Return the opened session, if any, or raise the exception of the action."""
         if self._error is not None:
             raise self._error
         return self._session
@@ -41,15 +41,16 @@ class _Aside:
     def _run(self) -> None:
         try:
             self._session = self._act()
-        except Exception as error:  # for whoever asks for the result
+        except Exception as error:  # raised again by `result`
             self._error = error
 
 
 class AravisCamera(FilmingCamera[Session]):
     """A `Camera`; construct it with `open_camera`.
 
-    After a call that got no frame the camera is not trusted: it is given up, and the next call opens it anew
-    and sets it up again. Both happen aside, so that calls keep their deadlines.
+    After a call without any frame the camera counts as lost: the driver closes the connection, and the next
+    call opens and configures the camera again. Both happen in a separate thread, so that calls keep their
+    deadlines.
     """
 
     silent_is_lost = True
@@ -72,12 +73,12 @@ class AravisCamera(FilmingCamera[Session]):
         )
 
     def close(self) -> None:
-        """Release the camera; harmless when repeated. One that died is waited for, but not for ever."""
+        """Release the camera; harmless when repeated. The wait for a lost camera is limited."""
         super().close()
         with self._lock:
             aside, self._aside = self._aside, None
         if aside is not None and aside.is_done(GIVING_UP_S):
-            with contextlib.suppress(DeviceError):  # a camera that could not be opened again is closed
+            with contextlib.suppress(DeviceError):  # a camera that could not be reopened is already closed
                 if (session := aside.result()) is not None:
                     session.close()
 
@@ -130,7 +131,7 @@ def open_camera(settings: AravisSettings, context: OpenContext) -> AravisCamera:
     Raises
     ------
     DeviceError
-        If the library is missing, the camera cannot be opened, or takes a setting differently.
+        If the library is missing, the camera cannot be opened, or a setting reads back differently.
     """
     name = f"{context.name} ({settings.camera})"
     refuse_simulated_time(name, context)

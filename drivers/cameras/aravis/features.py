@@ -1,4 +1,4 @@
-"""The settings of an opened GigE Vision camera: written, read back, refused if the camera took another."""
+"""The settings of an opened GigE Vision camera: written, read back, and refused if they differ."""
 
 import ctypes
 from functools import partial
@@ -15,7 +15,7 @@ ANOTHER = "choose what the camera takes"
 
 
 class Features:
-    """What a camera was set to.
+    """Settings of an opened camera.
 
     Parameters
     ----------
@@ -39,12 +39,12 @@ class Features:
         self.numbers: dict[str, float] = {}
 
     def write(self, settings: AravisSettings) -> None:
-        """Switch the automatics off and write all settings.
+        """Switch the automatic controls off and write all settings.
 
         Raises
         ------
         DeviceFault
-            If one is not taken.
+            If the camera does not accept a setting.
         AravisError
             If the camera does not answer.
         """
@@ -75,7 +75,7 @@ class Features:
         Raises
         ------
         DeviceFault
-            If they have changed: setting another feature may do so, too.
+            If a value has changed; writing another feature can also change a value.
         LinkLost
             If the camera does not answer.
         """

@@ -1,4 +1,4 @@
-"""Which GigE Vision and USB3 Vision cameras there are: Aravis asks on every network and bus."""
+"""Search for GigE Vision and USB3 Vision cameras: Aravis queries every network and bus."""
 
 from drivers.cameras.aravis.library import Aravis, load
 from drivers.registry import Finder, Found
@@ -7,7 +7,7 @@ PROTOCOLS = ("GigEVision", "USB3Vision")
 
 
 def vision_cameras(library: Aravis | None = None) -> list[Found]:
-    """Return the cameras that answer within the second that Aravis gives them; none is set or changed.
+    """Return the cameras that answer within one second (Aravis' timeout); no setting is changed.
 
     Parameters
     ----------

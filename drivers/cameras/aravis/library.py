@@ -18,10 +18,10 @@ class GError(ctypes.Structure):
 
 
 class AravisError(Exception):
-    """What Aravis says went wrong."""
+    """An error reported by Aravis."""
 
 
-# name: result and arguments; those of ArvCamera that can fail end with a GError**
+# name: result and arguments; functions of ArvCamera that can fail have a GError** as last argument
 _FALLIBLE: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "arv_camera_new": (c_void_p, (c_char_p,)),
     "arv_camera_create_stream": (c_void_p, (c_void_p, c_void_p, c_void_p)),
@@ -70,7 +70,7 @@ _SAFE: dict[str, tuple[Any, tuple[Any, ...]]] = {
 
 
 class Aravis:
-    """Calls by name without the prefix ``arv_``; those that can fail raise `AravisError`.
+    """Calls functions by name without the prefix ``arv_``; functions that can fail raise `AravisError`.
 
     Parameters
     ----------
@@ -111,11 +111,11 @@ class Aravis:
         return result
 
     def text(self, name: str, *arguments: Any) -> str:
-        """Call a function that returns text; empty where it returns none."""
+        """Call a function that returns text; a null pointer gives an empty text."""
         return (self.call(name, *arguments) or b"").decode("utf-8", "replace")
 
     def release(self, thing: int | None) -> None:
-        """Give an object back to the library."""
+        """Release a reference to an object of the library."""
         if thing:
             self._unref(thing)
 

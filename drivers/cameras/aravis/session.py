@@ -1,4 +1,4 @@
-"""One GigE Vision camera from opening to closing: set up with everything read back, filming."""
+"""One GigE Vision camera from opening to closing: settings are written and read back, then filming starts."""
 
 import contextlib
 import ctypes
@@ -18,14 +18,14 @@ from drivers.interfaces import Frame
 
 UNSETTLED_FRAMES = 2
 CLOCK_SET_S = 0.01
-"""By so much the date and the rig's clock part only when somebody sets the date."""
+"""A larger jump between wall clock and the rig's clock means that the system time was set."""
 READINGS = 3
 LONGEST_WAIT_S = 3600.0
 SHORT_COUNTER = 0xFFFF
-"""The frame counter of GigE Vision 1.x: 16 bits, and 0 is left out."""
+"""Largest frame number of GigE Vision 1.x: the counter has 16 bits and skips 0."""
 UNKNOWN_STATUS = 0xFF
 OTHER_SIZE = 1 << 8
-"""Flag of a frame of another size than was set."""
+"""Flag of a frame whose size differs from the settings."""
 
 
 class Session:
@@ -44,7 +44,7 @@ class Session:
     AravisError
         If the camera cannot be opened.
     DeviceFault
-        If a setting is not taken.
+        If the camera does not accept a setting.
     """
 
     def __init__(self, library: Aravis, settings: AravisSettings, device: str, clock: Clock) -> None:
@@ -70,7 +70,7 @@ class Session:
             self._features.write(settings)
             self._exposure_us = self._features.numbers["exposure_time"]
             self._gain = self._features.numbers.get("gain", math.nan)
-            # a frame is never called younger than it is: what is not known counts as a whole frame time
+            # never underestimate the age of a frame: an unknown delay counts as a whole frame time
             transfer_us = 1e6 / settings.rate_hz if settings.transfer_us is None else settings.transfer_us
             self._behind_s = (self._exposure_us + transfer_us) * 1e-6
             self._begin()
@@ -80,11 +80,11 @@ class Session:
 
     @property
     def interval_s(self) -> float:
-        """From one frame to the next."""
+        """Time between frames."""
         return 1 / self._settings.rate_hz
 
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
-        """Return the next frame exposed after `after_s`, with its flags; None when the time is over."""
+        """Return the next frame exposed after `after_s`, with its flags; None after `timeout_s`."""
         deadline_s = self._clock.now_s() + timeout_s
         while (left_s := deadline_s - self._clock.now_s()) > 0:
             wait_us = int(min(left_s, LONGEST_WAIT_S) * 1e6)
@@ -108,13 +108,13 @@ class Session:
         camera, self._camera = self._camera, None
         stream, self._stream = self._stream, None
         if stream is not None:
-            with contextlib.suppress(AravisError):  # it may be gone already
+            with contextlib.suppress(AravisError):  # the camera may be gone already
                 self._library.call("camera_stop_acquisition", camera)
         self._library.release(stream)
         self._library.release(camera)
 
     def _require_control(self) -> None:
-        """Find out before anything is written: every write would be tried for seconds."""
+        """Check for control access before the first write: Aravis retries every refused write for seconds."""
         call, camera = self._library.call, self._camera
         if not camera:
             raise AravisError("none")
@@ -132,9 +132,9 @@ class Session:
         attempt("start", "camera_start_acquisition")
 
     def _number_of(self, buffer: int, arrived_s: float) -> int:
-        """Continue the camera's counter beyond its 16 bits; one that stands still or goes back stays so.
+        """Continue the camera's counter beyond its 16 bits; repeated or decreasing numbers are kept as such.
 
-        How often it went round during a long pause is told by the time.
+        After a long pause, the elapsed time gives the number of overflows.
         """
         id = int(self._library.call("buffer_get_frame_id", buffer))
         if self._last_id is None:
@@ -153,10 +153,10 @@ class Session:
         self.seen += 1
         received_s, date_s = self._clock.now_s(), self._date_less_clock_s()
         if abs(date_s - self._date_s) > CLOCK_SET_S:
-            # whatever came before the date was set has a stamp of another time
+            # frames that arrived before the date was set have timestamps of the old date
             self._unsettled = self._settings.buffers
         self._date_s = date_s
-        # Aravis stamps the first packet's arrival with the date
+        # Aravis' timestamp is the date of arrival of the first packet
         arrived_s = call("buffer_get_system_timestamp", buffer) * 1e-9 - date_s
         sequence = self._number_of(buffer, arrived_s)
         exposed_s = arrived_s - self._behind_s
@@ -204,7 +204,7 @@ class Session:
         return image, 0
 
     def _date_less_clock_s(self) -> float:
-        """Return by how much the date is ahead of the rig's clock: of some readings the least disturbed."""
+        """Return the date minus the rig's clock, from the reading with the least delay."""
         readings = []
         for _ in range(READINGS):
             before_s = self._clock.now_s()

@@ -1,4 +1,4 @@
-"""What a rig file says about a GigE Vision or USB3 Vision camera."""
+"""Settings of a GigE Vision or USB3 Vision camera in a rig file."""
 
 from typing import Literal
 
@@ -10,21 +10,22 @@ BITS = {"Mono8": 8, "Mono10": 10, "Mono12": 12, "Mono14": 14, "Mono16": 16}
 
 
 class AravisSettings(DatedFrameSettings):
-    """Everything that decides what a grey level means must be said; automatics are switched off.
+    """All settings that affect grey levels are required; automatic controls are switched off.
 
     Attributes
     ----------
     camera : str
-        Address, or identifier as ``arv-tool-0.8`` lists it (``Maker-SERIAL``).
+        Address, or identifier as listed by ``arv-tool-0.8`` (``Maker-SERIAL``).
     format : str
         Unpacked grey levels.
     offset_x_px, offset_y_px : int
-        Of the picture on the sensor.
+        Offset of the picture on the sensor.
     gain : float, optional
-        In the camera's own unit (often dB); without it the gain is left as found, and recorded.
+        Gain in the unit of the camera (often dB). Without this setting the gain stays unchanged and is
+        recorded.
     features : dict of str to str
-        Further GenICam features that take text or a choice. An automatic that is named here takes this value
-        instead of being switched off.
+        Further GenICam features of type string or enumeration. An automatic control that is named here gets
+        this value instead of being switched off.
     """
 
     camera: str = Field(min_length=1)
@@ -38,5 +39,5 @@ class AravisSettings(DatedFrameSettings):
 
     @property
     def bits(self) -> int:
-        """Significant bits of a pixel; a plan tells from them how large a run will be."""
+        """Significant bits of a pixel; a plan computes the size of a run from this number."""
         return BITS[self.format]

@@ -1,1 +1,1 @@
-"""Cameras through OpenCV, where nothing better reaches them."""
+"""Cameras through OpenCV, for cameras without a better driver."""

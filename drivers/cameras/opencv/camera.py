@@ -1,8 +1,8 @@
-"""Any camera that OpenCV opens, for setting up and for teaching: it cannot prove that no frame was lost.
+"""Any camera that OpenCV opens, for setting up and for teaching: lost frames cannot be detected.
 
-OpenCV passes on neither the frame's counter, nor its time stamp, nor its error flag, and shows a damaged
-frame as a good one. What can be done is done: frames that may have waited are thrown away, and what OpenCV
-reads back is compared. Where the camera has another driver, use that one.
+OpenCV passes on neither frame counter nor timestamp nor error flag, and delivers damaged frames as good ones.
+This driver therefore discards all frames that may have waited in a buffer, and compares the properties that
+OpenCV reads back. Prefer any other driver that supports the camera.
 """
 
 import math
@@ -21,7 +21,7 @@ from drivers.interfaces import CameraInfo, Frame, OpenContext
 from drivers.registry import DriverSpec
 
 UNPROVEN = "frame loss unproven"
-"""Stands in the model's name, and so in every run file."""
+"""Part of the model name, and therefore in every run file."""
 GREEN, DIMENSIONS = 1, 2
 TOLERANCE = 1e-3
 
@@ -34,7 +34,7 @@ class OpencvCamera:
     settings : OpencvCameraSettings
     context : OpenContext
     capture : cv2.VideoCapture
-        Opened. A test may give another with the same methods.
+        An opened capture. A test may pass another object with the same methods.
     """
 
     info: CameraInfo
@@ -58,10 +58,10 @@ class OpencvCamera:
         )
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return a frame that came after all those which may have waited, and the one under way at the call.
+        """Return a frame that follows all buffered frames and the frame in transfer at the call.
 
-        Its `exposed_s` is the call itself: that the exposure did not begin earlier is all that is known. Its
-        sequence number counts the frames that the program read.
+        `exposed_s` is the time of the call: the exposure did not begin earlier; the exact time is unknown.
+        The sequence number counts the frames that the program read.
 
         Raises
         ------
@@ -83,7 +83,7 @@ class OpencvCamera:
                 utc=utc,
                 sequence=self._sequence,
                 flags=0,
-                exposure_us=math.nan,  # its unit depends on the backend
+                exposure_us=math.nan,  # the unit depends on the backend
                 gain=math.nan if self._settings.gain is None else self._settings.gain,
             )
 
@@ -111,7 +111,7 @@ class OpencvCamera:
             number = getattr(cv2, f"CAP_PROP_{name}", None)
             if number is None:
                 raise self._fault(f"set {name}", "a property of OpenCV", repr(name), "correct `properties`")
-            # its answer says nothing: some backends refuse what they have already
+            # ignore the return value: some backends refuse a value that is already set
             self._capture.set(number, value)
         for name, value in wanted.items():
             got = float(self._capture.get(getattr(cv2, f"CAP_PROP_{name}")))
@@ -121,7 +121,7 @@ class OpencvCamera:
                 )
 
     def _next(self, asked_s: float, timeout_s: float) -> NDArray[np.uint8]:
-        if not self._clock.now_s() - asked_s <= timeout_s:  # NaN counts as no time at all
+        if not self._clock.now_s() - asked_s <= timeout_s:  # a NaN timeout counts as 0
             raise DeviceTimeout(
                 self._name,
                 "grab",
@@ -169,7 +169,7 @@ def open_camera(settings: OpencvCameraSettings, context: OpenContext) -> OpencvC
     Raises
     ------
     DeviceError
-        If OpenCV cannot open it, or a property is not taken.
+        If OpenCV cannot open the camera, or the camera does not accept a property.
     """
     import cv2
 

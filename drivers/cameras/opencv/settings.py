@@ -1,4 +1,4 @@
-"""What a rig file says about a camera through OpenCV."""
+"""Settings of a camera through OpenCV in a rig file."""
 
 from typing import Literal
 
@@ -7,7 +7,7 @@ from pydantic import Field, field_validator
 from drivers.cameras.settings import FrameSettings
 
 LAST_NUMBER = 9999
-"""OpenCV adds some thousands for the backend to a camera's own number."""
+"""Largest `source` number: OpenCV adds a multiple of 100 for the backend to a camera's number."""
 OWN_SETTINGS = {
     "FRAME_WIDTH": "width_px",
     "FRAME_HEIGHT": "height_px",
@@ -18,20 +18,20 @@ OWN_SETTINGS = {
 
 
 class OpencvCameraSettings(FrameSettings):
-    """What a rig file says about the camera.
+    """Settings of the camera in a rig file.
 
     Attributes
     ----------
     source : int or str
         OpenCV's number of the camera, or the address of a stream.
     exposure, gain : float, optional
-        In whatever unit the camera's backend has; written and read back if given.
+        In the unit of the camera's backend; written and read back if given.
     properties : dict of str to float
         Further properties by OpenCV's names without ``CAP_PROP_``, such as ``AUTO_EXPOSURE``.
     channel : str
-        Which grey levels are taken of a colour picture.
+        Channel of a colour picture that gives the grey levels.
     buffered_frames : int
-        How many frames camera, kernel and OpenCV may hold back: so many are thrown away before one counts.
+        Number of frames that camera, kernel and OpenCV may buffer; `grab` discards as many.
     """
 
     source: int | str

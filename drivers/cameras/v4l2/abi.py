@@ -1,7 +1,7 @@
-"""What the Linux kernel's camera interface looks like in memory: structures, request codes and constants.
+"""Memory layout of the Linux kernel's camera interface: structures, request codes and constants.
 
-Facts of the kernel's user-space ABI (``linux/videodev2.h``, ``linux/v4l2-controls.h``; 64 bits,
-little-endian); a test compares every size and offset with what a C compiler says.
+From the kernel's user-space ABI (``linux/videodev2.h``, ``linux/v4l2-controls.h``; 64 bits,
+little-endian); a test compares every size and offset with the values of a C compiler.
 """
 
 import ctypes
@@ -17,7 +17,7 @@ CONTROL_NAMES = 32
 
 
 class Capability(IntFlag):
-    """What a device node can do."""
+    """Capabilities of a device node."""
 
     VIDEO_CAPTURE = 0x1
     VIDEO_CAPTURE_MPLANE = 0x1000
@@ -26,7 +26,7 @@ class Capability(IntFlag):
 
 
 class BufferFlag(IntFlag):
-    """Flags of a filled buffer; the clock's kind and the stamp's place are fields of several bits."""
+    """Flags of a filled buffer. `CLOCK` (clock type) and `STAMP_PLACE` (timestamp source) are bit masks."""
 
     ERROR = 0x40
     CLOCK = 0xE000
@@ -36,7 +36,7 @@ class BufferFlag(IntFlag):
 
 
 class ControlFlag(IntFlag):
-    """What may be done to a control now."""
+    """Flags of a control."""
 
     DISABLED = 0x1
     GRABBED = 0x2
@@ -46,7 +46,7 @@ class ControlFlag(IntFlag):
 
 
 class ControlType(IntEnum):
-    """The kinds of control that hold one 32-bit number."""
+    """The types of control with a single 32-bit value."""
 
     INTEGER = 1
     BOOLEAN = 2
@@ -57,7 +57,7 @@ class ControlType(IntEnum):
 
 
 class ControlId(IntEnum):
-    """The controls that decide what a grey level means."""
+    """The controls that affect grey levels."""
 
     AUTO_WHITE_BALANCE = 0x98090C
     EXPOSURE = 0x980911

@@ -1,4 +1,4 @@
-"""The ring of buffers between a camera and the program: queued empty, taken out full, given back."""
+"""The ring of buffers between camera and program: queued empty, dequeued full, queued again."""
 
 import contextlib
 import ctypes
@@ -22,9 +22,9 @@ class Filled:
     index : int
     bytes_used : int
     flags : int
-        As the kernel gave them, clock and place of the stamp included.
+        Flags of the kernel, with type of clock and source of the timestamp.
     stamp_s : float
-        Of the kernel's monotonic clock.
+        Timestamp of the kernel, normally on its monotonic clock.
     sequence : int
         32-bit counter of the kernel.
     """
@@ -45,12 +45,12 @@ class Buffers:
     device : str
         For messages.
     count : int
-        How many to ask for; the kernel may give more or less.
+        Requested number of buffers; the kernel may allocate more or fewer.
 
     Raises
     ------
     DeviceFault
-        If another program films, or the kernel gives fewer than two.
+        If another program films, or the kernel allocates fewer than two buffers.
     """
 
     def __init__(self, node: Node, device: str, count: int) -> None:
@@ -92,7 +92,8 @@ class Buffers:
 
     def take(self) -> Filled | None:
         """Take out the oldest filled buffer; None if there is none. Raises `OSError`."""
-        self._offer()  # all may have been refused: then none comes that could be given back
+        # if the kernel refused all buffers, no filled buffer comes and `give_back` is never called
+        self._offer()
         buffer = self._buffer(0)
         try:
             self._node.ioctl(Request.DQBUF, buffer)
@@ -102,13 +103,14 @@ class Buffers:
         return Filled(buffer.index, buffer.bytesused, buffer.flags, stamp_s, buffer.sequence)
 
     def memory(self, filled: Filled) -> memoryview:
-        """Return what the camera wrote; to be released before `give_back`."""
+        """Return the memory that the camera wrote; release the view before `give_back`."""
         return memoryview(self._maps[filled.index])[: filled.bytes_used]
 
     def give_back(self, filled: Filled) -> None:
         """Queue a buffer again; raises `OSError` if the camera is gone.
 
-        One that the kernel refuses now is offered again next time: forgotten, it would be lost for good.
+        A buffer that the kernel refuses is queued again at the next call; otherwise the ring would lose the
+        buffer.
         """
         self._owed.add(filled.index)
         self._offer()
@@ -124,7 +126,7 @@ class Buffers:
             self._owed.discard(index)
 
     def close(self) -> None:
-        """Stop and unmap; harmless when repeated. The kernel frees them with the node."""
+        """Stop and unmap; harmless when repeated. The kernel frees the buffers when the node closes."""
         with contextlib.suppress(OSError):
             self.stop()
         while self._maps:

@@ -1,7 +1,7 @@
-"""Cameras on Linux' own camera interface (V4L2): full depth, settings read back, frames proven fresh.
+"""Cameras on the camera interface of Linux (V4L2): full bit depth, settings read back, age of frames checked.
 
-Only the kernel is needed, no library. What the interface does not promise, and what is done about it, stands
-in docs/cameras.md.
+The driver needs only the kernel, no library. docs/cameras.md describes the limits of the interface and how
+the driver handles them.
 """
 
 from drivers.cameras.filming import FilmingCamera, refuse_simulated_time
@@ -19,8 +19,8 @@ VIRTUAL = ("vivid", "v4l2 loopback")
 class V4l2Camera(FilmingCamera[Session]):
     """A `Camera`; construct it with `open_camera`.
 
-    After a camera was unplugged the call under way fails; the next one finds the camera again, wherever it
-    was plugged in if it has a serial number, and sets it up anew.
+    When the camera is unplugged, the running call fails. The next call finds and configures the camera again.
+    A camera with a serial number is found at any socket.
     """
 
     def __init__(self, settings: V4l2Settings, context: OpenContext, system: System) -> None:
@@ -72,7 +72,7 @@ def open_camera(settings: V4l2Settings, context: OpenContext, system: System | N
     Raises
     ------
     DeviceError
-        If the camera cannot be opened, or takes a setting differently.
+        If the camera cannot be opened, or a setting reads back differently.
     """
     if system is None:
         refuse_simulated_time(f"{context.name} ({settings.device})", context)

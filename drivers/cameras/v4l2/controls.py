@@ -1,4 +1,4 @@
-"""A camera's controls: all automatics off, the rest as wanted, every one read back."""
+"""The controls of a camera: automatic controls off, the others as configured, all read back."""
 
 import errno
 import re
@@ -20,7 +20,7 @@ from drivers.errors import DeviceFault
 
 MANUAL_EXPOSURE = 1
 
-# In this order: exposure and gain can only be set once their automatics are off.
+# Order matters: exposure and gain can be set only after their automatic controls are off.
 AUTOMATICS: dict[ControlId, int] = {
     ControlId.EXPOSURE_AUTO: MANUAL_EXPOSURE,
     ControlId.EXPOSURE_AUTO_PRIORITY: 0,  # "exposure, dynamic framerate"
@@ -41,7 +41,7 @@ AUTOMATICS: dict[ControlId, int] = {
 
 @dataclass(frozen=True)
 class Control:
-    """One control as the camera describes it; `name` is written as ``v4l2-ctl`` does."""
+    """One control as described by the camera; `name` has the spelling of ``v4l2-ctl``."""
 
     id: int
     name: str
@@ -53,7 +53,7 @@ class Control:
 
 
 class Controls:
-    """The controls of an opened camera, and what each was set to.
+    """The controls of an opened camera and their set values.
 
     Parameters
     ----------
@@ -70,12 +70,12 @@ class Controls:
         self.known = self._enumerate()
 
     def switch_automatics_off(self, wanted: Mapping[str, int]) -> None:
-        """Switch every automatic off that the camera has, or set it as `wanted` by its name.
+        """Switch off every automatic control of the camera, or set the value that `wanted` has for its name.
 
         Raises
         ------
         DeviceFault
-            If one stays otherwise.
+            If an automatic control keeps another value.
         """
         for id, off in AUTOMATICS.items():
             control = self.known.get(id)
@@ -93,7 +93,7 @@ class Controls:
         Raises
         ------
         DeviceFault
-            If the camera has none; the message lists those it has.
+            If the camera has no such control; the message lists all controls of the camera.
         """
         for control in self.known.values():
             if control.name == name:
@@ -111,10 +111,10 @@ class Controls:
         Raises
         ------
         DeviceFault
-            If the value is out of range, or another one is read back.
+            If the value is out of range, or another value is read back.
         """
         step = f"set {control.name}"
-        # the kernel would move it into the range silently
+        # the kernel would silently clip the value to the range
         if not control.minimum <= value <= control.maximum or (value - control.minimum) % control.step:
             raise self._fault(
                 step,
@@ -146,12 +146,12 @@ class Controls:
         return int(request.value)
 
     def hold(self, control: Control) -> int:
-        """Leave a control as it is, and return its value, which `verify` expects from now on."""
+        """Return the present value of a control; `verify` expects this value from now on."""
         self._set[control.id] = self.get(control)
         return self._set[control.id]
 
     def is_held(self, control: Control) -> bool:
-        """Return whether an automatic holds a control, so that what is written has no effect."""
+        """Return whether an automatic control overrides a control, so that writes have no effect."""
         query = ControlQuery(id=control.id)
         try:
             self._node.ioctl(Request.QUERYCTRL, query)
@@ -165,7 +165,8 @@ class Controls:
         Raises
         ------
         DeviceFault
-            As `set` does, and if an automatic holds it: some drivers take the value all the same.
+            As `set`, and if an automatic control overrides the control: some drivers accept the value without
+            any effect.
         """
         self.set(control, value)
         if self.is_held(control):
@@ -182,7 +183,7 @@ class Controls:
         Raises
         ------
         DeviceFault
-            If one has changed: another program may, and so may setting another control.
+            If a value has changed, because of another program or because of another control.
         """
         for id, value in self._set.items():
             if (got := self.get(self.known[id])) != value:
@@ -213,7 +214,7 @@ class Controls:
                 if error.errno in _END_OF_LIST:
                     return found
                 raise translate(error, self._device, "list controls", "its controls") from error
-            if query.id <= last:  # a driver that goes round would be asked for ever
+            if query.id <= last:  # a driver that restarts its list would cause an endless loop
                 return found
             last = query.id
             if query.type in _NUMBERS and not query.flags & ControlFlag.DISABLED:
@@ -223,7 +224,7 @@ class Controls:
                 )
 
 
-_END_OF_LIST = (errno.EINVAL, errno.ENOTTY)  # the latter of a camera without any control
+_END_OF_LIST = (errno.EINVAL, errno.ENOTTY)  # ENOTTY: a camera without any control
 _REFUSALS = {
     errno.EACCES: ("a refusal (EACCES)", "switch off the automatic that holds it"),
     errno.EINVAL: ("a refusal (EINVAL)", "choose a value that the camera takes"),

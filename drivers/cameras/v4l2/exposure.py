@@ -1,4 +1,4 @@
-"""Exposure time and gain of a camera, and everything else that decides what a grey level means."""
+"""Exposure time and gain of a camera, and all other controls that affect grey levels."""
 
 import math
 from dataclasses import dataclass
@@ -9,28 +9,29 @@ from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.errors import DeviceFault
 
 EXPOSURE_UNIT_US = 100.0
-"""Of V4L2_CID_EXPOSURE_ABSOLUTE, by the kernel's documentation."""
+"""Unit of V4L2_CID_EXPOSURE_ABSOLUTE, from the kernel's documentation."""
 TOLERANCE = 1e-3
 SHUTTER_PRIORITY = 2
-"""Of V4L2_CID_EXPOSURE_AUTO: "manual exposure time, auto iris", by the kernel's documentation."""
+"""Value of V4L2_CID_EXPOSURE_AUTO for "manual exposure time, auto iris", from the kernel's documentation."""
 
 
 @dataclass(frozen=True)
 class Exposure:
-    """Exposure time and gain as read back; NaN where the camera does not tell, or an automatic holds it."""
+    """Exposure time and gain as read back; NaN if unknown or under automatic control."""
 
     time_us: float
     gain: float
 
 
 def set_exposure(controls: Controls, settings: V4l2Settings, device: str) -> Exposure:
-    """Switch the automatics off, then set exposure, gain and the other controls.
+    """Switch the automatic controls off, then set exposure, gain and the other controls.
 
     Raises
     ------
     DeviceFault
-        If a value is not taken or has no effect; if the camera has an exposure control and the settings do
-        not use it, or it has none and they try to; if `controls` name what has a setting of its own.
+        If the camera does not accept a value or the value has no effect; if the settings omit the exposure
+        time of a camera with an exposure control, or give one for a camera without; if `controls` name
+        exposure or gain, which have settings of their own.
     """
     controls.switch_automatics_off(settings.controls)
     exposure, unit_us = _exposure_control(controls, settings)
@@ -50,7 +51,7 @@ def _exposure_control(controls: Controls, settings: V4l2Settings) -> tuple[Contr
     control = controls.known.get(ControlId.EXPOSURE_ABSOLUTE)
     if control is not None:
         return control, EXPOSURE_UNIT_US
-    # sensors without this control count exposure in lines, whose duration only their data sheet tells
+    # sensors without this control count exposure in lines; only the data sheet gives the duration of a line
     return controls.known.get(ControlId.EXPOSURE), settings.line_us
 
 
@@ -72,7 +73,8 @@ def _set_exposure_time(
         raise _unusable(device, step, f"{wanted_us:g} µs", remedy)
     automatic = controls.known.get(ControlId.EXPOSURE_AUTO)
     if automatic is not None and controls.get(automatic) == SHUTTER_PRIORITY:
-        controls.set(control, value)  # in effect, though uvcvideo calls all but its manual mode inactive
+        # the value has an effect, although uvcvideo flags the control as inactive outside its manual mode
+        controls.set(control, value)
     else:
         controls.set_active(control, value)
     return value * unit_us
@@ -86,7 +88,7 @@ def _set_gain(controls: Controls, control: Control | None, wanted: int | None, d
     if wanted is not None:
         controls.set_active(control, wanted)
         return wanted
-    # under an automatic that was to stay on, the gain has no one value
+    # if an automatic control stays on as configured, the gain varies
     return math.nan if controls.is_held(control) else controls.hold(control)
 
 

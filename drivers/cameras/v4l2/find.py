@@ -1,4 +1,4 @@
-"""The video nodes of this machine, and the camera among them by path, by bus or by serial number."""
+"""The video nodes of this machine, and the search for a camera by path, bus or serial number."""
 
 import errno
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ _NO_CAMERA = (errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.ENOTTY)
 
 @dataclass(frozen=True)
 class Identity:
-    """Which camera a node belongs to; it stays the same when the camera is plugged in again at its place."""
+    """Identity of a node's camera; unchanged when the camera is plugged in again at the same socket."""
 
     driver: str
     card: str
@@ -26,7 +26,7 @@ class Identity:
     firmware: str
 
     def same_camera(self, other: "Identity") -> bool:
-        """Return whether both are one camera: the serial number decides, without one the socket."""
+        """Return whether both are the same camera, by serial number, or by socket without serial numbers."""
         if self.card != other.card:
             return False
         if self.serial or other.serial:
@@ -35,20 +35,20 @@ class Identity:
 
 
 def video_nodes(root: Path = Path("/")) -> list[Found]:
-    """Return the cameras' nodes; of a camera with several, the one for pictures.
+    """Return one node per camera, the node for pictures.
 
-    The node's name is that of the socket or else of the camera, where the system keeps such a name: two
-    cameras of a kind may have one name between them, but never one socket.
+    The node is named after the socket, or else after the camera, if the system has such a name. Two cameras
+    of the same model can share a camera name, but not a socket.
 
     Parameters
     ----------
     root : Path
-        Where the system's ``sys`` and ``dev`` are.
+        Folder of the system's ``sys`` and ``dev``.
     """
     lasting = lasting_names(root / "dev/v4l/by-id") | lasting_names(root / "dev/v4l/by-path")
     nodes = []
     for folder in sorted((root / "sys/class/video4linux").glob("video*"), key=_number):
-        # a camera's further nodes give metadata
+        # further nodes of a camera deliver metadata
         if _content(folder / "index") in ("", "0"):
             node = lasting.get(folder.name, f"/dev/{folder.name}")
             nodes.append(Found(_content(folder / "name"), {"device": node}))
@@ -56,12 +56,12 @@ def video_nodes(root: Path = Path("/")) -> list[Found]:
 
 
 def open_node(wanted: str, system: System, device: str) -> tuple[Node, Identity]:
-    """Open the node that films for the camera `wanted`.
+    """Open the picture node of the camera `wanted`.
 
     Parameters
     ----------
     wanted : str
-        A path, or ``bus:`` or ``serial:`` with what the camera says.
+        A path, or ``bus:`` or ``serial:`` and the value that the camera reports.
     system : System
     device : str
         For messages.
@@ -71,7 +71,7 @@ def open_node(wanted: str, system: System, device: str) -> tuple[Node, Identity]
     LinkLost
         If there is no such camera.
     DeviceFault
-        If it cannot be opened, is no camera, or more than one answers to the description.
+        If the device cannot be opened or is not a camera, or if several cameras match `wanted`.
     """
     if not wanted.startswith((BUS, SERIAL)):
         return _open_path(wanted, system, device)
@@ -83,7 +83,7 @@ def open_node(wanted: str, system: System, device: str) -> tuple[Node, Identity]
         except DeviceError as error:
             cause = error.__cause__
             if isinstance(cause, OSError) and cause.errno not in _NO_CAMERA:
-                refused = error  # it may be the one
+                refused = error  # this node may belong to the camera
             continue
         node.close()
         if wanted in (BUS + identity.bus, SERIAL + identity.serial):
@@ -119,7 +119,7 @@ def _identify(node: Node, path: str, system: System, device: str) -> Identity:
         node.ioctl(Request.QUERYCAP, info)
     except OSError as error:
         raise translate(error, device, "identify camera", "a camera") from error
-    # `capabilities` is of all nodes together; a UVC camera's second node gives metadata, no pictures
+    # `capabilities` covers all nodes of the device; the second node of a UVC camera delivers only metadata
     own = info.device_caps if info.capabilities & Capability.DEVICE_CAPS else info.capabilities
     needed = Capability.VIDEO_CAPTURE | Capability.STREAMING
     if own & needed != needed:

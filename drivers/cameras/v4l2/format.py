@@ -1,4 +1,4 @@
-"""Picture format and frame rate: asked for, read back, refused if the camera chose something else."""
+"""Picture format and frame rate: requested, read back, and refused if they differ."""
 
 import ctypes
 import errno
@@ -17,7 +17,7 @@ _LARGEST_DENOMINATOR = 1001  # of 30000/1001 Hz
 
 @dataclass(frozen=True)
 class Picture:
-    """How the pictures in the buffers look; `interval_s` from one to the next."""
+    """Format of the pictures in the buffers; `interval_s` is the time between pictures."""
 
     grey: Grey
     width: int
@@ -27,7 +27,7 @@ class Picture:
 
     @property
     def whole_bytes(self) -> int:
-        """What a whole picture fills of a buffer."""
+        """Number of bytes of a complete picture in a buffer."""
         return bytes_needed(self.grey, self.width, self.height, self.stride)
 
 
@@ -60,12 +60,12 @@ def set_picture(
     Raises
     ------
     DeviceFault
-        If the camera is in use, or answers another format, size, stride or rate.
+        If the camera is in use, or returns another format, size, stride or rate.
     """
     try:
         node.ioctl(Request.S_INPUT, ctypes.c_int(input))
     except OSError as error:
-        # a camera with one input may not know the request
+        # a camera with one input may not support the request
         if input or error.errno not in (errno.EINVAL, errno.ENOTTY):
             raise translate(error, device, "choose input", f"input {input}") from error
     wanted = f"{width} x {height} px {code}"
@@ -77,7 +77,7 @@ def set_picture(
         node.ioctl(Request.S_FMT, format)
         _require(device, wanted, pix, stride)
         rate = _set_rate(node, device, rate_hz)
-        # once more: the rate may have changed it
+        # read again: the rate may have changed the format
         node.ioctl(Request.G_FMT, format)
         _require(device, wanted, pix, stride)
     except OSError as error:

@@ -1,6 +1,7 @@
-"""The seam between the camera driver and the kernel: one opened device node, and where nodes are found.
+"""The interface between camera driver and kernel: opened device nodes, and the search for nodes.
 
-Everything above speaks to the two protocols here; the tests put a kernel of their own behind them.
+The rest of the driver uses only the two protocols in this module; the tests implement them with a simulated
+kernel.
 """
 
 import ctypes
@@ -13,7 +14,7 @@ from typing import Any, Protocol
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 
 LONGEST_WAIT_S = 3600.0
-"""The kernel counts a wait's milliseconds in 32 bits."""
+"""The kernel counts the milliseconds of a wait in 32 bits."""
 
 
 class Node(Protocol):
@@ -26,14 +27,14 @@ class Node(Protocol):
         """Return the driver's buffer as writable memory with a method ``close``."""
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait for a filled buffer or an error; False when the time is over, or some of it."""
+        """Wait for a filled buffer or an error; False after the timeout, or earlier."""
 
     def close(self) -> None:
         """Release the node; harmless when repeated."""
 
 
 class System(Protocol):
-    """Where device nodes are found."""
+    """The system that provides the device nodes."""
 
     def paths(self) -> list[str]:
         """Return the paths of all video nodes, in order."""
@@ -52,7 +53,7 @@ class KernelNode:
         self._file = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
 
     def ioctl(self, request: int, argument: ctypes.Structure | ctypes.c_int | ctypes.c_uint32) -> None:
-        """Make one request, again when a signal interrupts it."""
+        """Make one request; repeat the request after an interrupting signal."""
         import fcntl
 
         while True:
@@ -69,7 +70,7 @@ class KernelNode:
         return mmap.mmap(self._file, length, mmap.MAP_SHARED, offset=offset)
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait until there is something to dequeue, be it an error."""
+        """Wait until a buffer or an error can be dequeued."""
         import select
 
         poll = select.poll()
@@ -92,12 +93,12 @@ class KernelSystem:
         return [str(path) for path in sorted(found, key=lambda path: int(path.name[5:]))]
 
     def open(self, path: str) -> KernelNode:
-        """Open a node without waiting for anything."""
+        """Open a node in non-blocking mode."""
         return KernelNode(path)
 
     def usb_facts(self, path: str) -> MutableMapping[str, str]:
-        """Read what sysfs says of the USB device behind a node; nothing for other buses."""
-        # the node's device is an interface of the USB device, whose folder is one up
+        """Read the sysfs attributes of the USB device behind a node; empty for other buses."""
+        # the node's device is a USB interface; the USB device is its parent folder
         folder = Path("/sys/class/video4linux") / Path(path).resolve().name / "device" / ".."
         facts = {}
         for name in ("serial", "manufacturer", "bcdDevice"):
@@ -124,7 +125,7 @@ _MEANINGS: dict[int, tuple[type[DeviceError], str, str]] = {
 
 
 def translate(error: OSError, device: str, step: str, expected: str) -> DeviceError:
-    """Return what an error of the kernel means for the person at the rig."""
+    """Translate an error of the kernel for the person at the rig."""
     number = error.errno or 0
     kind: type[DeviceError]
     if number in (errno.EACCES, errno.EPERM):

@@ -1,4 +1,4 @@
-"""Grey levels out of a V4L2 buffer: rows cut by their stride, at full depth, significant bits kept."""
+"""Grey levels from a V4L2 buffer, at full bit depth and without row padding."""
 
 from dataclasses import dataclass
 
@@ -10,14 +10,14 @@ Image = NDArray[np.uint8] | NDArray[np.uint16]
 
 @dataclass(frozen=True)
 class Grey:
-    """How a pixel format keeps grey levels.
+    """Storage of grey levels in a pixel format.
 
     Attributes
     ----------
     code : str
         The format's four-character code.
     bits : int
-        Significant bits; they are the lowest ones of the container.
+        Number of significant bits; these are the lowest bits of the container.
     pixel_bytes : int
         From one pixel to the next.
     dtype : str
@@ -37,7 +37,7 @@ FORMATS = {
         Grey("Y10", 10, 2, "<u2"),
         Grey("Y12", 12, 2, "<u2"),
         Grey("Y16", 16, 2, "<u2"),
-        Grey("YUYV", 8, 2, "u1"),  # luma and chroma by turns, luma first
+        Grey("YUYV", 8, 2, "u1"),  # alternating luma and chroma, luma first
     )
 }
 
@@ -53,7 +53,7 @@ def grey_levels(memory: memoryview, grey: Grey, width: int, height: int, stride:
     Parameters
     ----------
     memory : memoryview of bytes
-        As much of the buffer as the camera has filled; rows that are missing come out black.
+        The part of the buffer that the camera has filled; missing rows become black.
     grey : Grey
     width, height : int
     stride : int

@@ -19,9 +19,9 @@ from drivers.errors import DeviceError, DeviceFault
 from drivers.interfaces import Frame
 
 UNSETTLED_FRAMES = 2
-"""How many frames after a change of controls may still be exposed as before."""
+"""Number of frames after a change of controls that may still have the old exposure."""
 SHORT = 1 << 32
-"""Flag of a frame that ends too soon, above the kernel's 32 bits of flags."""
+"""Flag of an incomplete frame, above the kernel's 32 bits of flags."""
 
 
 class Session:
@@ -30,7 +30,7 @@ class Session:
     Parameters
     ----------
     node : Node
-        Closed by `close`, and when the camera cannot be set up.
+        Closed by `close`, or if the camera cannot be configured.
     identity : Identity
     settings : V4l2Settings
     device : str
@@ -40,7 +40,7 @@ class Session:
     Raises
     ------
     DeviceError
-        If any setting is not taken.
+        If the camera does not accept a setting.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class Session:
 
     @property
     def interval_s(self) -> float:
-        """From one frame to the next."""
+        """Time between frames."""
         return self._picture.interval_s
 
     def verify(self) -> None:
@@ -93,16 +93,16 @@ class Session:
         self._controls.verify()
 
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
-        """Return the next frame whose exposure began after `after_s`; None when the time is over.
+        """Return the next frame whose exposure began after `after_s`; None after `timeout_s`.
 
-        Frames that end too soon or that the kernel flags as damaged are returned, with their flags.
+        Incomplete frames and frames that the kernel flags as damaged are returned with their flags.
 
         Raises
         ------
         LinkLost
             If the camera was unplugged.
         DeviceFault
-            If it keeps reporting errors, or gives stamps or grey levels that cannot be.
+            If the camera reports errors repeatedly, or delivers impossible timestamps or grey levels.
         """
         deadline_s = self._clock.now_s() + timeout_s
         while True:
@@ -130,7 +130,7 @@ class Session:
         self._node.close()
 
     def _claim(self) -> None:
-        """Keep other programs from changing the camera, where the kernel's driver can."""
+        """Prevent other programs from changing the camera, if the kernel's driver supports priorities."""
         import ctypes
 
         try:
@@ -140,13 +140,13 @@ class Session:
                 raise translate(error, self._device, "claim camera", "a free camera") from error
 
     def _take(self) -> Filled | None:
-        """Take out a buffer; after an error of the stream, restart it, but not twice without a frame."""
+        """Dequeue a buffer. After an error, restart the stream, but not twice without a frame between."""
         assert self._buffers is not None
         try:
             return self._buffers.take()
         except OSError as error:
             if self._healing or error.errno not in (errno.EIO, errno.EPIPE, errno.EINVAL):
-                self._healing = False  # the next call may try again
+                self._healing = False  # the next call may restart the stream again
                 raise self._translated(error) from error
         self._healing = True
         try:
@@ -192,7 +192,8 @@ class Session:
                 f"one exposed {exposed_s - received_s:.3f} s from now",
                 "report it to the maker of the camera's kernel driver",
             )
-        # uncompressed pictures have one size: more bytes than that are padding, less are a broken transfer
+        # uncompressed pictures have a fixed size: extra bytes are padding, missing bytes mean a broken
+        # transfer
         short = SHORT if filled.bytes_used < self._picture.whole_bytes else 0
         flags = filled.flags & BufferFlag.ERROR | short
         return Frame(

@@ -1,4 +1,4 @@
-"""What a rig file says about a camera on Linux' camera interface."""
+"""Settings of a camera on the camera interface of Linux in a rig file."""
 
 from typing import Literal
 
@@ -10,20 +10,21 @@ from drivers.cameras.v4l2.pixels import FORMATS
 
 
 class V4l2Settings(DatedFrameSettings):
-    """Everything that decides what a grey level means must be said; nothing is left to an automatic.
+    """All settings that affect grey levels are required; automatic controls are switched off.
 
     Attributes
     ----------
     device : str
-        A path, ``bus:`` with what ``v4l2-ctl --list-devices`` shows in brackets, or ``serial:`` with the USB
+        A path, ``bus:`` and the text in brackets from ``v4l2-ctl --list-devices``, or ``serial:`` and the USB
         serial number.
     format : str
-        Compressed formats are not offered: compression moves speckles.
+        Pixel format. Compressed formats are not supported: compression distorts speckles.
     gain : int, optional
-        In the camera's own unit; without it the gain is left as found, held, and recorded.
+        Gain in the unit of the camera. Without this setting the gain stays unchanged, is verified and
+        recorded.
     controls : dict of str to int
-        Further controls by the names that ``v4l2-ctl --list-ctrls`` shows. An automatic that is named here
-        takes this value instead of being switched off.
+        Further controls by their names in ``v4l2-ctl --list-ctrls``. An automatic control that is named here
+        gets this value instead of being switched off.
     line_us : float, optional
         Duration of a line, for sensors that count their exposure in lines.
     """
@@ -39,7 +40,7 @@ class V4l2Settings(DatedFrameSettings):
 
     @property
     def bits(self) -> int:
-        """Significant bits of a pixel; a plan tells from them how large a run will be."""
+        """Significant bits of a pixel; a plan computes the size of a run from this number."""
         return FORMATS[self.format].bits
 
     @field_validator("device")

@@ -1,4 +1,4 @@
-"""When was a frame exposed, and which one is it? What the kernel's stamps and counters say, and what not."""
+"""Start of exposure and number of a frame, from the kernel's timestamps and counters."""
 
 import math
 from dataclasses import dataclass
@@ -9,11 +9,11 @@ from drivers.errors import DeviceFault
 
 COUNTER = 2**32
 STAMPED_ON_ARRIVAL = ("uvcvideo",)
-"""Kernel drivers whose stamp claims the start of exposure and is the arrival of the first packet."""
+"""Kernel drivers that flag the timestamp as start of exposure but record the arrival of the first packet."""
 
 
 def require_monotonic(flags: int, device: str) -> None:
-    """Raise `DeviceFault` unless the stamp is of the monotonic clock."""
+    """Raise `DeviceFault` unless the timestamp comes from the monotonic clock."""
     if flags & BufferFlag.CLOCK != BufferFlag.MONOTONIC:
         raise DeviceFault(
             device,
@@ -26,16 +26,16 @@ def require_monotonic(flags: int, device: str) -> None:
 
 @dataclass(frozen=True)
 class StampRule:
-    """From a frame's stamp to the earliest moment at which its exposure can have begun.
+    """Converts the timestamp of a frame to the earliest possible start of its exposure.
 
-    A frame is never called younger than it is: what is not known counts as a whole frame time.
+    The age of a frame is never underestimated: an unknown delay counts as a whole frame time.
 
     Attributes
     ----------
     started_s : float
-        From that moment to a stamp that marks the start of the frame.
+        Longest time from the start of exposure to a timestamp that marks the start of the frame.
     ended_s : float
-        The same for one that marks its end.
+        Longest time from the start of exposure to a timestamp that marks the end of the frame.
     """
 
     started_s: float
@@ -50,30 +50,30 @@ class StampRule:
         driver : str
             The kernel's driver.
         exposure_us : float
-            NaN if not known: it is no longer than the interval then.
+            NaN if unknown; the exposure then counts as one interval.
         transfer_us : float, optional
-            Longest time from the end of exposure to the stamp; without it the interval.
+            Longest time from the end of exposure to the timestamp; one interval by default.
         interval_s : float
         """
         exposure_s = interval_s if math.isnan(exposure_us) else exposure_us * 1e-6
         readout_s = interval_s if transfer_us is None else transfer_us * 1e-6
         ended_s = exposure_s + readout_s
-        # The first packet can leave the camera only when the first row has been exposed.
+        # The camera sends the first packet only after the exposure of the first row.
         return cls(ended_s if driver in STAMPED_ON_ARRIVAL else 0.0, ended_s)
 
     def exposed_s(self, filled: Filled) -> float:
-        """Return when the exposure of a buffer's frame began, at the earliest."""
+        """Return the earliest possible start of exposure of the frame in a buffer."""
         at_start = filled.flags & BufferFlag.STAMP_PLACE == BufferFlag.STAMP_AT_START
         return filled.stamp_s - (self.started_s if at_start else self.ended_s)
 
 
 class FrameNumbers:
-    """Numbers that go on where the kernel's counter of 32 bits begins anew.
+    """Continues the kernel's 32-bit frame counter beyond overflows and restarts.
 
     Parameters
     ----------
     interval_s : float
-        From one frame to the next: after a restart of the stream time tells how many are missing.
+        Time between frames; gives the number of missing frames after a restart of the stream.
     """
 
     def __init__(self, interval_s: float) -> None:
@@ -87,7 +87,7 @@ class FrameNumbers:
         self._restarted = True
 
     def number(self, counter: int, stamp_s: float) -> int:
-        """Return the frame's number; a counter that stands still or goes back is passed on as such."""
+        """Return the frame's number; repeated or decreasing counter values are kept as such."""
         if self._last is None:
             self._number = counter
         elif self._restarted:
