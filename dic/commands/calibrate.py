@@ -1,4 +1,4 @@
-"""`dic calibrate`: images of a calibration target in, a calibration out."""
+"""`dic calibrate`: computes a calibration from images of a calibration target."""
 
 import json
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ _FILE = click.Path(path_type=Path)
 
 @dataclass(frozen=True)
 class CameraOptions:
-    """What is known of the camera."""
+    """Known properties of the camera."""
 
     focal_px: float | None
     focal_std_px: float
@@ -28,7 +28,7 @@ class CameraOptions:
     principal_std_px: float | None
 
     def read(self) -> "KnownCamera":
-        """Return them as the library takes them."""
+        """Return the options as the library's type."""
         from dic import KnownCamera
 
         return KnownCamera(**vars(self))
@@ -36,7 +36,7 @@ class CameraOptions:
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """What to write."""
+    """Output of the command."""
 
     output: Path | None
     points_file: Path | None

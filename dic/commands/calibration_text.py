@@ -1,4 +1,4 @@
-"""What `dic calibrate` says of a calibration, for programs and for people."""
+"""The summary of a calibration that `dic calibrate` prints, as JSON and as text."""
 
 import math
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ _MOST_DIGITS = 4
 
 
 def summarise(calibration: "Calibration") -> dict[str, Any]:
-    """Return what the command prints, by name and unit; residuals and scale are those of the model in use."""
+    """Return the printed values by name and unit; residuals and scale are those of the model in use."""
     grid, pinhole = calibration.grid, calibration.pinhole
     outline = calibration.outline_px
     x, y = outline[:, 0], outline[:, 1]
@@ -125,12 +125,12 @@ def _camera_lines(camera: dict[str, Any] | None) -> list[str]:
 
 
 def _with_std(value: float, std: float) -> str:
-    """Return a value and its standard deviation, the latter to two digits where four decimals hold them."""
+    """Return a value and its standard deviation, rounded to two digits but at most four decimals."""
     digits = max(0, 1 - math.floor(math.log10(std))) if std > 0 else _MOST_DIGITS
     digits = min(digits, _MOST_DIGITS)
     return f"{value:.{digits}f} ± {std:.{digits}f}"
 
 
 def _finite(value: float) -> float | None:
-    """Return None for what is not known, as JSON has no NaN."""
+    """Replace NaN (an unknown value) by None, because JSON has no NaN."""
     return value if math.isfinite(value) else None

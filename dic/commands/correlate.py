@@ -1,4 +1,4 @@
-"""`dic correlate`: image files in, displacements and strains out."""
+"""`dic correlate`: measures displacements and strains in image files."""
 
 import json
 from pathlib import Path
@@ -110,7 +110,7 @@ def correlate(
 def _set_up(
     calibration: "Calibration | None", motion: "Motion", alignment: "Alignment | None"
 ) -> dict[str, Any]:
-    """Return what is said of camera and specimen, JSON-ready."""
+    """Return motion, alignment and sensitivity, JSON-ready."""
     from dic import Sensitivity
 
     if calibration is None:

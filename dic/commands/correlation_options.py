@@ -1,4 +1,4 @@
-"""The options for correlation and strain that more than one subcommand has."""
+"""The options for correlation and strain that several subcommands share."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -25,14 +25,14 @@ poisson_option = click.option(
 
 @dataclass(frozen=True)
 class StrainOptions:
-    """Which strain, and from what."""
+    """The strain measure, and how it is computed."""
 
     strain_measure: str
     strain_window: int
     strain_from: str
 
     def settings(self) -> "StrainSettings":
-        """Return them as the library takes them."""
+        """Return the options as the library's type."""
         from dic import StrainSettings
 
         return StrainSettings(self.strain_measure, self.strain_window, self.strain_from)

@@ -1,4 +1,4 @@
-"""Options that belong together, handed to a command as one value with a name."""
+"""Groups of options, passed to a command as one argument each."""
 
 from collections.abc import Callable
 from dataclasses import fields
@@ -12,12 +12,12 @@ Option = Callable[[Any], Any]
 
 
 def option_group(name: str, kind: type, *options: Option) -> Callable[[Command], Command]:
-    """Return a decorator that adds options to a command and hands their values over as one argument.
+    """Return a decorator that adds options to a command and passes their values as one argument.
 
     Parameters
     ----------
     name : str
-        Of the argument.
+        Name of the argument.
     kind : type
         A dataclass with one field per option.
     *options
@@ -40,7 +40,7 @@ def option_group(name: str, kind: type, *options: Option) -> Callable[[Command],
 
 
 def all_of(*parts: Callable[[], Any]) -> list[Any]:
-    """Return what each part gives; if several raise, one error reports all their mistakes together.
+    """Call each part and return the results; if several raise, raise one error with all mistakes.
 
     Raises
     ------

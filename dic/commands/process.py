@@ -1,4 +1,4 @@
-"""`dic process`: run files in, results and the paper's table out."""
+"""`dic process`: evaluates run files; writes results and prints the paper's table."""
 
 import json
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ _FILE = click.Path(path_type=Path)
 
 @dataclass(frozen=True)
 class CorrelationOptions:
-    """How to correlate."""
+    """Settings of the correlation."""
 
     subset: int
     step: int
@@ -34,13 +34,13 @@ class CorrelationOptions:
     incremental: str
 
     def settings(self) -> "CorrelationSettings":
-        """Return them as the library takes them."""
+        """Return the options as the library's type."""
         from dic import CorrelationSettings
 
         return CorrelationSettings(subset_px=self.subset, step_px=self.step, shape=self.shape)
 
     def check(self) -> None:
-        """Refuse a way of taking new references that there is not."""
+        """Refuse an unknown way of taking new references."""
         from dic import Series
 
         Series.require_incremental(self.incremental)
@@ -55,7 +55,7 @@ class MotionOptions:
     save_alignment: Path | None
 
     def settings(self) -> "CorrectionSettings":
-        """Return them as the library takes them."""
+        """Return the options as the library's type."""
         from dic import CorrectionSettings
 
         _, *alignments = all_of(

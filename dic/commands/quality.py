@@ -1,4 +1,4 @@
-"""`dic quality`: is this image worth measuring?"""
+"""`dic quality`: judges whether an image is suitable for measurement."""
 
 import json
 from pathlib import Path
@@ -65,7 +65,7 @@ def quality(
 
 
 def text(figures: dict[str, Any]) -> str:
-    """Return the figures of `Quality.as_dict` as people read them."""
+    """Return the values of `Quality.as_dict` as text for the terminal."""
 
     def number(name: str, digits: int) -> str:
         return "–" if figures[name] is None else f"{figures[name]:.{digits}f}"

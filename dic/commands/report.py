@@ -1,4 +1,4 @@
-"""`dic report`: result files in, one HTML page out."""
+"""`dic report`: writes one HTML page from result files."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What `dic process` prints: the paper's table with a column of corrected strains."""
+"""The table that `dic process` prints: the paper's table with a column of corrected strains."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -68,7 +68,7 @@ def _joint_lines(result: "RunResult", joint: "JointCorrections") -> list[str]:
 
 
 def _updates(measurement: "Measurement") -> str:
-    """Return over how many new references a step was measured, and the error that has added up, if any."""
+    """Return the number of new references up to a step, and the error accumulated over them, if any."""
     field = measurement.field
     if not field.updates or not field.converged.any():
         return ""
@@ -104,7 +104,7 @@ def _cell(value: float, width: int, unit: str) -> str:
 
 
 def as_dict(result: "RunResult") -> dict[str, Any]:
-    """Return a run's strains for programs, JSON-ready; the layout is in `docs/results.md`."""
+    """Return a run's strains, JSON-ready; the layout is in `docs/results.md`."""
     cameras = {}
     for camera in result.cameras:
         steps = []

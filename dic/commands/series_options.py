@@ -1,4 +1,4 @@
-"""The options of `dic correlate`, in groups that belong together."""
+"""The options of `dic correlate`, in groups."""
 
 from dataclasses import dataclass
 from math import isfinite
@@ -25,7 +25,7 @@ _FILE = click.Path(path_type=Path)
 
 @dataclass(frozen=True)
 class CorrelationOptions:
-    """How to correlate."""
+    """Settings of the correlation."""
 
     subset: int
     step: int
@@ -34,12 +34,12 @@ class CorrelationOptions:
     min_zncc: float
 
     def settings(self, motion: str) -> "CorrelationSettings":
-        """Return them as the library takes them; the shape function may depend on the motion."""
+        """Return the options as the library's type; the shape function may depend on the motion."""
         from dic import CorrelationSettings
 
         shape = self.shape
         if shape == "auto":
-            # Seen off-axis, a subset that turns does not stay affine.
+            # The deformation of a rotating subset is not affine in an oblique view.
             shape = "quadratic" if motion == "rigid" else "affine"
         return CorrelationSettings(
             subset_px=self.subset, step_px=self.step, shape=shape, order=self.spline, min_zncc=self.min_zncc
@@ -66,17 +66,17 @@ correlation_options = option_group(
 
 @dataclass(frozen=True)
 class RegionOptions:
-    """Where to measure."""
+    """The region to measure."""
 
     roi: Path | None
     polygons: tuple[str, ...]
 
     def files(self) -> list[Path | None]:
-        """Return the files that `read` reads; None stands for none."""
+        """Return the files that `read` reads; None stands for an option that was not given."""
         return [self.roi, *(path for path in map(Path, self.polygons) if path.is_file())]
 
     def read(self, shape: tuple[int, int]) -> "Mask | None":
-        """Return the region in images of a height and width, or None if none was named."""
+        """Return the region for images of this height and width, or None if no region was given."""
         from dic import read_region
 
         return read_region(self.roi, self.polygons, shape)
@@ -100,13 +100,13 @@ region_options = option_group(
 
 @dataclass(frozen=True)
 class StartOptions:
-    """Where to look for the pattern first."""
+    """Where the search for the pattern starts."""
 
     incremental: str
     hint_text: str | None
 
     def check(self) -> None:
-        """Refuse what cannot be used, before any image is read."""
+        """Refuse unusable values before any image is read."""
         from dic import Series
 
         all_of(lambda: Series.require_incremental(self.incremental), self._motion)
@@ -152,7 +152,7 @@ start_options = option_group(
 
 @dataclass(frozen=True)
 class MotionOptions:
-    """What the specimen does, to correct for it."""
+    """Assumed motion of the specimen, used to correct calibrated strain."""
 
     motion: str
     poisson_ratio: float
@@ -160,14 +160,14 @@ class MotionOptions:
     save_alignment: Path | None
 
     def read(self) -> "Motion":
-        """Return them as the library takes them."""
+        """Return the options as the library's type."""
         from dic import Motion, load_alignment
 
         known = None if self.alignment_file is None else load_alignment(self.alignment_file)
         return Motion(self.motion, self.poisson_ratio, known)
 
     def require_rotation(self) -> None:
-        """Refuse to save an alignment that will not be solved."""
+        """Refuse to save an alignment when the motion is not a rotation: only a rotation determines one."""
         from dic import CorrelationError
 
         if self.save_alignment is not None and self.motion != "rigid":
@@ -180,7 +180,7 @@ class MotionOptions:
             )
 
     def save(self, alignment: "Alignment | None") -> None:
-        """Write the alignment if that was asked for."""
+        """Write the alignment if the user asked for it."""
         from dic import CorrelationError, save_alignment
 
         if self.save_alignment is None:
@@ -214,7 +214,7 @@ motion_options = option_group(
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """What to write."""
+    """Output files of the command."""
 
     output: Path | None
     csv_folder: Path | None
@@ -222,7 +222,7 @@ class OutputOptions:
     json_file: Path | None
 
     def files(self, deformed: tuple[Path, ...]) -> "SeriesFiles":
-        """Return the files that these images leave behind, but for that of --json."""
+        """Return the output files for these images, without the file of --json."""
         from dic.pipeline.series_files import SeriesFiles
 
         return SeriesFiles(self.output, self.csv_folder, self.maps_folder, deformed)

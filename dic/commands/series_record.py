@@ -1,4 +1,4 @@
-"""What `dic correlate` says of its images, one after the other and at the end."""
+"""The record of a series: `dic correlate` prints each image, and a summary at the end."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,23 +11,23 @@ if TYPE_CHECKING:
 
 
 class SeriesRecord:
-    """Prints images as they come in, and keeps what files and programs get at the end.
+    """Prints each measured image, and keeps the values that are written at the end.
 
     Parameters
     ----------
     keep_corrections : bool
-        Whether a result file will hold them. They take much memory.
+        Whether to keep the corrections for a result file. They take much memory.
 
     Attributes
     ----------
     summaries : list of dict
-        Of the images that were measured, JSON-ready.
+        Summaries of the measured images, JSON-ready.
     failures : list of dict
-        Of those that could not be measured: `file` and `error`.
+        Images that could not be measured: `file` and `error`.
     bad : list of str
         One sentence per image that was measured badly.
     corrections : list of Correction
-        Of the images that were measured, if they are kept.
+        Corrections of the measured images, if `keep_corrections` is true.
     """
 
     def __init__(self, *, keep_corrections: bool) -> None:
@@ -39,7 +39,7 @@ class SeriesRecord:
         self._waiting: list[MeasuredImage] = []
 
     def add(self, image: "MeasuredImage", *, rotation: bool) -> None:
-        """Take an image; of a rotation it is kept, as corrections need all images."""
+        """Add a measured image. Images of a rotation are kept, because their correction needs all images."""
         measurement = image.measurement
         if measurement is None:
             self.fail(image.label, f"{image.failure}")
@@ -55,7 +55,7 @@ class SeriesRecord:
             self.bad.append(f"{image.label}: measured, but {measurement.objection}")
 
     def fail(self, label: str, error: str, consequence: str = "") -> None:
-        """Take an image that was not measured, and the reason."""
+        """Add an image that could not be measured, with the reason."""
         self.failures.append({"file": label, "error": error})
         fail((error if label in error else f"{label}: {error}") + consequence)
 

@@ -1,11 +1,11 @@
-"""What `dic correlate` prints of an image: its points, its strains, its correction."""
+"""The text that `dic correlate` prints for an image: points, strains and correction."""
 
 from pathlib import Path
 from typing import Any
 
 
 def image_text(summary: dict[str, Any]) -> str:
-    """Return the line of an image.
+    """Return the printed line for an image.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def image_text(summary: dict[str, Any]) -> str:
 
 
 def corrected_text(corrected: dict[str, Any]) -> str:
-    """Return a correction in a line, or why there is none.
+    """Return a correction as one line, or the reason why there is no correction.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The options that say what a calibration image shows."""
+"""The options that describe the target in a calibration image."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -36,13 +36,13 @@ class _Direction(click.ParamType[str | float]):
         try:
             return float(value)
         except ValueError:
-            # the word is judged where directions are known
+            # the word is checked later, by the code that knows the directions
             return str(value)
 
 
 @dataclass(frozen=True)
 class TargetOptions:
-    """What the image shows, and which way its axes point."""
+    """The target in the image, and the directions of its axes."""
 
     lines: tuple[int, int] | None
     squares: tuple[int, int] | None

@@ -81,7 +81,7 @@ class Alignment:
         return np.asarray(np.degrees(np.sqrt(np.diag(both @ self.covariance @ both.T))))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the figures that programs read, in degrees and mm: see `docs/results.md`."""
+        """Return the values as JSON-ready data, in degrees and mm: see `docs/results.md`."""
         degrees = np.degrees(np.arctan(self.slopes))
         std = np.degrees(np.sqrt(np.diag(self.covariance)))
         names = ("specimen_slope_x_deg", "specimen_slope_y_deg", "axis_slope_x_deg", "axis_slope_y_deg")
@@ -94,7 +94,7 @@ class Alignment:
 
 
 def _is_possible(slopes: Float, covariance: Float) -> bool:
-    """Tell whether slopes and pivot are finite and small enough, and the covariance is a valid one."""
+    """Return whether slopes and pivot are finite and small enough, and the covariance is valid."""
     rounding = 1e-9 * np.abs(covariance).max()
     symmetric = np.abs(covariance - covariance.T).max() <= rounding
     return bool(np.abs(slopes).max() <= 1.0 and symmetric and np.linalg.eigvalsh(covariance)[0] >= -rounding)

@@ -12,23 +12,22 @@ from dic.out_of_plane.tension import correct_tilt
 from dic.strain.measurement import Measurement
 
 MOTIONS = ("free", "rigid", "tension")
-"""What may be known of a specimen's motion: nothing; that it is rotated without strain; that it is stretched
-uniformly, with some bending."""
+"""Kinds of motion: unknown; rotation without strain; uniform tension with some bending."""
 
 POISSON_RATIO = 0.33
 
 
 @dataclass(frozen=True)
 class Motion:
-    """What is known of a specimen's motion, to correct calibrated strain for motion out of the grid's plane.
+    """Assumed motion of a specimen, used to correct calibrated strain for out-of-plane motion.
 
     Attributes
     ----------
     kind : str
-        "free" (nothing is known: no correction), "rigid" (it is rotated without strain) or "tension" (it is
-        stretched uniformly, with some bending).
+        "free" (unknown motion: no correction), "rigid" (rotation without strain) or "tension" (uniform
+        stretching with some bending).
     poisson_ratio : float
-        Of the specimen, for the shape of its bending in tension.
+        Poisson's ratio of the specimen, for the shape of its bending in tension.
     alignment : Alignment, optional
         An alignment solved before on the same fixture, for rotations. The specimen need not be rigid then.
 

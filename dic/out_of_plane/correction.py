@@ -16,10 +16,10 @@ from dic.strain.strain import MeanStrain, StrainField, StrainSettings, strain_fi
 from dic.typing import Float
 
 _CLEARLY_BETTER = 0.95
-"""Cross-validation must find the bicubic map better than this part of what it finds of the pinhole."""
+"""The bicubic map is used only if its cross-validation error is below this fraction of the pinhole's."""
 
 _STEP = 1e-3
-"""Step for numerical derivatives by the camera's centre, as a fraction of its distance."""
+"""Step for numerical derivatives by the camera's centre, as a fraction of the camera's distance."""
 
 
 @dataclass(frozen=True)
@@ -30,21 +30,22 @@ class Correction:
     ----------
     method : str
         "tilt" (one camera, by the projective signature), "rigidity" (one camera, all steps of a rotation),
-        "alignment" (a rotation's, solved before) or "two cameras"; "none" if nothing was asked for.
+        "alignment" (one camera, by an alignment solved before) or "two cameras"; "none" if no correction was
+        requested.
     mean : MeanStrain
-        Corrected; as calibrated where the correction was declined.
+        Corrected mean strain; as calibrated where the correction was declined.
     displacement : Displacement
-        Within the specimen's plane; as calibrated where the correction was declined.
+        Displacement within the specimen's plane; as calibrated where the correction was declined.
     strain_settings : StrainSettings
-        Which local strain, and from what.
+        Settings of local strain.
     after : Plane or None
-        Where the surface was in this image.
+        Plane of the surface in this image.
     after_std : ndarray, shape (3,), or None
-        Standard deviations of slope x, slope y and shift (mm) of `after`; NaN for what was not measured.
+        Standard deviations of slope x, slope y and shift (mm) of `after`; NaN for unmeasured values.
     declined : str or None
         Why no correction was made; None if it was.
     stored_strain : StrainField or None
-        Local strain as a result file holds it. Without one `strain` is computed when it is first asked for.
+        Local strain read from a result file. If None, `strain` is computed at its first use.
     """
 
     method: str
@@ -80,7 +81,7 @@ class Correction:
         return self.stored_strain or strain_field(self.displacement, self.strain_settings)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the figures that programs read, JSON-ready: see `docs/results.md`."""
+        """Return the values as JSON-ready data: see `docs/results.md`."""
         summary = self.mean.as_dict() | {
             "applied": self.declined is None,
             "method": self.method,
@@ -100,8 +101,8 @@ class Correction:
 def points_of(measurement: Measurement, calibration: Calibration) -> Points:
     """Return the valid points of a measurement, mapped by the pinhole unless bicubic is clearly better.
 
-    The two maps differ by up to 0.01 px, which matters where points move far. Only the pinhole's map is
-    consistent with the pinhole's centre.
+    The two maps differ by up to 0.01 px, which matters where points move far. Only the map of the pinhole
+    model is consistent with the camera centre of that model.
     """
     best, field = calibration.using(_mapped_by(calibration)), measurement.field
     displacement = calibrated_displacement(field, best)
@@ -119,7 +120,7 @@ def _mapped_by(calibration: Calibration) -> Model:
 
 
 def by_centre(estimate: Callable[[Float], Float], centre_mm: Float) -> Float:
-    """Return the derivative (p, 3), per mm, of an estimate (p,) by the camera's centre it is made with."""
+    """Return the derivative (p, 3), per mm, of an estimate (p,) by the camera's centre."""
     step = _STEP * centre_mm[2]
     columns = []
     for shift in step * np.eye(3):

@@ -1,4 +1,4 @@
-"""Diagnosis of a set-up from its false strain: its sensitivity, what is misaligned, and what to do."""
+"""Diagnosis of a set-up from its false strain: sensitivity, misalignments and remedies."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -116,7 +116,7 @@ def in_grid_axes(angles_deg: Float, strains: Float) -> Float:
 
 
 def rotation_findings(harmonics: Harmonics | None, alignment: Alignment | None) -> list[str]:
-    """Return sentences on the alignment of stage, specimen and grid, and what to do about it."""
+    """Return sentences on the alignment of stage, specimen and grid, with remedies."""
     findings = []
     if harmonics is not None:
         first, second = _MICRO * harmonics.amplitudes.max(axis=1)
@@ -150,7 +150,7 @@ def rotation_findings(harmonics: Harmonics | None, alignment: Alignment | None) 
 
 
 def tension_findings(corrections: Sequence[Correction], loads_n: Float) -> list[str]:
-    """Return sentences on how the specimen tilted and shifted with the load, and what to do about it."""
+    """Return sentences on the specimen's tilt and shift under load, with remedies."""
     applied = [
         (load_n, c.after, c.after_std)
         for load_n, c in zip(loads_n, corrections, strict=True)
@@ -173,7 +173,7 @@ def tension_findings(corrections: Sequence[Correction], loads_n: Float) -> list[
 
 
 def _shift_text(shifts_um: Sequence[tuple[float, float]]) -> str:
-    """Return how far a specimen moved towards the camera, from each step's shift and its std."""
+    """Return a text on the specimen's motion towards the camera, from each step's shift and its std."""
     if all(abs(shift) <= _CLEAR * std for shift, std in shifts_um):
         return f"it kept its distance from the camera to ± {max(std for _, std in shifts_um):.1f} µm"
     moved = [shift for shift, _ in shifts_um]

@@ -12,7 +12,7 @@ from dic.strain.fit import gradient_weights, slopes_of
 from dic.typing import Float
 
 _SYSTEMATIC = 2e-6
-"""Standard deviation of the strain difference between the cameras that no modelled error explains."""
+"""Standard deviation of the unmodelled part of the strain difference between the cameras."""
 
 _STEPS = 3
 _SMALL = 1e-6

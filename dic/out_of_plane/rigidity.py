@@ -117,9 +117,9 @@ class _Solved:
     Attributes
     ----------
     gradients : ndarray, shape (steps, 2, 2)
-        Corrected.
+        Corrected gradients.
     covariance : ndarray, shape (4 steps, 4 steps)
-        Of them all.
+        Covariance of all gradients.
     """
 
     method: str
@@ -195,7 +195,7 @@ class _Solved:
 
 
 def _error_rows(steps: Steps, slopes: Float, centre_mm: Float, slope_rows: Float) -> Float:
-    """Return the matrix from errors of the gradients and of `slope_rows` to gradients and slopes."""
+    """Return the matrix that maps errors of the gradients and of `slope_rows` to gradients and slopes."""
     by_slope = np.column_stack(
         [
             (steps.gradients(slopes + d, centre_mm) - steps.gradients(slopes - d, centre_mm)).ravel()

@@ -42,7 +42,7 @@ class Steps:
         Rotation of the specimen since the reference.
     pivot_mm : ndarray, shape (2,)
     systematic : float
-        Standard deviation, per step, of strain errors that do not come from noise.
+        Standard deviation, per step, of the systematic strain errors (all but noise).
     """
 
     points: Sequence[Points]
@@ -85,7 +85,7 @@ class Steps:
 
 
 def systematic_strain(settings: CorrelationSettings, calibration: Calibration) -> float:
-    """Return the standard deviation of strain errors of a rotation that do not come from noise.
+    """Return the standard deviation of the systematic strain errors (all but noise) of a rotated specimen.
 
     Perspective makes the warp of a subset non-affine. An affine subset of width s then measures the mean of
     the warp, which differs from its centre value by s²/24 times the Laplacian; the strain differs by s²/24
@@ -177,7 +177,7 @@ def solve_alignment(
     by_slope : ndarray, shape (3 steps, 4)
         Derivative of the strains by the slopes.
 
-    None instead of these if no slopes are found: seen straight on, tilts cause no false strain to solve from.
+    Returns None if no slopes are found: in a perpendicular view tilts cause no false strain.
     """
     slopes = np.zeros(4) if start is None else start
     prior = np.eye(4) / PRIOR_SLOPE**2

@@ -1,8 +1,8 @@
 """Tension seen by one camera: each image corrected for the tilt of its specimen since the reference.
 
-`dic.out_of_plane.tilt` separates tilt from strain if the strain is uniform. What remains beside affine
-motion, bending and tilt tests this: polynomials of second and third degree mean that strain is not uniform,
-other residuals that the points are not one body. In both cases the image stays as calibrated.
+`dic.out_of_plane.tilt` separates tilt from strain if the strain is uniform. The residuals of affine motion,
+bending and tilt test this: polynomials of second and third degree mean that strain is not uniform, other
+residuals that the points are not one body. In both cases the image stays as calibrated.
 """
 
 import numpy as np
@@ -20,8 +20,8 @@ from dic.typing import Float
 _FEWEST_POINTS = 30
 
 _MOST_TURN_DEG = 5.0
-"""Tilt of the specimen in the reference, which a rotation within the plane takes along. It causes false
-strain of the tilt times the rotation (rad), which has no projective signature."""
+"""Assumed tilt of the specimen in the reference. The tilt rotates with the specimen within the plane. The
+false strain is the tilt times the rotation (rad) and has no projective signature."""
 
 _UNEVEN_PX = 0.002
 """Largest accepted remainder (rms) beyond noise; spline and lens cause that much."""
@@ -46,7 +46,7 @@ def correct_tilt(measurement: Measurement, calibration: Calibration, poisson_rat
     calibration : Calibration
         Of the same camera.
     poisson_ratio : float
-        Of the specimen, for the shape of its bending.
+        Poisson's ratio of the specimen, for the shape of its bending.
     """
     pinhole = calibration.pinhole
     if pinhole is None:
@@ -93,7 +93,7 @@ def _gradient(points: Points, centre_mm: Float, plane: Plane) -> Float:
 
 
 def _unsuitable(measurement: Measurement, points: Points) -> str | None:
-    """Return why a tilt cannot be determined from this measurement; None if it can."""
+    """Return the reason why a tilt cannot be determined from this measurement, or None."""
     mean, n = measurement.calibrated_mean, len(points.before_mm)
     if mean is None or n < _FEWEST_POINTS or not points.determine(2):
         return (
@@ -109,7 +109,7 @@ def _unsuitable(measurement: Measurement, points: Points) -> str | None:
 
 
 def _uneven(fit: TiltFit, points: Points, mm_per_px: float) -> str | None:
-    """Return why the field is not affine motion, bending and tilt; None if it is."""
+    """Return the reason why affine motion, bending and tilt do not explain the field, or None."""
     noise = points.displacement.noise
     if noise is None:
         return "the displacements come without their noise"

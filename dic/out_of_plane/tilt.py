@@ -2,8 +2,8 @@
 
 The linear part of the displacement by a tilt looks like strain. Its quadratic part, (a x² + b x y, a x y + b
 y²)/Cz, does not: uniform strain has no quadratic part. Bending within the plane is quadratic too, (-(y² + ν
-x²)/2, x y) κ and the same with the axes exchanged, but has another shape. So the slopes are solved for which
-the points, placed on the sloped plane, moved by an affine motion and bending.
+x²)/2, x y) κ and the same with the axes exchanged, but has another shape. The solved slopes are those for
+which the points, placed on the sloped plane, move by an affine motion and bending.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ _SMALL = 1e-6
 """Step of the slope for numerical derivatives."""
 
 _MIMICKED = 0.1
-"""Terms of the remainder are dropped if less than this fraction of them is independent of the fit."""
+"""A term of the remainder is dropped if less than this fraction of the term is independent of the fit."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float) -> TiltFit:
     centre_mm : ndarray, shape (3,)
         The camera's centre in the grid's axes.
     poisson_ratio : float
-        Of the specimen, for the shape of its bending.
+        Poisson's ratio of the specimen, for the shape of its bending.
     """
     shape = _Basis.of(points.before_mm, poisson_ratio)
     plane = _solve(points, centre_mm, shape, Plane())

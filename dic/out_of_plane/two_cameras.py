@@ -20,7 +20,7 @@ _AGREE = 3.0
 """Largest accepted difference of the cameras across the parallax, as a multiple of what noise explains."""
 
 _AGREE_PX = 0.01
-"""Accepted difference that does not come from noise but from the errors of both calibrations."""
+"""Accepted difference due to the errors of both calibrations."""
 
 _IMPROBABLE = 6.0
 """Largest accepted adjustment of the calibrations, in standard deviations."""

@@ -54,7 +54,7 @@ class Points:
         return self.before_mm + self.displacement.vector[self.use]
 
     def determine(self, degree: int) -> bool:
-        """Tell whether the points determine polynomials of this degree, 1 or 2."""
+        """Return whether the points determine polynomials of this degree, 1 or 2."""
         centred = self.before_mm - self.before_mm.mean(axis=0)
         x, y = (centred / max(float(np.abs(centred).max(initial=0.0)), 1e-12)).T
         terms = [np.ones_like(x), x, y] + ([x * x, x * y, y * y] if degree == 2 else [])

@@ -1,1 +1,1 @@
-"""From images or a run to results: the order in which everything is done."""
+"""The processing steps from images or a run to results, in their order."""

@@ -1,4 +1,4 @@
-"""One camera's part of a run, as far as it is measured."""
+"""The results of one camera of a run."""
 
 from dataclasses import dataclass
 
@@ -10,14 +10,14 @@ from dic.typing import Grey
 
 @dataclass(frozen=True)
 class CameraResult:
-    """One camera's part of a run.
+    """The results of one camera of a run.
 
     Attributes
     ----------
     camera : str
     calibration : Calibration
     reference : ndarray of float32, shape (height, width)
-        The image all others are compared with.
+        The image with which all others are correlated.
     steps : list of RunStep
         The steps that could be measured.
     measurements : list of Measurement

@@ -1,4 +1,4 @@
-"""Images in, measurements out: the loop that serves image files, run files and arrays alike."""
+"""The measurement of a series of images, given as files, arrays or steps of a run."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -21,15 +21,15 @@ from dic.typing import Float, ImageLike, Mask, PathLike
 
 @dataclass(frozen=True)
 class SeriesImage:
-    """An image of a series, with what is known of it.
+    """An image of a series, with its name and its expected motion.
 
     Attributes
     ----------
     image : ndarray, shape (height, width), or path
     label : str
-        Its name in results.
+        Name of the image in results.
     hint : ndarray, shape (3, 3), optional
-        Expected homography from the reference to this image, such as `rigid_motion` gives.
+        Expected homography from the reference to this image, for example from `rigid_motion`.
     """
 
     image: ImageLike
@@ -57,18 +57,20 @@ def measure_images(
     ----------
     reference : ndarray, shape (height, width), or path
     images : iterable of ndarray, path or SeriesImage
-        In their order; a single one counts as a series of one.
+        The images in order; a single image is a series of one.
     calibration : Calibration or path, optional
-        Of the camera: gives millimetres. Without one everything is in pixels.
+        Calibration of the camera, for results in millimetres. Without a calibration all results are in
+        pixels.
     settings : CorrelationSettings, optional
         Default: affine shape functions, quadratic ones for a rotation.
     strain : StrainSettings, optional
     region : ndarray of bool, shape (height, width), or path, optional
-        Where to measure. Without one, wherever the reference has texture.
+        Region to measure. Default: all parts of the reference with texture.
     incremental : str
         When to take a new reference: "auto" when the correlation drops, "never", or "always".
     motion : Motion or str
-        What the specimen does, to correct calibrated strain: "free", "rigid" or "tension".
+        Assumed motion of the specimen, used to correct calibrated strain: "free" (no correction), "rigid" or
+        "tension".
 
     Raises
     ------
@@ -79,7 +81,7 @@ def measure_images(
     if isinstance(calibration, str | Path):
         calibration = load_calibration(calibration)
     require_calibration(motion, calibration)
-    # Seen off-axis, a subset that turns does not stay affine.
+    # The deformation of a rotating subset is not affine in an oblique view.
     settings = settings or CorrelationSettings(shape="quadratic" if motion.kind == "rigid" else "affine")
     grey = grey_image(reference, "reference image")
     several = [images] if isinstance(images, SeriesImage) else one_by_one(images)
@@ -100,22 +102,22 @@ def measure_series(
     strain: StrainSettings | None = None,
     motion: Motion | None = None,
 ) -> Iterator[MeasuredImage]:
-    """Measure the images of a series one by one, each when it is asked for.
+    """Measure the images of a series lazily, one by one.
 
-    Nothing of an image is kept once the next is asked for, but what `Series` needs. Whoever stops asking
-    ends the series.
+    When the caller requests the next image, the previous image is released, except for the data that `Series`
+    needs. The series ends when the caller stops iterating.
 
     Parameters
     ----------
     series : Series
-        The reference, and how to correlate.
+        The reference and the settings of the correlation.
     images : iterable of ndarray, path or SeriesImage
-        Taken one by one, too.
+        The images; they are also read one by one.
     calibration : Calibration, optional
     strain : StrainSettings, optional
     motion : Motion, optional
-        Calibrated strain is corrected for it, image by image. A rotation is solved by all images together:
-        for that see `corrected_rotation`.
+        Assumed motion; calibrated strain is corrected for this motion, image by image. The correction of a
+        rotation needs all images together: see `corrected_rotation`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A run file in, a result file out: every camera calibrated, every step correlated."""
+"""The processing of a run file: calibrate every camera, correlate every step."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -25,7 +25,7 @@ from dic.typing import Float, Mask, PathLike
 
 @dataclass(frozen=True)
 class RunResult:
-    """All that was measured in a run, and corrected; the reference step itself is not among the measurements.
+    """All measurements and corrections of a run; the measurements do not include the reference step.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class RunResult:
     correcting : CorrectionSettings
     cameras : list of CameraResult
     corrections : RunCorrections
-        Of the strains, for motion out of the grid's plane.
+        Corrections of the strains for motion out of the grid's plane.
     """
 
     source: str
@@ -51,12 +51,12 @@ class RunResult:
         return "\n".join([f"RunResult of {self.source}, {self.info.title!r}, {self.info.status}", *lines])
 
     def series(self, camera: str) -> MeasuredSeries:
-        """Return what a camera measured as `measure_images` returns it, each step with its best correction.
+        """Return a camera's measurements as from `measure_images`, each step with its best correction.
 
         Parameters
         ----------
         camera : str
-            Its name in the run.
+            Name of the camera in the run.
 
         Raises
         ------
@@ -87,12 +87,12 @@ def process_run(
     on_image: Callable[[], None] = lambda: None,
     on_count: Callable[[int], None] = lambda _: None,
 ) -> RunResult:
-    """Calibrate and correlate all cameras of a run, side by side.
+    """Calibrate and correlate all cameras of a run in parallel.
 
     Parameters
     ----------
     path : path
-        A run file, of a finished or a killed run.
+        The file of a finished or a killed run.
     settings : CorrelationSettings, optional
         Default: quadratic shape functions.
     strain : StrainSettings, optional
@@ -102,7 +102,7 @@ def process_run(
     on_image : callable, optional
         Called after each image.
     on_count : callable, optional
-        Told the number of images before the first.
+        Called with the number of images before the first image.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def process_run(
     require_kind("settings", settings, CorrelationSettings | None, "give dic.CorrelationSettings()")
     require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=5)")
     require_kind("correcting", correcting, CorrectionSettings | None, "give dic.CorrectionSettings()")
-    # Seen off-axis, a subset that turns or grows does not stay affine.
+    # The deformation of a rotating or growing subset is not affine in an oblique view.
     settings = settings or CorrelationSettings(shape="quadratic")
     strain = strain or StrainSettings()
     with RunFile(path) as run:
@@ -124,7 +124,7 @@ def process_run(
         kinds = {step.kind for step in run.series()[1:]}
         correcting.require_use(str(path), list(run.cameras), kinds)
         on_count(len(run.cameras) * (len(run.series()) - 1))
-        # The compiled kernel runs without the interpreter's lock, so threads use all cores.
+        # The compiled kernel releases the interpreter's lock, so threads use all cores.
         with ThreadPoolExecutor() as pool:
             stopped = Event()
             tasks = [
@@ -134,7 +134,8 @@ def process_run(
             try:
                 cameras = [task.result() for task in tasks]
             except BaseException:
-                # The pool waits for its threads: without this an interrupt takes as long as the whole run.
+                # The pool waits for its threads: without this line an interrupt takes as long as the whole
+                # run.
                 stopped.set()
                 raise
         corrections = correct_run(cameras, correcting)
@@ -184,7 +185,7 @@ def _calibrate(run: RunFile, camera: str) -> Calibration:
 
 
 def _calibrated_region(calibration: Calibration, shape: tuple[int, ...]) -> Mask:
-    """Return the pixels within the calibrated area: where the paper allows points."""
+    """Return the pixels within the calibrated area; the paper allows points only there."""
     height, width = shape
     x, y = np.meshgrid(np.arange(width), np.arange(height))
     pixels = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
@@ -192,7 +193,7 @@ def _calibrated_region(calibration: Calibration, shape: tuple[int, ...]) -> Mask
 
 
 class _Turn:
-    """What the stage's angle says about the motion of the image, through the calibration."""
+    """The image motion expected from the stage's angle and the calibration."""
 
     def __init__(self, calibration: Calibration, start_deg: float) -> None:
         import cv2

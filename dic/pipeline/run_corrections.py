@@ -1,4 +1,4 @@
-"""A run's strains corrected for motion out of the grid's plane: by each camera, and by two together."""
+"""Corrections of a run's strains for out-of-plane motion: by each camera, and by two together."""
 
 import json
 from collections.abc import Mapping, Sequence, Set
@@ -18,14 +18,14 @@ from dic.pipeline.camera_result import CameraResult
 
 @dataclass(frozen=True)
 class CorrectionSettings:
-    """How a run is corrected.
+    """Settings of the corrections of a run.
 
     Attributes
     ----------
     poisson_ratio : float
-        Of the specimen, for its bending in tension.
+        Poisson's ratio of the specimen, for its bending in tension.
     alignments : mapping of str to Alignment
-        By camera: solved before on the same fixture, for rotations.
+        Alignments by camera, solved before on the same fixture, for rotations.
 
     Raises
     ------
@@ -40,7 +40,7 @@ class CorrectionSettings:
         require_all(CorrelationError, "settings", [poisson_check(self.poisson_ratio)])
 
     def require_use(self, source: str, cameras: Sequence[str], kinds: Set[str]) -> None:
-        """Refuse alignments that a run of these cameras and kinds of steps has no use for.
+        """Refuse alignments that a run with these cameras and kinds of steps cannot use.
 
         Raises
         ------
@@ -57,7 +57,7 @@ class CorrectionSettings:
         raise CorrelationError(source, "apply alignment", expected, got, remedy)
 
     def as_text(self) -> str:
-        """Return this as JSON, for a result file."""
+        """Return the settings as JSON, for a result file."""
         alignments = {
             name: {key: np.asarray(value).tolist() for key, value in vars(alignment).items()}
             for name, alignment in self.alignments.items()
@@ -66,7 +66,7 @@ class CorrectionSettings:
 
     @classmethod
     def from_text(cls, text: str) -> "CorrectionSettings":
-        """Read what `as_text` wrote."""
+        """Read settings written by `as_text`."""
         content = json.loads(text)
         alignments = {
             name: Alignment(**{key: np.array(value, np.float64) for key, value in values.items()})
@@ -77,14 +77,14 @@ class CorrectionSettings:
 
 @dataclass(frozen=True)
 class JointCorrections:
-    """What two cameras found together, each step by their joint solution.
+    """Corrections by two cameras together: the joint solution of each step.
 
     Attributes
     ----------
     cameras : tuple of str
-        The one further aside first.
+        Names of the cameras; the camera with the larger off-axis angle comes first.
     steps : dict of int to TwoCameraStep
-        By number of the step, in the order of the run.
+        Joint solutions by number of the step, in the order of the run.
     findings : list of str
         Sentences on the set-up.
     """
@@ -99,18 +99,18 @@ class JointCorrections:
 
 @dataclass(frozen=True)
 class RunCorrections:
-    """What is known of a run once its motion out of the grid's plane is accounted for.
+    """The corrections of a run for motion out of the grid's plane, and the findings on its set-up.
 
     Attributes
     ----------
     motion : str
-        "rigid", "tension", or "free" if the steps tell no motion.
+        "rigid", "tension", or "free" if the kinds of the steps do not determine the motion.
     cameras : dict of str to Corrections
-        Of each camera on its own, in the order of its measurements.
+        Corrections by each camera alone, in the order of its measurements.
     findings : dict of str to list of str
-        By camera: sentences on the set-up.
+        Sentences on the set-up, by camera.
     joint : JointCorrections or None
-        None if no two cameras could be used together.
+        Corrections by two cameras; None if no two cameras could be used together.
     """
 
     motion: str
@@ -122,7 +122,7 @@ class RunCorrections:
         return f"RunCorrections({self.motion}, {', '.join(self.cameras)}, {self.joint})"
 
     def best(self, camera: str, step: int, place: int) -> Correction:
-        """Return the joint solution's correction of a camera's step if it applies, else the camera's own.
+        """Return the joint correction of a camera's step if it applies, else that by the camera alone.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ class RunCorrections:
         step : int
             Number of the step.
         place : int
-            Of the step among the camera's measurements.
+            Index of the step among the camera's measurements.
         """
         joint = self.joint
         if joint is not None and camera in joint.cameras and step in joint.steps:
@@ -141,7 +141,7 @@ class RunCorrections:
 
 
 def correct_run(cameras: Sequence[CameraResult], settings: CorrectionSettings) -> RunCorrections:
-    """Correct all that was measured in a run."""
+    """Correct all measurements of a run."""
     motion = motion_of({step.kind for camera in cameras for step in camera.steps})
     corrected, findings = {}, {}
     for camera in cameras:
@@ -155,7 +155,7 @@ def correct_run(cameras: Sequence[CameraResult], settings: CorrectionSettings) -
 
 
 def motion_of(kinds: Set[str]) -> str:
-    """Return what the kinds of a run's steps say the specimen did."""
+    """Return the specimen's motion according to the kinds of a run's steps."""
     if "rotation" in kinds:
         return "free" if kinds & {"load", "displacement"} else "rigid"
     return "tension" if kinds & {"load", "displacement"} else "free"
@@ -177,7 +177,7 @@ def _findings(motion: str, camera: CameraResult, found: Corrections) -> list[str
 
 
 def _pair(cameras: Sequence[CameraResult]) -> tuple[CameraResult, CameraResult] | None:
-    """Return the two cameras that look from the most different directions, the one further aside first."""
+    """Return the two cameras with the most different directions, the more oblique camera first."""
     aside = [
         (c.calibration.pinhole.centre_mm[:2] / c.calibration.pinhole.centre_mm[2], c)
         for c in cameras

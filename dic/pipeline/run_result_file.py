@@ -1,4 +1,4 @@
-"""The result file of a run: everything `process_run` found, so that a report needs nothing else."""
+"""The result file of a run: all results of `process_run`; a report needs no other file."""
 
 from dataclasses import asdict, fields, replace
 from pathlib import Path
@@ -52,10 +52,10 @@ def save_run_result(result: RunResult, path: PathLike) -> None:
 
 
 def load_run_result(path: PathLike) -> RunResult:
-    """Read the result file of a run, every value as it stands there.
+    """Read the result file of a run without recomputing stored values.
 
-    What a file of an earlier version of this program lacks is computed anew. Calibrated displacements come
-    without the gradients and errors that strain was computed from: `measure` gives them anew.
+    Values missing in files of earlier versions are computed anew. Calibrated displacements lack the gradients
+    and errors from which strain was computed; `measure` computes these anew.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def _read_run(file: h5py.File) -> RunResult:
     correcting = CorrectionSettings.from_text(attributes.pop("correcting"))
     settings = CorrelationSettings(**attributes)
     cameras = [_read_camera(name, group) for name, group in file["cameras"].items()]
-    # Files that were written before name no motion, and lack alignments, findings and two cameras' steps.
+    # Older files lack the motion, alignments, findings and steps of two cameras.
     anew = None if "motion" in run else correct_run(cameras, correcting)
     corrected = {c.camera: _read_corrections(file["cameras"][c.camera], c, anew) for c in cameras}
     if anew is not None:
@@ -161,7 +161,7 @@ def _read_texts(group: h5py.Group, name: str) -> list[str]:
 
 
 def _plain(value: Any) -> Any:
-    """Return an HDF5 attribute as the Python value it was."""
+    """Return an HDF5 attribute as a plain Python value."""
     return value.item() if isinstance(value, np.generic) else value
 
 

@@ -11,7 +11,7 @@ from dic.pipeline.series_result import MeasuredImage
 
 
 def require_calibration(motion: Motion | None, calibration: Calibration | None) -> None:
-    """Refuse a motion that could be corrected for if there were a calibration.
+    """Refuse a motion whose correction needs a calibration if there is no calibration.
 
     Raises
     ------
@@ -30,7 +30,7 @@ def require_calibration(motion: Motion | None, calibration: Calibration | None) 
 
 
 def corrected(image: MeasuredImage, calibration: Calibration | None, motion: Motion | None) -> MeasuredImage:
-    """Return an image with its correction, unless its motion is a rotation: that needs all images."""
+    """Return an image with its correction; not for a rotation, whose correction needs all images."""
     if image.measurement is None or calibration is None or motion is None or motion.kind == "rigid":
         return image
     return replace(image, correction=correct([image.measurement], calibration, motion).images[0])
@@ -39,14 +39,14 @@ def corrected(image: MeasuredImage, calibration: Calibration | None, motion: Mot
 def corrected_rotation(
     images: Sequence[MeasuredImage], calibration: Calibration, motion: Motion
 ) -> tuple[list[MeasuredImage], Alignment | None]:
-    """Correct the images of a rotation by all of them together.
+    """Correct all images of a rotation together.
 
     Returns
     -------
     list of MeasuredImage
         The same images with their corrections.
     Alignment or None
-        How specimen and stage lie: as solved, else as given.
+        Alignment of specimen and stage: the solved one if there is one, else the given one.
     """
     measurements = [image.measurement for image in images if image.measurement is not None]
     found = correct(measurements, calibration, motion)

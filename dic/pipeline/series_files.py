@@ -1,4 +1,4 @@
-"""The files that `dic correlate` leaves behind, each only if it was asked for."""
+"""The output files of `dic correlate`; each file is written only on request."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -15,9 +15,9 @@ from dic.typing import Grey
 
 
 class SeriesFiles:
-    """The names of the files a series leaves behind, each only if it was asked for.
+    """The names of a series' output files; each file is written only on request.
 
-    Images of the same name, from several folders or given twice, are told apart by their number.
+    A number distinguishes images of the same name (from several folders, or given twice).
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class SeriesOutputs:
             self._writer.__exit__(*error)
 
     def write(self, number: int, measurement: Measurement) -> None:
-        """Write the measurement of the image `number` to every file that was asked for."""
+        """Write the measurement of the image `number` to every requested file."""
         if self._writer is not None:
             self._writer.add("series", measurement)
         if self._files.csv:
@@ -72,6 +72,6 @@ class SeriesOutputs:
             write_maps(measurement, self._reference, self._files.maps[number], title=title)
 
     def write_corrections(self, corrections: Sequence[Correction]) -> None:
-        """Write what the images' corrections found, once all are known."""
+        """Write the corrections of the images when all are known."""
         if self._writer is not None and corrections:
             self._writer.add_corrections("series", corrections)

@@ -1,4 +1,4 @@
-"""What became of the images of a series."""
+"""The results of a series of images."""
 
 from dataclasses import dataclass
 
@@ -13,18 +13,18 @@ from dic.typing import Grey
 
 @dataclass(frozen=True)
 class MeasuredImage:
-    """What became of one image of a series.
+    """The result of one image of a series.
 
     Attributes
     ----------
     label : str
-        The image's file, or the name it was given.
+        The image's file, or its given name.
     measurement : Measurement or None
         None if the image could not be measured.
     correction : Correction or None
-        Of a calibrated measurement, for motion out of the grid's plane.
+        Correction of a calibrated measurement for motion out of the grid's plane.
     failure : str or None
-        Why the image could not be measured, in one sentence.
+        One sentence on why the image could not be measured.
     """
 
     label: str
@@ -73,11 +73,11 @@ class MeasuredSeries:
     ----------
     reference : ndarray of float32, shape (height, width)
     images : tuple of MeasuredImage
-        In their order, those that could not be measured too.
+        All images in order, including those that could not be measured.
     alignment : Alignment or None
-        How specimen and stage lie, if the motion is a rotation that tells it.
+        Alignment of specimen and stage, if the motion is a rotation that determines the alignment.
     sensitivity : Sensitivity or None
-        How much false strain the calibrated camera sees for motion out of the grid's plane.
+        False strain of the calibrated camera per motion out of the grid's plane.
     """
 
     reference: Grey
@@ -91,7 +91,7 @@ class MeasuredSeries:
 
     @property
     def measurements(self) -> tuple[Measurement, ...]:
-        """Of the images that could be measured."""
+        """Measurements of the images that could be measured."""
         return tuple(image.measurement for image in self.images if image.measurement is not None)
 
     @property

@@ -1,4 +1,4 @@
-"""Images of a calibration target in, a calibration out."""
+"""The calibration of a camera from images of a calibration target."""
 
 from collections.abc import Iterable, Sequence
 from typing import Literal
@@ -26,8 +26,8 @@ def calibrate_images(
     Parameters
     ----------
     images : ndarray, shape (height, width), or path, or several of them
-        All by one camera. The target in the first image defines the plane; the others, with the
-        target tilted, improve the pinhole model.
+        Images by one camera. The target in the first image defines the plane; further images of the tilted
+        target improve the pinhole model.
     target : Target, optional
         Kind and size. Default: the paper's line grid.
     x_axis : str or float, optional
@@ -48,7 +48,7 @@ def calibrate_images(
     greys = [grey_image(image, name) for image, name in zip(given, names, strict=True)]
     _require_same_size(greys, names)
     first = find_target(greys[0], target, names[0], x_axis=x_axis, origin_px=origin_px)
-    # The others tell about the lens only, for which the names of the axes do not matter.
+    # The other images determine the lens only, and the lens does not depend on the names of the axes.
     others = [find_target(grey, target, name) for grey, name in zip(greys[1:], names[1:], strict=True)]
     calibration = Calibration.fit([first, *others], greys[0].shape, names[0], known=known)
     return calibration.using(calibration.recommended if model == "recommended" else model)

@@ -1,4 +1,4 @@
-"""The report: one self-contained HTML file of one or several runs, beside what the paper reported."""
+"""The report: one self-contained HTML file that compares one or several runs with the paper."""
 
 from dic.report.page import write_report
 

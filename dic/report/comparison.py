@@ -1,4 +1,4 @@
-"""What a comparison with the paper is made of: quantities of cameras and runs, in words."""
+"""Types and helpers to compare results with the paper: quantities of each camera and run, as text."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ Figure = Literal[
 
 @dataclass(frozen=True)
 class Entry:
-    """The quantity of one camera of one run, in words."""
+    """The quantity of one camera of one run, as text."""
 
     run: int
     camera: str
@@ -38,13 +38,13 @@ class Entry:
 
 @dataclass(frozen=True)
 class Comparison:
-    """One quantity: what the paper says of it, and what these runs say.
+    """One quantity: its value in the paper and its values in these runs.
 
     Attributes
     ----------
     quantity : str
     paper : str
-        With the paper's figures.
+        The paper's statement, with the paper's numbers.
     test : str
         "tension", "rotation" or "calibration".
     figure : str
@@ -60,13 +60,13 @@ class Comparison:
 
 
 def turned_cameras(runs: Sequence[Run]) -> list[CameraSeries]:
-    """Return the off-axis cameras of all rotations, from the largest angle down."""
+    """Return the off-axis cameras of all rotations, in order of decreasing off-axis angle."""
     turned = [camera for run in runs if run.kind == "rotation" for camera in run.off_axis]
     return sorted(turned, key=lambda camera: camera.off_axis_deg, reverse=True)
 
 
 def means(values: Float, components: Sequence[int]) -> str:
-    """Return the means of some components of strains (k, 3) in µε, in words."""
+    """Return the means of some components of strains (k, 3) in µε, as text."""
     return ", ".join(f"{COMPONENTS[c]} {micro(_mean(values[:, c]))} µε" for c in components)
 
 
@@ -76,13 +76,13 @@ def _mean(values: Float) -> float:
 
 
 def worst(values: Float) -> float:
-    """Return the largest size of all strains (k, 3); NaN if none is known."""
+    """Return the largest magnitude of all strains (k, 3); NaN if none is known."""
     known = np.abs(values[np.isfinite(values)])
     return float(known.max()) if known.size else float("nan")
 
 
 def worst_text(camera: CameraSeries, values: Float, stds: Float | None = None) -> str:
-    """Return the largest of a camera's strains (k, 3) in µε in words, with the angle it occurs at."""
+    """Return the largest of a camera's strains (k, 3) in µε and the stage's angle there, as text."""
     if not np.isfinite(values).any():
         return "–"
     row, component = np.unravel_index(np.nanargmax(np.abs(values)), values.shape)

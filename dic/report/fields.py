@@ -1,4 +1,4 @@
-"""Pictures of the fields at a few telling steps, over the image that the points come from."""
+"""Maps of the fields at a few characteristic steps, drawn over the reference image."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from dic.runfile.reader import RunStep
 
 @dataclass(frozen=True)
 class FieldPicture:
-    """The maps of one camera at one step, as a data URI, and the words for them."""
+    """The maps of one camera at one step, as a data URI, with their caption."""
 
     camera: str
     step: RunStep
@@ -20,7 +20,7 @@ class FieldPicture:
 
 
 def field_pictures(run: Run) -> list[FieldPicture]:
-    """Return the maps of every camera at the telling steps of the run's kind."""
+    """Return the maps of every camera at the characteristic steps of the run's kind."""
     telling = rotation.telling_steps if run.kind == "rotation" else tension.telling_steps
     pictures = []
     for step, words in telling(run.steps):

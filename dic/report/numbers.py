@@ -1,15 +1,15 @@
-"""Numbers and dates as people read them."""
+"""Numbers and dates as text for the report."""
 
 import math
 from datetime import datetime
 
 _MOST_DIGITS = 4
 _ROUND = 9.95
-"""Smaller numbers are not yet 10.0 to one decimal."""
+"""Smaller numbers are less than 10.0 when rounded to one decimal."""
 
 
 def micro(value: float) -> str:
-    """Return a strain in µε without decimals, thousands apart from 10 000 on; a dash for NaN.
+    """Return a strain in µε without decimals, with a thousands separator from 10 000; a dash for NaN.
 
     Examples
     --------
@@ -20,7 +20,7 @@ def micro(value: float) -> str:
 
 
 def micro_with_std(value: float, std: float) -> str:
-    """Return a strain in µε and its standard deviation, with a decimal where that is below 10 µε.
+    """Return a strain in µε and its standard deviation; with one decimal if the latter is below 10 µε.
 
     Examples
     --------
@@ -43,7 +43,7 @@ def fixed(value: float, decimals: int) -> str:
 
 
 def with_std(value: float, std: float) -> str:
-    """Return a value and its standard deviation, the latter to two digits where four decimals hold them.
+    """Return a value and its standard deviation, rounded to two digits but at most four decimals.
 
     Examples
     --------
@@ -56,7 +56,7 @@ def with_std(value: float, std: float) -> str:
 
 
 def date(iso: str) -> str:
-    """Return an ISO 8601 date and time without its T and fractions; any other text as it is.
+    """Return an ISO 8601 date and time without T and fractions; any other text unchanged.
 
     Examples
     --------
@@ -74,6 +74,6 @@ def _signed(value: float, decimals: int) -> str:
         return "–"
     text = f"{abs(value):.{decimals}f}"
     if abs(value) >= 10_000:
-        # A thin space that does not break: a comma would be a decimal sign to half of the readers.
+        # A thin non-breaking space: many readers would take a comma for a decimal sign.
         text = f"{abs(value):,.{decimals}f}".replace(",", "\u202f")
     return f"−{text}" if value < 0 and float(text.replace("\u202f", "")) else text

@@ -1,4 +1,4 @@
-"""The page: what it shows in which order, and the file it becomes."""
+"""The page of the report: its content, its order and its file."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from dic.typing import PathLike
 
 @dataclass(frozen=True)
 class SetUp:
-    """What a run says of its set-up, as the template shows it."""
+    """The findings on a run's set-up, as the template shows them."""
 
     cameras: list[list[str]]
     findings: list[Findings]
@@ -35,7 +35,7 @@ class SetUp:
 
 @dataclass(frozen=True)
 class RunView:
-    """One run as the template shows it; the figures are data URIs, empty where a run has no such figure."""
+    """One run as the template shows it; figures are data URIs, empty if a run has no such figure."""
 
     run: Run
     problems: list[str]
@@ -54,10 +54,10 @@ class RunView:
 
 
 def write_report(results: RunResult | Sequence[RunResult], path: PathLike) -> None:
-    """Write the report of one or several runs as one HTML file that needs nothing else.
+    """Write the report of one or several runs as one self-contained HTML file.
 
-    Runs of the rotation test are shown together, as in the paper. The on-axis camera is the one named
-    ``on_axis``, else the first of a run. A report is written whole or not at all.
+    Runs of the rotation test are shown together, as in the paper. The on-axis camera is the camera named
+    ``on_axis``, else the first camera of a run. If writing fails, no partial file remains.
 
     Parameters
     ----------

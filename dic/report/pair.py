@@ -1,4 +1,4 @@
-"""What two cameras saw together of a run, as series over its steps."""
+"""The joint results of two cameras of a run, as series over its steps."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,7 +22,7 @@ class PairSeries:
     Attributes
     ----------
     cameras : tuple of str
-        The one further aside first; heights are given at its points.
+        Names of the cameras, the more oblique camera first; heights are given at its points.
     label : str
     steps : list of RunStep
         The k steps.
@@ -37,7 +37,7 @@ class PairSeries:
 
     @cached_property
     def points(self) -> list[int]:
-        """How many points both cameras share, per step."""
+        """Number of points that both cameras share, per step."""
         return [0 if step.mean is None else step.mean.points for step in self.found]
 
     @cached_property
@@ -74,7 +74,7 @@ class PairSeries:
 
     @cached_property
     def declined(self) -> list[str | None]:
-        """Per step why it was not corrected."""
+        """Reason why a step was not corrected, per step."""
         return [step.declined for step in self.found]
 
     @property
@@ -83,13 +83,13 @@ class PairSeries:
 
 
 def pair_series(result: RunResult, labels: dict[str, str]) -> PairSeries | None:
-    """Return what two cameras of a run saw together, None if no two could be used so.
+    """Return the joint results of two cameras of a run; None if no two could be used together.
 
     Parameters
     ----------
     result : RunResult
     labels : dict of str to str
-        What the report calls each camera.
+        Name of each camera in the report.
     """
     joint = result.corrections.joint
     if joint is None or not joint.steps:

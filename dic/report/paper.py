@@ -1,4 +1,4 @@
-"""What Helm and Deaner reported, and the same quantities computed from these runs."""
+"""The results of Helm and Deaner, and the same quantities computed from these runs."""
 
 from collections.abc import Sequence
 

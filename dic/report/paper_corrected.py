@@ -1,4 +1,4 @@
-"""What became of the paper's open problem: its quantities once more, from corrected strains."""
+"""The paper's quantities computed from strains corrected for out-of-plane motion."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ _MAY_BE = "not done; “a correction … may be possible” (conclusions)"
 
 
 def corrected_tension(runs: Sequence[Run]) -> list[Comparison]:
-    """Return what is left of the bias in tension, for one camera and for two together."""
+    """Return the remaining bias in tension, for one camera and for two cameras together."""
     along: list[Entry] = []
     across: list[Entry] = []
     together: list[Entry] = []
@@ -55,7 +55,7 @@ def corrected_tension(runs: Sequence[Run]) -> list[Comparison]:
 
 
 def corrected_rotation(runs: Sequence[Run]) -> list[Comparison]:
-    """Return what is left of the errors of a rotation."""
+    """Return the remaining errors of a rotation."""
     turned = turned_cameras(runs)
     return [
         Comparison(
@@ -80,5 +80,5 @@ def _corrected_means(values: Float, components: Sequence[int], camera: CameraSer
 
 
 def _not_corrected(camera: CameraSeries) -> str:
-    """Return that no step of a camera was corrected; nothing if one was."""
+    """Return an entry that says that no step of a camera was corrected; nothing if any step was."""
     return "not corrected" if np.isnan(camera.corrected).all() else ""

@@ -17,7 +17,7 @@ _GUIDE = 20.0
 
 
 def strain_figure(runs: Sequence[Run], kind: Kind) -> str:
-    """Return εxx, εyy and εxy against the stage's angle, for every camera of every run.
+    """Return a figure of εxx, εyy and εxy against the stage's angle, for every camera of every run.
 
     Empty if no camera has such strains.
 
@@ -25,8 +25,8 @@ def strain_figure(runs: Sequence[Run], kind: Kind) -> str:
     ----------
     runs : sequence of Run
     kind : str
-        "raw" (figures 21 to 23), "calibrated" (figures 24 to 26), or "corrected": with bands of 95 %, and
-        lines at ±20 µε for the eye, as the three have scales of their own.
+        "raw" (figures 21 to 23), "calibrated" (figures 24 to 26), or "corrected". The latter has bands of 95
+        %, and lines at ±20 µε as a guide, because the three axes have different scales.
     """
     shown = [(o, s) for o, s in ordered(runs) if np.isfinite(_strains(s, kind)).any()]
     if not shown:
@@ -53,7 +53,7 @@ def strain_figure(runs: Sequence[Run], kind: Kind) -> str:
 
 
 def label_angles(axis: Any, runs: Sequence[Run]) -> None:
-    """Name the horizontal axis, and divide it as angles are."""
+    """Label the horizontal axis, and set ticks that suit angles."""
     from matplotlib.ticker import MultipleLocator
 
     largest_deg = max(abs(step.angle_deg) for run in runs for step in run.steps)
@@ -63,7 +63,7 @@ def label_angles(axis: Any, runs: Sequence[Run]) -> None:
 
 
 def not_corrected(runs: Sequence[Run]) -> list[str]:
-    """Return which cameras of the rotations were left alone, and why, in one sentence each."""
+    """Return one sentence for each camera of the rotations without correction, with the reason."""
     return [
         f"run {series.run}, {series.label}: {reason}"
         for run in runs
@@ -77,7 +77,7 @@ def _strains(series: CameraSeries, kind: Kind) -> Float:
 
 
 def telling_steps(steps: list[RunStep]) -> list[tuple[RunStep, str]]:
-    """Return the steps nearest 90° and 180°, or the last one if the run did not come so far."""
+    """Return the steps nearest 90° and 180°, or the last step if the run ended before."""
     chosen = []
     for angle_deg in (90.0, 180.0):
         near = [step for step in steps if abs(step.angle_deg - angle_deg) <= _NEAR_DEG]
@@ -88,9 +88,9 @@ def telling_steps(steps: list[RunStep]) -> list[tuple[RunStep, str]]:
 
 
 def ordered(runs: Sequence[Run]) -> list[tuple[int, CameraSeries]]:
-    """Return the cameras of all runs as they are drawn, each with its place in the order of colours."""
+    """Return the cameras of all runs in drawing order, each with its index in the colour order."""
     on_axis = [run.on_axis for run in runs if run.on_axis is not None]
     off_axis = [camera for run in runs for camera in run.off_axis]
-    # The largest angle is drawn last, so that it does not lie beneath the others.
+    # The camera with the largest angle is drawn last, on top of the others.
     off_axis.sort(key=lambda camera: camera.off_axis_deg)
     return [*enumerate(on_axis), *enumerate(off_axis)]

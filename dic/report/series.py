@@ -22,28 +22,29 @@ from dic.typing import Float
 Kind = Literal["tension", "rotation", ""]
 
 _CLEAR = 3.0
-"""An angle off-axis is spoken of from this many standard deviations on,"""
+"""Smallest off-axis angle that is shown, in standard deviations of the angle."""
 _LEAST_DEG = 1.0
-"""and from this size on: no camera stands straighter."""
+"""Smallest off-axis angle that is shown, in degrees: no camera is aligned better."""
 
 _ALONG_DEG = 15.0
-"""A camera that leans in a direction this near to an axis strains falsely along it; 7 % go to the other."""
+"""Up to this angle between a camera's tilt and an axis, false strain counts as strain along that axis alone;
+at this angle 7 % are along the other axis."""
 
 
 @dataclass(frozen=True)
 class CameraSeries:
-    """One camera of a run: where it stands, and its mean strain at every measured step.
+    """One camera of a run: its direction, and its mean strain at every measured step.
 
     Attributes
     ----------
     run : int
         Number of the run in the report, from 1.
     on_axis : bool
-        Whether the others are compared with it.
+        Whether this camera is the reference for the others.
     result : CameraResult
-        What the camera measured, at k steps.
+        Results of the camera, at k steps.
     corrections : list of Correction
-        Of the camera on its own, k.
+        The k corrections by this camera alone.
     """
 
     run: int
@@ -58,7 +59,7 @@ class CameraSeries:
 
     @property
     def label(self) -> str:
-        """The camera's name, with its angle off-axis where that is clearly not zero."""
+        """The camera's name, with its off-axis angle if the angle is clearly not zero."""
         pinhole = self._leaning
         return self.camera if pinhole is None else f"{self.camera} {pinhole.off_axis_deg:.1f}°"
 
@@ -74,7 +75,7 @@ class CameraSeries:
 
     @property
     def measurements(self) -> list[Measurement]:
-        """What was measured at the steps."""
+        """The measurements at the steps."""
         return self.result.measurements
 
     @property
@@ -84,13 +85,13 @@ class CameraSeries:
 
     @property
     def off_axis_deg(self) -> float:
-        """Angle of the fitted pinhole camera to the grid's normal; 0 if it is not known."""
+        """Angle of the fitted pinhole camera to the grid's normal; 0 if the angle is not known."""
         pinhole = self.calibration.pinhole
         return 0.0 if pinhole is None else pinhole.off_axis_deg
 
     @property
     def swing(self) -> tuple[int, ...]:
-        """Components of strain in whose direction the camera leans; εxx and εyy if that is no single one."""
+        """Strain components along the camera's tilt; εxx and εyy if the tilt is not along one axis."""
         pinhole = self._leaning
         if pinhole is None:
             return (XX, YY)
@@ -100,17 +101,17 @@ class CameraSeries:
 
     @cached_property
     def raw(self) -> Float:
-        """Mean strain εxx, εyy, εxy of the displacements in pixels, µε, shape (k, 3); NaN where none is."""
+        """Mean strain εxx, εyy, εxy of the displacements in pixels, µε, shape (k, 3); NaN if missing."""
         return strains([m.raw_mean for m in self.measurements])
 
     @cached_property
     def calibrated(self) -> Float:
-        """The same of the calibrated displacements."""
+        """Mean strain of the calibrated displacements, as `raw`."""
         return strains([m.calibrated_mean for m in self.measurements])
 
     @cached_property
     def corrected(self) -> Float:
-        """The same corrected for motion out of the grid's plane; NaN where the correction was declined."""
+        """Mean strain corrected for out-of-plane motion, as `raw`; NaN where the correction was declined."""
         return strains(self._corrected_means)
 
     @cached_property
@@ -120,7 +121,7 @@ class CameraSeries:
 
     @cached_property
     def declined(self) -> list[str | None]:
-        """Per step why it was not corrected."""
+        """Reason why a step was not corrected, per step."""
         return [correction.declined for correction in self.corrections]
 
     @property
@@ -149,7 +150,7 @@ class Run:
     cameras : list of CameraSeries
         The on-axis camera first.
     pair : PairSeries or None
-        What two cameras saw together, if they were used so.
+        Joint results of two cameras, if two cameras were used together.
     """
 
     number: int
@@ -166,7 +167,7 @@ class Run:
 
     @property
     def on_axis(self) -> CameraSeries | None:
-        """The camera the others are compared with."""
+        """The camera with which the others are compared."""
         return next((camera for camera in self.cameras if camera.on_axis), None)
 
     @property
@@ -178,7 +179,7 @@ class Run:
 def number_runs(results: Sequence[RunResult]) -> list[Run]:
     """Number the runs and collect their series.
 
-    The on-axis camera is the one named ``on_axis``, else the first.
+    The on-axis camera is the camera named ``on_axis``, else the first camera.
     """
     runs = []
     for number, result in enumerate(results, 1):
@@ -194,7 +195,7 @@ def number_runs(results: Sequence[RunResult]) -> list[Run]:
 
 
 def difference(of: Sequence[RunStep], values: Float, reference: CameraSeries) -> tuple[list[RunStep], Float]:
-    """Return strains minus the raw strain of the reference camera, at the steps both have.
+    """Return strains minus the raw strain of the reference camera, at the steps of both.
 
     Parameters
     ----------

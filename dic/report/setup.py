@@ -1,4 +1,4 @@
-"""What a run says of its set-up: where cameras stand, what they are sensitive to, what stays uncertain."""
+"""The findings on a run's set-up: camera positions, sensitivities and remaining uncertainties."""
 
 import re
 from dataclasses import dataclass
@@ -13,21 +13,21 @@ from dic.report.strains import MICRO, plane_slopes
 from dic.report.style import CONFIDENCE
 
 _OPEN_SHARE = 0.05
-"""A camera whose distance is known worse than this, as a part of it, is told to be given more."""
+"""Largest relative uncertainty of a camera's distance before the report asks for more calibration data."""
 
 _PERCENT = 100.0
 
 
 @dataclass(frozen=True)
 class Findings:
-    """What the run says of the set-up, as one camera saw it, or two together."""
+    """The findings on the set-up by one camera, or by two cameras together."""
 
     label: str
     sentences: list[str]
 
 
 def findings(run: Run) -> list[Findings]:
-    """Return the findings by camera, the on-axis one first, and of two cameras together."""
+    """Return the findings by each camera, the on-axis camera first, and by two cameras together."""
     corrections = run.result.corrections
     said = [(series.label, corrections.findings[series.camera]) for series in run.cameras]
     if run.pair is not None and corrections.joint is not None:
@@ -39,14 +39,14 @@ def camera_rows(run: Run) -> list[list[str]]:
     """Return one row per camera.
 
     Name; angle off-axis, degrees; the camera's centre X, Y, Z in the grid's axes, mm; false strain per
-    millidegree of tilt and per µm of shift in µε; how well the slopes (millidegrees) and the corrected strain
-    (µε) are known, 95 %, at the worst step.
+    millidegree of tilt and per µm of shift in µε; 95 % uncertainty of the slopes (millidegrees) and of the
+    corrected strain (µε) at the worst step.
     """
     return [[series.label, *_geometry(series.calibration), *_known(series)] for series in run.cameras]
 
 
 def remaining(run: Run) -> list[str]:
-    """Return what no correction takes away, and which cameras' centres are open, with figures."""
+    """Return the errors that no correction removes, and the cameras with uncertain centres, with numbers."""
     sentences = []
     for series in run.cameras:
         sensitivity, pinhole = Sensitivity.of(series.calibration), series.calibration.pinhole

@@ -23,13 +23,13 @@ from dic.typing import Float
 _SMOOTH = 181
 _MM_TO_UM = 1e3
 _HARDLY = 20.0
-"""A slope whose standard deviation is so many times the best known one's is hardly known."""
+"""A slope is hardly known if its standard deviation is this multiple of the smallest one."""
 
 
 def harmonics_figure(run: Run) -> str:
-    """Return calibrated strain in the grid's axes against the stage's angle, with its first two harmonics.
+    """Return a figure of calibrated strain in the grid's axes against the angle, with two harmonics.
 
-    Empty if the angles do not tell the harmonics.
+    Empty if the angles do not determine the harmonics.
     """
     fits = [
         (order, s, Harmonics.of(s.angles_deg, s.calibrated / MICRO))
@@ -57,7 +57,7 @@ def harmonics_figure(run: Run) -> str:
 
 
 def motion_figure(run: Run) -> str:
-    """Return slopes, and with two cameras the shift, of the specimen's plane against the load.
+    """Return a figure of the plane's slopes, and with two cameras its shift, against the load.
 
     Empty if none is known.
     """
@@ -77,7 +77,7 @@ def motion_figure(run: Run) -> str:
     for k, axis in enumerate(axes[:2]):
         known = [float(np.nanmedian(stds[:, k])) for *_, stds in series]
         for std, (label, style, loads_kn, slopes, stds) in zip(known, series, strict=True):
-            # Bars that are so long would hide all others.
+            # Such long error bars would hide all others.
             if std <= _HARDLY * min(known):
                 _draw_bars(axis, loads_kn, slopes[:, k], stds[:, k], label, style)
         axis.set_ylabel(f"slope along {'XY'[k]}, °")
@@ -94,7 +94,7 @@ def motion_figure(run: Run) -> str:
 
 
 def height_step(run: Run) -> tuple[RunStep, int] | None:
-    """Return the step of the largest load that has a map of heights, and its place in the pair's series."""
+    """Return the step of the largest load with a map of heights, and its index in the pair's series."""
     if run.pair is None:
         return None
     known = [
@@ -109,9 +109,9 @@ def height_step(run: Run) -> tuple[RunStep, int] | None:
 
 
 def height_figure(run: Run) -> str:
-    """Return the heights at the step of the largest load, and what its plane leaves of them.
+    """Return a figure of the heights at the step of the largest load, and of their residuals to the plane.
 
-    Empty without two cameras that measured them.
+    Empty if no two cameras measured heights.
     """
     from matplotlib.figure import Figure
 

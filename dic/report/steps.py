@@ -1,4 +1,4 @@
-"""The tables of every step: per camera raw, calibrated and corrected, and of two cameras together."""
+"""The tables of all steps: raw, calibrated and corrected strain per camera, and of two cameras."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ _READINGS: tuple[Reading, ...] = (
     ("Displ., mm", "displacement_mm", 4),
     ("Angle, °", "angle_deg", 3),
 )
-"""Heading, value of a step, and decimals."""
+"""Heading, attribute of a step, and decimals."""
 
 
 @dataclass(frozen=True)
 class Note:
-    """Why steps were not corrected, and the mark by which they refer to it."""
+    """The reason why steps were not corrected, and the footnote mark of these steps."""
 
     mark: str
     reason: str
@@ -40,15 +40,15 @@ class StepRow:
         Number of the step.
     target : str
     readings : list of str
-        What the devices read, as text, under the table's headings.
+        Readings of the devices as text, in the order of the table's headings.
     points : str
-        How many points the values come from.
+        Number of points of the values.
     cells : list of str or None
         The values as text; None if the camera could not measure the step.
     corrected : list of str
         Corrected values as text, empty if there are none.
     mark : str
-        Of the note that says why there are none.
+        Mark of the note with the reason why corrected values are missing.
     """
 
     index: int
@@ -68,7 +68,7 @@ class StepTable:
     ----------
     label : str
     readings : list of str
-        Headings of what at least one step has a reading of.
+        Headings of the readings that at least one step has.
     rows : list of StepRow
     notes : list of Note
     """
@@ -80,7 +80,7 @@ class StepTable:
 
 
 def camera_tables(run: Run) -> list[StepTable]:
-    """Return a table per camera; raw and calibrated strain as µε, corrected with its standard deviation."""
+    """Return a table per camera: raw, calibrated and corrected strain, the latter with its std, in µε."""
     tables, readings = [], _readings(run)
     for series in run.cameras:
         notes = _notes(series.declined)
@@ -117,12 +117,12 @@ def pair_table(run: Run) -> StepTable | None:
 
 
 def _readings(run: Run) -> list[Reading]:
-    """Return what at least one step has a reading of: a tension rig has no angle, a stage no load."""
+    """Return the readings that at least one step has: a tension rig has no angle, a stage no load."""
     return [reading for reading in _READINGS if any(isfinite(getattr(s, reading[1])) for s in run.steps)]
 
 
 def _head(step: RunStep, readings: Sequence[Reading]) -> tuple[int, str, list[str]]:
-    """Return number, target and readings of a step as a table has them."""
+    """Return number, target and readings of a step as table cells."""
     target = f"{step.target:.6g}{_UNITS.get(step.kind, '')}"
     return step.index, target, [fixed(getattr(step, name), decimals) for _, name, decimals in readings]
 

@@ -1,4 +1,4 @@
-"""Values of several images as arrays in the report's units, NaN where there are none."""
+"""Values of several images as arrays in the report's units; NaN for missing values."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from dic.typing import Float
 MICRO = 1e6
 COMPONENTS = ("εxx", "εyy", "εxy")
 XX, YY = 0, 1
-"""Places of the strains along the axes among `COMPONENTS`."""
+"""Indices of the strains along the axes in `COMPONENTS`."""
 
 _NAMES = ("exx", "eyy", "exy")
 

@@ -1,4 +1,4 @@
-"""How the report's figures look, and how they become part of the page."""
+"""The style of the report's figures, and their conversion to data URIs."""
 
 from base64 import b64encode
 from io import BytesIO
@@ -13,19 +13,19 @@ Kind = Literal["raw", "calibrated", "corrected"]
 
 ON_AXIS_COLOUR = "#4d4d4d"
 OFF_AXIS_COLOURS = ("#0072b2", "#e69f00", "#d55e00", "#009e73", "#cc79a7")
-"""Okabe and Ito's colours, told apart by colour-blind people too."""
+"""Okabe and Ito's colours, which colour-blind people can distinguish."""
 MARKERS = "osD^vP"
 ON_AXIS_MARKERS = "x+1234"
 PAIR_STYLE = {"color": "#009e73", "marker": "D", "linestyle": ":", "markersize": 3.5}
-"""Of two cameras together."""
+"""Colour of two cameras together."""
 
 CONFIDENCE = 1.96
-"""Standard deviations on either side of a value between which 95 % of its errors lie."""
+"""Half width of the 95 % interval, in standard deviations."""
 
 
 PAGE_WIDTH_IN = 11.0
 _MARGIN_PX = 6
-# matplotlib's own type for this lists every key there is.
+# matplotlib's own type for this dictionary lists every existing key.
 _RC: Any = {
     "font.size": 9,
     "axes.titlesize": 10,
@@ -39,7 +39,7 @@ _RC: Any = {
     "lines.linewidth": 1.3,
     "lines.markersize": 4.5,
     "legend.frameon": False,
-    # The same report twice is the same file.
+    # Equal reports give equal files.
     "svg.hashsalt": "offaxis",
 }
 
@@ -60,7 +60,7 @@ def new_figure(columns: int, height_in: float = 3.6) -> tuple[Any, Any]:
 
 
 def legend_below(figure: Any, columns: int = 4) -> None:
-    """Put one legend for all axes below them, where it hides no data."""
+    """Put one legend for all axes below the axes, where the legend hides no data."""
     drawn = [pair for axis in figure.axes for pair in zip(*axis.get_legend_handles_labels(), strict=True)]
     named = {label: handle for handle, label in reversed(drawn)}
     labels = list(dict.fromkeys(label for _, label in drawn))
@@ -75,14 +75,14 @@ def legend_below(figure: Any, columns: int = 4) -> None:
 def line_style(series: CameraSeries, order: int, kind: Kind) -> dict[str, Any]:
     """Return colour, marker and line of a series.
 
-    Raw is dashed with open markers, calibrated solid with full ones, corrected a broad line that others can
-    lie on.
+    Raw strain is a dashed line with open markers, calibrated strain a solid line with full markers, corrected
+    strain a broad line under the others.
 
     Parameters
     ----------
     series : CameraSeries
     order : int
-        Which on-axis, or which off-axis, camera of the figure it is, from 0.
+        Index of the camera among the on-axis or the off-axis cameras of the figure, from 0.
     kind : str
         "raw", "calibrated" or "corrected".
     """
@@ -108,14 +108,14 @@ def draw_banded(axis: Any, x: Any, values: Float, std: Float, label: str, style:
 
 
 def svg_uri(figure: Any) -> str:
-    """Return a figure of lines as a data URI."""
+    """Return a line figure as a data URI (SVG)."""
     buffer = BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None})
     return "data:image/svg+xml;base64," + b64encode(buffer.getvalue()).decode()
 
 
 def png_uri(figure: Any, dpi: int = 100) -> str:
-    """Return a figure with images or many marks in it as a data URI: 256 colours, most of its margins cut."""
+    """Return a figure with images or many marks as a data URI: PNG, 256 colours, narrow margins."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -133,7 +133,7 @@ def png_uri(figure: Any, dpi: int = 100) -> str:
 
 
 def watermark_uri(word: str) -> str:
-    """Return a tile with a word across it, faint enough to read what lies beneath, as a data URI."""
+    """Return a tile with a faint diagonal word, for use as a watermark, as a data URI."""
     svg = (
         '<svg xmlns="http://www.w3.org/2000/svg" width="640" height="460">'
         '<text x="320" y="250" transform="rotate(-30 320 230)" text-anchor="middle" fill="#b00020" '

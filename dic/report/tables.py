@@ -1,4 +1,4 @@
-"""The report's tables: settings, calibrations, and what went wrong."""
+"""The report's tables: settings, calibrations and problems."""
 
 from pathlib import Path
 
@@ -23,13 +23,13 @@ _MOTIONS = {
     "free": "none: the steps tell no motion",
 }
 _USES = (("in use", "model"), ("recommended", "recommended"))
-"""What is said of a model, and the attribute of a calibration that names it."""
+"""Purposes of a model, and the attribute of a calibration with the model's name."""
 
 
 def calibration_rows(run: Run) -> list[list[str]]:
     """Return one row per camera and model.
 
-    Name, points, model and what it is for, scale, rms and largest residual in px and µm, rms of the
+    Name, points, model and its purpose, scale, rms and largest residual in px and µm, rms of the
     cross-validation.
     """
     rows = []
@@ -62,7 +62,7 @@ def recommendations(run: Run) -> list[str]:
 
 
 def settings_rows(run: Run) -> list[tuple[str, str]]:
-    """Return names and values of what was set, in words."""
+    """Return names and values of the settings, as text."""
     result, info, settings = run.result, run.result.info, run.result.settings
     rows = [
         ("Run", f"{info.run_id}, begun {date(info.start_time)}"),
@@ -135,7 +135,7 @@ def _gauge(measurement: Measurement) -> str:
 
 
 def problems(run: Run) -> list[str]:
-    """Return one sentence for everything that a reader must know before trusting the run."""
+    """Return one sentence for each problem that a reader must know before trusting the run."""
     info = run.result.info
     sentences = []
     if info.status != "completed":

@@ -1,4 +1,4 @@
-"""Figures of the tension test: the paper's figures 16 to 20, and what the load frame did."""
+"""Figures of the tension test: the paper's figures 16 to 20, and load and displacement."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ from dic.typing import Float
 
 
 def strain_figure(run: Run) -> str:
-    """Return εxx and εyy of every camera at every step, of all three kinds (figures 16 and 17)."""
+    """Return a figure of raw, calibrated and corrected εxx and εyy of all cameras (figures 16 and 17)."""
     figure, axes = new_figure(2, 4.4)
     for axis, component in zip(axes, (XX, YY), strict=True):
         for order, series in ordered(run):
@@ -38,7 +38,7 @@ def strain_figure(run: Run) -> str:
 
 
 def difference_figure(run: Run, on_axis: CameraSeries) -> str:
-    """Return the difference from the uncalibrated on-axis camera per component (figures 18 to 20)."""
+    """Return a figure of differences from the uncalibrated on-axis camera (figures 18 to 20)."""
     figure, axes = new_figure(3, 4.1)
     for component, axis in enumerate(axes):
         axis.axhline(0.0, color="#999999", linewidth=0.8)
@@ -60,9 +60,9 @@ def difference_figure(run: Run, on_axis: CameraSeries) -> str:
 
 
 def corrected_difference_figure(run: Run, on_axis: CameraSeries) -> str:
-    """Return the corrected strains' differences alone, on their own scale, with bands of 95 %.
+    """Return a figure of the corrected strains' differences alone, with bands of 95 %.
 
-    Empty if nothing was corrected.
+    Empty if no step was corrected.
     """
     shown = [
         (s.label, s.steps, s.corrected, s.corrected_std, line_style(s, order, "calibrated"))
@@ -111,9 +111,9 @@ def load_figure(run: Run) -> str:
 
 
 def telling_steps(steps: list[RunStep]) -> list[tuple[RunStep, str]]:
-    """Return the first step, the last elastic one and the last, each with the words for it.
+    """Return the first step, the last elastic step and the last step, each with its caption.
 
-    Loading ends with the increment that showed plastic deformation; the one before is the last elastic.
+    Loading ends with the increment that shows plastic deformation; the step before is the last elastic step.
     """
     if not steps:
         return []
@@ -126,9 +126,9 @@ def telling_steps(steps: list[RunStep]) -> list[tuple[RunStep, str]]:
 
 
 def ordered(run: Run) -> list[tuple[int, CameraSeries]]:
-    """Return the cameras as they are drawn, each with its place in the order of colours."""
+    """Return the cameras in drawing order, each with its index in the colour order."""
     on_axis = [(0, camera) for camera in run.cameras if camera.on_axis]
-    # The paper's off-axis camera at 30° has the same colour in every figure when it is the only one.
+    # A single off-axis camera (the paper's at 30°) has the same colour in every figure.
     off_axis = list(enumerate(run.off_axis, 2 if len(run.off_axis) == 1 else 0))
     return on_axis + off_axis
 
@@ -146,7 +146,10 @@ def _places(run: Run, of: list[RunStep]) -> list[int]:
 
 
 def _label_steps(axis: Any, run: Run) -> None:
-    """Name the steps evenly spaced, for conditional steps of a plan may not exist, and shade load control."""
+    """Label the step axis, and shade the steps under load control.
+
+    Steps are drawn at equal distances, not at their numbers: conditional steps of a plan may be missing.
+    """
     steps = run.steps
     every = max(1, -(-len(steps) // 12))
     axis.set_xticks(range(0, len(steps), every), [str(step.index) for step in steps[::every]])

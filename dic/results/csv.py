@@ -1,4 +1,4 @@
-"""Points of interest as CSV, one file per image, a line per point."""
+"""Points of interest as CSV: one file per image, one line per point."""
 
 import csv
 from pathlib import Path
@@ -20,7 +20,7 @@ def write_csv(measurement: Measurement, path: PathLike) -> None:
     Columns are x_px, y_px, u_px, v_px (image axes: x right, y down), zncc, status; when calibrated X_mm,
     Y_mm, U_mm, V_mm (grid axes: X right, Y up) and calibration: "inside", or "outside" where a value is an
     extrapolation; then local strain, without a unit, its direction in degrees, and their standard
-    deviations. A point that failed has nan and the reason as its status.
+    deviations. A failed point has nan values, and the reason as its status.
     """
     field, calibrated, strain = measurement.field, measurement.calibrated, measurement.strain
     points, u, v = field.points, field.u_px.ravel(), field.v_px.ravel()

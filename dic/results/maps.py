@@ -1,4 +1,4 @@
-"""Pictures of fields: displacement and strain over the image they come from."""
+"""Maps of displacement and strain, drawn over the reference image."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ MICRO = 1e6
 def panels(measurement: Measurement, correction: Correction | None = None) -> list[tuple[str, Float]]:
     """Return titles and values of the five maps of a measurement: two displacements, three strains in µε.
 
-    They are corrected where there is a correction that applies, else calibrated, else raw.
+    The values are corrected if a correction applies, else calibrated, else raw.
     """
     if correction is not None and correction.declined is None:
         shown, strain, kind = correction.displacement, correction.strain, "corrected"
@@ -45,10 +45,10 @@ def draw_maps(
     ----------
     measurement : Measurement
     image : ndarray, shape (height, width)
-        The reference image, where the points are.
+        The reference image, in which the points are defined.
     title : str
     correction : Correction, optional
-        To show instead of calibrated strain, if it applies.
+        Shown instead of calibrated strain if the correction applies.
     """
     from matplotlib.figure import Figure
 
@@ -95,13 +95,13 @@ def write_maps(
     ----------
     measurement : Measurement
     reference : ndarray, shape (height, width), or path
-        The reference image, where the points are.
+        The reference image, in which the points are defined.
     path : path
-        The file to write; its ending says which kind of picture.
+        The file to write; its suffix determines the image format.
     title : str, optional
         Default: the measurement's label.
     correction : Correction, optional
-        To show instead of calibrated strain, if it applies.
+        Shown instead of calibrated strain if the correction applies.
     """
     grey = grey_image(reference, "reference image")
     title = measurement.label if title is None else title

@@ -1,7 +1,7 @@
-"""Series of result files as they stand there: nothing is measured or corrected again.
+"""The reader of result files: no stored value is measured or corrected again.
 
-Files that were written before means came with their number of points lack some of what a measurement holds.
-Only that is computed anew; every value that stands in the file is the file's.
+Files of earlier versions store means without their number of points, and lack other values of a measurement.
+Only missing values are computed anew; every stored value is returned as stored.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,14 +31,14 @@ def read_measurements(series: Any, calibration: Calibration | None) -> list[Meas
     Parameters
     ----------
     series : h5py.Group
-        As `ResultWriter.add` writes it.
+        Group written by `ResultWriter.add`.
     calibration : Calibration or None
-        Of the camera, for files that lack something.
+        Calibration of the camera, for files that lack values.
 
     Raises
     ------
     KeyError, TypeError
-        If the series is none.
+        If the group is not a series.
     """
     settings = CorrelationSettings(**_attributes(series, CorrelationSettings))
     strain = StrainSettings(**_attributes(series, StrainSettings, "strain_"))
@@ -53,16 +53,16 @@ def read_corrections(
 ) -> list[Correction]:
     """Return the corrections of a series.
 
-    A field that another group of the file keeps is NaN.
+    A field that is stored in another group of the file is NaN.
 
     Parameters
     ----------
     group : h5py.Group
-        As `ResultWriter.add_corrections` writes it.
+        Group written by `ResultWriter.add_corrections`.
     measurements : sequence of Measurement
-        That were corrected.
+        The corrected measurements.
     anew : sequence of Correction, optional
-        The same solved anew, for files that lack something.
+        The same corrections computed anew, for files that lack values.
     """
     return [
         _read_correction(group, k, measurement, None if anew is None else anew[k])
@@ -73,14 +73,14 @@ def read_corrections(
 def read_two_cameras(
     group: Any, measurements: Mapping[str, Mapping[int, Measurement]]
 ) -> tuple[tuple[str, str], dict[int, TwoCameraStep]]:
-    """Return which two cameras were used together, and what they found, by number of the step.
+    """Return the names of the two cameras used together, and their results by number of the step.
 
     Parameters
     ----------
     group : h5py.Group
-        As `ResultWriter.add_two_cameras` writes it.
+        Group written by `ResultWriter.add_two_cameras`.
     measurements : mapping of str to mapping of int to Measurement
-        By camera and number of the step.
+        Measurements by camera and number of the step.
     """
     first, second = map(str, group.attrs["cameras"])
     indices = [int(index) for index in group["step"]]
@@ -165,7 +165,7 @@ def _read_field(series: Any, k: int, settings: CorrelationSettings) -> Field:
         active=series["active"][:].astype(np.bool_),
         start=str(series["start"].asstr()[k]),
         settings=settings,
-        # Files of the time before runs were measured over new references have none.
+        # Files of versions without new references lack these values.
         updates=int(series["updates"][k]) if "updates" in series else 0,
     )
 
@@ -204,5 +204,5 @@ def _attributes(group: Any, settings: type[Any], prefix: str = "") -> dict[str, 
 
 
 def _plain(value: Any) -> Any:
-    """Return a value of an HDF5 file as the Python value it was."""
+    """Return a value of an HDF5 file as a plain Python value."""
     return value.item() if isinstance(value, np.generic) else value

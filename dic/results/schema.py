@@ -15,9 +15,9 @@ PLANE_UNITS = {
     "shift_mm": "mm",
     "shift_mm_std": "mm",
 }
-"""Where a correction found the specimen's plane, under the names of `Correction.as_dict`."""
+"""The specimen's plane found by a correction, under the names of `Correction.as_dict`."""
 
 
 def strain_units(name: str) -> str:
-    """Return the units of a value of `MEAN_KEYS`, to which those of local strain belong."""
+    """Return the units of a value of `MEAN_KEYS`, which include the values of local strain."""
     return "deg" if "_deg" in name else "1"

@@ -1,4 +1,4 @@
-"""The result file: fields and strains of whole series, HDF5, layout in `docs/results.md`."""
+"""The result file: fields and strains of whole series in HDF5; layout in `docs/results.md`."""
 
 import os
 from collections.abc import Collection, Iterable, Sequence
@@ -18,7 +18,7 @@ from dic.strain.strain import STRAIN_KEYS, MeanStrain, StrainField
 
 
 class ResultWriter:
-    """Writes measurements one by one, so that a long series never has to be in memory.
+    """Writes measurements one by one, so that a long series need not fit into memory.
 
     Parameters
     ----------
@@ -56,11 +56,11 @@ class ResultWriter:
             self._partial.unlink(missing_ok=True)
 
     def group(self, name: str) -> Any:
-        """Return the group `name` of the open file, made if it does not exist."""
+        """Return the group `name` of the open file; create the group if it does not exist."""
         return self._file.require_group(name)
 
     def add(self, series: str, measurement: Measurement) -> None:
-        """Append a measurement to a series, which its first measurement creates."""
+        """Append a measurement to a series; create the series if it does not exist."""
         group = self._file.get(series)
         if group is None:
             group = _create_series(self._file.create_group(series), measurement)
@@ -92,16 +92,17 @@ class ResultWriter:
     def add_corrections(
         self, place: str, corrections: Sequence[Correction], elsewhere: Collection[int] = ()
     ) -> None:
-        """Write what the corrections of a whole series found.
+        """Write the corrections of a whole series.
 
         Parameters
         ----------
         place : str
             The group to write into.
         corrections : sequence of Correction
-            In the order of the images.
+            Corrections in the order of the images.
         elsewhere : collection of int
-            Places in the series whose corrected field another group keeps, for fields take most of the file.
+            Indices in the series whose corrected field is stored in another group; fields are not stored
+            twice because they take most of the file.
         """
         group = self._file.require_group(place)
         _write_correction_table(group.create_group("corrected_mean"), corrections)
@@ -119,7 +120,7 @@ class ResultWriter:
                 local[name][k] = value
 
     def add_two_cameras(self, place: str, cameras: tuple[str, str], steps: dict[int, TwoCameraStep]) -> None:
-        """Write what two cameras found together, by number of the step, into the group `place`."""
+        """Write the joint results of two cameras, by number of the step, into the group `place`."""
         group, found = self._file.require_group(place), list(steps.values())
         group.attrs["cameras"] = list(cameras)
         _write(group, "step", "1", np.array(list(steps), np.int64))
@@ -136,7 +137,7 @@ class ResultWriter:
 
 
 def _create_series(group: Any, measurement: Measurement) -> Any:
-    """Write what all measurements of a series share, and make what grows with each."""
+    """Write the values that all measurements of a series share, and create the growing datasets."""
     import h5py
 
     group.attrs.update(vars(measurement.settings))
@@ -236,7 +237,7 @@ def _write(group: Any, name: str, units: str, data: Any) -> None:
 def _rows(
     group: Any, name: str, units: str, shape: tuple[int, ...] = (), n: int = 0, dtype: Any = "f8"
 ) -> Any:
-    """Return a new dataset of `n` rows that can grow; rows that nobody writes are NaN and take no room."""
+    """Return a new growing dataset of `n` rows; unwritten rows are NaN and take no space."""
     dataset = group.create_dataset(
         name,
         (n, *shape),

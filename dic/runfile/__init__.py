@@ -1,1 +1,1 @@
-"""The run file: one schema, and how it is read."""
+"""The run file: its schema and its reader."""

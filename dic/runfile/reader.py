@@ -1,4 +1,4 @@
-"""Run files as `rig run` leaves them, read even where the run was killed; laid out as `schema` says."""
+"""The reader of run files, including files of killed runs; `schema` defines the layout."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ from dic.runfile import schema
 
 @dataclass(frozen=True)
 class RunStep:
-    """A finished step: what was asked and what the devices read once settled; NaN without the device."""
+    """A finished step: its target and the settled readings of the devices; NaN for a missing device."""
 
     index: int
     kind: str
@@ -26,7 +26,7 @@ class RunStep:
 
 @dataclass(frozen=True)
 class RunInfo:
-    """What is said of the run as a whole."""
+    """Properties of the run as a whole."""
 
     title: str
     run_id: str
@@ -85,7 +85,7 @@ class RunFile:
         return [step for step in self.steps if step.kind != "grid"]
 
     def step_of_kind(self, kind: str) -> RunStep:
-        """Return the step of kind "grid" or "reference", of which a run has one."""
+        """Return the step of kind "grid" or "reference"; a run has one step of each."""
         for step in self.steps:
             if step.kind == kind:
                 return step
@@ -98,7 +98,7 @@ class RunFile:
         )
 
     def image(self, camera: str, step: RunStep) -> NDArray[np.float32]:
-        """Return a camera's image of a step, (height, width), grey levels; the mean of several."""
+        """Return a camera's image of a step, (height, width), grey levels: the mean of its frames."""
         rows = self.rows(camera, step)
         try:
             if not rows or set(rows) - set(self.rows_on_file(camera)):
@@ -113,11 +113,11 @@ class RunFile:
         return self._rows[camera][self.steps.index(step)]
 
     def rows_on_file(self, camera: str) -> list[int]:
-        """Return the rows of a camera whose pixels were written to the end."""
+        """Return the rows of a camera with completely written pixels."""
         return self._rows_on_file[camera]
 
     def damaged_rows(self, camera: str) -> list[int]:
-        """Read every frame of a camera that is on file; return the rows that fail their checksum."""
+        """Read all stored frames of a camera; return the rows with a wrong checksum."""
         return [row for row in self.rows_on_file(camera) if not self._reads(camera, row)]
 
     def _reads(self, camera: str, row: int) -> bool:
@@ -143,7 +143,7 @@ class RunFile:
             raise self._damaged(f"version {attributes['file_format_version']}, newer than this program")
         entry = self._file["entry"]
         run, sample = _scalars(entry, schema.ENTRY), _scalars(entry["sample"], schema.SAMPLE)
-        # The status says whether a run has ended; nobody asks when.
+        # No caller needs the time of the end: the status says whether a run has ended.
         del run["end_time"]
         simulated = bool(entry.attrs["simulated"])
         self.info = RunInfo(simulated=simulated, sample=sample.pop("name"), **run, **sample)
@@ -160,7 +160,7 @@ class RunFile:
 
     @staticmethod
     def _finished_steps(table: Any) -> list[RunStep]:
-        # A step is complete once its last column has its row; a killed run may have longer first columns.
+        # A step is complete when the last column has its row; first columns of a killed run may be longer.
         complete = table[schema.COMPLETE.name][:]
         n = int(np.argmin(complete)) if not complete.all() else len(complete)
         columns = {item.name: table[item.name][:n].tolist() for item in schema.STEP_ITEMS}
@@ -185,17 +185,17 @@ class RunFile:
 
 
 def _open_hdf5(path: Path) -> Any:
-    """Open the HDF5 file of a run, also one that is being recorded or whose writer was killed.
+    """Open the HDF5 file of a run, even during recording or after its writer was killed.
 
     Raises
     ------
     OSError
-        If it was cut off or is no HDF5.
+        If the file is cut off or not HDF5.
     """
     import h5py
 
     try:
-        # Not SWMR first: reading a file that was cut off, SWMR waits without end for a writer to complete it.
+        # Do not try SWMR first: on a file that was cut off, SWMR waits forever for a writer.
         return h5py.File(path, "r")
     except OSError as error:
         if "already open for write" not in str(error):
@@ -204,7 +204,7 @@ def _open_hdf5(path: Path) -> Any:
 
 
 _UNREADABLE = (KeyError, OSError, RuntimeError, ValueError)
-"""What h5py raises for data that are missing, cut off or fail their checksum."""
+"""Exceptions of h5py for data that are missing, cut off or fail their checksum."""
 
 
 def _scalars(group: Any, layout: schema.Group) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The layout of a run file: every name, type, unit and size in it (docs/run-file.md says what each means)."""
+"""The layout of a run file: all names, types, units and sizes (their meaning: docs/run-file.md)."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -22,9 +22,10 @@ class Item:
     ----------
     name : str
     dtype : str
-        NumPy's name of a number; for a text "S" and its bytes, or "S" alone if it is as long as what it says.
+        NumPy's name of a number type; for a text "S" and its number of bytes, or "S" alone if the length is
+        variable.
     units : str
-        Of a number; "1" if it has none.
+        Unit of a number; "1" for a number without a unit.
     """
 
     name: str
@@ -33,13 +34,13 @@ class Item:
 
     @property
     def text_bytes(self) -> int | None:
-        """The bytes that a text may have, 0 if as many as it needs; None for a number."""
+        """The largest number of bytes of a text, 0 if not limited; None for a number."""
         return int(self.dtype[1:] or 0) if self.dtype.startswith("S") else None
 
 
 @dataclass(frozen=True)
 class Group:
-    """A group: its NeXus class, the attributes it has besides, and its datasets in the order of writing."""
+    """A group: its NeXus class, its other attributes, and its datasets in the order of writing."""
 
     nx_class: str
     items: tuple[Item, ...] = ()
@@ -118,7 +119,7 @@ STEP_ITEMS = (
     Item("angle_deg", "float64", "deg"),
     Item("time_s", "float64", "s"),
 )
-"""What every row of the table of steps says, whatever the cameras."""
+"""Columns of the table of steps that do not depend on the cameras."""
 
 COMPLETE = Item("complete", "uint8", "1")
 EVENTS = Group(
@@ -128,12 +129,12 @@ EVENTS = Group(
 
 
 def first_row(camera: str) -> str:
-    """Return the name of the column of steps with the first row of a camera's frames."""
+    """Return the name of the steps' column that holds the first row of a camera's frames."""
     return f"frames_{camera}"
 
 
 def row_count(camera: str) -> str:
-    """Return the name of the column of steps with the number of a camera's frames."""
+    """Return the name of the steps' column that holds the number of a camera's frames."""
     return f"count_{camera}"
 
 

@@ -1,1 +1,1 @@
-"""What all commands share at the shell: how they print, stop, and judge the places they write to."""
+"""Code that all commands share: printing, stopping, and checks of output paths."""

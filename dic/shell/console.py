@@ -1,4 +1,4 @@
-"""What commands say besides their results, and how they end: one sentence and a status, never a traceback."""
+"""Messages and exit of commands: one sentence and a status, never a traceback."""
 
 import os
 import signal
@@ -14,20 +14,20 @@ import click
 COULD_NOT = 2
 _ENDING = (signal.SIGTERM, signal.SIGHUP)
 _unprinted: list[OSError] = []
-"""Why lines for the standard output were lost: as global as that, and the stream itself does not remember."""
+"""Errors of lost lines of standard output. Global like the stream, which does not record its errors."""
 
 
 def run(command: click.Command, foreseen: tuple[type[Exception], ...], prefix: str) -> NoReturn:
-    """Run a command line and exit: status 2 with one sentence for what could not be done.
+    """Run a command line and exit; a foreseen error gives one sentence and status 2.
 
     Parameters
     ----------
     command : click.Command
-        Its own status, if it ends with one, is kept.
+        The command; if it exits with a status, that status is kept.
     foreseen : tuple of exception types
-        Errors whose message is the sentence.
+        Errors whose message is printed as the sentence.
     prefix : str
-        What the sentence begins with.
+        Beginning of the sentence.
     """
     _prepare_streams()
     _unprinted.clear()
@@ -37,18 +37,18 @@ def run(command: click.Command, foreseen: tuple[type[Exception], ...], prefix: s
 
 
 def say(line: str, *, err: bool = False) -> None:
-    """Print a line in the midst of work, which goes on if it cannot be printed: `run` says so at the end."""
+    """Print a line during work. If printing fails, work continues and `run` reports the loss at the end."""
     try:
-        # By its name: click alone would write past the bar of `progress`, which stands in for both streams.
+        # Name the stream: otherwise click bypasses the bar of `progress`, which replaces both streams.
         click.echo(line, file=sys.stderr if err else sys.stdout)
     except OSError as error:
-        # Whoever closed a pipe does not want the rest.
+        # A reader that closed the pipe does not want the remaining lines.
         if not err and not isinstance(error, BrokenPipeError):
             _unprinted.append(error)
 
 
 def fail(sentence: str) -> None:
-    """Print a sentence about what could not be done."""
+    """Print a sentence about a failure."""
     say(f"error: {sentence}", err=True)
 
 
@@ -74,14 +74,14 @@ def _status(command: click.Command, foreseen: tuple[type[Exception], ...], prefi
 
 
 def _prepare_streams() -> None:
-    """Let no sign that a terminal lacks, and no stream that was closed, end a command."""
+    """Prevent failures of a command from unsupported characters and closed streams."""
     for descriptor in range(3):
         try:
             os.fstat(descriptor)
         except OSError:
-            # Otherwise the next file that is opened becomes the standard output.
+            # Otherwise the next opened file becomes the closed standard stream.
             os.open(os.devnull, os.O_RDWR)
-    # Python gives no stream for a descriptor that was closed.
+    # Python sets the stream of a closed descriptor to None.
     sys.stdout = sys.stdout or Path(os.devnull).open("w")  # noqa: SIM115
     sys.stderr = sys.stderr or Path(os.devnull).open("w")  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
@@ -91,7 +91,7 @@ def _prepare_streams() -> None:
 
 @contextmanager
 def _ending_like_ctrl_c() -> Iterator[None]:
-    """Turn signals that ask a program to end into `KeyboardInterrupt`, unless `nohup` has them ignored."""
+    """Turn termination signals into `KeyboardInterrupt`, unless they are ignored (`nohup`)."""
     changed = [number for number in _ENDING if signal.getsignal(number) is signal.SIG_DFL]
     for number in changed:
         signal.signal(number, signal.default_int_handler)
@@ -103,7 +103,7 @@ def _ending_like_ctrl_c() -> Iterator[None]:
 
 
 def _flushed(status: int, prefix: str) -> int:
-    """Return the status, or `COULD_NOT` if something printed was lost other than by a reader that left."""
+    """Return the status, or `COULD_NOT` if output was lost for another reason than a closed pipe."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
@@ -118,7 +118,7 @@ def _flushed(status: int, prefix: str) -> int:
 
 @contextmanager
 def stopping_between() -> Iterator[Callable[[], bool]]:
-    """Let the first Ctrl-C, SIGTERM or SIGHUP end a series after the image at hand, a second one at once.
+    """Let the first Ctrl-C, SIGTERM or SIGHUP end a series after the current image, the second at once.
 
     Yields the function that tells whether to stop.
     """

@@ -1,4 +1,4 @@
-"""Where results go, looked at before the work: no result is lost to a wrong name, no input overwritten."""
+"""Checks of output paths before the work, so that no result is lost and no input overwritten."""
 
 import os
 from collections.abc import Iterable
@@ -8,7 +8,7 @@ from dic.errors import OutputError
 
 
 def require_places(inputs: Iterable[Path | None], outputs: Iterable[Path | None]) -> None:
-    """Refuse output files that cannot be made, and those that would replace an input or one another.
+    """Refuse output files that cannot be created, or would replace an input or one another.
 
     Parameters
     ----------
@@ -18,7 +18,7 @@ def require_places(inputs: Iterable[Path | None], outputs: Iterable[Path | None]
     Raises
     ------
     OutputError
-        Naming the first output that cannot be.
+        Names the first refused output.
     """
     taken = {path.resolve(): "one that is read" for path in inputs if path is not None}
     for path in outputs:

@@ -1,4 +1,4 @@
-"""Progress of a long command: one bar on the terminal, the same for all commands, and nothing elsewhere."""
+"""The progress bar of long commands, shown only on a terminal."""
 
 import sys
 from collections.abc import Iterator
@@ -10,9 +10,9 @@ if TYPE_CHECKING:
 
 
 class Bar:
-    """A bar under what is printed; all methods do nothing where standard error is no terminal.
+    """A bar below the printed lines; all methods do nothing if standard error is not a terminal.
 
-    It may be used from any thread.
+    The bar can be used from any thread.
     """
 
     def __init__(self, drawn: "Progress | None", what: str, total: int | None) -> None:
@@ -21,7 +21,7 @@ class Bar:
             self._task = drawn.add_task(what, total=total)
 
     def expect(self, total: int) -> None:
-        """Say how many pieces of work there are."""
+        """Set the number of pieces of work."""
         if self._drawn is not None:
             self._drawn.update(self._task, total=total)
 
@@ -31,7 +31,7 @@ class Bar:
             self._drawn.advance(self._task)
 
     def describe(self, what: str, done: int) -> None:
-        """Say what is being done, and how many pieces are done."""
+        """Set the description of the work and the number of finished pieces."""
         if self._drawn is not None:
             self._drawn.update(self._task, description=what, completed=done)
 
@@ -41,8 +41,9 @@ class Bar:
             self._drawn.start()
 
     def hide(self) -> None:
-        """Take the bar off the terminal, so that somebody can be asked there, until it is to `show` again."""
-        # Rich stops a bar that is not drawn by an empty line on terminals that cannot move their cursor.
+        """Remove the bar from the terminal, for example to ask a question, until `show`."""
+        # On terminals without cursor control, Rich prints an empty line when it stops a bar that is not
+        # drawn.
         if self._drawn is not None and self._drawn.live.is_started:
             self._drawn.stop()
 
@@ -54,9 +55,9 @@ def progress(what: str, total: int | None = None) -> Iterator[Bar]:
     Parameters
     ----------
     what : str
-        What is being done.
+        Description of the work.
     total : int, optional
-        Pieces of work. Without it the bar shows only that the work goes on, until told what to `expect`.
+        Number of pieces of work. Without a number the bar shows only activity, until `expect` sets one.
     """
     if not sys.stderr.isatty():
         yield Bar(None, what, total)
@@ -65,7 +66,7 @@ def progress(what: str, total: int | None = None) -> Iterator[Bar]:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    # What is printed goes to the bar's terminal, above the bar; a standard output that is a file must not.
+    # Printed lines appear on the terminal above the bar; a standard output that is a file is not redirected.
     with Progress(
         *columns, console=Console(stderr=True), transient=True, redirect_stdout=sys.stdout.isatty()
     ) as drawn:

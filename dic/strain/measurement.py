@@ -1,4 +1,4 @@
-"""All that one image says: its field, raw and calibrated displacements, and their strains."""
+"""The measurement of one image: its field, raw and calibrated displacements, and their strains."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,24 +22,25 @@ class Measurement:
     Attributes
     ----------
     label : str
-        The image's file, or the step of its run.
+        The image's file, or the step of the image's run.
     field : Field
     raw : Displacement
-        In pixels.
+        Displacement in pixels.
     calibrated : Displacement or None
-        In millimetres, when there is a calibration.
+        Displacement in millimetres, if there is a calibration.
     strain_settings : StrainSettings
-        Which strain, and from what.
+        Settings of the strain.
     gauge_px : int
-        Width of the virtual strain gauge: of the pixels that a local strain comes from.
+        Width of the virtual strain gauge, the area of pixels that determines a local strain.
     gauge_mm : float or None
-        The same on the specimen, in the middle of the grid, when there is a calibration.
+        Width of the virtual strain gauge on the specimen, in the middle of the grid, if there is a
+        calibration.
     raw_mean : MeanStrain
-        Of the displacements in pixels, from the points that `calibrated_mean` uses too.
+        Mean strain of the displacements in pixels, from the same points as `calibrated_mean`.
     calibrated_mean : MeanStrain or None
-        Of the calibrated displacements.
+        Mean strain of the calibrated displacements.
     stored_strain : StrainField or None
-        Local strain as a result file holds it. Without one `strain` is computed when it is first asked for.
+        Local strain read from a result file. If None, `strain` is computed at its first use.
     """
 
     label: str
@@ -58,7 +59,7 @@ class Measurement:
 
     @property
     def settings(self) -> CorrelationSettings:
-        """How the field was correlated."""
+        """The settings of the correlation."""
         return self.field.settings
 
     @property
@@ -78,7 +79,7 @@ class Measurement:
 
     @property
     def objection(self) -> str | None:
-        """What is not good about the measurement, or None."""
+        """The reason why the measurement is not good, or None."""
         if 2 * self.field.count(Status.CONVERGED) < self.field.in_view:
             return "fewer than half of the points in view converged; see their statuses"
         if self.raw_mean.points < _POINTS_OF_A_PLANE:
@@ -87,7 +88,7 @@ class Measurement:
         return None
 
     def summary(self) -> dict[str, Any]:
-        """Return the figures that programs read, JSON-ready: see `docs/results.md`."""
+        """Return the values as JSON-ready data: see `docs/results.md`."""
         field = self.field
         failures = {s.text: field.count(s) for s in Status if s is not Status.CONVERGED and field.count(s)}
         summary: dict[str, Any] = {
@@ -120,15 +121,16 @@ def measure(
     field : Field
         From `Correlator.correlate` or `Series.correlate`.
     calibration : Calibration, optional
-        Of the camera: gives millimetres. Without one everything is in pixels.
+        Calibration of the camera, for results in millimetres. Without a calibration all results are in
+        pixels.
     strain : StrainSettings, optional
     label : str
-        The image's file, or the step of its run.
+        The image's file, or the step of the image's run.
 
     Raises
     ------
     CorrelationError
-        If an argument is of another kind.
+        If an argument has the wrong type.
     """
     require_kind("field", field, Field, "correlate first: dic.Correlator(reference).correlate(image)")
     require_kind("calibration", calibration, Calibration | None, "read it with dic.load_calibration(path)")

@@ -1,4 +1,4 @@
-"""A simulated camera: it renders the specimen as seen from its place."""
+"""A simulated camera that renders the specimen as seen from the camera's position."""
 
 import threading
 from typing import Literal
@@ -26,7 +26,7 @@ GRAZING = 0.2
 
 
 class CameraSettings(Settings):
-    """Where the camera stands, its lens and its sensor."""
+    """Position, lens and sensor of the camera."""
 
     width_px: int = Field(default=900, ge=16, le=8192)
     height_px: int = Field(default=900, ge=16, le=8192)
@@ -55,7 +55,7 @@ class CameraSettings(Settings):
     )
 
     def optics(self) -> PinholeCamera:
-        """Return the lens and its place."""
+        """Return the lens and its position."""
         return PinholeCamera(
             self.width_px,
             self.height_px,
@@ -86,7 +86,7 @@ class CameraSettings(Settings):
 class SimulatedCamera:
     """Renders the scene as it is in the middle of each exposure.
 
-    Noise depends on nothing but the scene's seed, the camera's name and the frame's number, so a run repeats
+    Noise depends only on the scene's seed, the camera's name and the frame's number, so a run is reproducible
     bit by bit.
 
     Attributes
@@ -94,7 +94,7 @@ class SimulatedCamera:
     info : CameraInfo
     optics : PinholeCamera
     shown : Surface or None
-        What the last frame shows.
+        The surface in the last frame.
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class SimulatedCamera:
         exposure_s = self._settings.exposure_us * 1e-6
         readout_s = self._settings.readout_us * 1e-6 + float(self._faults.take("delay") or 0)
         stalled = "stall" in self._faults.active
-        if stalled or not exposure_s + readout_s <= timeout_s:  # NaN counts as no time at all
+        if stalled or not exposure_s + readout_s <= timeout_s:  # NaN counts as no time left
             self._clock.sleep(timeout_s)
             reason = "the sensor stands still" if stalled else f"it takes {exposure_s + readout_s:g} s"
             raise DeviceTimeout(
@@ -201,7 +201,7 @@ class SimulatedCamera:
         self.require_plugged("grab")
 
     def require_plugged(self, step: str) -> None:
-        """`LinkLost` while the cable is out."""
+        """Raise `LinkLost` while the cable is unplugged."""
         if "unplug" in self._faults.active:
             raise LinkLost(
                 self.info.serial,

@@ -10,13 +10,13 @@ from simulators.scene.scene import Scene, scene_of
 
 
 class OperatorSettings(Settings):
-    """How long the person takes."""
+    """Durations of the person's actions."""
 
     duration_s: float = Field(default=60.0, ge=0, le=3600, description="time to attach or remove the grid")
 
 
 class SimulatedOperator:
-    """Does what is asked, in the time it takes."""
+    """Carries out requests with realistic durations."""
 
     def __init__(self, scene: Scene, clock: Clock, duration_s: float) -> None:
         self._scene = scene

@@ -1,4 +1,4 @@
-"""Addresses of a virtual rig's servers: any free ones, or fixed ones that the user names."""
+"""Addresses of a virtual rig's servers: free ones, or fixed ones given by the user."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ SERVERS = (*TERMINALS, *PORTS)
 
 @dataclass(frozen=True)
 class Places:
-    """The addresses that the user names; all other servers take any that are free.
+    """The addresses given by the user; all other servers take any free address.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class Places:
 
     @classmethod
     def read(cls, texts: Iterable[str]) -> "Places":
-        """Read ``NAME=PORT`` and ``NAME=PATH``; ValueError says what is wrong."""
+        """Read ``NAME=PORT`` and ``NAME=PATH``; raise ValueError with the mistake."""
         ports: dict[str, int] = {}
         links: dict[str, Path] = {}
         for text in texts:
@@ -48,13 +48,13 @@ class Places:
 
 
 class Link:
-    """A name for a pseudo-terminal that is the same every time.
+    """A fixed name (symbolic link) for a pseudo-terminal.
 
     Parameters
     ----------
     path : Path
     terminal : Path
-        As its port calls it.
+        The pseudo-terminal's own path.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""For pytest: a virtual rig by the fixture `virtual_rig`, for tests of programs that talk to a rig.
+"""The pytest fixture `virtual_rig`: a virtual rig for tests of programs that control a rig.
 
-It is there as soon as offaxis is installed::
+The fixture is available when offaxis is installed::
 
     def test_my_program_homes_the_stage(virtual_rig):
         my_program(virtual_rig.addresses["stage"])
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Announce the mark."""
+    """Register the mark."""
     config.addinivalue_line(
         "markers",
         "virtual_rig(**settings): settings of the fixture, as in the table [simulation] of a rig file",
@@ -34,7 +34,7 @@ def pytest_configure(config: pytest.Config) -> None:
 def virtual_rig(request: pytest.FixtureRequest) -> "Iterator[VirtualRig]":
     """A `simulators.rig.virtual_rig.VirtualRig`: addresses, clock, scene, faults, stage, load_frame.
 
-    Its time is simulated and goes on only when somebody sleeps on `clock`, unless the test is marked with
+    The rig's time is simulated and advances only during a sleep on `clock`, unless the test is marked with
     ``real_time=True``.
     """
     from simulators.rig.virtual_rig import VirtualRig, VirtualRigSettings

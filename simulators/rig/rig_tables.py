@@ -47,7 +47,7 @@ class RigTables:
     Attributes
     ----------
     content : mapping
-        As it was read.
+        Content of the rig file as read.
     simulation : VirtualRigSettings
     cameras : dict of str to CameraSettings
     operator : OperatorSettings
@@ -60,14 +60,14 @@ class RigTables:
 
     @classmethod
     def read(cls, content: Mapping[str, Any], source: str) -> "RigTables":
-        """Check a rig file's content; empty stands for `DEFAULTS`.
+        """Check a rig file's content; empty content stands for `DEFAULTS`.
 
         A device that is not simulated is refused, since a user of the simulation could move it by mistake.
 
         Raises
         ------
         ConfigurationError
-            With all mistakes.
+            Names all mistakes.
         """
         content = content or DEFAULTS
         mistakes: list[str] = []
@@ -107,7 +107,7 @@ class RigTables:
         scene = addresses["scene"]
         parts = [
             f"# Devices of a simulation that was started on {SystemClock().utc():%Y-%m-%d %H:%M} UTC.",
-            # the drivers cannot see on the wire that the device is simulated
+            # the drivers cannot detect from the protocol that the device is simulated
             toml_table(["rig"], {**self.content.get("rig", DEFAULTS["rig"]), "simulated": True}),
         ]
         for name in _ON_WIRES:
@@ -125,7 +125,7 @@ class RigTables:
 
 
 def _unreachable(name: str, table: object) -> list[str]:
-    """Return what is wrong with a device's address in the rig file."""
+    """Return the mistake in a device's address in the rig file."""
     named = [value for value in table.values() if _is_name(value)] if isinstance(table, Mapping) else []
     if not named:
         return [f'{name}: the address of a simulated device is expected, such as "@{name}"; correct it']

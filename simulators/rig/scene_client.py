@@ -1,4 +1,4 @@
-"""Cameras and operator of a virtual rig that runs in another program on this machine, as drivers."""
+"""Drivers for cameras and operator of a virtual rig in another program on this machine."""
 
 import json
 import socket
@@ -23,19 +23,19 @@ OPERATOR_S = 3630.0
 
 
 class RemoteOperatorSettings(Settings):
-    """Where the simulation is, as ``rig simulate`` prints it."""
+    """Address of the simulation, as ``rig simulate`` prints it."""
 
     address: str = Field(pattern=r"^.+:\d+$", description="host:port")
 
 
 class RemoteCameraSettings(RemoteOperatorSettings):
-    """Where the simulation is, and which of its cameras."""
+    """Address of the simulation, and name of its camera."""
 
     camera: str
 
 
 class SceneClient:
-    """A connection to a `simulators.rig.scene_wire.SceneServer`, made when it is needed.
+    """A connection to a `simulators.rig.scene_wire.SceneServer`, opened at its first use.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class SceneClient:
         return head, body
 
     def close(self) -> None:
-        """Hang up; harmless when repeated."""
+        """Close the connection; harmless when repeated."""
         if self._socket is not None:
             self._socket.close()
         self._socket = None
@@ -101,7 +101,7 @@ class SceneClient:
 class RemoteCamera:
     """A `Camera` that another program renders.
 
-    The frame's times are those of this machine's monotonic clock, which both programs share.
+    Frame times are times of this machine's monotonic clock, which both programs share.
     """
 
     def __init__(self, client: SceneClient, camera: str) -> None:
@@ -153,7 +153,7 @@ class RemoteOperator:
         self._client.ask(OPERATOR_S, do="operator", action=action.name)
 
     def close(self) -> None:
-        """Hang up; harmless when repeated."""
+        """Close the connection; harmless when repeated."""
         self._client.close()
 
 

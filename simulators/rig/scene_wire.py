@@ -10,7 +10,8 @@ A request is one line, an object with ``do``; the answer is one line, followed b
 ``{"do": "operator", "action": "ATTACH_GRID"}``       an empty object when it is done; or ``REMOVE_GRID``
 ====================================================  ================================================
 
-What fails is answered by ``{"error": KIND, "device": …, "step": …, "expected": …, "got": …, "remedy": …}``.
+A failed request is answered by ``{"error": KIND, "device": …, "step": …, "expected": …, "got": …, "remedy":
+…}``.
 """
 
 import json
@@ -31,7 +32,7 @@ TIMEOUT_MAX_S = 3600.0
 
 
 class SceneServer:
-    """The port.
+    """The TCP server for cameras and operator.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ HELP = (
 
 
 class StoppableClock(SystemClock):
-    """The machine's own time, whose sleepers wake when the simulation ends."""
+    """The machine's clock; all sleeping threads wake when the simulation ends."""
 
     def __init__(self) -> None:
         self._stopped = threading.Event()
@@ -37,7 +37,7 @@ class StoppableClock(SystemClock):
         self._stopped.wait(max(0.0, duration_s))
 
     def stop(self) -> None:
-        """Wake everybody who sleeps."""
+        """Wake all sleeping threads."""
         self._stopped.set()
 
 
@@ -47,7 +47,7 @@ class Simulation:
     Parameters
     ----------
     tables : mapping, optional
-        A rig file's content; without any it is a rig with a stage, a load frame and two cameras.
+        A rig file's content. Default: a rig with a stage, a load frame and two cameras.
     source : str
         The rig file, for messages.
     log : Path, optional
@@ -121,7 +121,7 @@ class Simulation:
         return [f"on: {', '.join(faults.active) or 'nothing'}"]
 
     def switch_on(self, fault: str) -> None:
-        """Switch a fault on; ValueError says what is wrong with its name."""
+        """Switch a fault on; raise ValueError with the mistake in its name."""
         self.rig.faults.switch_on(fault)
         self.log.write("fault", fault=fault.strip(), on=True)
 
@@ -137,7 +137,7 @@ class Simulation:
 
     @staticmethod
     def list_faults() -> list[str]:
-        """Return a line for each fault: how it is written, which devices can have it, what it does."""
+        """Return a line for each fault: its syntax, its devices and its effect."""
         width = max(len(fault.usage) for fault in FAULTS.values())
         return [
             f"{fault.usage:{width}}  {fault.summary} ({', '.join(fault.devices)})"

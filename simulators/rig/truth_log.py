@@ -1,4 +1,4 @@
-"""The log of the true state, written as it changes: one JSON object per line."""
+"""The log of a virtual rig's true state, commands, frames and faults: one JSON object per line."""
 
 import json
 import threading
@@ -13,11 +13,11 @@ from simulators.rig.virtual_rig import VirtualRig
 
 
 class TruthLog:
-    """A file that grows by a line for each sample, command, frame and fault.
+    """A log file with a line for each sample, command, frame and fault.
 
     Every line has ``what`` (``sample``, ``command``, ``frame``, ``fault``), ``time_s`` of the machine's
-    monotonic clock and ``utc``. A sample has the truth as `VirtualRig.truth` gives it, a frame the angle, the
-    strain and the pose of what the camera was shown in the middle of its exposure.
+    monotonic clock and ``utc``. A sample has the values of `VirtualRig.truth`. A frame has the angle, the
+    strain and the pose of the rendered surface in the middle of the exposure.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class TruthLog:
         self._told = {"stage": 0, "load_frame": 0}
 
     def sample(self) -> None:
-        """Write what is true now, and what the devices were commanded since the last time."""
+        """Write the current true state, and the commands to the devices since the last sample."""
         for name, device in (("stage", self._rig.stage), ("load_frame", self._rig.load_frame)):
             done = device.executed
             for time_s, command in done[self._told[name] :]:
@@ -48,7 +48,7 @@ class TruthLog:
         self.write("sample", **self._rig.truth())
 
     def frame(self, name: str, camera: SimulatedCamera, frame: Frame) -> None:
-        """Write what a camera was shown."""
+        """Write the true state that a camera's frame shows."""
         shown = camera.shown
         self.write(
             "frame",

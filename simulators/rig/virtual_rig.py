@@ -1,4 +1,4 @@
-"""The whole rig without hardware: stage and frame as servers on the wire, and the specimen they move."""
+"""The virtual rig: stage and load frame as servers, and the specimen that they move."""
 
 from collections.abc import Mapping
 from contextlib import ExitStack
@@ -43,7 +43,7 @@ class VirtualRigSettings(Settings):
 
 
 class VirtualRig:
-    """One specimen, fixed to a rotation stage and gripped by a load frame; a rig file uses either or both.
+    """One specimen on a rotation stage and in a load frame; a rig file uses either or both.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class VirtualRig:
     clock : Clock, optional
         A clock to use instead of the one that the settings ask for.
     places : Places, optional
-        Addresses of its servers; by default any that are free.
+        Addresses of the rig's servers. Default: any free addresses.
 
     Raises
     ------
@@ -67,9 +67,9 @@ class VirtualRig:
         turns the same shaft; ``load_frame``, ``load_frame_rtu``, ``load_frame_rtu_tcp``: one load frame on
         Modbus TCP, on Modbus RTU on a pty, and on RTU over TCP. Written as the drivers' settings expect them.
     faults : RigFaults
-        Faults that can be switched on while it runs.
+        Faults that can be switched on while the rig runs.
     scene : Scene
-        What its cameras see.
+        The scene that the cameras see.
     stage : StageDevice
     load_frame : LoadFrameDevice
     """
@@ -136,7 +136,7 @@ class VirtualRig:
         return addresses
 
     def truth(self) -> dict[str, float | bool]:
-        """Return what is true now: the shaft's angle, the crosshead, the load and the specimen's strains."""
+        """Return the current true state: shaft angle, crosshead, load and the specimen's strains."""
         load_n = self.load_frame.load_n()
         state = self.scene.specimen.state
         return {
