@@ -41,7 +41,7 @@ class TurnableImage:
         return turn_warps(warps, points[:, 0], points[:, 1], (height, width), quarters)
 
     def turned_back(self, solution: kernel.Solution, quarters: int) -> kernel.Solution:
-        """Return the grid's solution in the turned image as it is in the image itself."""
+        """Convert the grid's solution from the turned image to the image that is not turned."""
         if quarters == 0:
             return solution
         height, width = np.rot90(self.grey, quarters).shape

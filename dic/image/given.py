@@ -69,7 +69,7 @@ def checked_region(region: object, shape: tuple[int, ...]) -> Mask:
     Parameters
     ----------
     region : ndarray of bool, shape (height, width), or path
-        True where to measure, or a file for `read_mask`.
+        Mask that is True where to measure, or the path of a mask image (see `read_mask`).
     shape : (int, int)
         Height and width of the image.
 

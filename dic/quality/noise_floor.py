@@ -32,7 +32,7 @@ def sample_points(centres: Mask, subset_px: int) -> Indices:
 
 
 def squared_gradients(spline: SplineImage, points: Indices, region: Mask, subset_px: int) -> Float:
-    """Return the sums of squared gradients along x and y, (n, 2), at `points`, noise included."""
+    """Return each subset's sums of squared gradients along x and y, (n, 2), not corrected for noise."""
     subsets = _subsets([*spline.gradient(), region], points, subset_px)
     return np.array([[(use * fx**2).sum(), (use * fy**2).sum()] for fx, fy, use in subsets])
 

@@ -61,7 +61,7 @@ class VirtualRig:
     Attributes
     ----------
     clock : Clock
-        The time of the whole rig, its engine included.
+        The clock of the simulated devices; a rig that opens them uses the same clock.
     addresses : mapping of str to str
         ``stage``, ``stage_tcp``: Zaber ASCII on a pty and on TCP; ``newport``: a Newport ESP301 on a pty that
         turns the same shaft; ``load_frame``, ``load_frame_rtu``, ``load_frame_rtu_tcp``: one load frame on

@@ -58,7 +58,7 @@ class Misalignment(Settings):
         return Pose.sloped(self.grid_slope_x_deg, self.grid_slope_y_deg, -self.grid_gap_mm)
 
     def loaded(self, load_n: float) -> Pose:
-        """Motion out of the plane caused by a load, in the specimen's coordinates."""
+        """Out-of-plane motion caused by a load, in the specimen's coordinates."""
         part = 1.0 - exp(-max(0.0, load_n) / STRAIGHTENING_LOAD_N)
         return Pose.sloped(
             part * self.loading_slope_x_deg, part * self.loading_slope_y_deg, part * self.loading_shift_mm
