@@ -82,9 +82,9 @@ def add_moments(typing_context: Any, moments: Any, first: Any, sums: Any, x: Any
 def interpolate(typing_context: Any, array: Any, first: Any, pitch: Any, across: Any, down: Any) -> Any:
     """Return ∑_j down[j] ∑_i across[i] array[first + j pitch + i], for neighbouring pixels at once.
 
-    `across` and `down` are tuples of vectors, the weights of the taps. Element k of the result belongs to pixel
-    k, whose taps begin at first + k. So tap i of all pixels lies in neighbouring elements: one load reads it. If the weights are
-    single numbers, for one pixel, one load takes the taps of a row instead.
+    `across` and `down` are tuples of vectors, the weights of the taps. Element k of the result belongs to
+    pixel k, whose taps begin at first + k. So tap i of all pixels lies in neighbouring elements: one load
+    reads it. If the weights are single numbers, for one pixel, one load takes the taps of a row instead.
     """
     single = not isinstance(across[0], Float32Vector)
     width = (4 if len(across) <= 4 else 8) if single else across[0].width

@@ -155,7 +155,7 @@ def at_least(typing_context: Any, a: Any, b: Any) -> Any:
 
 
 def sum_elements(builder: Any, vector: Any, width: int) -> Any:
-    """Generate code that sums a vector's elements, by adding its two halves until one element is left."""
+    """Generate code that sums a vector's elements, adding its halves until one element is left."""
     if width == 1:
         return vector
     while width > 1:
