@@ -70,7 +70,7 @@ def test_several_threads_find_what_one_finds(speckle):
 
 @pytest.mark.parametrize("noise", [2.0, 8.0])
 @pytest.mark.parametrize("shape", ["affine", "quadratic"])
-def test_predicted_deviations_are_those_that_repeated_images_show(speckle, shape, noise):
+def test_predicted_std_is_that_of_repeated_images(speckle, shape, noise):
     pattern = speckle(seed=34, shape=(130, 130))
     settings = CorrelationSettings(21, 24, shape=shape, min_zncc=0.3)
     region = np.ones(pattern.shape, bool)
