@@ -1,27 +1,31 @@
-"""Interfaces to the devices of a rig, one per kind of device, and the search for their drivers.
+"""Interfaces to the devices of a test rig, one interface per kind of device, and the search for drivers.
 
-All public names are available here. Each is loaded at its first use:
+All public names can be imported from the package `drivers`. The module that defines a name is loaded when the
+name is first used:
 
 >>> import drivers
 >>> drivers.find_driver("zaber-ascii").kind
 'stage'
 
-Your own driver implements `Camera`, `RotationStage`, `LoadFrame` or `Operator` and is published as a
-`DriverSpec`; `drivers.testing` has the tests that the driver must pass. A device that does not execute a
-command raises a `DeviceError`. The error message is one sentence that ends with the remedy.
+To add your own driver, implement `Camera`, `RotationStage`, `LoadFrame` or `Operator`, and publish the driver
+as a `DriverSpec`. The package `drivers.testing` has the tests that every driver must pass. A driver raises a
+`DeviceError` if its device does not execute a command. The error message is one sentence that ends with the
+remedy.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from drivers.clock import Clock, SystemClock, VirtualClock
+    from drivers.clock import Clock, Event, SystemClock, VirtualClock
     from drivers.errors import ConfigurationError, DeviceError, DeviceFault, DeviceTimeout, LinkLost
     from drivers.interfaces import (
         Camera,
         CameraInfo,
         DeviceInfo,
         Frame,
+        Interlock,
+        InterlockState,
         LoadFrame,
         LoadFrameLimits,
         LoadFrameState,
@@ -31,7 +35,17 @@ if TYPE_CHECKING:
         RotationStage,
         StageState,
     )
-    from drivers.registry import DeviceKind, DriverSpec, Finder, Found, SerialPort, driver_names, find_driver
+    from drivers.registry import (
+        DeviceKind,
+        DriverSpec,
+        Finder,
+        Found,
+        Guard,
+        GuardSpec,
+        SerialPort,
+        driver_names,
+        find_driver,
+    )
     from drivers.settings import Settings
 
 __all__ = [
@@ -45,9 +59,14 @@ __all__ = [
     "DeviceKind",
     "DeviceTimeout",
     "DriverSpec",
+    "Event",
     "Finder",
     "Found",
     "Frame",
+    "Guard",
+    "GuardSpec",
+    "Interlock",
+    "InterlockState",
     "LinkLost",
     "LoadFrame",
     "LoadFrameLimits",
@@ -66,7 +85,7 @@ __all__ = [
 ]
 
 _NAMES_OF = {
-    "drivers.clock": ("Clock", "SystemClock", "VirtualClock"),
+    "drivers.clock": ("Clock", "Event", "SystemClock", "VirtualClock"),
     "drivers.errors": ("ConfigurationError", "DeviceError", "DeviceFault", "DeviceTimeout", "LinkLost"),
     "drivers.interfaces": (
         "Camera",
@@ -77,6 +96,8 @@ _NAMES_OF = {
         "LoadFrameLimits",
         "LoadFrameState",
         "OpenContext",
+        "Interlock",
+        "InterlockState",
         "Operator",
         "OperatorAction",
         "RotationStage",
@@ -87,6 +108,8 @@ _NAMES_OF = {
         "DriverSpec",
         "Finder",
         "Found",
+        "Guard",
+        "GuardSpec",
         "SerialPort",
         "driver_names",
         "find_driver",

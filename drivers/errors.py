@@ -1,4 +1,4 @@
-"""Errors of devices. Each message is one sentence that tells a technician what to do."""
+"""Exception classes. Each message about a device is one sentence that tells a technician what to do."""
 
 
 class DeviceError(Exception):
@@ -7,13 +7,13 @@ class DeviceError(Exception):
     Parameters
     ----------
     device : str
-        The device as the rig file names it, with its port or address.
+        The device's name in the rig file, with its port or address.
     step : str
         The action that failed.
     expected, got : str
         The expected and the actual result.
     remedy : str
-        What the user can do.
+        Action that the user can take against the error.
     """
 
     def __init__(self, device: str, step: str, expected: str, got: str, remedy: str) -> None:
@@ -27,7 +27,7 @@ class DeviceError(Exception):
 
 
 class LinkLost(DeviceError):
-    """The connection is lost or no longer reliable."""
+    """The connection to the device is lost or no longer reliable."""
 
 
 class DeviceTimeout(DeviceError):
@@ -39,18 +39,21 @@ class DeviceFault(DeviceError):
 
 
 class ConfigurationError(Exception):
-    """A file written by a person has mistakes; all of them are listed.
+    """A file written by a person has mistakes; the message lists all mistakes.
 
     Parameters
     ----------
     source : str
-        The file.
+        Name of the file that has the mistakes.
     mistakes : sequence of str
-        One sentence per mistake: the place, the expected value and the actual value.
+        One sentence per mistake, with its place in the file, the expected value and the actual value.
     """
 
     def __init__(self, source: str, mistakes: list[str]) -> None:
         self.source = source
         self.mistakes = mistakes
-        count = "1 mistake" if len(mistakes) == 1 else f"{len(mistakes)} mistakes"
-        super().__init__("\n".join([f"{source}: {count}", *(f"  {m}" for m in mistakes)]))
+        if len(mistakes) == 1:
+            super().__init__(f"{source}: {mistakes[0]}")
+        else:
+            lines = [f"{source}: {len(mistakes)} mistakes", *(f"  {mistake}" for mistake in mistakes)]
+            super().__init__("\n".join(lines))

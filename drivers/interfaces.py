@@ -1,8 +1,9 @@
-"""Interfaces between the rig and its devices.
+"""Interfaces between the control program of a test rig and the devices.
 
-These protocols are the complete contract. Every driver implements one of them: real devices, simulated
-devices, and third parties' drivers found by entry point (`drivers.registry`). Every call returns soon or
-raises a `DeviceError`. A caller that waits for motion must use a deadline of its own.
+Every driver, for a real or a simulated device, implements one of the protocol classes in this module. Drivers
+of third parties are found by entry point (`drivers.registry`). Every call to a device returns within a
+limited time or raises a `DeviceError`. Only `Operator.perform` may wait for a person without a deadline. A
+caller that waits for the end of a motion must set a deadline itself.
 """
 
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from drivers.clock import Clock
 
 @dataclass(frozen=True)
 class DeviceInfo:
-    """Identity of a device as reported by the device; written into the run file."""
+    """Identity of a device, as the device reports it; the identity is written into the run file."""
 
     vendor: str
     model: str
@@ -29,7 +30,7 @@ class DeviceInfo:
 
 @dataclass(frozen=True)
 class CameraInfo(DeviceInfo):
-    """A camera's identity and picture format; `bits` are the significant bits of a pixel."""
+    """Identity and picture format of a camera; `bits` is the number of significant bits per pixel."""
 
     width_px: int = 0
     height_px: int = 0
@@ -38,24 +39,24 @@ class CameraInfo(DeviceInfo):
 
 @dataclass(frozen=True)
 class Frame:
-    """One image, unchanged since the sensor.
+    """One camera image, neither filtered nor corrected, with its times and camera settings.
 
     Attributes
     ----------
     image : ndarray of uint8 or uint16, shape (height, width)
     exposed_s : float
-        Earliest possible start of the exposure, on the rig's monotonic clock. A driver subtracts the longest
-        possible delay where the delay is unknown.
+        Earliest possible start of the exposure, in seconds on the rig's monotonic clock. If the delay between
+        exposure and timestamp is unknown, the driver subtracts the longest possible delay.
     received_s : float
-        Time at which the program received the frame, on the same clock.
+        Time at which the program received the frame, in seconds on the rig's monotonic clock.
     utc : datetime
-        The date of `exposed_s`.
+        Date and time (UTC) of the start of exposure `exposed_s`.
     sequence : int
-        The camera's frame counter; a gap means lost frames.
+        Number of the frame, from the camera's counter; a gap in the numbers means lost frames.
     flags : int
-        The driver's buffer flags, 0 for a good frame.
+        Error flags that the driver sets for a damaged frame; 0 for a good frame.
     exposure_us, gain : float
-        As read back from the camera.
+        Exposure time in µs and gain in the camera's unit; NaN if unknown.
     """
 
     image: NDArray[np.uint8] | NDArray[np.uint16]
@@ -69,23 +70,23 @@ class Frame:
 
 
 class Camera(Protocol):
-    """A camera with an upper limit for the age of each frame."""
+    """Interface of a camera: `grab` returns only frames whose exposure began after the call."""
 
     info: CameraInfo
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return a frame whose exposure began after this call; `DeviceTimeout` after `timeout_s`."""
+        """Return a frame whose exposure began after this call; raise `DeviceTimeout` after `timeout_s`."""
 
     def close(self) -> None:
-        """Release the camera; harmless when repeated."""
+        """Release the camera; a repeated call has no effect."""
 
 
 @dataclass(frozen=True)
 class StageState:
     """Position and status of a rotation stage.
 
-    `warnings` are the warning flags of the device. `time_s` is the time on the clock at which the state was
-    read from the device.
+    `warnings` holds the warning flags that the stage reports. `time_s` is the time at which the state was
+    read from the stage, in seconds on the rig's clock.
     """
 
     angle_deg: float
@@ -96,40 +97,41 @@ class StageState:
 
 
 class RotationStage(Protocol):
-    """A motorised rotation about one axis; positive turns X towards Y."""
+    """A motorised rotation stage with one axis; a positive angle turns the X axis towards the Y axis."""
 
     info: DeviceInfo
 
     def read(self) -> StageState:
-        """Ask for position and status; `DeviceFault` if the device reports that motion failed."""
+        """Return position and status; raise `DeviceFault` if the stage reports that a motion failed."""
 
     def home(self) -> None:
-        """Begin to find the reference position; `read` reports the end of the search."""
+        """Start the search for the reference position; `read` shows when the search has ended."""
 
     def move_to(self, angle_deg: float) -> None:
-        """Begin to move to an absolute angle; refused beyond the limits or without a reference."""
+        """Start a move to an absolute angle; `DeviceFault` beyond the limits or without a reference
+        position."""
 
     def stop(self) -> None:
-        """Stop before any waiting command, and wait until the device reports standstill."""
+        """Send a stop command before all waiting commands, and wait until the stage reports standstill."""
 
     def close(self) -> None:
-        """Release the port; harmless when repeated. Closing does not start or stop any motion."""
+        """Release the port, without starting or stopping any motion; a repeated call has no effect."""
 
 
 @dataclass(frozen=True)
 class LoadFrameState:
-    """State of a load frame, read in one coherent block at `time_s` of the rig's clock.
+    """State of a load frame; all values belong to one reading at `time_s`, in seconds on the rig's clock.
 
     Attributes
     ----------
     load_n, displacement_mm : float
-        Tensile load and crosshead displacement, both positive in tension.
+        Tensile load in N and crosshead displacement in mm; both are positive in tension.
     moving, at_target, holding : bool
-        The present motion status of the machine.
+        True if the machine is moving, has reached its target, or is holding its position.
     sample : int
         The machine's sample counter. If the counter does not increase, the values are stale.
     faults : tuple of str
-        Names of active faults, trips and limits; empty without any.
+        Names of the active faults, trips and limits; empty if none is active.
     """
 
     load_n: float
@@ -144,7 +146,7 @@ class LoadFrameState:
 
 @dataclass(frozen=True)
 class LoadFrameLimits:
-    """The limits that are active in the machine, as read back from it."""
+    """Limits of load, displacement, speed and load rate, as read back from the load frame."""
 
     load_min_n: float
     load_max_n: float
@@ -155,58 +157,111 @@ class LoadFrameLimits:
 
 
 class LoadFrame(Protocol):
-    """A tensile load frame in load or displacement control. Its safe state is stop and hold, not unload."""
+    """A tensile load frame in load or displacement control; in its safe state it holds its position."""
 
     info: DeviceInfo
     limits: LoadFrameLimits
 
     def read(self) -> LoadFrameState:
-        """Read the state and feed the watchdog; raises on stale or impossible values and a lost link."""
+        """Read the machine's state and reset its watchdog; raise `DeviceError` if the values are invalid."""
 
     def go_to_load(self, load_n: float, rate_n_s: float) -> None:
-        """Begin to approach a load. Loads beyond the limits are refused."""
+        """Start a ramp to a load, in N, at a rate in N/s. Loads beyond the limits are refused."""
 
     def go_to_displacement(self, displacement_mm: float, speed_mm_s: float) -> None:
-        """Begin to approach a crosshead position. Positions beyond the limits are refused."""
+        """Start a move to a crosshead position, in mm. Positions beyond the limits are refused."""
 
     def hold(self) -> None:
-        """Stop and hold position before any waiting command, and wait until the machine confirms."""
+        """Send a hold command before all waiting commands, and wait until the machine confirms the hold."""
 
     def tare(self) -> None:
-        """Make the present load and displacement the zero."""
+        """Set the zero points of load and displacement to the present state."""
 
     def close(self) -> None:
-        """Release the link; harmless when repeated. Closing does not start or stop any motion."""
+        """Release the link, without starting or stopping any motion; a repeated call has no effect."""
+
+
+@dataclass(frozen=True)
+class InterlockState:
+    """Reading of an interlock: its value, and the time of the reading in seconds on the rig's clock.
+
+    The value of a contact is 1 if the contact is closed, and 0 if it is open.
+    """
+
+    value: float
+    time_s: float
+
+
+class Interlock(Protocol):
+    """Interface of an interlock, such as a door contact: its value must be within bounds before and during a
+    run.
+
+    Attributes
+    ----------
+    unit : str
+        Unit of the value; empty for a contact.
+    """
+
+    info: DeviceInfo
+    unit: str
+
+    def read(self) -> InterlockState:
+        """Return the present value; raise `DeviceError` if there is no valid value."""
+
+    def close(self) -> None:
+        """Release the link; a repeated call has no effect."""
 
 
 class OperatorAction(Enum):
-    """An action that a protocol requests from the person at the rig."""
+    """An action that a test protocol requests from the person at the rig."""
 
     ATTACH_GRID = "attach the calibration grid to the specimen"
     REMOVE_GRID = "remove the calibration grid"
+    GO_ON = (
+        "make sure that nobody touched or moved the loaded specimen since the earlier run ended, and that "
+        "the test may go on with it"
+    )
 
 
 class Operator(Protocol):
-    """The person at the rig, or a substitute for that person."""
+    """The person at the rig, or a substitute for that person.
+
+    An operator may also have a method ``notice(action)``, which returns a sentence about the action, for
+    example how long a simulated operator takes. An operator without the method ``notice`` asks a real person.
+
+    An operator may also have a method ``close()``, which ends a waiting `perform` with a `DeviceError`. A run
+    that ends while it waits for the operator calls this method.
+    """
 
     def perform(self, action: OperatorAction) -> None:
-        """Return after the action was done; raise `DeviceError` if the person refused the action."""
+        """Wait until the person has done the action; raise `DeviceError` if the person refuses the action."""
 
 
 @dataclass(frozen=True)
 class OpenContext:
-    """Arguments of a driver other than its settings.
+    """Values that a driver receives in addition to its settings.
 
     Attributes
     ----------
     name : str
-        The device's name in the rig file, for messages.
+        The device's name in the rig file; error messages contain this name.
     clock : Clock
+        The clock of the run; the simulated clock in a simulated rig.
     environment : object or None
-        The simulated rig, if there is one. `clock` is its clock; `addresses` holds the ports of its servers
-        by name, and a rig file refers to them as ``@name``. Simulated devices know the concrete type.
+        The simulated rig; None for a real rig. The attribute `addresses` of the simulated rig maps the name
+        of each simulated server to an address. A rig file refers to such an address as ``@name``. Drivers of
+        simulated devices also use other attributes of the simulated rig.
+    guarded : bool
+        True if a guardian process watches the run and has a connection to the device. The guardian stops the
+        device if the process of the run fails.
+    relay : str
+        Address ``host:port`` on this computer at which the guardian passes messages to the device. The
+        address is empty if the driver has its own connection. If no guardian answers at the address any more,
+        the driver opens the line itself.
     """
 
     name: str
     clock: Clock
     environment: Any = None
+    guarded: bool = False
+    relay: str = ""

@@ -1,28 +1,28 @@
-"""Drivers by name. Our own and third parties' drivers are both found by entry point."""
+"""Find drivers by name: every driver of this project or a third party is a Python entry point."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import entry_points
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from drivers.interfaces import OpenContext
 from drivers.settings import Settings
 
 GROUP = "offaxis.drivers"
 
-DeviceKind = Literal["camera", "stage", "load_frame", "operator", "environment"]
+DeviceKind = Literal["camera", "stage", "load_frame", "operator", "environment", "interlock"]
 
 
 @dataclass(frozen=True)
 class SerialPort:
-    """A serial port of this machine.
+    """A serial port of this computer.
 
     Attributes
     ----------
     path : str
-        A persistent name, if the system has one.
+        Path of the port. If possible, this path stays the same when the adapter is plugged in again.
     description : str
-        As reported by the adapter.
+        Description of the port, as reported by the serial adapter.
     """
 
     path: str
@@ -36,11 +36,12 @@ class Found:
     Attributes
     ----------
     what : str
-        Name of the device, for people.
+        Name of the device, shown to the user.
     settings : dict
-        Settings of the device in a rig file. The first setting is its location: a node, a port or an address.
+        Settings of the device in a rig file. The first setting gives the location of the device: a device
+        node, a port or an address.
     usable : bool
-        Whether the driver can open the device with these settings; a generated rig file lists unusable
+        True if the driver can open the device with these settings. A generated rig file lists unusable
         devices as comments.
     """
 
@@ -50,34 +51,34 @@ class Found:
 
     @property
     def place(self) -> str:
-        """Location of the device; empty without settings."""
+        """Location of the device, taken from the first setting; empty if there are no settings."""
         return str(next(iter(self.settings.values()), ""))
 
 
 @dataclass(frozen=True)
 class Finder:
-    """How a driver looks for its devices; methods that the driver does not support are None.
+    """The search functions of a driver; a function that the driver does not support is None.
 
-    Each function ends soon, changes no setting, starts no motion, and raises `OSError` with the reason if the
-    search is impossible. Drivers query a port one after the other. When a driver has found its device at a
-    port, no other driver queries that port.
+    A search function must end within a limited time, change no setting and start no motion. If the search is
+    impossible, the function raises `OSError` with the reason. Several drivers query a port one after the
+    other. When a driver has found its device at a port, no other driver queries that port.
 
     Attributes
     ----------
     what : str
-        Name of the devices, for people: ``Zaber stages``.
+        Name of the kind of device, shown to the user, for example ``Zaber stages``.
     listed : callable, optional
-        ``listed()`` returns the devices that the system lists. The call sends nothing to any device.
+        ``listed()`` returns the devices that the operating system lists, without a message to any device.
     answering : callable, optional
-        ``answering()`` returns the devices that answer on networks and buses.
+        ``answering()`` returns the devices that answer a query on networks and buses.
     ports : callable, optional
-        ``ports()`` returns the serial ports at which `at_port` may look.
+        ``ports()`` returns the serial ports that may be passed to `at_port`.
     at_port : callable, optional
         ``at_port(path)`` returns the devices that answer at a serial port or behind ``socket://host:port``.
     at_modbus : callable, optional
-        ``at_modbus(address)`` returns the devices at ``host:port`` (Modbus TCP) or ``rtu://host:port``.
+        ``at_modbus(address)`` returns the Modbus devices at ``host:port`` or ``rtu://host:port``.
     asks_for_s : float
-        Duration of a query at a port without an answer. Drivers with short queries go first.
+        Time, in seconds, that a query takes at a port without an answer. Drivers with short queries go first.
     """
 
     what: str
@@ -89,36 +90,89 @@ class Finder:
     asks_for_s: float = 1.0
 
 
+class Guard(Protocol):
+    """Interface with which a guardian process stops a device; the guard has a connection to the device.
+
+    Attributes
+    ----------
+    relay : str
+        Address ``host:port`` on this computer at which the driver reaches the device, if the guard owns the
+        only line to the device; otherwise empty.
+    """
+
+    relay: str
+
+    def check(self) -> None:
+        """Check without a command that a stop would reach the device; raise `DeviceError` if not."""
+
+    def stop(self) -> None:
+        """Stop the device, and wait for standstill; raise `DeviceError` if the device does not confirm.
+
+        After a stop, a guard that owns the only line passes no more messages of the driver to the device.
+        `stop` may be called again.
+        """
+
+    def close(self) -> None:
+        """Release the line without stopping the device; a repeated call has no effect."""
+
+
+@dataclass(frozen=True)
+class GuardSpec:
+    """Functions with which a guardian process connects to a device of a driver.
+
+    Attributes
+    ----------
+    line : callable
+        ``line(settings)`` returns the name of the line to the device: the real path of a port, or
+        ``host:port``. The name is empty for a simulated device inside this program, which needs no guardian.
+    open : callable
+        ``open(settings, context)`` returns a `Guard` that is connected to the device, or raises
+        `DeviceError`. The function must not start a motion. The guardian process calls the function before
+        the driver opens the device.
+    """
+
+    line: Callable[[Any], str]
+    open: Callable[[Any, OpenContext], Guard]
+
+
 @dataclass(frozen=True)
 class DriverSpec:
-    """Description of a driver: kind of device, settings, opening and search.
+    """Description of a driver: kind of device, class of settings, and functions to open and find devices.
 
     Attributes
     ----------
     kind : str
-        The interface in `drivers.interfaces` that the driver implements; an ``environment`` is a simulated
+        Kind of device, which names the interface in `drivers.interfaces`; an ``environment`` is a simulated
         rig.
     settings : type of Settings
-        The keys that the rig file may contain; unknown keys are refused.
+        Class that defines the keys of the device in the rig file; unknown keys are refused.
     open : callable
-        ``open(settings, context)`` returns the device, ready for use, or raises `DeviceError`.
+        ``open(settings, context)`` returns the opened device or raises `DeviceError`.
     find : Finder, optional
-        The search of ``rig devices`` for devices of this driver.
+        Functions with which the command ``rig devices`` finds devices of this driver.
+    guard : GuardSpec, optional
+        For a stage or a load frame: functions with which a guardian process stops the device when the process
+        of the run dies or hangs. If `guard` is missing, every plan and every start of a run prints a warning.
+    cautions : callable, optional
+        ``cautions(settings)`` returns warnings about dangerous settings; every plan and every start of a run
+        prints these warnings.
     """
 
     kind: DeviceKind
     settings: type[Settings]
     open: Callable[[Any, OpenContext], Any]
     find: Finder | None = None
+    guard: GuardSpec | None = None
+    cautions: Callable[[Any], Sequence[str]] | None = None
 
 
 def driver_names() -> list[str]:
-    """Return the names of all installed drivers, sorted, each once."""
+    """Return the names of all installed drivers, sorted and without duplicates."""
     return sorted({point.name for point in entry_points(group=GROUP)})
 
 
 def find_driver(name: str) -> DriverSpec:
-    """Return the driver of that name.
+    """Return the driver called `name`.
 
     Raises
     ------
@@ -135,11 +189,11 @@ def find_driver(name: str) -> DriverSpec:
     (point,) = points.values()
     try:
         spec = point.load()
-    # a third party's module may raise any exception
+    # catch every exception: a third party's module may raise any type
     except Exception as error:
         raise LookupError(
             f"driver {name!r}: {point.value!r} cannot be loaded: {type(error).__name__}: {error}"
         ) from error
     if not isinstance(spec, DriverSpec):
-        raise LookupError(f"driver {name!r}: entry point {point.value!r} is no DriverSpec")
+        raise LookupError(f"driver {name!r}: entry point {point.value!r} is not a DriverSpec")
     return spec

@@ -1,7 +1,9 @@
-"""TOML files written by people: strictly validated, all mistakes reported together."""
+"""Read and validate TOML files written by people; all mistakes in a file are reported together."""
 
+import errno
 import json
 import re
+import stat
 import tomllib
 import unicodedata
 from collections.abc import Mapping, Sequence
@@ -14,14 +16,15 @@ from drivers.errors import ConfigurationError
 
 
 class Settings(BaseModel):
-    """Base class of settings read from TOML: frozen, no unknown keys, no conversion, no NaN or infinity."""
+    """Base class of settings from TOML; unknown keys, wrong types, NaN and infinity are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
     @field_validator("*", mode="after")
     @classmethod
     def _without_control_characters(cls, value: Any) -> Any:
-        # A null character ends a text in a run file, and a line break breaks the printed tables.
+        # Refuse control characters: a null character would cut off the text in a run file, and a line break
+        # would break the printed tables.
         if isinstance(value, str) and any(unicodedata.category(sign) == "Cc" for sign in value):
             raise ValueError("a text without control characters is expected")
         return value
@@ -29,23 +32,30 @@ class Settings(BaseModel):
 
 _SHOWN_MAX = 80
 
+LONGEST_PATH = 1000
+"""Most characters of an address or a path in a setting. The system allows 4096; a person cannot read them."""
+
+MOST_BYTES = 2**20
+"""Largest accepted size of a TOML file, a thousand times that of a usual protocol or rig file."""
+
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return a TOML file's content.
+    """Return the content of a TOML file.
 
     Raises
     ------
     ConfigurationError
-        If the file is missing, unreadable or not TOML; the message names line and column.
+        If the file is missing, unreadable or not valid TOML. For invalid TOML, the message gives line and
+        column.
     """
     return read_toml_text(path)[0]
 
 
 def read_toml_text(path: Path) -> tuple[dict[str, Any], str]:
-    """Return a TOML file's content and its text, byte for byte; raises like `read_toml`."""
+    """Return the content of a TOML file and its unchanged text; raises `ConfigurationError`."""
     try:
-        # Do not use `read_text`: universal newlines would convert all line ends to line feeds.
-        text = path.read_bytes().decode()
+        # Do not use `Path.read_text`: this function would convert all line ends to line feeds.
+        text = _content(path).decode()
         if text.startswith("\ufeff"):
             raise ConfigurationError(str(path), ["has a byte order mark; save it as UTF-8 without one"])
         return tomllib.loads(text), text
@@ -53,14 +63,26 @@ def read_toml_text(path: Path) -> tuple[dict[str, Any], str]:
         raise ConfigurationError(str(path), [f"cannot be read: {error.strerror or error}"]) from error
     except UnicodeDecodeError as error:
         raise ConfigurationError(str(path), ["is not UTF-8 text; save it as UTF-8"]) from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
+        # invalid TOML, or a number with more digits than Python converts
         raise ConfigurationError(str(path), [f"is not valid TOML: {error}"]) from error
     except RecursionError as error:
         raise ConfigurationError(str(path), ["is nested too deeply to be read"]) from error
 
 
+def _content(path: Path) -> bytes:
+    """Return the content of a regular file; refuse named pipes and devices, which could be read for ever."""
+    found = path.stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "Not a file, but a folder, a pipe or a device")
+    if found.st_size > MOST_BYTES:
+        raise OSError(errno.EFBIG, f"Larger than {MOST_BYTES} bytes")
+    with path.open("rb") as file:
+        return file.read(MOST_BYTES)
+
+
 def toml_table(names: Sequence[str], table: Mapping[str, Any]) -> str:
-    """Return a table as TOML: texts, numbers, truth values, and lists and tables of them."""
+    """Return a table as TOML text; values may be texts, numbers, booleans, and lists or tables of these."""
     heading = ".".join(map(_toml_key, names))
     return "\n".join([f"[{heading}]", *(f"{_toml_key(k)} = {_toml_value(v)}" for k, v in table.items())])
 
@@ -74,12 +96,12 @@ def _toml_value(value: object) -> str:
         return "{" + ", ".join(f"{_toml_key(k)} = {_toml_value(v)}" for k, v in value.items()) + "}"
     if isinstance(value, list):
         return "[" + ", ".join(map(_toml_value, value)) + "]"
-    # JSON writes texts, numbers and truth values as TOML does
+    # texts, numbers and booleans look the same in JSON and in TOML
     return json.dumps(value, ensure_ascii=False)
 
 
 def mistakes_in(error: ValidationError, prefix: str = "") -> list[str]:
-    """Turn each pydantic error into one sentence: the place, the expected value and the actual value."""
+    """Return one sentence per pydantic error, with the place, the expected value and the actual value."""
     sentences = []
     for finding in error.errors(include_url=False):
         where = ".".join(str(part) for part in finding["loc"])

@@ -1,1 +1,1 @@
-"""Cameras: shared modules, and one folder per camera interface."""
+"""Camera drivers: shared modules, and one folder per camera interface."""

@@ -1,4 +1,4 @@
-"""Base class of cameras that film continuously: a new frame per call, or all frames as a stream."""
+"""Base class of cameras that film continuously; a caller gets one new frame per call, or all frames."""
 
 import threading
 from abc import ABC, abstractmethod
@@ -14,13 +14,13 @@ from drivers.interfaces import CameraInfo, Frame, OpenContext
 SILENCE_S = 1.0
 SILENCE_FRAMES = 10
 LOST_FRAMES = 3
-"""A camera may be reopened after this many frame times without any frame, new or old."""
+"""A camera counts as lost if it sends no frame for this number of frame times."""
 OPENING_S = 20.0
-"""How long a stream waits for a camera to be opened again."""
+"""Longest time, in seconds, for reopening a camera when a stream is opened."""
 
 
 class Session(Protocol):
-    """A camera that films, from opening to closing.
+    """Interface of an opened camera that films until it is closed.
 
     Attributes
     ----------
@@ -32,34 +32,34 @@ class Session(Protocol):
 
     @property
     def interval_s(self) -> float:
-        """Time between frames."""
+        """Time between two frames, in seconds."""
 
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
-        """Return the next frame whose exposure began after `after_s`; None after `timeout_s`."""
+        """Return the next frame whose exposure began after `after_s`; return None after `timeout_s`."""
 
     def verify(self) -> None:
-        """Read the settings back; `DeviceFault` if one has changed, `LinkLost` without an answer."""
+        """Read the settings back; raise `DeviceFault` if a setting has changed, `LinkLost` without answer."""
 
     def close(self) -> None:
-        """Stop filming and release everything; harmless when repeated."""
+        """Stop filming and release all resources; a repeated call has no effect."""
 
 
 S = TypeVar("S", bound=Session)
 
 
 class FilmingCamera(ABC, Generic[S]):
-    """A `Camera` that discards frames exposed before a call, and that is reopened after a lost connection.
+    """A `Camera` that films all the time: `grab` discards frames exposed before its call.
 
     Parameters
     ----------
     name : str
-        For messages.
+        The camera's name, used in error messages.
     clock : Clock
     """
 
     info: CameraInfo
     silent_is_lost = False
-    """Whether a camera without any frame counts as lost and is reopened."""
+    """True for drivers that close and reopen a camera that sends no frames."""
 
     def __init__(self, name: str, clock: Clock) -> None:
         self._name = name
@@ -71,12 +71,12 @@ class FilmingCamera(ABC, Generic[S]):
         self._silent_s = 0.0
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return a frame whose exposure began after this call; a damaged frame has flags.
+        """Return a frame whose exposure began after this call; in a damaged frame, `flags` is not 0.
 
         Raises
         ------
         DeviceTimeout
-            If no such frame arrives within `timeout_s`.
+            If no frame exposed after the call arrives within `timeout_s` seconds.
         LinkLost
             If the camera was unplugged or does not answer any more.
         DeviceFault
@@ -115,7 +115,7 @@ class FilmingCamera(ABC, Generic[S]):
         Raises
         ------
         DeviceError
-            As `grab`.
+            If the camera fails, or a stream is already open; see `grab`.
         """
         with to_itself(self._lock, self._name, "stream", OPENING_S):
             session = self._ready("stream", self._clock.now_s() + OPENING_S)
@@ -139,8 +139,8 @@ class FilmingCamera(ABC, Generic[S]):
             return self._stream
 
     def close(self) -> None:
-        """Release the camera; harmless when repeated."""
-        # set before waiting for the lock: threads that grab in turns might never leave the lock to `close`
+        """Release the camera; a repeated call has no effect."""
+        # set `_closed` before waiting for the lock: threads that call `grab` in turns might never release it
         self._closed = True
         with self._lock:
             stream = self._stream
@@ -151,7 +151,7 @@ class FilmingCamera(ABC, Generic[S]):
 
     @abstractmethod
     def _open_again(self, step: str, deadline_s: float) -> S:
-        """Reopen the camera after a lost connection, at most until the deadline."""
+        """Reopen the camera after a lost connection; opening must end before `deadline_s`."""
 
     def _give_up(self) -> None:
         session, self._session = self._session, None
@@ -166,7 +166,7 @@ class FilmingCamera(ABC, Generic[S]):
                 self._name,
                 step,
                 "no open stream",
-                "one that takes every frame",
+                "a stream that takes every frame",
                 "take the frame from the stream, or close it",
             )
         if self._session is None:
@@ -188,7 +188,8 @@ class FilmingCamera(ABC, Generic[S]):
 
 @contextmanager
 def to_itself(lock: threading.Lock, device: str, step: str, timeout_s: float) -> Iterator[None]:
-    """Hold a camera's lock; `DeviceTimeout` if another call holds the lock for longer than `timeout_s`."""
+    """Reserve a camera for one call; raise `DeviceTimeout` if another call uses it longer than
+    `timeout_s`."""
     if not lock.acquire(timeout=min(max(0.0, timeout_s), threading.TIMEOUT_MAX)):
         raise DeviceTimeout(
             device,
@@ -204,12 +205,12 @@ def to_itself(lock: threading.Lock, device: str, step: str, timeout_s: float) ->
 
 
 def refuse_simulated_time(device: str, context: OpenContext) -> None:
-    """Raise `DeviceFault` if time is simulated: a real camera runs in real time."""
+    """Raise `DeviceFault` if the clock of the rig is simulated, because a real camera needs real time."""
     if isinstance(context.clock, VirtualClock):
         raise DeviceFault(
             device,
             "open camera",
             "a rig in real time",
-            "simulated time, of which a real camera knows nothing",
+            "simulated time, which a real camera cannot follow",
             "use driver 'simulated-camera' in a simulated rig",
         )

@@ -1,4 +1,4 @@
-"""Missing frames of a stream, from the camera's counter and, where that is not sufficient, from the time."""
+"""Find the missing frames of a stream, from the camera's frame counter and from the frame times."""
 
 from collections import deque
 from dataclasses import dataclass, replace
@@ -7,15 +7,19 @@ from enum import Enum
 from drivers.interfaces import Frame
 
 IN_A_ROW = 8
-"""Number of consecutive late frames that prove frames missing without a gap in the counter."""
+"""Number of consecutive late frames that prove a loss of frames when the frame counter has no gap."""
 DOUBTED = 128
-"""An on-time frame withdraws a `PAUSE` loss only within this many frames; later, a fast clock could, too."""
+"""A frame that is too early can cancel a `PAUSE` loss only within this number of frames after the loss.
+
+After this number of frames, clock drift between camera and computer can make a frame look early.
+"""
 OVERTAKEN = 64
-"""A smaller step back of the counter may be a delayed frame; a larger step is a restart."""
+"""If the frame counter steps back by less than this, the frame was delayed; otherwise the counter
+restarted."""
 
 
 class LossKind(Enum):
-    """Evidence for missing frames."""
+    """Kind of evidence by which missing frames were detected."""
 
     GAP = "the camera's counter jumped"
     PAUSE = "more time went by than the camera's counter says"
@@ -26,18 +30,18 @@ class LossKind(Enum):
 
 @dataclass(frozen=True)
 class Loss:
-    """Consecutive missing frames.
+    """A group of consecutive missing frames.
 
     Attributes
     ----------
     kind : LossKind
     first : int
-        Sequence number of the first missing frame; for `LossKind.REPEAT` that of the frame with the repeated
-        number; for `LossKind.PAUSE` that of the first late frame, to within eight.
+        Sequence number of the first missing frame. For `LossKind.REPEAT`: the repeated number. For
+        `LossKind.PAUSE`: the number of the first late frame, with an error of up to eight.
     count : int
-        Number of missing frames; 0 if the counter did not increase, since the frame itself was received.
+        Number of missing frames. A `LossKind.REPEAT` has the count 0, because the frame itself was received.
     time_s : float
-        Time of detection, on the rig's clock.
+        Time at which the loss was detected, in seconds on the rig's clock.
     """
 
     kind: LossKind
@@ -47,19 +51,19 @@ class Loss:
 
 
 class LossAccount:
-    """Compares every frame with those before it.
+    """Record of the missing frames of a stream; every new frame is compared with the earlier frames.
 
     Parameters
     ----------
     interval_s : float
-        Time between frames.
+        Time between two frames, in seconds.
     """
 
     def __init__(self, interval_s: float) -> None:
         self._interval_s = interval_s
         self._last: Frame | None = None
         self._certain: list[Loss] = []
-        # losses that the counter does not show, each with the delay before the loss
+        # each PAUSE loss, together with the delay of the frames before this loss
         self._pauses: list[tuple[Loss, float]] = []
         self._settled = 0
         self._delays: deque[tuple[int, float]] = deque(maxlen=2 * IN_A_ROW)
@@ -70,10 +74,11 @@ class LossAccount:
         return tuple(sorted((*self._certain, *pauses), key=lambda loss: loss.time_s))
 
     def see(self, frame: Frame) -> bool:
-        """Record the frames missing before a frame; False for a frame that arrives after later frames.
+        """Record the frames that are missing before `frame`; return False if `frame` is a delayed frame.
 
-        A network camera has sent the packets of such a frame again. The frame stays recorded as missing or
-        damaged, because frames are delivered in order.
+        A delayed frame arrives after a frame with a higher number, because a network camera sent lost packets
+        again. Frames are delivered in order, so a delayed frame is not delivered and stays recorded as
+        missing or damaged.
         """
         last = self._last
         if last is None:
@@ -93,7 +98,7 @@ class LossAccount:
         return True
 
     def add(self, kind: LossKind, first: int, count: int, frame: Frame) -> None:
-        """Record a loss at the time of a frame; consecutive overflows are merged."""
+        """Record a loss at the time of `frame`; consecutive losses of kind `OVERFLOW` become one loss."""
         last = self._certain[-1] if self._certain else None
         if last is not None and last.kind is kind is LossKind.OVERFLOW and last.first + last.count == first:
             self._certain[-1] = replace(last, count=last.count + count)
@@ -104,10 +109,13 @@ class LossAccount:
         return any(loss.first <= number < loss.first + loss.count for loss in self._certain)
 
     def _compare_time(self, frame: Frame, *, began_anew: bool) -> None:
-        """Find missing frames that the camera did not count, from the time that the counter does not explain.
+        """Find missing frames that the camera's frame counter does not show: later frames then come too late.
 
-        A frame can be late, but not early: the least delay of several consecutive frames is the true one. If
-        all of them were late, a later frame corrects the loss.
+        The delay of a frame is its start of exposure minus the frame number times the frame interval. A time
+        stamp can be late, but not early. Therefore the smallest delay of eight consecutive frames is the true
+        delay. If the computer was slow and all eight time stamps were late, the frames seem to be missing. A
+        later frame that is on time shows this mistake, and `_doubt` then reduces the number of missing
+        frames.
         """
         delay_s = frame.exposed_s - frame.sequence * self._interval_s
         if began_anew:
@@ -117,7 +125,7 @@ class LossAccount:
         if len(self._delays) < 2 * IN_A_ROW:
             return
         older, newer = list(self._delays)[:IN_A_ROW], list(self._delays)[IN_A_ROW:]
-        # use the second least delay: a camera that derives numbers from time may have rounded one number up
+        # use the second smallest delay, since a camera that computes numbers from time may round one up
         before_s = sorted(delay_s for _, delay_s in older)[1]
         after_s = min(delay_s for _, delay_s in newer)
         uncounted = round((after_s - before_s) / self._interval_s)
@@ -127,7 +135,8 @@ class LossAccount:
             self._delays.extend(explained + newer)
 
     def _doubt(self, number: int, delay_s: float) -> None:
-        """Reduce `PAUSE` losses if a frame arrives too early for them."""
+        """Reduce the number of missing frames in `PAUSE` losses if a later frame comes too early for this
+        number."""
         later = 0
         for index in range(len(self._pauses) - 1, self._settled - 1, -1):
             loss, before_s = self._pauses[index]

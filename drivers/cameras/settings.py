@@ -1,4 +1,4 @@
-"""Settings of frames in a rig file, common to all our cameras."""
+"""Rig-file settings of the frames, common to all cameras of this project."""
 
 from typing import Self
 
@@ -8,7 +8,7 @@ from drivers.settings import Settings
 
 
 class FrameSettings(Settings):
-    """Size and rate of the frames; they are set and read back."""
+    """Size and rate of the frames; the driver writes both to the camera and reads them back."""
 
     width_px: int = Field(ge=16, le=32768)
     height_px: int = Field(ge=16, le=32768)
@@ -16,15 +16,15 @@ class FrameSettings(Settings):
 
 
 class DatedFrameSettings(FrameSettings):
-    """Settings of frames for cameras with timestamps.
+    """Frame settings of cameras that deliver timestamps.
 
     Attributes
     ----------
     exposure_us : float, optional
-        Omit only if the camera has no exposure control.
+        Exposure time in µs. Omit this setting only if the camera has no exposure control.
     transfer_us : float, optional
-        Longest time from the end of exposure to the timestamp of the frame; a frame time by default. Unused
-        if the timestamp marks the start of exposure.
+        Longest time, in µs, from the end of exposure to the timestamp of the frame. The default is one frame
+        time. The setting has no effect if the timestamp marks the start of exposure.
     """
 
     exposure_us: float | None = Field(default=None, gt=0)

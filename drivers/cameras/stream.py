@@ -1,4 +1,4 @@
-"""Frames at the full rate of the camera, with a record of every missing frame."""
+"""Deliver frames at the full rate of the camera, and record every missing frame."""
 
 import threading
 from collections import deque
@@ -13,7 +13,7 @@ from drivers.interfaces import Frame
 
 CAPACITY = 64
 SLICE_S = 0.1
-"""Longest wait of the thread between two checks for its end."""
+"""Longest wait for a frame, in seconds, before the thread of the stream checks whether it must end."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,7 @@ class StreamReport:
     taken : int
         Number of undamaged frames that were queued for the program.
     losses : tuple of Loss
+        The missing frames, in the order of detection.
     """
 
     taken: int
@@ -37,7 +38,7 @@ class StreamReport:
 
 
 class FrameStream:
-    """A thread that takes frames from a camera into a bounded queue; use it as a context manager.
+    """A thread that moves frames from a camera into a queue; use the stream as a context manager.
 
     Frames with error flags are not delivered. When the queue is full, the newest frame is dropped. `report`
     lists every dropped, damaged or missing frame.
@@ -45,18 +46,19 @@ class FrameStream:
     Parameters
     ----------
     device : str
-        For messages.
+        Name of the camera, used in error messages.
     source : callable
-        ``source(timeout_s)`` returns the next frame, or None after the timeout; errors raise `DeviceError`.
+        ``source(timeout_s)`` returns the next frame, or None after the timeout. A failure raises
+        `DeviceError`.
     clock : Clock
     interval_s : float
-        Time between frames.
+        Time between two frames, in seconds.
     silence_s : float
-        The camera counts as stalled after this time without a frame.
+        Time without a frame, in seconds, after which the stream ends with an error.
     capacity : int
-        Capacity of the queue.
+        Largest number of frames in the queue.
     on_close : callable
-        Called after the end of the thread.
+        Function that is called once, after the thread has ended.
 
     Raises
     ------
@@ -104,9 +106,9 @@ class FrameStream:
         Raises
         ------
         DeviceTimeout
-            If none comes in time.
+            If no frame arrives within `timeout_s` seconds.
         DeviceError
-            The error that ended the stream, after all earlier frames were taken.
+            If an error ended the stream; the error is raised after all queued frames were taken.
         """
         with self._news:
             self._news.wait_for(
@@ -126,7 +128,8 @@ class FrameStream:
             return StreamReport(self._taken, self._losses.losses())
 
     def close(self) -> None:
-        """End the thread; queued frames can still be taken. Harmless when repeated."""
+        """End the thread of the stream; frames in the queue can still be taken. A repeated call has no
+        effect."""
         self._ending.set()
         self._thread.join()
         with self._news:
@@ -141,7 +144,7 @@ class FrameStream:
         self.close()
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield frames until the stream is closed; raise the error if an error ended the stream."""
+        """Yield frames until the stream is closed; raise the camera's error if an error ended the stream."""
         while True:
             try:
                 yield self.next(self._silence_s)
@@ -160,7 +163,7 @@ class FrameStream:
                     if now_s - heard_s > self._silence_s:
                         raise self._timeout(f"a frame within {self._silence_s:g} s", "none")
                     continue
-            except Exception as error:  # pass any exception to the reader of the frames
+            except Exception as error:  # the thread that reads the queue raises this exception
                 with self._news:
                     self._error = error
                     self._news.notify_all()
@@ -186,4 +189,4 @@ class FrameStream:
 
 
 def _nothing() -> None:
-    """Do nothing; replaces a callback after its call."""
+    """Do nothing. A stream replaces `on_close` by this function after the first call of `on_close`."""

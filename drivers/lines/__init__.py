@@ -1,1 +1,1 @@
-"""Serial and TCP lines to instruments: channels, addresses, order of requests, deadlines of a stop."""
+"""Serial and TCP connections to instruments: addresses, channels, order of requests, and stop deadlines."""

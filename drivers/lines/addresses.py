@@ -1,5 +1,7 @@
-"""Addresses in a rig file: literal addresses, names of the simulated rig, lasting names of the system."""
+"""Addresses in a rig file: real addresses, server names of a simulated rig, and permanent port names."""
 
+import contextlib
+import ipaddress
 from pathlib import Path
 
 from drivers.errors import LinkLost
@@ -7,12 +9,12 @@ from drivers.interfaces import OpenContext
 
 
 def resolve_address(address: str, context: OpenContext) -> str:
-    """Return the address to open; ``@name`` is looked up among the servers of the simulated rig.
+    """Return the address to open; ``@name`` stands for the address of a server of the simulated rig.
 
     Raises
     ------
     LinkLost
-        If there is no simulated rig, or it has no server of that name.
+        If there is no simulated rig, or the simulated rig has no server of that name.
     """
     if not address.startswith("@"):
         return address
@@ -29,7 +31,25 @@ def resolve_address(address: str, context: OpenContext) -> str:
 
 
 def lasting_names(folder: Path) -> dict[str, str]:
-    """Return the links in a folder such as ``/dev/serial/by-id``, keyed by the name of their target."""
+    """Return the symbolic links in a folder such as ``/dev/serial/by-id``, keyed by their target's name."""
     if not folder.is_dir():
         return {}
     return {link.resolve().name: str(link) for link in sorted(folder.iterdir(), reverse=True)}
+
+
+def shared_line(address: str) -> str:
+    """Return the name of a line that only one program may use: the real path of a port, or ``host:port``.
+
+    The name is empty for ``@name``, because this address is a server of the simulated rig inside this
+    program. The name does not depend on the protocol: ``socket://localhost:4001`` and
+    ``rtu://127.0.0.1:4001`` have the same name.
+    """
+    if address.startswith("@"):
+        return ""
+    if address.startswith("/"):
+        return str(Path(address).resolve())
+    host, _, port = address.rpartition("://")[2].rpartition(":")
+    host = host.strip("[]").lower()
+    with contextlib.suppress(ValueError):
+        host = ipaddress.ip_address("127.0.0.1" if host == "localhost" else host).compressed
+    return f"{host}:{port}"

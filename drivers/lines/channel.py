@@ -1,4 +1,4 @@
-"""Bytes to and from a device, over TCP or a serial port, with a wait that another thread can end."""
+"""Send and receive bytes over TCP or a serial port; another thread can end a wait for bytes."""
 
 import contextlib
 import os
@@ -13,19 +13,19 @@ from drivers.clock import SystemClock
 from drivers.errors import LinkLost
 
 CHUNK = 4096
-# No device leaves more chunks unread; a device that still sends after so many never stops.
+# Largest number of chunks that are discarded: a device that sends more chunks is assumed never to stop.
 DRAIN_CHUNKS = 256
-# TCP may try to deliver data for this multiple of the send timeout.
+# TCP retries the delivery of unacknowledged data for this multiple of the send timeout.
 UNDELIVERED = 2
 TCP_PREFIX = "socket://"
-# pyserial's SerialException is an OSError; termios.error is not an OSError
+# pyserial's SerialException is a subclass of OSError; termios.error is not
 CHANNEL_ERRORS = (OSError, termios.error)
 # Major numbers of pseudo-terminal slaves: Linux, Documentation/admin-guide/devices.txt.
 PTY_MAJORS = range(136, 144)
 
 
 class OvertakenError(Exception):
-    """An urgent request ended the wait."""
+    """Raised in a thread that waits for bytes, if an urgent request of another thread ends the wait."""
 
 
 class _Port(Protocol):
@@ -39,42 +39,46 @@ class Channel(ABC):
     Parameters
     ----------
     port : socket or serial port
-        The channel owns the port and closes it.
+        The opened port; `close` closes it.
     """
 
     def __init__(self, port: _Port) -> None:
         self._port = port
         self._clock = SystemClock()
 
+    def fileno(self) -> int:
+        """Return the file descriptor of the port."""
+        return self._port.fileno()
+
     @abstractmethod
     def send(self, data: bytes) -> None:
-        """Hand all of `data` to the operating system."""
+        """Pass all bytes of `data` to the operating system for sending."""
 
     def drain(self) -> None:
-        """Discard the received bytes that were not read."""
+        """Discard all received bytes that the program has not read."""
         for _ in range(DRAIN_CHUNKS):
             if not self.receive(0.0):
                 return
-        raise ConnectionAbortedError("the other end sends without end")
+        raise ConnectionAbortedError("the other end never stops sending")
 
     def discard(self) -> None:
-        """Discard unread received bytes and, if the port allows it, bytes not yet transmitted."""
+        """Discard received bytes and, on a serial port, also bytes that are not yet transmitted."""
         self.drain()
 
     def receive(self, deadline_s: float, wake: int | None = None) -> bytes:
-        """Return the received bytes, at least one; empty if the deadline passes first.
+        """Wait for bytes and return all received bytes; return no bytes if the deadline passes first.
 
         Parameters
         ----------
         deadline_s : float
-            On the system's clock.
+            End of the wait, in seconds on the system's clock.
         wake : int, optional
-            A descriptor that ends the wait when it becomes readable.
+            A file descriptor; the wait ends when this descriptor becomes readable.
 
         Raises
         ------
         OvertakenError
-            If `wake` ended the wait.
+            If the descriptor `wake` ended the wait.
         """
         descriptor = self._port.fileno()
         waiting = select.poll()
@@ -92,51 +96,51 @@ class Channel(ABC):
         return data
 
     def close(self) -> None:
-        """Close the channel; harmless when repeated."""
+        """Close the channel; a repeated call has no effect."""
         with contextlib.suppress(*CHANNEL_ERRORS):
             self._port.close()
 
 
 class TcpChannel(Channel):
-    """A TCP connection that transmits every message at once.
+    """A TCP connection that transmits every message without delay (option ``TCP_NODELAY``).
 
     Parameters
     ----------
     host : str
     port : int
     timeout_s : float
-        For connecting, and for sending.
+        Time limit for connecting and for sending, in seconds.
     """
 
     def __init__(self, host: str, port: int, timeout_s: float) -> None:
         try:
             self._socket = socket.create_connection((host, port), timeout=timeout_s)
         except UnicodeError as error:
-            raise OSError(f"{host!r} is no host name") from error
+            raise OSError(f"{host!r} is not a host name") from error
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        # The connection is dropped with all undelivered data. Otherwise TCP would deliver an old motion
-        # command when the cable is plugged in again, and a stage believed to stand would move.
+        # After this time TCP drops the connection and all undelivered data. Otherwise TCP could deliver an
+        # old motion command when the cable is plugged in again, and the stage would move unexpectedly.
         unheard_ms = max(1, round(1000 * UNDELIVERED * timeout_s))
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, unheard_ms)
         super().__init__(self._socket)
 
     def send(self, data: bytes) -> None:
-        """Hand all of `data` to the operating system."""
+        """Pass all bytes of `data` to the operating system for sending."""
         self._socket.sendall(data)
 
 
 class SerialChannel(Channel):
-    """A serial port, opened exclusively.
+    """A serial port that no other program can open at the same time.
 
     Parameters
     ----------
     path : str
     baud : int
     parity : str
-        ``N``, ``E`` or ``O``.
+        Parity: ``N`` (none), ``E`` (even) or ``O`` (odd).
     stop_bits : int
     timeout_s : float
-        For sending.
+        Time limit for sending, in seconds.
     """
 
     def __init__(self, path: str, baud: int, parity: str, stop_bits: int, timeout_s: float) -> None:
@@ -157,8 +161,9 @@ class SerialChannel(Channel):
         super().__init__(self._serial)
 
     def send(self, data: bytes) -> None:
-        """Hand all of `data` to the operating system."""
-        # pyserial's write can report a timeout for a sent message if this process waited for the processor
+        """Pass all bytes of `data` to the operating system for sending."""
+        # Do not use pyserial's `write`: on a busy computer this method can report a timeout although the
+        # message was sent.
         descriptor, deadline_s = self._port.fileno(), self._clock.now_s() + self._timeout_s
         room = select.poll()
         room.register(descriptor, select.POLLOUT)
@@ -169,10 +174,10 @@ class SerialChannel(Channel):
                 return
             left_s = deadline_s - self._clock.now_s()
             if left_s <= 0 or not room.poll(left_s * 1000):
-                raise TimeoutError(f"a port that takes no bytes for {self._timeout_s:g} s")
+                raise TimeoutError(f"a port that accepts no bytes for {self._timeout_s:g} s")
 
     def discard(self) -> None:
-        """Discard unread received bytes and bytes not yet transmitted."""
+        """Discard received bytes, and bytes that are not yet transmitted."""
         self._serial.reset_output_buffer()
         self.drain()
 
@@ -193,10 +198,23 @@ def open_channel(url: str, baud: int, timeout_s: float) -> Channel:
     return TcpChannel(host, int(port), timeout_s)
 
 
-def open_device(name: str, url: str, baud: int, timeout_s: float) -> Channel:
-    """Open the channel to a device; raise `LinkLost` with the device's name on failure."""
+def open_device(name: str, url: str, baud: int, timeout_s: float, relay: str = "") -> Channel:
+    """Open the channel to a device; raise `LinkLost` with the device's name if this fails.
+
+    Parameters
+    ----------
+    name : str
+        The device's name and port, used in error messages.
+    url : str
+        Path of a serial port, or ``socket://host:port``.
+    baud : int
+    timeout_s : float
+    relay : str
+        Address ``host:port`` of the guardian's relay if a guardian owns the line; otherwise empty. If no
+        guardian answers at this address, the line itself is opened.
+    """
     try:
-        return open_channel(url, baud, timeout_s)
+        return open_relay(relay, timeout_s) or open_channel(url, baud, timeout_s)
     except CHANNEL_ERRORS as error:
         raise LinkLost(
             name,
@@ -207,6 +225,15 @@ def open_device(name: str, url: str, baud: int, timeout_s: float) -> Channel:
         ) from error
 
 
+def open_relay(relay: str, timeout_s: float) -> Channel | None:
+    """Connect to the relay of a guardian; return None if there is no relay or no guardian answers."""
+    host, _, port = relay.rpartition(":")
+    if host:
+        with contextlib.suppress(ConnectionRefusedError):
+            return TcpChannel(host, int(port), timeout_s)
+    return None
+
+
 def _is_pseudo_terminal(path: str) -> bool:
-    """Whether a path is a pseudo-terminal: Linux refuses to set its parity a second time."""
+    """Return whether a path is a pseudo-terminal; Linux refuses to set its parity a second time."""
     return os.major(Path(path).stat().st_rdev) in PTY_MAJORS

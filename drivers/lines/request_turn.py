@@ -1,4 +1,4 @@
-"""Order of requests on a line that carries one request at a time: urgent requests go first."""
+"""Order of requests from several threads on one line: one request at a time, urgent requests first."""
 
 import contextlib
 import os
@@ -7,15 +7,16 @@ from collections.abc import Iterator
 
 
 class Turn:
-    """One request at a time.
+    """Lock of a serial or TCP line: one request at a time uses the line; urgent requests go first.
 
-    A thread that waits for an ordinary answer watches `wake`. An urgent request makes `wake` readable, and
-    the thread must then end its wait. No ordinary request begins while an urgent request waits.
+    A thread that waits for the answer to an ordinary request must also watch the file descriptor `wake`. An
+    urgent request makes `wake` readable, and the waiting thread must then end its wait. No ordinary request
+    begins while an urgent request waits.
 
     Attributes
     ----------
     wake : int
-        A file descriptor.
+        File descriptor that becomes readable when an urgent request waits for the line.
     """
 
     def __init__(self) -> None:
@@ -28,7 +29,7 @@ class Turn:
 
     @contextlib.contextmanager
     def ordinary(self) -> Iterator[None]:
-        """Wait for the end of every other request, then hold the turn."""
+        """Wait until the line is free and no urgent request waits, then reserve the line."""
         with self._changed:
             self._changed.wait_for(lambda: not self._taken and not self._urgent)
             self._taken = True
@@ -39,7 +40,7 @@ class Turn:
 
     @contextlib.contextmanager
     def urgent(self) -> Iterator[None]:
-        """End the wait of an ordinary request under way, then hold the turn."""
+        """Interrupt an ordinary request that waits for its answer, then reserve the line."""
         with self._changed:
             self._urgent += 1
         try:
@@ -49,7 +50,8 @@ class Turn:
             finally:
                 self._release()
         finally:
-            # also after an exception during the wait; otherwise ordinary requests would wait for ever
+            # reduce the number of urgent requests also after an exception, or ordinary requests would wait
+            # for ever
             with self._changed:
                 self._urgent -= 1
                 self._changed.notify_all()
@@ -70,7 +72,7 @@ class Turn:
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Release the descriptors; harmless when repeated. No thread may be waiting."""
+        """Close both file descriptors, when no thread waits any more; a repeated call has no effect."""
         with self._changed:
             if not self._closed:
                 self._closed = True

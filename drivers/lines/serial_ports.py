@@ -1,4 +1,4 @@
-"""The serial ports of this computer, and the answer of a device at a port."""
+"""List the serial ports of this computer, and ask a device at a port one question."""
 
 from pathlib import Path
 
@@ -8,23 +8,23 @@ from drivers.lines.channel import Channel, open_channel
 from drivers.registry import SerialPort
 
 ANSWER_S = 0.3
-"""How long the answer to a question may take."""
+"""Longest wait for the answer to a question, in seconds."""
 
 
 def serial_ports(root: Path = Path("/")) -> list[SerialPort]:
-    """Return the serial ports that have hardware behind them.
+    """Return the serial ports that have real hardware.
 
     Parameters
     ----------
     root : Path
-        Folder that contains the system's ``dev``.
+        Folder that contains the system's folder ``dev``; tests give another folder.
     """
     from serial.tools import list_ports
 
     by_id, by_path = lasting_names(root / "dev/serial/by-id"), lasting_names(root / "dev/serial/by-path")
     ports = []
     for port in sorted(list_ports.comports()):
-        # adapters of one model without serial numbers all have the same name in by-id
+        # all adapters of one model have the same name in by-id if they have no serial numbers
         lasting = by_id if port.serial_number else by_path
         ports.append(SerialPort(lasting.get(Path(port.device).name, port.device), port.description))
     return ports
@@ -36,7 +36,7 @@ def lines_answered(url: str, baud: int, question: bytes) -> list[bytes]:
     Raises
     ------
     OSError
-        If the port cannot be opened or used; another program may hold it.
+        If the port cannot be opened or used, for example because another program uses the port.
     """
     channel = open_channel(url, baud, ANSWER_S)
     try:

@@ -1,4 +1,4 @@
-"""The deadline of a repeated stop, which works on a simulated clock and on a silent line."""
+"""Deadline for a repeated stop command, in real and in simulated time."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,16 +10,17 @@ from drivers.errors import LinkLost
 
 @dataclass(frozen=True)
 class StopTimes:
-    """How a stop or a hold is repeated until the device confirms it.
+    """Times for a stop or hold command, which is repeated until the device confirms the command.
 
     Attributes
     ----------
     deadline_s : float
-        A stop not confirmed within this time has failed; only the emergency stop is left.
+        Time limit for the confirmation, in seconds; afterwards the driver asks for the emergency stop.
     answer_s : float
-        Time limit for the answer to one try, even if the rig file allows other answers more time.
+        Longest wait for the answer to one stop command, in seconds, even if the rig file allows a longer
+        wait.
     poll_s : float
-        Pause between two tries.
+        Pause, in seconds, between two attempts to stop the device.
     """
 
     deadline_s: float = 5.0
@@ -31,16 +32,17 @@ STOP_TIMES = StopTimes()
 
 
 class StopDeadline:
-    """A deadline that has passed as soon as the rig's clock or the system's clock is past it.
+    """A deadline on two clocks: the rig's clock and the system's clock; the earlier one counts.
 
-    A virtual clock does not advance during the wait on a real line. The system's clock does not advance
-    during a simulated sleep.
+    Two clocks are needed on a simulated rig. While the program waits for a real line, the virtual clock
+    stands still. During a simulated sleep, the system's clock hardly advances.
 
     Parameters
     ----------
     clock : Clock
-        The rig's clock.
+        The rig's clock; the second clock is the system's clock.
     duration_s : float
+        Time from now to the deadline, in seconds.
     """
 
     def __init__(self, clock: Clock, duration_s: float) -> None:
@@ -48,18 +50,18 @@ class StopDeadline:
 
     @property
     def passed(self) -> bool:
-        """True once the time is over."""
+        """True if the deadline has passed on the rig's clock or on the system's clock."""
         return any(clock.now_s() >= end_s for clock, end_s in self._ends)
 
 
 @contextmanager
 def calling_for_the_emergency_stop(name: str) -> Iterator[None]:
-    """Turn a link lost during a stop into an error that asks for the emergency stop.
+    """Replace a `LinkLost` error during a stop by an error that asks for the emergency stop.
 
     Parameters
     ----------
     name : str
-        The device's name and port, for the message.
+        The device's name and port, used in the error message.
     """
     try:
         yield

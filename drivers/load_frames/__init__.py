@@ -1,1 +1,1 @@
-"""Tensile load frames, one folder per protocol."""
+"""Drivers for tensile load frames, one folder per protocol."""

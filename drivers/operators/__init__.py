@@ -1,1 +1,1 @@
-"""Operators: the people who act at the machine on request."""
+"""Drivers for operators: people who do manual actions at the rig when the program asks for them."""

@@ -1,58 +1,91 @@
-"""The person at the rig, asked on the terminal."""
+"""Operator driver that asks the person at the rig on the terminal."""
 
-import sys
-from collections.abc import Callable
+import threading
 
 from drivers.errors import DeviceError
 from drivers.interfaces import OpenContext, OperatorAction
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
+from drivers.terminal.question import STDIN, Question, Withdrawn
+
+WORDS = {
+    OperatorAction.ATTACH_GRID: "attached",
+    OperatorAction.REMOVE_GRID: "removed",
+    OperatorAction.GO_ON: "untouched",
+}
+"""The word that confirms each action. The words differ, so that no answer fits a second question."""
+
+REQUESTS = {
+    OperatorAction.REMOVE_GRID: "Please remove the calibration grid and stand back: then the rig moves.",
+}
+"""What is asked where the action alone does not say enough."""
 
 
 class ConsoleOperatorSettings(Settings):
-    """No settings."""
+    """Settings of the console operator; there are none."""
 
 
 class ConsoleOperator:
-    """An `Operator` who reads the requested action and confirms with Enter.
+    """An `Operator` that shows the requested action and waits until the person types the word for it.
 
     Parameters
     ----------
     name : str
-        For messages.
-    ask : callable
-        Shows a text and returns the typed line; raises EOFError if there is no terminal input.
+        The operator's name in the rig file, used in error messages.
+    descriptor : int
+        The file descriptor of the terminal.
     """
 
-    def __init__(self, name: str, ask: Callable[[str], str]) -> None:
+    def __init__(self, name: str, descriptor: int = STDIN) -> None:
         self._name = name
-        self._ask = ask
+        self._descriptor = descriptor
+        self._lock = threading.Lock()
+        self._question: Question | None = None
+        self._closed = False
 
     def perform(self, action: OperatorAction) -> None:
-        """Ask, and wait without a deadline; `DeviceError` unless the person confirms."""
+        """Ask for an action, and wait without a deadline for the word that confirms the action.
+
+        Raises
+        ------
+        DeviceError
+            If the terminal is closed, or if `close` was called.
+        """
+        word, request = WORDS[action], REQUESTS.get(action, f"Please {action.value}.")
+        question = Question(request, word, "Ctrl-C to end the run", self._descriptor)
+        with self._lock:
+            self._question = question
+            if self._closed:
+                question.withdraw()
         try:
-            typed = self._ask(f"Please {action.value}, then press Enter (or type no): ").strip()
+            question.ask()
         except EOFError:
-            typed = "no answer, the terminal is closed"
-        if typed:
-            raise DeviceError(
-                self._name,
-                action.value,
-                "Enter",
-                repr(typed),
-                "start the run again from a terminal when the rig is ready",
-            )
+            raise self._unanswered(
+                action,
+                "no answer, because the terminal is closed",
+                "start the run again from a terminal, and answer each question there",
+            ) from None
+        except Withdrawn:
+            raise self._unanswered(action, "the end of the run", "start the run again") from None
+        finally:
+            with self._lock:
+                self._question = None
+            question.close()
 
+    def close(self) -> None:
+        """Withdraw a question that waits for its answer; a repeated call has no effect."""
+        with self._lock:
+            self._closed = True
+            if self._question is not None:
+                self._question.withdraw()
 
-def _ask_on_terminal(text: str) -> str:
-    # standard output may be redirected: write the request to standard error
-    print(text, end="", file=sys.stderr, flush=True)
-    return input()
+    def _unanswered(self, action: OperatorAction, got: str, remedy: str) -> DeviceError:
+        return DeviceError(self._name, action.value, f'the word "{WORDS[action]}"', got, remedy)
 
 
 def open_operator(settings: ConsoleOperatorSettings, context: OpenContext) -> ConsoleOperator:
-    """Return an operator on this program's terminal."""
-    return ConsoleOperator(context.name, _ask_on_terminal)
+    """Return an operator who is asked on the terminal of this program."""
+    return ConsoleOperator(context.name)
 
 
 SPEC = DriverSpec(kind="operator", settings=ConsoleOperatorSettings, open=open_operator)

@@ -1,1 +1,1 @@
-"""Rotation stages: the common part, and one folder per protocol."""
+"""Drivers for rotation stages: the common part, and one folder per protocol."""

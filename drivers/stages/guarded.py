@@ -1,9 +1,10 @@
-"""Checks of every rotation stage before a motion, and the stop."""
+"""Base class of all rotation stages: the checks before a motion, and the stop."""
 
 import math
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Any, Generic, TypeVar
 
@@ -11,6 +12,7 @@ from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import DeviceInfo, OpenContext, StageState
 from drivers.lines.addresses import resolve_address
 from drivers.lines.stop_deadline import StopDeadline, StopTimes, calling_for_the_emergency_stop
+from drivers.stages.own_motion import OwnMotion
 from drivers.stages.port import StagePort
 from drivers.stages.settings import StageSettings
 
@@ -18,13 +20,13 @@ P = TypeVar("P", bound=StagePort)
 
 
 class GuardedStage(ABC, Generic[P]):
-    """Limits, permission and stop of a `RotationStage`; a driver adds the messages of its device.
+    """A `RotationStage` with limit checks and a stop; a subclass adds the messages of its device.
 
     Parameters
     ----------
     open_port : callable
-        ``open_port(name, url, reply_timeout_s)`` opens the port, and opens it again for a stop after the
-        link was lost. `name` is the device's name and port, for messages.
+        ``open_port(name, url, reply_timeout_s)`` opens the port. The function is called again for a stop
+        after the link was lost. `name` is the device's name and port, used in error messages.
     settings : StageSettings
     context : OpenContext
     stop_times : StopTimes
@@ -39,7 +41,7 @@ class GuardedStage(ABC, Generic[P]):
 
     def __init__(
         self,
-        open_port: Callable[[str, str, float], P],
+        open_port: Callable[..., P],
         settings: StageSettings,
         context: OpenContext,
         stop_times: StopTimes,
@@ -47,69 +49,76 @@ class GuardedStage(ABC, Generic[P]):
         self._url = resolve_address(settings.port, context)
         self._name = f"{context.name} ({self._url})"
         self._fault = partial(DeviceFault, self._name)
-        self._open_port = open_port
+        self._open_port = partial(open_port, relay=context.relay) if context.relay else open_port
         self._reply_timeout_s = settings.reply_timeout_s
         self._stop_times = stop_times
-        self._port = open_port(self._name, self._url, self._reply_timeout_s)
+        self._port = self._open_port(self._name, self._url, self._reply_timeout_s)
         self._closed = False
         self._limits_deg = (settings.angle_min_deg, settings.angle_max_deg)
         self._clock = context.clock
+        self._own_motion = OwnMotion()
         self._stops = 0
         self._stop_lock = threading.Lock()
         self._new_link_lock = threading.Lock()
 
     @abstractmethod
     def set_up(self) -> None:
-        """Identify the device, write limits and speed and read them back; nothing moves."""
+        """Identify the device, write limits and speed and read them back; no motion is started."""
 
     @abstractmethod
     def read(self) -> StageState:
-        """Ask for position and status; raise `DeviceFault` if the device reports failed motion."""
+        """Return position and status; raise `DeviceFault` if the device reports that a motion failed."""
 
     @abstractmethod
     def _begin_move(self, angle_deg: float, state: StageState, step: str, permit: Callable[[], None]) -> None:
-        """Send the motion command once if `permit` allows it; `state` was read just before."""
+        """Send a motion command once; if `permit` raises, send nothing. `state` is the latest state of the
+        stage."""
 
     @abstractmethod
     def _try_to_stop(self, port: P) -> str:
-        """Command a stop once; return an empty text if the stage stands, otherwise what it does.
+        """Send the stop command once; return an empty text if the stage stands still, otherwise the reason.
 
-        Raises `DeviceTimeout` if the state of the stage is unknown.
+        If the state of the stage is unknown, `DeviceTimeout` is raised.
         """
 
     @abstractmethod
     def _stranger(self, port: P) -> str:
-        """Return the name of a different device that answers; `DeviceTimeout` if none answers."""
+        """Return an empty text if the device of `set_up` answers, otherwise the name of the other device.
+
+        If no device answers, `DeviceTimeout` is raised.
+        """
 
     def move_to(self, angle_deg: float) -> None:
-        """Begin to move to an absolute angle.
+        """Start a move to an absolute angle.
 
         Raises
         ------
         DeviceFault
-            If the angle is out of limits, or the stage moves, has no reference, has a fault or refuses.
+            If the angle is outside the limits, or if the stage is moving, has no reference, has a fault or
+            refuses the command.
         DeviceTimeout
-            If the stage does not move. The command is never sent twice: the state of the stage is read
-            instead.
+            If the stage does not start to move. The driver never sends a motion command twice, but reads from
+            the stage whether it moves.
         """
         step = f"move to {angle_deg:g}°"
         permit = self._unless_stopped(step)
         self._require_within(angle_deg, step)
         state = self._ready(step)
-        self._begin_move(angle_deg, state, step, permit)
+        with self._commanding():
+            self._begin_move(angle_deg, state, step, permit)
 
     def stop(self) -> None:
-        """Stop now; repeat the stop until the device reports standstill.
+        """Send the stop command at once, and repeat the command until the device reports standstill.
 
-        Requests of other threads do not delay the stop, and a motion command not yet sent is not sent. If the
-        link is lost, the port is opened once more for the stop only.
+        Requests of other threads do not delay the stop. A motion command that is not yet sent is not sent any
+        more. If the link is lost, the port is opened once more, for the stop only.
 
         Raises
         ------
         DeviceTimeout
-            If standstill is not confirmed before the stop's deadline.
+            If the device does not report standstill before the deadline of the stop.
         LinkLost
-            If the port is gone.
+            If the stage was closed, or the port cannot be opened again.
         """
         with self._stop_lock:
             self._stops += 1
@@ -123,7 +132,7 @@ class GuardedStage(ABC, Generic[P]):
                 self._stop_on_new_link()
 
     def _stop_on_new_link(self) -> None:
-        """Stop a stage that moves after the link was lost; all other requests still fail."""
+        """Stop the stage over a new connection after the link was lost; all other requests still fail."""
         with self._new_link_lock:
             self._port.close()
             timeout_s = min(self._reply_timeout_s, self._stop_times.answer_s)
@@ -146,23 +155,43 @@ class GuardedStage(ABC, Generic[P]):
         raise DeviceTimeout(self._name, "stop", "standstill", got, "press the emergency stop")
 
     def close(self) -> None:
-        """Release the port; harmless when repeated. Closing does not stop the stage."""
+        """Release the port without stopping the stage; a repeated call has no effect."""
         self._closed = True
         self._port.close()
 
+    @contextmanager
+    def _commanding(self) -> Iterator[None]:
+        """Mark the time in which a motion command is sent, so that readings meanwhile are not judged."""
+        self._own_motion.begin()
+        try:
+            yield
+        finally:
+            self._own_motion.sent()
+
+    def _judged(self, state: StageState) -> StageState:
+        """Return `state` if it follows from this program's commands; `DeviceFault` if another program moved
+        the stage.
+
+        The fault remains until `home` is called.
+        """
+        foreign = self._own_motion.see(state.angle_deg, moving=state.moving, referenced=state.homed)
+        if foreign:
+            remedy = "stop the stage, end the other program, then home the stage"
+            raise self._fault("read position", "only the motions of this program", foreign, remedy)
+        return state
+
     @abstractmethod
     def _break_off_search(self) -> None:
-        """Mark a running home search as void; called under the stop's lock before the stop is sent."""
+        """Record that a stop will interrupt a home search; called with the lock held, before the stop is
+        sent."""
 
     def _unless_stopped(self, step: str) -> Callable[[], None]:
-        """Return a function that raises if a stop is requested after this call."""
+        """Return a function `permit`, which raises `DeviceFault` if a stop was requested after this call."""
         stops = self._stops
 
         def permit() -> None:
             if self._stops != stops:
-                raise self._fault(
-                    step, "no stop meanwhile", "a stop", "command the motion again if it is wanted"
-                )
+                raise self._fault(step, "no stop meanwhile", "a stop", "command the motion again if needed")
 
         return permit
 
@@ -189,7 +218,7 @@ G = TypeVar("G", bound=GuardedStage[Any])
 
 
 def set_up(stage: G) -> G:
-    """Set up a stage whose port is open, and return the stage; close the port on failure."""
+    """Set up a stage whose port is open, and return the stage; close the port if this fails."""
     try:
         stage.set_up()
     except BaseException:

@@ -1,25 +1,29 @@
-"""Base of all stage ports: an exclusive channel, one message at a time, and errors."""
+"""Base class of the ports of all stages: opens the connection, and sends one message at a time."""
 
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from drivers.errors import DeviceTimeout, LinkLost
-from drivers.lines.channel import CHANNEL_ERRORS, open_device
+from drivers.lines.channel import CHANNEL_ERRORS, Channel, open_device
 
 
 class StagePort(ABC):
-    """An exclusively opened port; messages may be sent from any thread.
+    """A port that only this program may open; any thread may send messages.
 
     Parameters
     ----------
     name : str
-        The device's name and port, for messages.
+        The device's name and port, used in error messages.
     url : str
-        A serial device's path, or ``socket://host:port``.
+        Path of a serial port, or ``socket://host:port``.
     baud : int
     reply_timeout_s : float
-        Deadline for a complete answer, in real time.
+        Longest wait for a complete answer, in seconds of real time.
+    relay : str
+        Address ``host:port`` of a guardian's relay to the device; empty without a relay.
+    channel : Channel, optional
+        An open channel, which the port uses instead of opening `url`.
 
     Raises
     ------
@@ -27,21 +31,29 @@ class StagePort(ABC):
         If the port cannot be opened.
     """
 
-    def __init__(self, name: str, url: str, baud: int, reply_timeout_s: float) -> None:
+    def __init__(
+        self,
+        name: str,
+        url: str,
+        baud: int,
+        reply_timeout_s: float,
+        relay: str = "",
+        channel: Channel | None = None,
+    ) -> None:
         self.name = name
         self._reply_timeout_s = reply_timeout_s
         self._write_lock = threading.Lock()
         self._lost: str | None = None
-        self._channel = open_device(name, url, baud, reply_timeout_s)
+        self._channel = channel or open_device(name, url, baud, reply_timeout_s, relay)
 
     @abstractmethod
     def close(self) -> None:
-        """Release the port; harmless when repeated."""
+        """Release the port; a repeated call has no effect."""
 
     def _write(self, message: bytes, command: str, permit: Callable[[], None] | None) -> None:
-        """Send a message; call `permit` just before, while no other thread can write; it may raise.
+        """Call `permit`, then send a message; if `permit` raises, nothing is sent.
 
-        The caller holds the write lock.
+        The caller must hold the write lock, so that no other thread writes in between.
         """
         if permit is not None:
             permit()

@@ -4,33 +4,38 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from drivers.settings import Settings
+from drivers.settings import LONGEST_PATH, Settings
 
-# Plausible bounds for any stage, so that typing errors are reported before a device is opened.
+# Wide bounds for any stage: a typing error in the rig file is reported before a device is opened.
 ANGLE_GREATEST_DEG = 1e6
 SPEED_GREATEST_DEG_S = 1e4
+ACCELERATION_GREATEST_DEG_S2 = 1e6
 
 
 class StageSettings(Settings):
-    """Port, limits and speed.
+    """Port, limits and speed of a stage, as given in the rig file.
 
     Attributes
     ----------
     port : str
-        Path of the serial device, ``socket://host:port``, or ``@name`` of a simulated rig's server.
+        Path of the serial port, ``socket://host:port``, or ``@name`` for a server of the simulated rig.
     angle_min_deg, angle_max_deg : float
-        Limits of travel, also written to the device. A rotary stage may have more than a turn.
+        Limits of travel in degrees, also written to the device. The range may be more than one turn.
     speed_deg_s : float
-        Written to the device.
+        Speed in degrees per second, written to the device.
+    acceleration_deg_s2 : float, optional
+        Acceleration and deceleration, written to the device; by default the device keeps its own. A stage
+        needs `speed_deg_s` / `acceleration_deg_s2` to stop.
     reply_timeout_s : float
-        Time limit for an answer.
+        Longest wait for an answer of the device, in seconds.
     """
 
-    port: str
+    port: str = Field(min_length=1, max_length=LONGEST_PATH)
     angle_min_deg: float = Field(ge=-ANGLE_GREATEST_DEG, le=ANGLE_GREATEST_DEG)
     angle_max_deg: float = Field(ge=-ANGLE_GREATEST_DEG, le=ANGLE_GREATEST_DEG)
     speed_deg_s: float = Field(default=10.0, gt=0, le=SPEED_GREATEST_DEG_S)
-    reply_timeout_s: float = Field(default=1.0, gt=0, le=60)
+    acceleration_deg_s2: float | None = Field(default=None, gt=0, le=ACCELERATION_GREATEST_DEG_S2)
+    reply_timeout_s: float = Field(default=0.25, gt=0, le=60)
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:

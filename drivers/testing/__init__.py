@@ -1,4 +1,4 @@
-"""Requirements for every driver, as tests that the driver's own test suite inherits.
+"""Tests that every driver must pass; the test suite of a driver inherits these test classes.
 
 ::
 
@@ -10,8 +10,8 @@
             with my_simulator() as device:
                 yield StageBench(open_my_stage(...), ...)
 
-A bench holds the opened device, its clock, its limits, and handles that cause faults. A missing handle is
-None; the tests that need this handle are reported as skipped.
+A bench is an object with the opened device, its clock, its limits, and functions that cause faults. If a
+function of the bench is None, the tests that need this function are skipped.
 """
 
 from drivers.testing.camera_bench import CameraBench

@@ -1,4 +1,4 @@
-"""A camera with the handles that its contract needs."""
+"""The bench for tests of a camera driver: an opened camera, and functions that cause faults."""
 
 import math
 from collections.abc import Callable
@@ -15,36 +15,37 @@ from drivers.testing.common import Counter, Handle, assert_says_all, needed
 GRAB_S = 20.0
 ROUNDS = 6
 TINY_S = 1e-5
-"""Tolerance for timestamps with a resolution of 1 µs."""
+"""Tolerance, in seconds, for timestamps that have a resolution of 1 µs."""
 
 
 @dataclass(frozen=True)
 class CameraBench:
-    """A newly opened camera, with handles for the tests.
+    """A newly opened camera, with functions that the tests use to cause faults.
 
     Attributes
     ----------
     camera : Camera
     clock : Clock
-        The clock of the frame times.
+        The rig's clock, on which `exposed_s` and `received_s` of the frames are measured.
     name : str
-        The camera's name in the rig file; errors must contain this name.
+        The camera's name in the rig file; every error message must contain this name.
     interval_s : float
-        Time between frames.
+        Time between two frames, in seconds.
     reopen : callable
-        ``reopen()`` opens the camera again with the same settings; the test closes the camera.
+        ``reopen()`` opens the camera again with the same settings; the test then closes the camera.
     exposure_us, gain : float
-        As set; NaN if the camera does not report the value.
+        The exposure time in µs and the gain in the settings; NaN if the camera does not report the value.
     tolerance_s : float
-        Longest delay of a call after its deadline, and largest error of the date of a frame.
+        A call of the camera may end this number of seconds after its deadline. The times `exposed_s` and
+        `utc` of a frame may differ by this number of seconds.
     shows : callable, optional
-        ``shows(frame)`` returns the true start of exposure, from the picture alone.
+        ``shows(frame)`` returns the true start of exposure, which a test camera has drawn into the picture.
     stall, go_on : callable, optional
-        Stop the delivery of frames; start the delivery again.
+        ``stall()`` stops the delivery of frames, and ``go_on()`` starts the delivery again.
     lose : callable, optional
-        Lose the next frame, or some of the next frames.
+        ``lose()`` makes the camera lose the next frame, or some of the next frames.
     held : callable, optional
-        ``held()`` returns the number of nodes and buffers that the driver has not released.
+        ``held()`` returns the number of device nodes and buffers that the driver has not yet released.
     """
 
     camera: Camera
@@ -62,7 +63,7 @@ class CameraBench:
     held: Counter | None = None
 
     def grab(self) -> Frame:
-        """Grab a frame and assert, by timestamps and by picture, that its exposure began after the call."""
+        """Grab a frame; check with its times and its picture that the exposure began after the call."""
         asked_s = self.clock.now_s()
         frame = self.camera.grab(GRAB_S)
         assert asked_s <= frame.exposed_s <= frame.received_s <= self.clock.now_s()
@@ -76,15 +77,15 @@ class CameraBench:
         return needed(getattr(self.camera, "stream", None), "stream")(**options)
 
     def assert_times_out(self, timeout_s: float) -> None:
-        """Assert that `grab` raises `DeviceTimeout` in time, with a complete message."""
+        """Check that `grab` raises `DeviceTimeout` at the deadline, with a complete message."""
         asked_s = self.clock.now_s()
         with pytest.raises(DeviceTimeout) as late:
             self.camera.grab(timeout_s)
-        allowed_s = timeout_s if timeout_s > 0 else 0.0  # NaN counts as 0
+        allowed_s = timeout_s if timeout_s > 0 else 0.0  # treat a timeout of NaN as 0
         assert self.clock.now_s() - asked_s <= allowed_s + self.tolerance_s
         self.assert_says_all(late.value)
 
     def assert_says_all(self, error: DeviceError) -> None:
-        """Assert that an error is complete and names this camera."""
+        """Check that an error message gives device, step, expected and actual result, and remedy."""
         assert_says_all(error)
         assert self.name in error.device

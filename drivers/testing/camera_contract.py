@@ -1,4 +1,4 @@
-"""The contract of cameras."""
+"""Tests that every camera driver must pass."""
 
 import math
 import sys
@@ -23,19 +23,23 @@ from drivers.testing.stream_contract import StreamContract
 
 ANSWER_S = 30.0
 PAUSES, PAUSE_S = 0.3, 1e-3
-"""Fraction of a driver's calls and returns at which a thread yields, and the longest pause."""
+"""Fraction of a driver's function calls and returns at which a thread pauses, and longest pause in
+seconds."""
 BYTE_BITS = 8
 
 
 class CameraContract(StreamContract):
-    """Inherit from this class and define a fixture `bench`: a `CameraBench`, closed at the end."""
+    """Tests of a camera: inherit from this class and define a fixture `bench`.
+
+    The fixture yields a `CameraBench`, and closes the camera after the test.
+    """
 
     def test_tells_who_it_is(self, bench: CameraBench) -> None:
-        """The run file needs the identity."""
+        """The camera must report its identity, because the run file contains the identity."""
         assert_identified(bench.camera.info)
 
     def test_images_are_of_the_announced_format(self, bench: CameraBench) -> None:
-        """Size, container and significant bits."""
+        """A frame must have the size, the data type and the significant bits that `info` gives."""
         info = bench.camera.info
         frame = bench.grab()
         assert frame.flags == 0
@@ -44,20 +48,22 @@ class CameraContract(StreamContract):
         assert 0 < int(frame.image.max()) < 1 << info.bits
 
     def test_tells_exposure_and_gain(self, bench: CameraBench) -> None:
-        """Exposure in µs, gain in the unit of the camera; NaN if unknown."""
+        """A frame must contain exposure time in µs and gain in the camera's unit; NaN if unknown."""
         frame = bench.grab()
         assert frame.exposure_us == pytest.approx(bench.exposure_us, nan_ok=True)
         assert frame.gain == pytest.approx(bench.gain, nan_ok=True)
 
     def test_a_frame_was_exposed_after_the_call_whatever_the_pause(self, bench: CameraBench) -> None:
-        """Queued frames show an earlier state of the specimen."""
+        """After a pause, `grab` must not return an old frame, which shows an earlier state of the
+        specimen."""
         bench.grab()
         for pause in (0.0, 0.3, 0.9, 7.6, 40.1):
             bench.clock.sleep(pause * bench.interval_s)
             bench.grab()
 
     def test_frames_are_numbered_and_dated(self, bench: CameraBench) -> None:
-        """The date is the start of exposure."""
+        """Frame numbers must increase, and `utc` of a frame must be the date and time of its start of
+        exposure."""
         frames = [bench.grab() for _ in range(3)]
         late_s = (bench.clock.utc() - frames[-1].utc).total_seconds()
         age_s = bench.clock.now_s() - frames[-1].exposed_s
@@ -65,7 +71,7 @@ class CameraContract(StreamContract):
         assert all(before.sequence < after.sequence for before, after in pairwise(frames))
 
     def test_a_frame_stays_as_it_was(self, bench: CameraBench) -> None:
-        """Later frames use other buffers."""
+        """The image of a frame must not change when later frames arrive."""
         first = bench.grab()
         kept = first.image.copy()
         later = [bench.grab() for _ in range(ROUNDS)]
@@ -73,13 +79,14 @@ class CameraContract(StreamContract):
         assert not any(np.shares_memory(first.image, frame.image) for frame in later)
 
     def test_a_deadline_that_cannot_be_kept_is_told_in_time(self, bench: CameraBench) -> None:
-        """A NaN timeout counts as 0; the camera stays usable."""
+        """A timeout that is too short must raise an error in time; the camera must stay usable."""
         for timeout_s in (0.0, -1.0, math.nan, bench.interval_s / 4):
             bench.assert_times_out(timeout_s)
             bench.grab()
 
     def test_a_camera_that_gives_nothing_is_told_in_time_and_used_again(self, bench: CameraBench) -> None:
-        """Calls do not hang, and the user does not have to reopen the camera."""
+        """If no frames come, `grab` must end in time; later the camera must work again without being
+        reopened."""
         stall, go_on = needed(bench.stall, "stall"), needed(bench.go_on, "go on")
         bench.grab()
         stall()
@@ -89,8 +96,9 @@ class CameraContract(StreamContract):
         bench.grab()
 
     def test_calls_from_two_threads_do_not_mix(self, bench: CameraBench) -> None:
-        """Each thread gets its own frames."""
-        # many rounds, because a race shows only by chance
+        """When two threads call `grab` at the same time, each thread must get frames exposed after its own
+        call."""
+        # many rounds, because a race between threads shows only by chance
         rounds, together = 3 * ROUNDS, threading.Barrier(2)
 
         def grabs() -> list[Frame]:
@@ -104,7 +112,7 @@ class CameraContract(StreamContract):
         assert len({frame.sequence for frames in both for frame in frames}) == 2 * rounds
 
     def test_may_be_closed_while_another_thread_grabs(self, bench: CameraBench) -> None:
-        """The other thread gets its frame or a clear error."""
+        """If the camera is closed during a `grab` of another thread, that thread gets a frame or an error."""
         grabbing, closed = threading.Event(), threading.Event()
 
         def grabs() -> None:
@@ -123,7 +131,7 @@ class CameraContract(StreamContract):
             bench.assert_says_all(error)
 
     def test_closing_twice_is_harmless_and_the_end(self, bench: CameraBench) -> None:
-        """Closing ends the driver's use of the camera; the camera can be opened again."""
+        """A closed camera must refuse all calls, and opening the camera again must be possible."""
         bench.grab()
         bench.camera.close()
         bench.camera.close()
@@ -138,7 +146,7 @@ class CameraContract(StreamContract):
             assert again.grab(GRAB_S).flags == 0
 
     def test_nothing_is_left_of_a_closed_camera(self, bench: CameraBench) -> None:
-        """No threads, file descriptors or camera resources stay open."""
+        """A closed camera must leave no threads, file descriptors or camera resources open."""
         bench.camera.close()
         threads, descriptors = _threads(), _descriptors()
         for _ in range(3):
@@ -154,13 +162,14 @@ class CameraContract(StreamContract):
 
 @contextmanager
 def _giving_way(camera: Camera) -> Iterator[None]:
-    """Make new threads yield to others at many of the driver's calls and returns.
+    """Make new threads pause at many of the driver's calls and returns, so that other threads run.
 
-    A profile function does this, because a trace function would replace that of a debugger or of coverage.
+    A profile function makes the pauses. A trace function would replace the trace function of a debugger or of
+    a coverage tool.
     """
     modules = {each.__module__ for each in type(camera).__mro__}
     theirs = {name for name in modules if name.partition(".")[0] not in sys.stdlib_module_names}
-    # a driver with several modules is a package
+    # a driver may be a package with several modules: let the threads pause in all of them
     packages = tuple(name.rpartition(".")[0] or name for name in theirs)
     clock, chance, before = SystemClock(), Random(1), threading.getprofile()
 

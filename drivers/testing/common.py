@@ -1,4 +1,4 @@
-"""Functions common to the contracts of all devices."""
+"""Functions that the tests of all kinds of devices use."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -18,29 +18,29 @@ LONGEST_S = 600.0
 
 
 def needed(handle: H | None, what: str) -> H:
-    """Return a bench's handle; skip the test if the handle is None."""
+    """Return a function of the bench; skip the test if the function is None."""
     if handle is None:
         pytest.skip(f"this bench cannot {what}")
     return handle
 
 
 def wait_until(done: Callable[[], bool], clock: Clock, within_s: float = LONGEST_S) -> None:
-    """Sleep on the clock until `done`, for at most `within_s`."""
+    """Wait until `done()` is true; fail if this takes longer than `within_s` seconds on `clock`."""
     end_s = clock.now_s() + within_s
     while not done():
-        assert clock.now_s() < end_s, "it never ended"
+        assert clock.now_s() < end_s, "the expected state was not reached in time"
         clock.sleep(POLL_S)
 
 
 def assert_identified(info: DeviceInfo) -> None:
-    """Assert that a device reports vendor, model and serial number; the run file needs them."""
+    """Check that a device reports vendor, model and serial number, which the run file contains."""
     assert info.vendor
     assert info.model
     assert info.serial
 
 
 def assert_says_all(error: DeviceError) -> None:
-    """Assert that an error names device, step, expected and actual result and remedy, in one line."""
+    """Check that an error message gives device, step, expected and actual result, and remedy, in one line."""
     parts = (error.device, error.step, error.expected, error.got, error.remedy)
     assert all(parts)
     assert all(part in str(error) for part in parts)

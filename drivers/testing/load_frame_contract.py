@@ -1,4 +1,4 @@
-"""The contract of load frames."""
+"""Tests that every load frame driver must pass."""
 
 import math
 from concurrent.futures import ThreadPoolExecutor
@@ -16,25 +16,28 @@ ANSWER_S = 30.0
 
 @dataclass(frozen=True)
 class LoadFrameBench:
-    """A newly opened load frame that holds at 0 N and 0 mm, with handles for the tests.
+    """A newly opened load frame that stands still at 0 N and 0 mm, with functions that cause faults.
 
     Attributes
     ----------
     load_frame : LoadFrame
-        With a specimen that reaches 2 kN within 1 mm; the limits of the machine must allow both.
+        The load frame, with a specimen that reaches 2 kN within 1 mm. The limits of the machine must allow
+        this load and this displacement.
     clock : Clock
-        The clock the machine runs on.
+        The clock of the machine's motion.
     load_tolerance_n, displacement_tolerance_mm : float
-        Largest distance of a stopped machine from its target.
+        Largest distance of a stopped machine from its target, in N and in mm.
     duration_tolerance : float
-        Largest relative deviation of a motion's duration from the duration at the commanded rate.
+        Largest relative difference between the duration of a motion and the duration at the commanded rate.
     commands : callable, optional
-        ``commands()`` returns the number of motion commands that the machine executed, without holds.
+        ``commands()`` returns the number of motion commands that the machine has executed, without holds.
     lose_answers, restore : callable, optional
-        Lose all answers of a machine that still executes commands; restore normal operation.
+        ``lose_answers()`` loses all answers of the machine, which still executes commands. ``restore()``
+        restores normal operation.
     break_load_cell, freeze : callable, optional
-        Make the load NaN; freeze the readings and their counter.
+        ``break_load_cell()`` makes the load NaN. ``freeze()`` freezes the readings and the sample counter.
     press_estop, release_estop : callable, optional
+        Functions that press and release the emergency stop.
     """
 
     load_frame: LoadFrame
@@ -51,28 +54,31 @@ class LoadFrameBench:
     release_estop: Handle | None = None
 
     def arrive(self) -> float:
-        """Wait until the crosshead stands, and return the seconds it took."""
+        """Wait until the crosshead stands still, and return the duration of the wait in seconds."""
         start_s = self.clock.now_s()
         wait_until(lambda: not self.load_frame.read().moving, self.clock)
         return self.clock.now_s() - start_s
 
 
 class LoadFrameContract:
-    """Inherit from this class and define a fixture `bench`: a `LoadFrameBench`, closed at the end."""
+    """Tests of a load frame: inherit from this class and define a fixture `bench`.
+
+    The fixture yields a `LoadFrameBench`, and closes the load frame after the test.
+    """
 
     def test_tells_who_it_is(self, bench: LoadFrameBench) -> None:
-        """The run file needs the identity."""
+        """The load frame must report its identity, because the run file contains the identity."""
         assert_identified(bench.load_frame.info)
 
     def test_opening_moves_nothing(self, bench: LoadFrameBench) -> None:
-        """Opening must not endanger a person at the rig."""
+        """Opening must not start a motion, because a motion could injure a person at the rig."""
         state = bench.load_frame.read()
         assert not state.moving
         assert state.holding
         assert state.displacement_mm == pytest.approx(0.0, abs=bench.displacement_tolerance_mm)
 
     def test_goes_to_a_displacement(self, bench: LoadFrameBench) -> None:
-        """0.2 mm at 0.1 mm/s takes the expected time, and the machine reports arrival."""
+        """A move to 0.2 mm at 0.1 mm/s must take 2 s, and the machine must report its arrival."""
         bench.load_frame.go_to_displacement(0.2, 0.1)
         assert bench.load_frame.read().moving
         assert bench.arrive() == pytest.approx(2.0, rel=bench.duration_tolerance)
@@ -82,7 +88,7 @@ class LoadFrameContract:
         assert state.faults == ()
 
     def test_goes_to_a_load(self, bench: LoadFrameBench) -> None:
-        """500 N at 250 N/s takes the expected time, and the machine reports arrival."""
+        """A ramp to 500 N at 250 N/s must take 2 s, and the machine must report its arrival."""
         bench.load_frame.go_to_load(500.0, 250.0)
         assert bench.arrive() == pytest.approx(2.0, rel=bench.duration_tolerance)
         state = bench.load_frame.read()
@@ -90,7 +96,7 @@ class LoadFrameContract:
         assert state.load_n == pytest.approx(500.0, abs=bench.load_tolerance_n)
 
     def test_tare_makes_the_present_state_the_zero(self, bench: LoadFrameBench) -> None:
-        """Both load and displacement become zero."""
+        """After `tare`, both load and displacement must read zero."""
         bench.load_frame.go_to_displacement(0.1, 0.1)
         bench.arrive()
         bench.load_frame.tare()
@@ -99,7 +105,7 @@ class LoadFrameContract:
         assert state.displacement_mm == pytest.approx(0.0, abs=bench.displacement_tolerance_mm)
 
     def test_refuses_what_is_beyond_its_limits_before_anything_moves(self, bench: LoadFrameBench) -> None:
-        """Targets beyond the limits are refused, not clipped."""
+        """Targets and speeds beyond the limits must be refused, not reduced to the limit."""
         limits = bench.load_frame.limits
         for load_n in (limits.load_min_n - 1.0, limits.load_max_n + 1.0, math.nan):
             with pytest.raises(DeviceFault) as refused:
@@ -114,7 +120,7 @@ class LoadFrameContract:
         assert not bench.load_frame.read().moving
 
     def test_hold_returns_when_it_stands(self, bench: LoadFrameBench) -> None:
-        """Another motion may follow."""
+        """After `hold` returns, the machine must stand still and accept another motion."""
         bench.load_frame.go_to_displacement(1.0, 0.1)
         bench.clock.sleep(1.0)
         bench.load_frame.hold()
@@ -128,7 +134,7 @@ class LoadFrameContract:
         assert bench.load_frame.read().at_target
 
     def test_readings_are_new(self, bench: LoadFrameBench) -> None:
-        """The machine's sample counter increases."""
+        """From one reading to the next, the machine's sample counter must increase."""
         first = bench.load_frame.read()
         bench.clock.sleep(0.5)
         second = bench.load_frame.read()
@@ -136,7 +142,7 @@ class LoadFrameContract:
         assert second.time_s > first.time_s
 
     def test_readings_that_stand_still_are_refused(self, bench: LoadFrameBench) -> None:
-        """Frozen readings look like a holding machine; no motion may start from them."""
+        """If the sample counter stands still, `read` must raise an error, and no motion may start."""
         freeze = needed(bench.freeze, "freeze the readings")
         bench.load_frame.read()
         freeze()
@@ -152,7 +158,7 @@ class LoadFrameContract:
         assert commands() == count
 
     def test_a_load_that_is_none_is_refused_but_the_machine_holds(self, bench: LoadFrameBench) -> None:
-        """A broken wire must neither count as a load nor prevent a stop."""
+        """With a broken load cell, `read` must raise an error and `hold` must still work."""
         break_load_cell = needed(bench.break_load_cell, "break the load cell")
         bench.load_frame.go_to_displacement(1.0, 0.1)
         break_load_cell()
@@ -163,7 +169,8 @@ class LoadFrameContract:
         bench.load_frame.hold()
 
     def test_without_a_load_that_is_one_nothing_is_set_in_motion(self, bench: LoadFrameBench) -> None:
-        """The driver checks the load before the command; a later check would find the crosshead moving."""
+        """With a broken load cell, the driver must refuse a motion before it sends any command to the
+        machine."""
         break_load_cell = needed(bench.break_load_cell, "break the load cell")
         commands = needed(bench.commands, "count commands")
         break_load_cell()
@@ -173,7 +180,7 @@ class LoadFrameContract:
         assert commands() == count
 
     def test_an_open_emergency_stop_is_told_and_takes_no_motion(self, bench: LoadFrameBench) -> None:
-        """The driver reads the emergency stop but never resets it."""
+        """While the emergency stop is pressed, `read` must report a fault and motions must be refused."""
         press, release = needed(bench.press_estop, "press"), needed(bench.release_estop, "release")
         press()
         assert bench.load_frame.read().faults
@@ -186,7 +193,8 @@ class LoadFrameContract:
         assert bench.load_frame.read().at_target
 
     def test_silence_is_told_in_time_and_motion_waits_for_a_hold(self, bench: LoadFrameBench) -> None:
-        """Calls do not hang. The state of the machine is unknown until a hold is confirmed."""
+        """If the machine does not answer, calls must end in time; then motions are refused until a hold is
+        confirmed."""
         lose, restore = needed(bench.lose_answers, "lose answers"), needed(bench.restore, "restore")
         lose()
         with ThreadPoolExecutor(1) as pool, pytest.raises(DeviceTimeout) as silence:
@@ -202,7 +210,8 @@ class LoadFrameContract:
         assert bench.load_frame.read().at_target
 
     def test_a_command_whose_answer_is_lost_is_executed_once_at_most(self, bench: LoadFrameBench) -> None:
-        """Some machines would move twice the distance after a repeated command."""
+        """If the answer to a command is lost, the command must not be sent again; some machines would execute
+        it twice."""
         lose, restore = needed(bench.lose_answers, "lose answers"), needed(bench.restore, "restore")
         commands = needed(bench.commands, "count commands")
         count = commands()
@@ -214,7 +223,7 @@ class LoadFrameContract:
         bench.load_frame.hold()
 
     def test_closing_twice_is_harmless_and_the_end(self, bench: LoadFrameBench) -> None:
-        """Calls on a closed device fail at once."""
+        """Calls on a closed load frame must raise `LinkLost`."""
         bench.load_frame.close()
         bench.load_frame.close()
         with pytest.raises(LinkLost) as lost:

@@ -1,4 +1,4 @@
-"""The contract of rotation stages."""
+"""Tests that every rotation stage driver must pass."""
 
 import math
 from concurrent.futures import ThreadPoolExecutor
@@ -16,7 +16,7 @@ ANSWER_S = 30.0
 
 @dataclass(frozen=True)
 class StageBench:
-    """A newly opened stage, stopped and without a reference, with handles for the tests.
+    """A newly opened stage that stands still and has no reference position, with functions that cause faults.
 
     Attributes
     ----------
@@ -24,19 +24,19 @@ class StageBench:
     clock : Clock
         The clock of the stage's motion.
     angle_min_deg, angle_max_deg : float
-        Limits of the stage; they must allow a move of 40° from 0.
+        Limits of the stage in degrees; the limits must allow a move from 0° to 40°.
     tolerance_deg : float
-        Largest distance of a stopped stage from its target.
+        Largest distance of a stopped stage from its target, in degrees.
     speed_deg_s : float, optional
-        The speed in the settings of the stage.
+        Speed in the settings of the stage, in degrees per second.
     motions : callable, optional
         ``motions()`` returns the number of motion commands that reached the device.
     lose_answers : callable, optional
-        Lose all answers of a device that still executes commands.
+        ``lose_answers()`` loses all answers of the device, which still executes commands.
     restore : callable, optional
-        Restore normal operation.
+        ``restore()`` restores normal operation after ``lose_answers()``.
     power_cycle : callable, optional
-        Switch the device off and on.
+        ``power_cycle()`` switches the device off and on.
     """
 
     stage: RotationStage
@@ -56,26 +56,29 @@ class StageBench:
         return self.stage.read().angle_deg
 
     def home(self) -> None:
-        """Find the reference position."""
+        """Search for the reference position, and wait for the end of the search."""
         self.stage.home()
         self.arrive()
 
 
 class StageContract:
-    """Inherit from this class and define a fixture `bench`: a `StageBench`, closed at the end."""
+    """Tests of a stage: inherit from this class and define a fixture `bench`.
+
+    The fixture yields a `StageBench`, and closes the stage after the test.
+    """
 
     def test_tells_who_it_is(self, bench: StageBench) -> None:
-        """The run file needs the identity."""
+        """The stage must report its identity, because the run file contains the identity."""
         assert_identified(bench.stage.info)
 
     def test_opening_moves_nothing(self, bench: StageBench) -> None:
-        """Opening must not endanger a person at the rig."""
+        """Opening must not start a motion, because a motion could injure a person at the rig."""
         motions = needed(bench.motions, "count motions")
         assert not bench.stage.read().moving
         assert motions() == 0
 
     def test_takes_no_move_without_a_reference(self, bench: StageBench) -> None:
-        """Without a reference an absolute angle has no meaning."""
+        """Before a home search, `move_to` must be refused, because the stage does not know its angle yet."""
         assert not bench.stage.read().homed
         with pytest.raises(DeviceFault) as refused:
             bench.stage.move_to(0.0)
@@ -83,7 +86,7 @@ class StageContract:
         assert not bench.stage.read().moving
 
     def test_homes_and_moves_to_an_angle(self, bench: StageBench) -> None:
-        """The stage finds its reference and reaches the angle."""
+        """After a home search, the stage must have a reference and reach two angles."""
         bench.home()
         assert bench.stage.read().homed
         bench.stage.move_to(30.0)
@@ -92,13 +95,13 @@ class StageContract:
         assert bench.arrive() == pytest.approx(17.5, abs=bench.tolerance_deg)
 
     def test_a_reading_has_the_time_it_was_made_at(self, bench: StageBench) -> None:
-        """Every state is read from the device, never cached."""
+        """Each `read` must return a new reading with the time of the call, not an earlier state."""
         bench.clock.sleep(3.0)
         before_s = bench.clock.now_s()
         assert before_s <= bench.stage.read().time_s <= bench.clock.now_s()
 
     def test_refuses_what_is_out_of_its_limits_before_anything_moves(self, bench: StageBench) -> None:
-        """Angles beyond the limits are refused, not clipped."""
+        """Angles beyond the limits must be refused, not reduced to the limit."""
         bench.home()
         for angle_deg in (bench.angle_min_deg - 0.1, bench.angle_max_deg + 0.1, math.nan, math.inf):
             with pytest.raises(DeviceFault) as refused:
@@ -110,7 +113,8 @@ class StageContract:
             assert bench.arrive() == pytest.approx(angle_deg, abs=bench.tolerance_deg)
 
     def test_moves_at_the_speed_of_its_settings(self, bench: StageBench) -> None:
-        """Acceleration may prolong the move by at most a quarter."""
+        """A move by 40° must take 40° divided by the set speed; acceleration may add at most a quarter to
+        this time."""
         duration_s = 40.0 / needed(bench.speed_deg_s, "tell its speed")
         bench.home()
         start_s = bench.clock.now_s()
@@ -119,7 +123,7 @@ class StageContract:
         assert duration_s <= bench.clock.now_s() - start_s < 1.25 * duration_s
 
     def test_refuses_a_second_motion(self, bench: StageBench) -> None:
-        """The caller must stop the first motion before a second."""
+        """During a motion, a second motion must be refused, and the first motion must continue."""
         bench.home()
         bench.stage.move_to(40.0)
         with pytest.raises(DeviceFault):
@@ -127,7 +131,7 @@ class StageContract:
         assert bench.arrive() == pytest.approx(40.0, abs=bench.tolerance_deg)
 
     def test_stop_returns_when_it_stands(self, bench: StageBench) -> None:
-        """The stage may move again afterwards."""
+        """After `stop` returns, the stage must stand still and accept another motion."""
         bench.home()
         bench.stage.move_to(40.0)
         bench.clock.sleep(0.5)
@@ -140,13 +144,14 @@ class StageContract:
         assert bench.arrive() == pytest.approx(0.0, abs=bench.tolerance_deg)
 
     def test_a_stopped_home_search_found_nothing(self, bench: StageBench) -> None:
-        """A stopped stage is not necessarily at its reference."""
+        """If a home search is stopped, the stage must not count as homed."""
         bench.stage.home()
         bench.stage.stop()
         assert not bench.stage.read().homed
 
     def test_silence_is_told_in_time_and_overcome(self, bench: StageBench) -> None:
-        """Calls do not hang, and lost answers alone do not require reopening."""
+        """If the stage does not answer, calls must end in time; later the stage must work again without being
+        reopened."""
         lose, restore = needed(bench.lose_answers, "lose answers"), needed(bench.restore, "restore")
         lose()
         with ThreadPoolExecutor(1) as pool, pytest.raises(DeviceTimeout) as silence:
@@ -156,7 +161,7 @@ class StageContract:
         assert not bench.stage.read().moving
 
     def test_a_move_whose_answer_is_lost_is_done_once(self, bench: StageBench) -> None:
-        """The driver reads the state of the stage instead of repeating the command."""
+        """If the answer to a motion command is lost, the driver must not send the command again."""
         lose, restore = needed(bench.lose_answers, "lose answers"), needed(bench.restore, "restore")
         motions = needed(bench.motions, "count motions")
         bench.home()
@@ -168,7 +173,7 @@ class StageContract:
         assert motions() in (count, count + 1)
 
     def test_a_lost_reference_is_noticed(self, bench: StageBench) -> None:
-        """After a power cut the position counter does not give the true angle."""
+        """After a power cut, motion must be refused until a home search, because the angle is unknown."""
         power_cycle = needed(bench.power_cycle, "switch the device off and on")
         bench.home()
         bench.stage.move_to(20.0)
@@ -182,7 +187,7 @@ class StageContract:
         assert bench.arrive() == pytest.approx(10.0, abs=bench.tolerance_deg)
 
     def test_closing_twice_is_harmless_and_the_end(self, bench: StageBench) -> None:
-        """Calls on a closed device fail at once."""
+        """Calls on a closed stage must raise `LinkLost`."""
         bench.stage.close()
         bench.stage.close()
         with pytest.raises(LinkLost) as lost:

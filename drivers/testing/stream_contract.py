@@ -1,4 +1,4 @@
-"""The contract of cameras with streams."""
+"""Tests that every camera driver with a method ``stream`` must pass."""
 
 from itertools import pairwise
 
@@ -16,10 +16,10 @@ CERTAIN = (LossKind.GAP, LossKind.DAMAGED, LossKind.OVERFLOW)
 
 
 class StreamContract:
-    """Inherit from `CameraContract`; the stream tests are skipped if the camera has no ``stream``."""
+    """Tests of streams, contained in `CameraContract`; skipped if the camera has no method ``stream``."""
 
     def test_a_stream_is_in_order_and_has_the_camera_to_itself(self, bench: CameraBench) -> None:
-        """From its opening to its end."""
+        """Frames of a stream must be in order, and `grab` must be refused while the stream is open."""
         asked_s = bench.clock.now_s()
         with bench.stream() as stream:
             frames = [stream.next(GRAB_S) for _ in range(2 * ROUNDS)]
@@ -34,15 +34,15 @@ class StreamContract:
         bench.grab()
 
     def test_a_stream_accounts_for_every_frame(self, bench: CameraBench) -> None:
-        """Frames that the program did not take in time are reported, too."""
+        """A stream must also report the frames that were dropped because the queue was full."""
         with bench.stream(capacity=2) as stream:
             wait_until(lambda: stream.report().lost > 2, SystemClock(), GRAB_S)
             frames = [stream.next(GRAB_S) for _ in range(ROUNDS)]
-        frames += list(stream)  # frames that are still queued
+        frames += list(stream)  # the frames that are still in the queue of the stream
         assert _told_missing(frames, stream.report())
 
     def test_a_stream_tells_of_lost_frames(self, bench: CameraBench) -> None:
-        """Gaps in the camera's frame numbers show lost frames."""
+        """A stream must report the frames that are missing in the camera's frame numbers."""
         lose = needed(bench.lose, "lose frames")
         with bench.stream() as stream:
             frames = [stream.next(GRAB_S) for _ in range(ROUNDS)]
@@ -53,7 +53,7 @@ class StreamContract:
         assert _told_missing(frames, stream.report())
 
     def test_a_stream_without_room_is_refused(self, bench: CameraBench) -> None:
-        """A queue without room would lose every frame."""
+        """A stream whose queue has a capacity below 1 must be refused: every frame would be lost."""
         for capacity in (0, -1):
             with pytest.raises(DeviceFault) as refused:
                 bench.stream(capacity=capacity)
@@ -61,7 +61,7 @@ class StreamContract:
         bench.grab()
 
     def test_closing_the_camera_ends_its_stream(self, bench: CameraBench) -> None:
-        """The reader gets the queued frames first, then an error."""
+        """After the camera is closed, a stream must give its queued frames first and then raise an error."""
         stream = bench.stream()
         stream.next(GRAB_S)
         bench.camera.close()
@@ -73,7 +73,8 @@ class StreamContract:
 
 
 def _told_missing(frames: list[Frame], report: StreamReport) -> set[int]:
-    """Return the frame numbers that the report lists as missing between the frames taken."""
+    """Return the frame numbers that a stream's report lists as missing between the first and the last taken
+    frame."""
     assert report.taken == len(frames)
     numbers = {frame.sequence for frame in frames}
     span = set(range(min(numbers), max(numbers)))

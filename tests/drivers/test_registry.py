@@ -43,7 +43,7 @@ def test_another_packages_driver_is_found(install):
         ("import nothing_of_this_name", "cannot be loaded: ModuleNotFoundError: No module named"),
         ("def (", "cannot be loaded: SyntaxError"),
         ("", "cannot be loaded: AttributeError"),
-        ("SPEC = 3", "is no DriverSpec"),
+        ("SPEC = 3", "is not a DriverSpec"),
     ],
 )
 def test_a_driver_that_does_not_load_is_said_with_its_reason(install, text, said):

@@ -33,6 +33,8 @@ from simulators.stage.zaber import ZaberServer
 from tests.spring import Spring
 from tests.tcp_servers import load_frame_rtu_on_tcp, newport_on_tcp, zaber_on_tcp
 
+pytestmark = pytest.mark.realtime
+
 BOUND_S = 0.005
 REPETITIONS = 15
 ANSWER_S = 0.1

@@ -1,1 +1,1 @@
-"""GigE Vision and USB3 Vision cameras, through the Aravis library."""
+"""Camera driver for GigE Vision and USB3 Vision cameras, through the Aravis library."""

@@ -1,4 +1,4 @@
-"""GigE Vision and USB3 Vision cameras, through Debian's Aravis library (package libaravis-0.8-0)."""
+"""Driver for GigE Vision and USB3 Vision cameras, with the Aravis library (Debian's libaravis-0.8-0)."""
 
 import contextlib
 import threading
@@ -14,11 +14,14 @@ from drivers.interfaces import CameraInfo, OpenContext
 from drivers.registry import DriverSpec
 
 GIVING_UP_S = 20.0
-"""Longest wait of `close` for a connection to end; Aravis needs up to 13 s for a camera that is gone."""
+"""Longest time, in seconds, that `close` waits for a connection to end.
+
+Aravis needs up to 13 s to close the connection to a camera that is disconnected.
+"""
 
 
 class _Aside:
-    """An action in a thread of its own, because Aravis retries for seconds if a camera does not answer."""
+    """Opens or closes a camera in a separate thread: Aravis retries for seconds if a camera is silent."""
 
     def __init__(self, name: str, act: Callable[[], Session | None]) -> None:
         self._act = act
@@ -28,12 +31,12 @@ class _Aside:
         self._thread.start()
 
     def is_done(self, timeout_s: float) -> bool:
-        """Return whether the action ends within `timeout_s`."""
+        """Wait up to `timeout_s` seconds for the action, and return whether opening or closing has ended."""
         self._thread.join(max(0.0, timeout_s))
         return not self._thread.is_alive()
 
     def result(self) -> Session | None:
-        """Return the opened session, if any, or raise the exception of the action."""
+        """Return the opened session, or None after closing; raise the exception if the action failed."""
         if self._error is not None:
             raise self._error
         return self._session
@@ -41,16 +44,16 @@ class _Aside:
     def _run(self) -> None:
         try:
             self._session = self._act()
-        except Exception as error:  # raised again by `result`
+        except Exception as error:  # the method `result` raises this exception again
             self._error = error
 
 
 class AravisCamera(FilmingCamera[Session]):
-    """A `Camera`; construct it with `open_camera`.
+    """A `Camera` through Aravis; to construct this class, call `open_camera`.
 
-    After a call without any frame the camera counts as lost: the driver closes the connection, and the next
-    call opens and configures the camera again. Both happen in a separate thread, so that calls keep their
-    deadlines.
+    If `grab` waits for three frame times without a frame, the camera counts as lost. The driver then closes
+    the connection, and the next call opens and configures the camera again. A separate thread closes and
+    opens the camera, so that calls keep their deadlines.
     """
 
     silent_is_lost = True
@@ -73,7 +76,8 @@ class AravisCamera(FilmingCamera[Session]):
         )
 
     def close(self) -> None:
-        """Release the camera; harmless when repeated. The wait for a lost camera is limited."""
+        """Release the camera; a repeated call has no effect. The wait for a camera that does not answer is
+        limited."""
         super().close()
         with self._lock:
             aside, self._aside = self._aside, None
@@ -126,7 +130,7 @@ class AravisCamera(FilmingCamera[Session]):
 
 
 def open_camera(settings: AravisSettings, context: OpenContext) -> AravisCamera:
-    """Open a camera, write its settings, read them back and let it film.
+    """Open a camera, write its settings, read the settings back and start filming.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The settings of an opened GigE Vision camera: written, read back, and refused if they differ."""
+"""Write the settings of an opened GigE Vision camera and read them back; a difference is an error."""
 
 import ctypes
 from functools import partial
@@ -11,24 +11,25 @@ from drivers.errors import DeviceFault, LinkLost
 AUTOMATICS = ("ExposureAuto", "GainAuto", "BlackLevelAuto", "BalanceWhiteAuto")
 CONTINUOUS = 0
 TOLERANCE = 1e-3
-ANOTHER = "choose what the camera takes"
+ANOTHER = "choose a value that the camera takes"
 
 
 class Features:
-    """Settings of an opened camera.
+    """The settings (GenICam features) of an opened camera.
 
     Parameters
     ----------
     library : Aravis
     camera : int
-        The library's object.
+        Pointer to the library's camera object.
     device : str
-        For messages.
+        Name of the camera, used in error messages.
 
     Attributes
     ----------
     numbers : dict of str to float
-        ``frame_rate``, ``exposure_time`` and, if the camera has it, ``gain``, as read back.
+        Values of ``frame_rate``, ``exposure_time`` and ``gain``, as read back from the camera. There is no
+        ``gain`` if the camera has no gain.
     """
 
     def __init__(self, library: Aravis, camera: int, device: str) -> None:
@@ -70,12 +71,12 @@ class Features:
         self.verify()
 
     def verify(self) -> None:
-        """Read rate, exposure and gain back.
+        """Read frame rate, exposure time and gain back, and compare them with the values read after opening.
 
         Raises
         ------
         DeviceFault
-            If a value has changed; writing another feature can also change a value.
+            If a value has changed, for example because another feature was written.
         LinkLost
             If the camera does not answer.
         """
@@ -90,7 +91,7 @@ class Features:
                 raise self._fault(step, f"{wanted:g}", f"{got:g}", "open the camera again")
 
     def attempt(self, step: str, name: str, *arguments: Any) -> Any:
-        """Call a function for the camera; `DeviceFault` if that fails."""
+        """Call a library function for the camera; raise `DeviceFault` if the call fails."""
         try:
             return self._library.call(name, self._camera, *arguments)
         except AravisError as error:

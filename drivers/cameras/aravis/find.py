@@ -1,4 +1,4 @@
-"""Search for GigE Vision and USB3 Vision cameras: Aravis queries every network and bus."""
+"""Search for GigE Vision and USB3 Vision cameras; Aravis queries every network and every USB bus."""
 
 from drivers.cameras.aravis.library import Aravis, load
 from drivers.registry import Finder, Found
@@ -12,12 +12,12 @@ def vision_cameras(library: Aravis | None = None) -> list[Found]:
     Parameters
     ----------
     library : Aravis, optional
-        Debian's by default.
+        The Aravis library; by default the library that is installed on this computer.
 
     Raises
     ------
     OSError
-        If the library is not installed.
+        If the Aravis library is not installed.
     """
     library = _installed() if library is None else library
     library.call("update_device_list")
@@ -35,7 +35,7 @@ def _installed() -> Aravis:
     try:
         return load()
     except OSError as error:
-        raise OSError(f"not looked for without Aravis ({error}); apt install libaravis-0.8-0") from error
+        raise OSError(f"no search without Aravis ({error}); apt install libaravis-0.8-0") from error
 
 
 FINDER = Finder("GigE Vision and USB3 Vision cameras", answering=vision_cameras)

@@ -1,6 +1,7 @@
-"""Functions of Debian's libaravis-0.8 (LGPL, loaded when cameras are looked for or opened).
+"""Python calls to the C library libaravis-0.8 of Debian (licence LGPL).
 
-Signatures: Aravis 0.8 reference manual, ArvCamera, ArvStream and ArvBuffer.
+The library is loaded when the program searches for cameras or opens a camera. Source of the function
+signatures: Aravis 0.8 reference manual, ArvCamera, ArvStream and ArvBuffer.
 """
 
 import ctypes
@@ -12,7 +13,7 @@ LIBRARIES = ("libaravis-0.8.so.0", "libgobject-2.0.so.0", "libglib-2.0.so.0")
 
 
 class GError(ctypes.Structure):
-    """``GError`` of GLib"""
+    """Memory layout of GLib's ``GError``."""
 
     _fields_ = (("domain", ctypes.c_uint32), ("code", c_int), ("message", c_char_p))
 
@@ -21,7 +22,7 @@ class AravisError(Exception):
     """An error reported by Aravis."""
 
 
-# name: result and arguments; functions of ArvCamera that can fail have a GError** as last argument
+# Functions that can fail: name, result type, and argument types without the last argument, a GError**.
 _FALLIBLE: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "arv_camera_new": (c_void_p, (c_char_p,)),
     "arv_camera_create_stream": (c_void_p, (c_void_p, c_void_p, c_void_p)),
@@ -70,7 +71,7 @@ _SAFE: dict[str, tuple[Any, tuple[Any, ...]]] = {
 
 
 class Aravis:
-    """Calls functions by name without the prefix ``arv_``; functions that can fail raise `AravisError`.
+    """Calls functions of the Aravis library by name; functions that can fail raise `AravisError`.
 
     Parameters
     ----------
@@ -91,12 +92,12 @@ class Aravis:
             function.restype, function.argtypes = result, arguments
 
     def call(self, name: str, *arguments: Any) -> Any:
-        """Call one function.
+        """Call one function of the library; `name` is given without the prefix ``arv_``.
 
         Raises
         ------
         AravisError
-            With the library's own message.
+            If the function reports an error; the exception has the library's message.
         """
         name = f"arv_{name}"
         function = getattr(self._library, name)
@@ -111,7 +112,7 @@ class Aravis:
         return result
 
     def text(self, name: str, *arguments: Any) -> str:
-        """Call a function that returns text; a null pointer gives an empty text."""
+        """Call a function that returns text; return an empty text for a null pointer."""
         return (self.call(name, *arguments) or b"").decode("utf-8", "replace")
 
     def release(self, thing: int | None) -> None:
@@ -122,5 +123,5 @@ class Aravis:
 
 @cache
 def load() -> Aravis:
-    """Load the libraries; `OSError` if they are not installed."""
+    """Load Aravis and the libraries of GLib; raise `OSError` if a library is not installed."""
     return Aravis(*(ctypes.CDLL(name) for name in LIBRARIES))

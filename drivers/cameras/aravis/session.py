@@ -1,4 +1,4 @@
-"""One GigE Vision camera from opening to closing: settings are written and read back, then filming starts."""
+"""Connection to one Aravis camera: settings are written and read back, then the camera films until closed."""
 
 import contextlib
 import ctypes
@@ -18,25 +18,25 @@ from drivers.interfaces import Frame
 
 UNSETTLED_FRAMES = 2
 CLOCK_SET_S = 0.01
-"""A larger jump between wall clock and the rig's clock means that the system time was set."""
+"""If the date minus the rig's clock jumps by more than this, in seconds, somebody has set the date."""
 READINGS = 3
 LONGEST_WAIT_S = 3600.0
 SHORT_COUNTER = 0xFFFF
-"""Largest frame number of GigE Vision 1.x: the counter has 16 bits and skips 0."""
+"""Largest frame number of GigE Vision 1.x: the camera's frame counter has 16 bits and skips 0."""
 UNKNOWN_STATUS = 0xFF
 OTHER_SIZE = 1 << 8
-"""Flag of a frame whose size differs from the settings."""
+"""Flag of a frame whose size in pixels or bytes differs from the settings."""
 
 
 class Session:
-    """A camera that films with settings that were read back.
+    """An opened camera that films; its settings were written and read back.
 
     Parameters
     ----------
     library : Aravis
     settings : AravisSettings
     device : str
-        For messages.
+        Name of the camera, used in error messages.
     clock : Clock
 
     Raises
@@ -70,7 +70,7 @@ class Session:
             self._features.write(settings)
             self._exposure_us = self._features.numbers["exposure_time"]
             self._gain = self._features.numbers.get("gain", math.nan)
-            # never underestimate the age of a frame: an unknown delay counts as a whole frame time
+            # assume one frame time for an unknown delay, so that the age of a frame is never underestimated
             transfer_us = 1e6 / settings.rate_hz if settings.transfer_us is None else settings.transfer_us
             self._behind_s = (self._exposure_us + transfer_us) * 1e-6
             self._begin()
@@ -80,11 +80,11 @@ class Session:
 
     @property
     def interval_s(self) -> float:
-        """Time between frames."""
+        """Time between two frames, in seconds."""
         return 1 / self._settings.rate_hz
 
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
-        """Return the next frame exposed after `after_s`, with its flags; None after `timeout_s`."""
+        """Return the next frame exposed after `after_s`, even if damaged; return None after `timeout_s`."""
         deadline_s = self._clock.now_s() + timeout_s
         while (left_s := deadline_s - self._clock.now_s()) > 0:
             wait_us = int(min(left_s, LONGEST_WAIT_S) * 1e6)
@@ -100,21 +100,24 @@ class Session:
         return None
 
     def verify(self) -> None:
-        """Read rate, exposure and gain back: `DeviceFault` if they changed, `LinkLost` without an answer."""
+        """Read frame rate, exposure time and gain back; raise `DeviceFault` if a value has changed.
+
+        If the camera does not answer, `LinkLost` is raised.
+        """
         self._features.verify()
 
     def close(self) -> None:
-        """Stop filming and release everything; harmless when repeated."""
+        """Stop filming and release all resources; a repeated call has no effect."""
         camera, self._camera = self._camera, None
         stream, self._stream = self._stream, None
         if stream is not None:
-            with contextlib.suppress(AravisError):  # the camera may be gone already
+            with contextlib.suppress(AravisError):  # the camera may be disconnected already
                 self._library.call("camera_stop_acquisition", camera)
         self._library.release(stream)
         self._library.release(camera)
 
     def _require_control(self) -> None:
-        """Check for control access before the first write: Aravis retries every refused write for seconds."""
+        """Check that this program controls the camera: Aravis would retry a refused write for seconds."""
         call, camera = self._library.call, self._camera
         if not camera:
             raise AravisError("none")
@@ -132,9 +135,10 @@ class Session:
         attempt("start", "camera_start_acquisition")
 
     def _number_of(self, buffer: int, arrived_s: float) -> int:
-        """Continue the camera's counter beyond its 16 bits; repeated or decreasing numbers are kept as such.
+        """Return the frame number from the camera's counter, continued after an overflow of 16 bits.
 
-        After a long pause, the elapsed time gives the number of overflows.
+        If the camera's counter repeats or decreases, the frame number does the same. The number of overflows
+        is computed from the time between two frames.
         """
         id = int(self._library.call("buffer_get_frame_id", buffer))
         if self._last_id is None:
@@ -153,10 +157,10 @@ class Session:
         self.seen += 1
         received_s, date_s = self._clock.now_s(), self._date_less_clock_s()
         if abs(date_s - self._date_s) > CLOCK_SET_S:
-            # frames that arrived before the date was set have timestamps of the old date
+            # the timestamps of frames that arrived before the date was changed use the old date
             self._unsettled = self._settings.buffers
         self._date_s = date_s
-        # Aravis' timestamp is the date of arrival of the first packet
+        # Aravis' timestamp is the date and time at which the first packet arrived
         arrived_s = call("buffer_get_system_timestamp", buffer) * 1e-9 - date_s
         sequence = self._number_of(buffer, arrived_s)
         exposed_s = arrived_s - self._behind_s
@@ -204,7 +208,8 @@ class Session:
         return image, 0
 
     def _date_less_clock_s(self) -> float:
-        """Return the date minus the rig's clock, from the reading with the least delay."""
+        """Return the date minus the rig's clock, in seconds, using the quickest of several pairs of
+        readings."""
         readings = []
         for _ in range(READINGS):
             before_s = self._clock.now_s()

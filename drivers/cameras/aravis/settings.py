@@ -1,4 +1,4 @@
-"""Settings of a GigE Vision or USB3 Vision camera in a rig file."""
+"""Rig-file settings of a GigE Vision or USB3 Vision camera."""
 
 from typing import Literal
 
@@ -10,22 +10,22 @@ BITS = {"Mono8": 8, "Mono10": 10, "Mono12": 12, "Mono14": 14, "Mono16": 16}
 
 
 class AravisSettings(DatedFrameSettings):
-    """All settings that affect grey levels are required; automatic controls are switched off.
+    """Settings of a camera; the driver switches off the automatic controls that change grey levels.
 
     Attributes
     ----------
     camera : str
-        Address, or identifier as listed by ``arv-tool-0.8`` (``Maker-SERIAL``).
+        Network address of the camera, or its identifier as printed by ``arv-tool-0.8`` (``Maker-SERIAL``).
     format : str
-        Unpacked grey levels.
+        GenICam pixel format; only unpacked grey-level formats are supported.
     offset_x_px, offset_y_px : int
         Offset of the picture on the sensor.
     gain : float, optional
-        Gain in the unit of the camera (often dB). Without this setting the gain stays unchanged and is
-        recorded.
+        Gain in the unit of the camera (often dB). Without this setting, the driver does not change the gain
+        and records its value.
     features : dict of str to str
-        Further GenICam features of type string or enumeration. An automatic control that is named here gets
-        this value instead of being switched off.
+        Further GenICam features of type string or enumeration, and their values. An automatic control that
+        is named in `features` gets the given value and is not switched off.
     """
 
     camera: str = Field(min_length=1)
@@ -39,5 +39,5 @@ class AravisSettings(DatedFrameSettings):
 
     @property
     def bits(self) -> int:
-        """Significant bits of a pixel; a plan computes the size of a run from this number."""
+        """Number of significant bits per pixel; used to estimate the amount of data of a run."""
         return BITS[self.format]

@@ -1,1 +1,1 @@
-"""Cameras through OpenCV, for cameras without a better driver."""
+"""Camera driver that uses OpenCV, for cameras that no other driver supports."""

@@ -1,8 +1,9 @@
-"""Any camera that OpenCV opens, for setting up and for teaching: lost frames cannot be detected.
+"""Driver for any camera that OpenCV can open, for set-up and teaching: lost frames cannot be detected.
 
-OpenCV passes on neither frame counter nor timestamp nor error flag, and delivers damaged frames as good ones.
-This driver therefore discards all frames that may have waited in a buffer, and compares the properties that
-OpenCV reads back. Prefer any other driver that supports the camera.
+OpenCV gives no frame counter, no timestamp and no error flag, and delivers damaged frames as good frames.
+This driver therefore discards all frames that may have waited in a buffer. The driver also reads every camera
+property back and compares the values. Use this driver only for cameras that neither `v4l2` nor `aravis`
+supports.
 """
 
 import math
@@ -21,20 +22,21 @@ from drivers.interfaces import CameraInfo, Frame, OpenContext
 from drivers.registry import DriverSpec
 
 UNPROVEN = "frame loss unproven"
-"""Part of the model name, and therefore in every run file."""
+"""Warning that lost frames are not detected. The warning is part of the camera's model name, so every run
+file contains the warning."""
 GREEN, DIMENSIONS = 1, 2
 TOLERANCE = 1e-3
 
 
 class OpencvCamera:
-    """A `Camera` through OpenCV; construct it with `open_camera`.
+    """A `Camera` through OpenCV; to construct this class, call `open_camera`.
 
     Parameters
     ----------
     settings : OpencvCameraSettings
     context : OpenContext
     capture : cv2.VideoCapture
-        An opened capture. A test may pass another object with the same methods.
+        An opened ``VideoCapture``, or a test's object with the same methods.
     """
 
     info: CameraInfo
@@ -58,17 +60,17 @@ class OpencvCamera:
         )
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return a frame that follows all buffered frames and the frame in transfer at the call.
+        """Discard the frames that were buffered or in transfer at the call, and return the next frame.
 
-        `exposed_s` is the time of the call: the exposure did not begin earlier; the exact time is unknown.
-        The sequence number counts the frames that the program read.
+        `exposed_s` is the time of the call, because the exposure did not begin earlier. The exact start of
+        exposure is unknown. The sequence number counts the frames that the program read.
 
         Raises
         ------
         DeviceTimeout
-            If reading takes longer than `timeout_s`; OpenCV itself may wait up to 10 s for one frame.
+            If reading takes longer than `timeout_s`. OpenCV itself may wait up to 10 s for one frame.
         LinkLost
-            If OpenCV reads nothing.
+            If OpenCV returns no frame.
         """
         asked_s, utc = self._clock.now_s(), self._clock.utc()
         with to_itself(self._lock, self._name, "grab", timeout_s):
@@ -83,12 +85,12 @@ class OpencvCamera:
                 utc=utc,
                 sequence=self._sequence,
                 flags=0,
-                exposure_us=math.nan,  # the unit depends on the backend
+                exposure_us=math.nan,  # unknown: the unit of exposure depends on the backend
                 gain=math.nan if self._settings.gain is None else self._settings.gain,
             )
 
     def close(self) -> None:
-        """Release the camera; harmless when repeated."""
+        """Release the camera; a repeated call has no effect."""
         with self._lock:
             capture, self._capture = self._capture, None
             if capture is not None:
@@ -111,17 +113,17 @@ class OpencvCamera:
             number = getattr(cv2, f"CAP_PROP_{name}", None)
             if number is None:
                 raise self._fault(f"set {name}", "a property of OpenCV", repr(name), "correct `properties`")
-            # ignore the return value: some backends refuse a value that is already set
+            # ignore the return value: some backends report a failure for a value that is already set
             self._capture.set(number, value)
         for name, value in wanted.items():
             got = float(self._capture.get(getattr(cv2, f"CAP_PROP_{name}")))
             if not abs(got - value) <= TOLERANCE * max(1.0, abs(value)):
                 raise self._fault(
-                    f"set {name}", f"{value:g}", f"{got:g} on reading back", "choose what the camera has"
+                    f"set {name}", f"{value:g}", f"{got:g} on reading back", "choose another value"
                 )
 
     def _next(self, asked_s: float, timeout_s: float) -> NDArray[np.uint8]:
-        if not self._clock.now_s() - asked_s <= timeout_s:  # a NaN timeout counts as 0
+        if not self._clock.now_s() - asked_s <= timeout_s:  # treat a timeout of NaN as 0
             raise DeviceTimeout(
                 self._name,
                 "grab",
@@ -164,7 +166,7 @@ class OpencvCamera:
 
 
 def open_camera(settings: OpencvCameraSettings, context: OpenContext) -> OpencvCamera:
-    """Open a camera through OpenCV and compare what it reads back.
+    """Open a camera through OpenCV, write its settings and compare the values read back.
 
     Raises
     ------

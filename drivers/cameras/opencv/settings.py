@@ -1,4 +1,4 @@
-"""Settings of a camera through OpenCV in a rig file."""
+"""Rig-file settings of a camera that is opened through OpenCV."""
 
 from typing import Literal
 
@@ -7,7 +7,7 @@ from pydantic import Field, field_validator
 from drivers.cameras.settings import FrameSettings
 
 LAST_NUMBER = 9999
-"""Largest `source` number: OpenCV adds a multiple of 100 for the backend to a camera's number."""
+"""Largest `source` number; OpenCV adds a multiple of 100, which selects the backend, to a camera's number."""
 OWN_SETTINGS = {
     "FRAME_WIDTH": "width_px",
     "FRAME_HEIGHT": "height_px",
@@ -18,20 +18,22 @@ OWN_SETTINGS = {
 
 
 class OpencvCameraSettings(FrameSettings):
-    """Settings of the camera in a rig file.
+    """Settings of a camera that is opened through OpenCV, as given in the rig file.
 
     Attributes
     ----------
     source : int or str
         OpenCV's number of the camera, or the address of a stream.
     exposure, gain : float, optional
-        In the unit of the camera's backend; written and read back if given.
+        Exposure and gain in the unit of OpenCV's backend. If given, the driver writes each value and reads it
+        back.
     properties : dict of str to float
-        Further properties by OpenCV's names without ``CAP_PROP_``, such as ``AUTO_EXPOSURE``.
+        Further OpenCV properties, named without ``CAP_PROP_``, for example ``AUTO_EXPOSURE``.
     channel : str
-        Channel of a colour picture that gives the grey levels.
+        Source of the grey levels in a colour picture: ``grey`` weights all channels, ``green`` takes the
+        green channel only.
     buffered_frames : int
-        Number of frames that camera, kernel and OpenCV may buffer; `grab` discards as many.
+        Number of frames that camera, kernel and OpenCV may buffer; `grab` discards this number plus one.
     """
 
     source: int | str
@@ -52,10 +54,10 @@ class OpencvCameraSettings(FrameSettings):
     @classmethod
     def _says_nothing_twice(cls, properties: dict[str, float]) -> dict[str, float]:
         for name in OWN_SETTINGS.keys() & properties.keys():
-            raise ValueError(f"must not hold {name}: say it by {OWN_SETTINGS[name]}")
+            raise ValueError(f"must not hold {name}: use the setting {OWN_SETTINGS[name]}")
         return properties
 
     @property
     def bits(self) -> int:
-        """Significant bits of a pixel: OpenCV gives bytes."""
+        """Number of significant bits per pixel; OpenCV delivers 8 bits."""
         return 8

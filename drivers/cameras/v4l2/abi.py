@@ -1,23 +1,23 @@
 """Memory layout of the Linux kernel's camera interface: structures, request codes and constants.
 
-From the kernel's user-space ABI (``linux/videodev2.h``, ``linux/v4l2-controls.h``; 64 bits,
-little-endian); a test compares every size and offset with the values of a C compiler.
+Source: the kernel's headers ``linux/videodev2.h`` and ``linux/v4l2-controls.h``, for 64-bit little-endian
+machines. A test compares every size and offset with the values of a C compiler.
 """
 
 import ctypes
 from enum import IntEnum, IntFlag
 
 CAPTURE = 1
-"""V4L2_BUF_TYPE_VIDEO_CAPTURE"""
+"""The kernel's constant ``V4L2_BUF_TYPE_VIDEO_CAPTURE``."""
 MMAP = 1
-"""V4L2_MEMORY_MMAP"""
+"""The kernel's constant ``V4L2_MEMORY_MMAP``."""
 PRIORITY_RECORD = 3
 NEXT_CONTROL = 0x8000_0000
 CONTROL_NAMES = 32
 
 
 class Capability(IntFlag):
-    """Capabilities of a device node."""
+    """Bits that tell which functions a device node supports (``V4L2_CAP_…``)."""
 
     VIDEO_CAPTURE = 0x1
     VIDEO_CAPTURE_MPLANE = 0x1000
@@ -26,7 +26,7 @@ class Capability(IntFlag):
 
 
 class BufferFlag(IntFlag):
-    """Flags of a filled buffer. `CLOCK` (clock type) and `STAMP_PLACE` (timestamp source) are bit masks."""
+    """Flags of a filled buffer; `CLOCK` and `STAMP_PLACE` are masks for clock type and timestamp source."""
 
     ERROR = 0x40
     CLOCK = 0xE000
@@ -36,7 +36,7 @@ class BufferFlag(IntFlag):
 
 
 class ControlFlag(IntFlag):
-    """Flags of a control."""
+    """Flags that describe a camera control (``V4L2_CTRL_FLAG_…``)."""
 
     DISABLED = 0x1
     GRABBED = 0x2
@@ -46,7 +46,7 @@ class ControlFlag(IntFlag):
 
 
 class ControlType(IntEnum):
-    """The types of control with a single 32-bit value."""
+    """Types of camera controls whose value is a single 32-bit number."""
 
     INTEGER = 1
     BOOLEAN = 2
@@ -57,7 +57,7 @@ class ControlType(IntEnum):
 
 
 class ControlId(IntEnum):
-    """The controls that affect grey levels."""
+    """Identifiers of the camera controls that affect grey levels."""
 
     AUTO_WHITE_BALANCE = 0x98090C
     EXPOSURE = 0x980911
@@ -80,7 +80,7 @@ class ControlId(IntEnum):
 
 
 class CapabilityInfo(ctypes.Structure):
-    """``struct v4l2_capability``"""
+    """Memory layout of the kernel's ``struct v4l2_capability``."""
 
     _fields_ = (
         ("driver", ctypes.c_char * 16),
@@ -94,7 +94,7 @@ class CapabilityInfo(ctypes.Structure):
 
 
 class PixelFormat(ctypes.Structure):
-    """``struct v4l2_pix_format``"""
+    """Memory layout of the kernel's ``struct v4l2_pix_format``."""
 
     _fields_ = tuple(
         (name, ctypes.c_uint32)
@@ -110,13 +110,13 @@ class _FormatUnion(ctypes.Union):
 
 
 class Format(ctypes.Structure):
-    """``struct v4l2_format``"""
+    """Memory layout of the kernel's ``struct v4l2_format``."""
 
     _fields_ = (("type", ctypes.c_uint32), ("fmt", _FormatUnion))
 
 
 class CaptureParameters(ctypes.Structure):
-    """``struct v4l2_captureparm`` in a ``struct v4l2_streamparm``; the interval is a fraction of a second."""
+    """Memory layout of ``struct v4l2_streamparm``; numerator / denominator is the frame interval in s."""
 
     _fields_ = (
         ("type", ctypes.c_uint32),
@@ -131,7 +131,7 @@ class CaptureParameters(ctypes.Structure):
 
 
 class BufferRequest(ctypes.Structure):
-    """``struct v4l2_requestbuffers``"""
+    """Memory layout of the kernel's ``struct v4l2_requestbuffers``."""
 
     _fields_ = (
         ("count", ctypes.c_uint32),
@@ -143,7 +143,7 @@ class BufferRequest(ctypes.Structure):
 
 
 class Buffer(ctypes.Structure):
-    """``struct v4l2_buffer``"""
+    """Memory layout of the kernel's ``struct v4l2_buffer``."""
 
     _fields_ = (
         ("index", ctypes.c_uint32),
@@ -164,7 +164,7 @@ class Buffer(ctypes.Structure):
 
 
 class ControlQuery(ctypes.Structure):
-    """``struct v4l2_queryctrl``"""
+    """Memory layout of the kernel's ``struct v4l2_queryctrl``."""
 
     _fields_ = (
         ("id", ctypes.c_uint32),
@@ -180,7 +180,7 @@ class ControlQuery(ctypes.Structure):
 
 
 class ControlValue(ctypes.Structure):
-    """``struct v4l2_control``"""
+    """Memory layout of the kernel's ``struct v4l2_control``."""
 
     _fields_ = (("id", ctypes.c_uint32), ("value", ctypes.c_int32))
 
@@ -194,7 +194,7 @@ def _request(direction: int, number: int, size: int) -> int:
 
 
 class Request(IntEnum):
-    """The requests (``VIDIOC_…``) that the driver makes."""
+    """Codes of the kernel requests (``VIDIOC_…``) that the driver uses."""
 
     QUERYCAP = _request(_READ, 0, ctypes.sizeof(CapabilityInfo))
     G_FMT = _request(_READ | _WRITE, 4, ctypes.sizeof(Format))
@@ -214,10 +214,10 @@ class Request(IntEnum):
 
 
 def fourcc(code: str) -> int:
-    """Return the number of a four-character code such as ``GREY`` or ``Y10 ``."""
+    """Return the number that stands for a four-character pixel format such as ``GREY`` or ``Y10 ``."""
     return int.from_bytes(code.ljust(4).encode("ascii"), "little")
 
 
 def code_of(number: int) -> str:
-    """Return the four characters of a pixel format's number, for messages."""
+    """Return the four-character code of a pixel format's number, for error messages."""
     return number.to_bytes(4, "little").decode("ascii", "replace").strip()

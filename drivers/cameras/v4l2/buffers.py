@@ -1,4 +1,4 @@
-"""The ring of buffers between camera and program: queued empty, dequeued full, queued again."""
+"""Ring of image buffers: the camera fills queued buffers, and the program takes and queues them again."""
 
 import contextlib
 import ctypes
@@ -22,11 +22,11 @@ class Filled:
     index : int
     bytes_used : int
     flags : int
-        Flags of the kernel, with type of clock and source of the timestamp.
+        Flags from the kernel, which include the clock type and the source of the timestamp.
     stamp_s : float
-        Timestamp of the kernel, normally on its monotonic clock.
+        Timestamp from the kernel in seconds, normally on the kernel's monotonic clock.
     sequence : int
-        32-bit counter of the kernel.
+        Frame number from the kernel's 32-bit counter.
     """
 
     index: int
@@ -37,20 +37,20 @@ class Filled:
 
 
 class Buffers:
-    """Mapped buffers of an opened camera.
+    """The image buffers of an opened camera, mapped into the memory of the program.
 
     Parameters
     ----------
     node : Node
     device : str
-        For messages.
+        Name of the camera, used in error messages.
     count : int
         Requested number of buffers; the kernel may allocate more or fewer.
 
     Raises
     ------
     DeviceFault
-        If another program films, or the kernel allocates fewer than two buffers.
+        If another program films with the camera, or the kernel allocates fewer than two buffers.
     """
 
     def __init__(self, node: Node, device: str, count: int) -> None:
@@ -80,19 +80,20 @@ class Buffers:
             raise
 
     def start(self) -> None:
-        """Queue every buffer and let the camera fill them; raises `OSError`."""
+        """Queue every buffer and start filming; raise `OSError` if the kernel refuses."""
         self._owed.clear()
         for index in range(len(self._maps)):
             self._node.ioctl(Request.QBUF, self._buffer(index))
         self._node.ioctl(Request.STREAMON, ctypes.c_int(CAPTURE))
 
     def stop(self) -> None:
-        """Take every buffer back from the camera; raises `OSError`."""
+        """Stop filming and take every buffer back from the camera; raise `OSError` if the kernel refuses."""
         self._node.ioctl(Request.STREAMOFF, ctypes.c_int(CAPTURE))
 
     def take(self) -> Filled | None:
-        """Take out the oldest filled buffer; None if there is none. Raises `OSError`."""
-        # if the kernel refused all buffers, no filled buffer comes and `give_back` is never called
+        """Dequeue the oldest filled buffer; return None if no buffer is filled. May raise `OSError`."""
+        # queue buffers here that the kernel refused before: if it refused all buffers, no `give_back` would
+        # follow
         self._offer()
         buffer = self._buffer(0)
         try:
@@ -103,14 +104,13 @@ class Buffers:
         return Filled(buffer.index, buffer.bytesused, buffer.flags, stamp_s, buffer.sequence)
 
     def memory(self, filled: Filled) -> memoryview:
-        """Return the memory that the camera wrote; release the view before `give_back`."""
+        """Return a view of the bytes in a filled buffer; release the view before `give_back`."""
         return memoryview(self._maps[filled.index])[: filled.bytes_used]
 
     def give_back(self, filled: Filled) -> None:
-        """Queue a buffer again; raises `OSError` if the camera is gone.
+        """Queue a buffer again; raise `OSError` if the camera was unplugged.
 
-        A buffer that the kernel refuses is queued again at the next call; otherwise the ring would lose the
-        buffer.
+        If the kernel refuses a buffer, the next call of `give_back` or `take` queues this buffer again.
         """
         self._owed.add(filled.index)
         self._offer()
@@ -126,7 +126,7 @@ class Buffers:
             self._owed.discard(index)
 
     def close(self) -> None:
-        """Stop and unmap; harmless when repeated. The kernel frees the buffers when the node closes."""
+        """Stop filming and unmap the buffers; the kernel frees the buffers when the node is closed."""
         with contextlib.suppress(OSError):
             self.stop()
         while self._maps:

@@ -1,7 +1,7 @@
-"""Cameras on the camera interface of Linux (V4L2): full bit depth, settings read back, age of frames checked.
+"""Driver for cameras on the camera interface of Linux (V4L2), with full bit depth and checked settings.
 
-The driver needs only the kernel, no library. docs/cameras.md describes the limits of the interface and how
-the driver handles them.
+The driver uses the kernel directly and needs no library. docs/cameras.md describes weaknesses of V4L2, such
+as silently changed settings, and what the driver does against them.
 """
 
 from drivers.cameras.filming import FilmingCamera, refuse_simulated_time
@@ -17,10 +17,11 @@ VIRTUAL = ("vivid", "v4l2 loopback")
 
 
 class V4l2Camera(FilmingCamera[Session]):
-    """A `Camera`; construct it with `open_camera`.
+    """A `Camera` on V4L2; to construct this class, call `open_camera`.
 
-    When the camera is unplugged, the running call fails. The next call finds and configures the camera again.
-    A camera with a serial number is found at any socket.
+    When the camera is unplugged, the running call fails with `LinkLost`. The next call searches for the
+    camera and configures it again. If the rig file gives the camera by serial number, the camera may be
+    plugged into another socket.
     """
 
     def __init__(self, settings: V4l2Settings, context: OpenContext, system: System) -> None:
@@ -60,14 +61,14 @@ class V4l2Camera(FilmingCamera[Session]):
 
 
 def open_camera(settings: V4l2Settings, context: OpenContext, system: System | None = None) -> V4l2Camera:
-    """Open a camera, write its settings, read them back and let it film.
+    """Open a camera, write its settings, read the settings back and start filming.
 
     Parameters
     ----------
     settings : V4l2Settings
     context : OpenContext
     system : System, optional
-        This machine's kernel by default.
+        The system that provides the device nodes; the default is the kernel of this computer.
 
     Raises
     ------

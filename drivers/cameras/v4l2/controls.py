@@ -1,4 +1,4 @@
-"""The controls of a camera: automatic controls off, the others as configured, all read back."""
+"""Set the controls of a camera, such as exposure and gain, and read them back; automatic controls are off."""
 
 import errno
 import re
@@ -20,10 +20,10 @@ from drivers.errors import DeviceFault
 
 MANUAL_EXPOSURE = 1
 
-# Order matters: exposure and gain can be set only after their automatic controls are off.
+# The order matters: exposure and gain can be set only after the automatic exposure and gain are off.
 AUTOMATICS: dict[ControlId, int] = {
     ControlId.EXPOSURE_AUTO: MANUAL_EXPOSURE,
-    ControlId.EXPOSURE_AUTO_PRIORITY: 0,  # "exposure, dynamic framerate"
+    ControlId.EXPOSURE_AUTO_PRIORITY: 0,  # the kernel calls this control "exposure, dynamic framerate"
     ControlId.AUTOGAIN: 0,
     ControlId.ISO_SENSITIVITY_AUTO: 0,
     ControlId.AUTOBRIGHTNESS: 0,
@@ -41,7 +41,7 @@ AUTOMATICS: dict[ControlId, int] = {
 
 @dataclass(frozen=True)
 class Control:
-    """One control as described by the camera; `name` has the spelling of ``v4l2-ctl``."""
+    """Description of one camera control; `name` is spelled as in the output of ``v4l2-ctl``."""
 
     id: int
     name: str
@@ -53,13 +53,13 @@ class Control:
 
 
 class Controls:
-    """The controls of an opened camera and their set values.
+    """The controls of an opened camera, and the values that the driver has set.
 
     Parameters
     ----------
     node : Node
     device : str
-        For messages.
+        Name of the camera, used in error messages.
     """
 
     def __init__(self, node: Node, device: str) -> None:
@@ -70,12 +70,12 @@ class Controls:
         self.known = self._enumerate()
 
     def switch_automatics_off(self, wanted: Mapping[str, int]) -> None:
-        """Switch off every automatic control of the camera, or set the value that `wanted` has for its name.
+        """Switch off every automatic control; a control named in `wanted` gets the value from `wanted`.
 
         Raises
         ------
         DeviceFault
-            If an automatic control keeps another value.
+            If an automatic control does not take its new value.
         """
         for id, off in AUTOMATICS.items():
             control = self.known.get(id)
@@ -88,12 +88,12 @@ class Controls:
                 self.set(control, value)
 
     def named(self, name: str) -> Control:
-        """Return the control of that name.
+        """Return the control called `name`.
 
         Raises
         ------
         DeviceFault
-            If the camera has no such control; the message lists all controls of the camera.
+            If the camera has no control of this name; the message lists all controls of the camera.
         """
         for control in self.known.values():
             if control.name == name:
@@ -114,13 +114,13 @@ class Controls:
             If the value is out of range, or another value is read back.
         """
         step = f"set {control.name}"
-        # the kernel would silently clip the value to the range
+        # check the range here, because the kernel would clip the value without an error
         if not control.minimum <= value <= control.maximum or (value - control.minimum) % control.step:
             raise self._fault(
                 step,
                 f"{control.minimum} to {control.maximum} in steps of {control.step}",
                 str(value),
-                "choose such a value",
+                "choose a value in this range",
             )
         request = ControlValue(id=control.id, value=value)
         try:
@@ -137,7 +137,7 @@ class Controls:
         self._set[control.id] = value
 
     def get(self, control: Control) -> int:
-        """Read a control."""
+        """Return the present value of a control, as read from the camera."""
         request = ControlValue(id=control.id)
         try:
             self._node.ioctl(Request.G_CTRL, request)
@@ -146,12 +146,12 @@ class Controls:
         return int(request.value)
 
     def hold(self, control: Control) -> int:
-        """Return the present value of a control; `verify` expects this value from now on."""
+        """Return the present value of a control; from now on `verify` expects this value."""
         self._set[control.id] = self.get(control)
         return self._set[control.id]
 
     def is_held(self, control: Control) -> bool:
-        """Return whether an automatic control overrides a control, so that writes have no effect."""
+        """Return whether an automatic control overrides `control`, so that writing a value has no effect."""
         query = ControlQuery(id=control.id)
         try:
             self._node.ioctl(Request.QUERYCTRL, query)
@@ -160,13 +160,13 @@ class Controls:
         return bool(query.flags & ControlFlag.INACTIVE)
 
     def set_active(self, control: Control, value: int) -> None:
-        """Write a control that must have an effect.
+        """Write a control and check that no automatic control overrides the value.
 
         Raises
         ------
         DeviceFault
-            As `set`, and if an automatic control overrides the control: some drivers accept the value without
-            any effect.
+            If `set` fails, or if an automatic control overrides the value. Some kernel drivers accept such a
+            value although the value has no effect.
         """
         self.set(control, value)
         if self.is_held(control):
@@ -178,12 +178,12 @@ class Controls:
             )
 
     def verify(self) -> None:
-        """Read back everything that was set.
+        """Read back all controls that the driver has set, and compare their values.
 
         Raises
         ------
         DeviceFault
-            If a value has changed, because of another program or because of another control.
+            If a value has changed, for example because of another program or another control.
         """
         for id, value in self._set.items():
             if (got := self.get(self.known[id])) != value:
@@ -214,7 +214,7 @@ class Controls:
                 if error.errno in _END_OF_LIST:
                     return found
                 raise translate(error, self._device, "list controls", "its controls") from error
-            if query.id <= last:  # a driver that restarts its list would cause an endless loop
+            if query.id <= last:  # the kernel driver has started its list again
                 return found
             last = query.id
             if query.type in _NUMBERS and not query.flags & ControlFlag.DISABLED:
@@ -224,7 +224,7 @@ class Controls:
                 )
 
 
-_END_OF_LIST = (errno.EINVAL, errno.ENOTTY)  # ENOTTY: a camera without any control
+_END_OF_LIST = (errno.EINVAL, errno.ENOTTY)  # ENOTTY means that the camera has no controls
 _REFUSALS = {
     errno.EACCES: ("a refusal (EACCES)", "switch off the automatic that holds it"),
     errno.EINVAL: ("a refusal (EINVAL)", "choose a value that the camera takes"),

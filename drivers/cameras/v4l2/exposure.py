@@ -1,4 +1,4 @@
-"""Exposure time and gain of a camera, and all other controls that affect grey levels."""
+"""Set the exposure time and gain of a camera, and all other controls that affect grey levels."""
 
 import math
 from dataclasses import dataclass
@@ -9,15 +9,18 @@ from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.errors import DeviceFault
 
 EXPOSURE_UNIT_US = 100.0
-"""Unit of V4L2_CID_EXPOSURE_ABSOLUTE, from the kernel's documentation."""
+"""Unit of the control ``V4L2_CID_EXPOSURE_ABSOLUTE`` in µs, from the kernel's documentation."""
 TOLERANCE = 1e-3
 SHUTTER_PRIORITY = 2
-"""Value of V4L2_CID_EXPOSURE_AUTO for "manual exposure time, auto iris", from the kernel's documentation."""
+"""Value of the control ``V4L2_CID_EXPOSURE_AUTO`` for manual exposure time with automatic iris.
+
+The number is from the documentation of the Linux kernel.
+"""
 
 
 @dataclass(frozen=True)
 class Exposure:
-    """Exposure time and gain as read back; NaN if unknown or under automatic control."""
+    """Exposure time in µs and gain, as read back; NaN if unknown or under automatic control."""
 
     time_us: float
     gain: float
@@ -29,9 +32,9 @@ def set_exposure(controls: Controls, settings: V4l2Settings, device: str) -> Exp
     Raises
     ------
     DeviceFault
-        If the camera does not accept a value or the value has no effect; if the settings omit the exposure
-        time of a camera with an exposure control, or give one for a camera without; if `controls` name
-        exposure or gain, which have settings of their own.
+        If the camera does not accept a value, or an accepted value has no effect. If `exposure_us` is missing
+        although the camera has an exposure control, or is given although the camera has no exposure control.
+        If `controls` names exposure or gain, because exposure and gain have their own settings.
     """
     controls.switch_automatics_off(settings.controls)
     exposure, unit_us = _exposure_control(controls, settings)
@@ -41,7 +44,7 @@ def set_exposure(controls: Controls, settings: V4l2Settings, device: str) -> Exp
         control = controls.named(name)
         if control in (exposure, gain):
             own = "gain" if control is gain else "exposure_us"
-            raise _unusable(device, f"set {name}", f"{name} under `controls`", f"say it by `{own}`")
+            raise _unusable(device, f"set {name}", f"{name} under `controls`", f"use the setting `{own}`")
         if control.id not in AUTOMATICS:
             controls.set_active(control, value)
     return Exposure(time_us, _set_gain(controls, gain, settings.gain, device))
@@ -51,7 +54,8 @@ def _exposure_control(controls: Controls, settings: V4l2Settings) -> tuple[Contr
     control = controls.known.get(ControlId.EXPOSURE_ABSOLUTE)
     if control is not None:
         return control, EXPOSURE_UNIT_US
-    # sensors without this control count exposure in lines; only the data sheet gives the duration of a line
+    # without V4L2_CID_EXPOSURE_ABSOLUTE the exposure is counted in sensor lines; a data sheet gives their
+    # duration
     return controls.known.get(ControlId.EXPOSURE), settings.line_us
 
 
@@ -64,7 +68,7 @@ def _set_exposure_time(
             return math.nan
         raise _unusable(device, step, "no exposure control", "leave out `exposure_us`")
     if wanted_us is None:
-        raise _unusable(device, step, "no `exposure_us`", "add it: the camera has a control for it")
+        raise _unusable(device, step, "no `exposure_us`", "add this setting: the camera can set the time")
     if unit_us is None:
         raise _unusable(device, step, "exposure in lines", "add `line_us`, the duration of a line")
     value = round(wanted_us / unit_us)
@@ -73,7 +77,7 @@ def _set_exposure_time(
         raise _unusable(device, step, f"{wanted_us:g} µs", remedy)
     automatic = controls.known.get(ControlId.EXPOSURE_AUTO)
     if automatic is not None and controls.get(automatic) == SHUTTER_PRIORITY:
-        # the value has an effect, although uvcvideo flags the control as inactive outside its manual mode
+        # the value has an effect here, although the kernel driver uvcvideo flags the control as inactive
         controls.set(control, value)
     else:
         controls.set_active(control, value)
@@ -88,9 +92,9 @@ def _set_gain(controls: Controls, control: Control | None, wanted: int | None, d
     if wanted is not None:
         controls.set_active(control, wanted)
         return wanted
-    # if an automatic control stays on as configured, the gain varies
+    # the gain varies if the settings leave an automatic gain control on
     return math.nan if controls.is_held(control) else controls.hold(control)
 
 
 def _unusable(device: str, step: str, got: str, remedy: str) -> DeviceFault:
-    return DeviceFault(device, step, "what the camera can do", got, remedy)
+    return DeviceFault(device, step, "a setting that the camera supports", got, remedy)

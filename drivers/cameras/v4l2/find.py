@@ -1,4 +1,4 @@
-"""The video nodes of this machine, and the search for a camera by path, bus or serial number."""
+"""List the video nodes of this computer, and find a camera by path, bus or serial number."""
 
 import errno
 from dataclasses import dataclass
@@ -16,7 +16,8 @@ _NO_CAMERA = (errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.ENOTTY)
 
 @dataclass(frozen=True)
 class Identity:
-    """Identity of a node's camera; unchanged when the camera is plugged in again at the same socket."""
+    """Identity of the camera at a device node; it stays the same when the camera is plugged into the same
+    socket again."""
 
     driver: str
     card: str
@@ -26,7 +27,7 @@ class Identity:
     firmware: str
 
     def same_camera(self, other: "Identity") -> bool:
-        """Return whether both are the same camera, by serial number, or by socket without serial numbers."""
+        """Return whether `other` is the same camera; without serial numbers, the sockets are compared."""
         if self.card != other.card:
             return False
         if self.serial or other.serial:
@@ -35,20 +36,21 @@ class Identity:
 
 
 def video_nodes(root: Path = Path("/")) -> list[Found]:
-    """Return one node per camera, the node for pictures.
+    """Return the picture node of every camera.
 
-    The node is named after the socket, or else after the camera, if the system has such a name. Two cameras
-    of the same model can share a camera name, but not a socket.
+    The path of a node names the socket (``/dev/v4l/by-path``) if the system has such a link, otherwise the
+    camera (``/dev/v4l/by-id``). Two cameras of the same model can have the same name in ``by-id``, but they
+    are never at the same socket.
 
     Parameters
     ----------
     root : Path
-        Folder of the system's ``sys`` and ``dev``.
+        Folder that contains the system's folders ``sys`` and ``dev``; tests give another folder.
     """
     lasting = lasting_names(root / "dev/v4l/by-id") | lasting_names(root / "dev/v4l/by-path")
     nodes = []
     for folder in sorted((root / "sys/class/video4linux").glob("video*"), key=_number):
-        # further nodes of a camera deliver metadata
+        # node 0 of a camera delivers pictures; the other nodes of the camera deliver metadata
         if _content(folder / "index") in ("", "0"):
             node = lasting.get(folder.name, f"/dev/{folder.name}")
             nodes.append(Found(_content(folder / "name"), {"device": node}))
@@ -61,15 +63,15 @@ def open_node(wanted: str, system: System, device: str) -> tuple[Node, Identity]
     Parameters
     ----------
     wanted : str
-        A path, or ``bus:`` or ``serial:`` and the value that the camera reports.
+        Path of the device node; or ``bus:`` and the camera's bus name; or ``serial:`` and its serial number.
     system : System
     device : str
-        For messages.
+        Name of the camera, used in error messages.
 
     Raises
     ------
     LinkLost
-        If there is no such camera.
+        If no camera matches `wanted`.
     DeviceFault
         If the device cannot be opened or is not a camera, or if several cameras match `wanted`.
     """
@@ -83,7 +85,7 @@ def open_node(wanted: str, system: System, device: str) -> tuple[Node, Identity]
         except DeviceError as error:
             cause = error.__cause__
             if isinstance(cause, OSError) and cause.errno not in _NO_CAMERA:
-                refused = error  # this node may belong to the camera
+                refused = error  # the refused node may belong to the wanted camera
             continue
         node.close()
         if wanted in (BUS + identity.bus, SERIAL + identity.serial):
@@ -119,7 +121,7 @@ def _identify(node: Node, path: str, system: System, device: str) -> Identity:
         node.ioctl(Request.QUERYCAP, info)
     except OSError as error:
         raise translate(error, device, "identify camera", "a camera") from error
-    # `capabilities` covers all nodes of the device; the second node of a UVC camera delivers only metadata
+    # use `device_caps`: `capabilities` is for all nodes together, also for a node that has only metadata
     own = info.device_caps if info.capabilities & Capability.DEVICE_CAPS else info.capabilities
     needed = Capability.VIDEO_CAPTURE | Capability.STREAMING
     if own & needed != needed:

@@ -1,4 +1,4 @@
-"""Picture format and frame rate: requested, read back, and refused if they differ."""
+"""Set picture format and frame rate, and read both back; a difference is an error."""
 
 import ctypes
 import errno
@@ -12,12 +12,12 @@ from drivers.errors import DeviceFault
 
 RATE_TOLERANCE = 1e-3
 PROGRESSIVE = 1
-_LARGEST_DENOMINATOR = 1001  # of 30000/1001 Hz
+_LARGEST_DENOMINATOR = 1001  # needed for a frame rate of 30000/1001 Hz
 
 
 @dataclass(frozen=True)
 class Picture:
-    """Format of the pictures in the buffers; `interval_s` is the time between pictures."""
+    """Format of the pictures in the buffers; `interval_s` is the time between two pictures in seconds."""
 
     grey: Grey
     width: int
@@ -42,20 +42,20 @@ def set_picture(
     rate_hz: float,
     stride: int = 0,
 ) -> Picture:
-    """Choose input, format, size and rate.
+    """Set the input, the pixel format, the picture size and the frame rate of a camera.
 
     Parameters
     ----------
     node, device
-        The opened camera and its name for messages.
+        Node of the opened camera, and the camera's name for error messages.
     input : int
     code : str
-        One of `FORMATS`.
+        Pixel format: a key of `FORMATS`.
     width, height : int
-        In pixels.
+        Size of the picture in pixels.
     rate_hz : float
     stride : int
-        Bytes per row to ask for; 0 leaves it to the camera.
+        Requested number of bytes per row; with 0 the camera chooses the number.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def set_picture(
     try:
         node.ioctl(Request.S_INPUT, ctypes.c_int(input))
     except OSError as error:
-        # a camera with one input may not support the request
+        # ignore the error for input 0: a camera with one input may not support this request
         if input or error.errno not in (errno.EINVAL, errno.ENOTTY):
             raise translate(error, device, "choose input", f"input {input}") from error
     wanted = f"{width} x {height} px {code}"
@@ -77,7 +77,7 @@ def set_picture(
         node.ioctl(Request.S_FMT, format)
         _require(device, wanted, pix, stride)
         rate = _set_rate(node, device, rate_hz)
-        # read again: the rate may have changed the format
+        # read the picture format again, because setting the frame rate may have changed it
         node.ioctl(Request.G_FMT, format)
         _require(device, wanted, pix, stride)
     except OSError as error:

@@ -1,7 +1,7 @@
-"""The interface between camera driver and kernel: opened device nodes, and the search for nodes.
+"""Interface between the camera driver and the kernel: finding, opening and using device nodes.
 
-The rest of the driver uses only the two protocols in this module; the tests implement them with a simulated
-kernel.
+The other modules of the V4L2 driver use only the interfaces `Node` and `System` of this module. The tests
+implement these two classes with a simulated kernel.
 """
 
 import ctypes
@@ -14,46 +14,46 @@ from typing import Any, Protocol
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 
 LONGEST_WAIT_S = 3600.0
-"""The kernel counts the milliseconds of a wait in 32 bits."""
+"""Longest single wait in seconds, because the kernel counts the milliseconds of a wait in 32 bits."""
 
 
 class Node(Protocol):
-    """An opened device node."""
+    """An opened device node of a camera."""
 
     def ioctl(self, request: int, argument: ctypes.Structure | ctypes.c_int | ctypes.c_uint32) -> None:
-        """Make one request; the kernel's answer is in `argument`. Raises `OSError`."""
+        """Send one request; the kernel writes its answer into `argument`, or an `OSError` is raised."""
 
     def map(self, length: int, offset: int) -> Any:
-        """Return the driver's buffer as writable memory with a method ``close``."""
+        """Return a buffer of the kernel driver as writable memory; the memory has a method ``close``."""
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait for a filled buffer or an error; False after the timeout, or earlier."""
+        """Wait for a filled buffer or an error; return False if neither came. The wait may end early."""
 
     def close(self) -> None:
-        """Release the node; harmless when repeated."""
+        """Release the node; a repeated call has no effect."""
 
 
 class System(Protocol):
-    """The system that provides the device nodes."""
+    """The operating system, which provides the device nodes of the cameras."""
 
     def paths(self) -> list[str]:
-        """Return the paths of all video nodes, in order."""
+        """Return the paths of all video nodes, sorted by number."""
 
     def open(self, path: str) -> Node:
-        """Open a node. Raises `OSError`."""
+        """Open a node; raise `OSError` if the node cannot be opened."""
 
     def usb_facts(self, path: str) -> MutableMapping[str, str]:
-        """Return ``serial``, ``manufacturer`` and ``bcdDevice`` of the node's USB device, as far as known."""
+        """Return the known attributes of a node's USB device: ``serial``, ``manufacturer``, ``bcdDevice``."""
 
 
 class KernelNode:
-    """A node of this machine's kernel."""
+    """An opened device node of the kernel of this computer."""
 
     def __init__(self, path: str) -> None:
         self._file = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
 
     def ioctl(self, request: int, argument: ctypes.Structure | ctypes.c_int | ctypes.c_uint32) -> None:
-        """Make one request; repeat the request after an interrupting signal."""
+        """Send one request to the kernel; repeat the request if a signal interrupts it."""
         import fcntl
 
         while True:
@@ -64,13 +64,13 @@ class KernelNode:
                 continue
 
     def map(self, length: int, offset: int) -> Any:
-        """Map a buffer of the driver."""
+        """Map a buffer of the kernel driver into the memory of the program."""
         import mmap
 
         return mmap.mmap(self._file, length, mmap.MAP_SHARED, offset=offset)
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait until a buffer or an error can be dequeued."""
+        """Wait until the kernel has a filled buffer or an error, or until the timeout."""
         import select
 
         poll = select.poll()
@@ -78,17 +78,17 @@ class KernelNode:
         return bool(poll.poll(min(max(0.0, timeout_s), LONGEST_WAIT_S) * 1000))
 
     def close(self) -> None:
-        """Close the file; harmless when repeated."""
+        """Close the device file; a repeated call has no effect."""
         file, self._file = self._file, -1
         if file >= 0:
             os.close(file)
 
 
 class KernelSystem:
-    """This machine."""
+    """The device nodes of this computer."""
 
     def paths(self) -> list[str]:
-        """Return ``/dev/video0``, ``/dev/video1`` … as far as they exist."""
+        """Return the existing paths ``/dev/video0``, ``/dev/video1`` and so on, sorted by number."""
         found = [path for path in Path("/dev").glob("video*") if path.name[5:].isdigit()]
         return [str(path) for path in sorted(found, key=lambda path: int(path.name[5:]))]
 
@@ -98,7 +98,7 @@ class KernelSystem:
 
     def usb_facts(self, path: str) -> MutableMapping[str, str]:
         """Read the sysfs attributes of the USB device behind a node; empty for other buses."""
-        # the node's device is a USB interface; the USB device is its parent folder
+        # the folder ``device`` belongs to a USB interface; its parent folder belongs to the USB device
         folder = Path("/sys/class/video4linux") / Path(path).resolve().name / "device" / ".."
         facts = {}
         for name in ("serial", "manufacturer", "bcdDevice"):
@@ -125,7 +125,7 @@ _MEANINGS: dict[int, tuple[type[DeviceError], str, str]] = {
 
 
 def translate(error: OSError, device: str, step: str, expected: str) -> DeviceError:
-    """Translate an error of the kernel for the person at the rig."""
+    """Return a `DeviceError` with cause and remedy for an `OSError` of the kernel."""
     number = error.errno or 0
     kind: type[DeviceError]
     if number in (errno.EACCES, errno.EPERM):

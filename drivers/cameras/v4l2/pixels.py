@@ -1,4 +1,4 @@
-"""Grey levels from a V4L2 buffer, at full bit depth and without row padding."""
+"""Copy grey levels out of a V4L2 buffer, at full bit depth and without row padding."""
 
 from dataclasses import dataclass
 
@@ -10,18 +10,18 @@ Image = NDArray[np.uint8] | NDArray[np.uint16]
 
 @dataclass(frozen=True)
 class Grey:
-    """Storage of grey levels in a pixel format.
+    """Description of how a pixel format stores grey levels.
 
     Attributes
     ----------
     code : str
         The format's four-character code.
     bits : int
-        Number of significant bits; these are the lowest bits of the container.
+        Number of significant bits per pixel, stored in the lowest bits of a `dtype` number.
     pixel_bytes : int
-        From one pixel to the next.
+        Number of bytes from one pixel to the next.
     dtype : str
-        Type of the container in memory.
+        NumPy type of one grey level in the buffer.
     """
 
     code: str
@@ -37,13 +37,13 @@ FORMATS = {
         Grey("Y10", 10, 2, "<u2"),
         Grey("Y12", 12, 2, "<u2"),
         Grey("Y16", 16, 2, "<u2"),
-        Grey("YUYV", 8, 2, "u1"),  # alternating luma and chroma, luma first
+        Grey("YUYV", 8, 2, "u1"),  # luma and chroma bytes alternate, luma first
     )
 }
 
 
 def bytes_needed(grey: Grey, width: int, height: int, stride: int) -> int:
-    """Return how many bytes a whole image has; the last row may lack its padding."""
+    """Return the number of bytes of a complete image, not counting the padding of the last row."""
     return (height - 1) * stride + width * grey.pixel_bytes
 
 
@@ -53,11 +53,11 @@ def grey_levels(memory: memoryview, grey: Grey, width: int, height: int, stride:
     Parameters
     ----------
     memory : memoryview of bytes
-        The part of the buffer that the camera has filled; missing rows become black.
+        The part of the buffer that the camera has filled; missing rows become black in the image.
     grey : Grey
     width, height : int
     stride : int
-        Bytes from one row to the next.
+        Number of bytes from the start of one row to the start of the next row.
 
     Returns
     -------
@@ -73,5 +73,5 @@ def grey_levels(memory: memoryview, grey: Grey, width: int, height: int, stride:
     values = rows.view(grey.dtype)
     if grey.pixel_bytes > values.itemsize:
         values = values[:, :: grey.pixel_bytes // values.itemsize]
-    # always a copy: the buffer goes back to the camera
+    # always copy, because the camera will fill the buffer again
     return np.array(values, np.uint8) if grey.bits <= 8 else np.array(values, np.uint16)

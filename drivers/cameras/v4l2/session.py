@@ -1,4 +1,4 @@
-"""One camera from plugging in to unplugging: opened, identified, set up, filming, closed."""
+"""Connection to one V4L2 camera: settings are written and read back, then the camera films until closed."""
 
 import errno
 from datetime import datetime, timedelta
@@ -19,22 +19,22 @@ from drivers.errors import DeviceError, DeviceFault
 from drivers.interfaces import Frame
 
 UNSETTLED_FRAMES = 2
-"""Number of frames after a change of controls that may still have the old exposure."""
+"""Number of frames that may still be exposed with the old settings after a control was changed."""
 SHORT = 1 << 32
-"""Flag of an incomplete frame, above the kernel's 32 bits of flags."""
+"""Flag of an incomplete frame; this bit lies above the 32 flag bits of the kernel."""
 
 
 class Session:
-    """A camera that films with settings that were read back.
+    """An opened camera that films; its settings were written and read back.
 
     Parameters
     ----------
     node : Node
-        Closed by `close`, or if the camera cannot be configured.
+        Node of the opened camera. `close` closes the node, and so does a failed configuration.
     identity : Identity
     settings : V4l2Settings
     device : str
-        For messages.
+        Name of the camera, used in error messages.
     clock : Clock
 
     Raises
@@ -85,17 +85,17 @@ class Session:
 
     @property
     def interval_s(self) -> float:
-        """Time between frames."""
+        """Time between two frames, in seconds."""
         return self._picture.interval_s
 
     def verify(self) -> None:
-        """Read all settings back; `DeviceFault` if another program has changed one."""
+        """Read all control values back; raise `DeviceFault` if a value has changed."""
         self._controls.verify()
 
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
-        """Return the next frame whose exposure began after `after_s`; None after `timeout_s`.
+        """Return the next frame whose exposure began after `after_s`; return None after `timeout_s`.
 
-        Incomplete frames and frames that the kernel flags as damaged are returned with their flags.
+        Incomplete frames, and frames that the kernel flags as damaged, are also returned, with `flags` set.
 
         Raises
         ------
@@ -123,7 +123,7 @@ class Session:
                 return None
 
     def close(self) -> None:
-        """Stop filming and release everything; harmless when repeated."""
+        """Stop filming and release all resources; a repeated call has no effect."""
         if self._buffers is not None:
             self._buffers.close()
             self._buffers = None
@@ -140,13 +140,13 @@ class Session:
                 raise translate(error, self._device, "claim camera", "a free camera") from error
 
     def _take(self) -> Filled | None:
-        """Dequeue a buffer. After an error, restart the stream, but not twice without a frame between."""
+        """Dequeue a buffer; after an error, restart filming once. A second error in a row is raised."""
         assert self._buffers is not None
         try:
             return self._buffers.take()
         except OSError as error:
             if self._healing or error.errno not in (errno.EIO, errno.EPIPE, errno.EINVAL):
-                self._healing = False  # the next call may restart the stream again
+                self._healing = False  # the next call may restart filming again
                 raise self._translated(error) from error
         self._healing = True
         try:
@@ -192,8 +192,8 @@ class Session:
                 f"one exposed {exposed_s - received_s:.3f} s from now",
                 "report it to the maker of the camera's kernel driver",
             )
-        # uncompressed pictures have a fixed size: extra bytes are padding, missing bytes mean a broken
-        # transfer
+        # uncompressed pictures have a fixed size: extra bytes are padding, and missing bytes mean that the
+        # transfer was incomplete
         short = SHORT if filled.bytes_used < self._picture.whole_bytes else 0
         flags = filled.flags & BufferFlag.ERROR | short
         return Frame(

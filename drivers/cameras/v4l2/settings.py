@@ -1,4 +1,4 @@
-"""Settings of a camera on the camera interface of Linux in a rig file."""
+"""Rig-file settings of a camera on the camera interface of Linux (V4L2)."""
 
 from typing import Literal
 
@@ -10,23 +10,23 @@ from drivers.cameras.v4l2.pixels import FORMATS
 
 
 class V4l2Settings(DatedFrameSettings):
-    """All settings that affect grey levels are required; automatic controls are switched off.
+    """Settings of a camera; the driver switches off the automatic controls that change grey levels.
 
     Attributes
     ----------
     device : str
-        A path, ``bus:`` and the text in brackets from ``v4l2-ctl --list-devices``, or ``serial:`` and the USB
-        serial number.
+        Path of the device node; or ``bus:`` and the text in brackets from ``v4l2-ctl --list-devices``; or
+        ``serial:`` and the USB serial number.
     format : str
-        Pixel format. Compressed formats are not supported: compression distorts speckles.
+        Pixel format. Compressed formats are not supported, because compression distorts speckles.
     gain : int, optional
-        Gain in the unit of the camera. Without this setting the gain stays unchanged, is verified and
-        recorded.
+        Gain in the unit of the camera. Without this setting, the driver does not change the gain, but
+        verifies and records its value.
     controls : dict of str to int
-        Further controls by their names in ``v4l2-ctl --list-ctrls``. An automatic control that is named here
-        gets this value instead of being switched off.
+        Further controls, named as in ``v4l2-ctl --list-ctrls``, and their values. An automatic control that
+        is named in `controls` gets the given value and is not switched off.
     line_us : float, optional
-        Duration of a line, for sensors that count their exposure in lines.
+        Duration of one sensor line in µs, required if the sensor counts its exposure time in lines.
     """
 
     device: str = Field(min_length=1)
@@ -40,7 +40,7 @@ class V4l2Settings(DatedFrameSettings):
 
     @property
     def bits(self) -> int:
-        """Significant bits of a pixel; a plan computes the size of a run from this number."""
+        """Number of significant bits per pixel; used to estimate the amount of data of a run."""
         return FORMATS[self.format].bits
 
     @field_validator("device")

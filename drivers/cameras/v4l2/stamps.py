@@ -1,4 +1,4 @@
-"""Start of exposure and number of a frame, from the kernel's timestamps and counters."""
+"""Compute the start of exposure and the number of a frame from the kernel's timestamp and counter."""
 
 import math
 from dataclasses import dataclass
@@ -9,16 +9,16 @@ from drivers.errors import DeviceFault
 
 COUNTER = 2**32
 STAMPED_ON_ARRIVAL = ("uvcvideo",)
-"""Kernel drivers that flag the timestamp as start of exposure but record the arrival of the first packet."""
+"""Kernel drivers that record the arrival of the first packet but flag the timestamp as start of exposure."""
 
 
 def require_monotonic(flags: int, device: str) -> None:
-    """Raise `DeviceFault` unless the timestamp comes from the monotonic clock."""
+    """Raise `DeviceFault` if a timestamp does not come from the monotonic clock."""
     if flags & BufferFlag.CLOCK != BufferFlag.MONOTONIC:
         raise DeviceFault(
             device,
             "get frame",
-            "a stamp of the monotonic clock",
+            "a timestamp of the monotonic clock",
             f"flags {flags:#x}",
             "use another camera: this one's driver cannot tell how old a frame is",
         )
@@ -28,7 +28,7 @@ def require_monotonic(flags: int, device: str) -> None:
 class StampRule:
     """Converts the timestamp of a frame to the earliest possible start of its exposure.
 
-    The age of a frame is never underestimated: an unknown delay counts as a whole frame time.
+    An unknown delay counts as one frame time, so that the age of a frame is never underestimated.
 
     Attributes
     ----------
@@ -48,32 +48,34 @@ class StampRule:
         Parameters
         ----------
         driver : str
-            The kernel's driver.
+            Name of the kernel driver.
         exposure_us : float
-            NaN if unknown; the exposure then counts as one interval.
+            Exposure time in µs. For NaN (unknown), one frame interval is assumed.
         transfer_us : float, optional
-            Longest time from the end of exposure to the timestamp; one interval by default.
+            Longest time, in µs, from the end of exposure to the timestamp. The default is one frame interval.
         interval_s : float
+            Time between two frames, in seconds.
         """
         exposure_s = interval_s if math.isnan(exposure_us) else exposure_us * 1e-6
         readout_s = interval_s if transfer_us is None else transfer_us * 1e-6
         ended_s = exposure_s + readout_s
-        # The camera sends the first packet only after the exposure of the first row.
+        # The camera sends the first packet only after the exposure of the first row has ended.
         return cls(ended_s if driver in STAMPED_ON_ARRIVAL else 0.0, ended_s)
 
     def exposed_s(self, filled: Filled) -> float:
-        """Return the earliest possible start of exposure of the frame in a buffer."""
+        """Return the earliest possible start of exposure of the frame in a buffer, in seconds."""
         at_start = filled.flags & BufferFlag.STAMP_PLACE == BufferFlag.STAMP_AT_START
         return filled.stamp_s - (self.started_s if at_start else self.ended_s)
 
 
 class FrameNumbers:
-    """Continues the kernel's 32-bit frame counter beyond overflows and restarts.
+    """Frame numbers from the kernel's 32-bit counter, continued after overflows and restarts.
 
     Parameters
     ----------
     interval_s : float
-        Time between frames; gives the number of missing frames after a restart of the stream.
+        Time between two frames, in seconds. After a restart of filming, this time gives the number of missing
+        frames.
     """
 
     def __init__(self, interval_s: float) -> None:
@@ -83,11 +85,12 @@ class FrameNumbers:
         self._restarted = False
 
     def restarted(self) -> None:
-        """Note that the kernel counts from 0 again."""
+        """Record that the kernel's counter has restarted from 0."""
         self._restarted = True
 
     def number(self, counter: int, stamp_s: float) -> int:
-        """Return the frame's number; repeated or decreasing counter values are kept as such."""
+        """Return the number of a frame; if the kernel's counter repeats or decreases, the number does the
+        same."""
         if self._last is None:
             self._number = counter
         elif self._restarted:

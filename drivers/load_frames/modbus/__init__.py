@@ -1,1 +1,1 @@
-"""Load frames on Modbus, described by a register map."""
+"""Driver for load frames on Modbus; a register map describes the registers of each machine."""

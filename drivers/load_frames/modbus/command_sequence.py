@@ -1,70 +1,98 @@
-"""Sequence numbers of a load frame's commands: each is newer; a hold invalidates older motion."""
+"""Sequence numbers of a load frame's commands: the machine ignores a motion command older than a hold."""
 
+import secrets
 import threading
+from collections import deque
 
 MODULUS = 2**16
+# Largest distance of a program's first sequence number from the machine's number. Numbers wrap round, so a
+# number more than half of the modulus ahead would count as older. The limit is far below this.
+LEAP_MAX = 2**13
+# Number of latest sequence numbers that a program remembers, because the machine may still execute them.
+REMEMBERED = 64
 
 
 class CommandSequence:
-    """Sequence numbers for several threads, and the number of holds requested.
+    """Sequence numbers for the commands of several threads, and the number of requested holds.
+
+    The first sequence number has a random distance from the machine's number. Therefore two programs that
+    command the same machine hardly ever use the same numbers. So each program notices the commands of the
+    other.
 
     Parameters
     ----------
     executed : int
-        The number of the last command the machine executed.
+        Sequence number of the last command that the machine executed.
+    leap : int, optional
+        Distance of the first number from the number `executed`; random by default.
     """
 
-    def __init__(self, executed: int) -> None:
+    def __init__(self, executed: int, leap: int | None = None) -> None:
         self._lock = threading.Lock()
-        self._number = executed
+        leap = secrets.randbelow(LEAP_MAX) + 1 if leap is None else leap
+        self._number = (executed + leap - 1) % MODULUS
         self._executed = executed
-        self._restarted = False
+        self._ours: deque[int] = deque(maxlen=REMEMBERED)
+        self._wrong = ""
         self._holds = 0
 
     @property
     def holds(self) -> int:
-        """Number of holds requested."""
+        """Number of holds that were requested so far."""
         return self._holds
 
     def begin_hold(self) -> None:
-        """Refuse from now on all motion commands that were begun earlier."""
+        """Record a requested hold; from now on, all motion commands that were begun earlier are refused."""
         with self._lock:
             self._holds += 1
 
     def draw(self) -> int:
-        """Take the next number."""
+        """Return the next sequence number."""
         with self._lock:
             return self._next()
 
     def draw_unless_held(self, holds: int, refusal: Exception) -> int:
-        """Take the next number for a motion; raise the refusal if `holds` has changed."""
+        """Return the next number for a motion; raise `refusal` if a hold was requested since the motion
+        began."""
         with self._lock:
             if self._holds != holds:
                 raise refusal
             return self._next()
 
     def follow(self, executed: int) -> None:
-        """Continue from the machine's number if another program has used newer numbers."""
+        """Continue from the number `executed` if another program has used newer numbers."""
         with self._lock:
+            # do not change `_executed` here: `check` may still receive an older reading than this one
+            self._notice_foreign(executed)
             if 0 < (executed - self._number) % MODULUS < MODULUS // 2:
                 self._number = executed
 
     def check(self, executed: int) -> None:
-        """Compare the machine's number with the last one seen.
+        """Check the number of the last executed command: it must be of this program and must not decrease.
 
-        A restarted machine has its own limits again, and a 16-bit sample counter may not show the restart.
+        A restarted machine has lost the limits that this program wrote. A 16-bit sample counter may not show
+        the restart.
 
         Raises
         ------
         ValueError
-            If the number has gone back, which means a restart of the machine; every later check then fails.
+            If the number has decreased, because the machine was restarted. If the number does not belong to
+            this program, because another program commands the machine. Every later check then fails too.
         """
         with self._lock:
-            self._restarted |= 0 < (self._executed - executed) % MODULUS < MODULUS // 2
-            if self._restarted:
-                raise ValueError(f"a restarted machine (command {executed} executed after {self._executed})")
+            self._notice_foreign(executed)
+            if not self._wrong and 0 < (self._executed - executed) % MODULUS <= MODULUS // 2:
+                self._wrong = f"a restarted machine (command {executed} executed after {self._executed})"
+            if self._wrong:
+                raise ValueError(self._wrong)
             self._executed = executed
+
+    def _notice_foreign(self, executed: int) -> None:
+        newer = 0 < (executed - self._executed) % MODULUS < MODULUS // 2
+        if newer and executed not in self._ours and not self._wrong:
+            self._wrong = f"a command of another program, number {executed} after {self._executed}"
 
     def _next(self) -> int:
         self._number = (self._number + 1) % MODULUS
+        self._ours.append(self._number)
         return self._number

@@ -1,26 +1,27 @@
-"""Commands to a load frame on Modbus: each confirmed by its number, and a hold that precedes them."""
+"""Send commands to a load frame on Modbus: each command has a number, and a hold command goes first."""
 
 import contextlib
 from collections.abc import Iterator, Mapping
 
 from drivers.clock import Clock
-from drivers.errors import DeviceError, DeviceTimeout, LinkLost
-from drivers.lines.stop_deadline import StopDeadline, StopTimes
+from drivers.errors import DeviceTimeout, LinkLost
+from drivers.lines.stop_deadline import StopTimes
 from drivers.load_frames.modbus.bus.link import Overtaken
 from drivers.load_frames.modbus.command_sequence import CommandSequence
+from drivers.load_frames.modbus.hold import hold_until_confirmed
 from drivers.load_frames.modbus.registers.map import RegisterMap
 from drivers.load_frames.modbus.registers.mapped_device import MappedDevice
 from drivers.load_frames.modbus.registers.registers import Number
 from drivers.load_frames.modbus.sample_counter import Freshness
 from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 
-# Network switches and machines drop unused connections, some without notice.
+# The connection for `hold` is used at this interval, because switches and machines drop unused connections.
 HOLD_PROVEN_EVERY_S = 10.0
 COMMAND_ATTEMPTS = 2
 
 
 class LoadFrameCommands:
-    """Commands to a load frame, and the readings that confirm them.
+    """Sends commands to a load frame, and confirms each command by reading the machine's state.
 
     If the state of the machine is uncertain, every motion command is refused until a hold is confirmed.
 
@@ -28,11 +29,11 @@ class LoadFrameCommands:
     ----------
     settings : ModbusLoadFrameSettings
     clock : Clock
-        The rig's.
+        The rig's clock.
     register_map : RegisterMap
     work, safety : MappedDevice
-        Both reach the same machine. `safety` is for `hold`, which nothing else may delay: it has its own
-        connection or, if there is only one connection, priority on it.
+        Two ways to the registers of the same machine. `safety` is used for `hold`, which no other request may
+        delay. `safety` has a connection of its own, or its requests go first on the shared connection.
     hold_times : StopTimes
     """
 
@@ -55,7 +56,7 @@ class LoadFrameCommands:
         self._sequence = CommandSequence(int(work.read_state("read the state")["executed"]))
         self._settings = [
             ("limits", blocks.limits, settings.limits_by_register),
-            ("watchdog", blocks.watchdog, {"timeout": settings.watchdog_s}),
+            ("watchdog", blocks.watchdog, {"timeout": settings.watchdog_timeout_s}),
         ]
         for name, block, values in self._settings:
             work.set(block, values, f"set {name}")
@@ -64,7 +65,7 @@ class LoadFrameCommands:
         self._hold_proven_s = clock.now_s()
 
     def state(self, step: str) -> dict[str, Number]:
-        """Read the state; `DeviceFault` if it is stale or impossible, or the machine was restarted."""
+        """Read the state; raise `DeviceFault` if the values are stale or the machine was restarted."""
         with self._doubting():
             values = self._work.read_state(step)
         try:
@@ -76,32 +77,33 @@ class LoadFrameCommands:
         return values
 
     def stay_in_charge(self) -> None:
-        """Feed the machine's watchdog, and check regularly that the connection for `hold` works."""
+        """Reset the machine's watchdog, and check regularly that the connection for `hold` works."""
         self._heartbeat = (self._heartbeat + 1) % 2**16
-        with self._doubting(), contextlib.suppress(Overtaken):  # overtaken by a hold: nothing moves
+        # ignore `Overtaken`: a hold interrupted this request, so the machine does not move
+        with self._doubting(), contextlib.suppress(Overtaken):
             self._work.write(self._map.blocks.heartbeat, {"heartbeat": self._heartbeat}, "feed the watchdog")
         now_s = self._clock.now_s()
         if now_s - self._hold_proven_s > HOLD_PROVEN_EVERY_S and not self._safety.shares_link(self._work):
             with self._doubting():
-                # not urgent, so that a hold does not wait for this check
-                self._safety.unhurried().read_status("prove the way for hold")
+                # read with an ordinary request, so that a hold does not wait for this check
+                self._safety.unhurried().read_status("check the connection for hold")
             self._hold_proven_s = now_s
 
     def give(self, step: str, command: int, values: Mapping[str, float]) -> None:
-        """Give one command and confirm by its sequence number that it was executed once and accepted."""
+        """Send one command; check by its sequence number that the machine executed and accepted it."""
         if self._doubt:
             remedy = "call for a hold, then look at the specimen"
             raise self._work.fault(step, "a machine in a known state", self._doubt, remedy)
         holds = self._sequence.holds
-        # refuse motion before the command if the machine cannot measure or was restarted
+        # read the state first: refuse a motion if the machine cannot measure or was restarted
         self.state(step)
         with self._doubting():
             self._refuse_lost_settings(step)
         self.stay_in_charge()
-        overtaken = self._work.fault(step, "no hold meanwhile", "a hold", "command it again if it is wanted")
+        overtaken = self._work.fault(step, "no hold meanwhile", "a hold", "repeat the command if needed")
         sequence = self._sequence.draw_unless_held(holds, overtaken)
         for _ in range(COMMAND_ATTEMPTS):
-            # a lost answer leaves open whether the command arrived: the state read next shows it
+            # if the answer is lost, the state that is read next shows whether the command arrived
             with contextlib.suppress(DeviceTimeout, LinkLost):
                 self._write(self._work, command, values, sequence)
             state = self.state(step)
@@ -110,7 +112,7 @@ class LoadFrameCommands:
             if self._sequence.holds != holds:
                 raise overtaken
         else:
-            # the command may still be on its way
+            # the command may still arrive at the machine
             self._doubt = "a command that was not confirmed"
             raise DeviceTimeout(
                 self._work.name,
@@ -125,29 +127,11 @@ class LoadFrameCommands:
             raise self._work.fault(step, "acceptance", reason, remedy)
 
     def hold(self) -> None:
-        """Stop and hold position now; repeated until it is confirmed, `DeviceTimeout` at the deadline."""
+        """Repeat the hold command until the machine confirms it; raise `DeviceTimeout` at the deadline."""
         self._sequence.begin_hold()
         self._doubt = self._doubt or "a hold that was not confirmed"
-        deadline = StopDeadline(self._clock, self._hold_times.deadline_s)
-        got = "silence"
-        while not deadline.passed:
-            try:
-                sequence = self._sequence.draw()
-                self._write(self._safety, self._map.commands.hold, {}, sequence)
-                # without load and displacement: a broken load cell must not prevent the confirmation
-                values = self._safety.read_status("hold")
-                self._sequence.follow(int(values["executed"]))
-                status, bits = self._map.status, int(values["status"])
-                # the status bit is not enough: only an executed hold invalidates a motion command on its way
-                executed = values["executed"] == sequence
-                if executed and bits >> status.hold & 1 and not bits >> status.moving & 1:
-                    self._doubt = ""
-                    return
-                got = "a crosshead in motion" if executed else "a hold that was not executed"
-            except DeviceError as error:
-                got = f"{error.got} instead of {error.expected}"
-            self._clock.sleep(self._hold_times.poll_s)
-        raise DeviceTimeout(self._work.name, "hold", "a confirmed hold", got, "press the emergency stop")
+        hold_until_confirmed(self._safety, self._map, self._sequence, self._hold_times, self._clock)
+        self._doubt = ""
 
     @contextlib.contextmanager
     def _doubting(self) -> Iterator[None]:
@@ -158,10 +142,11 @@ class LoadFrameCommands:
             raise
 
     def _refuse_lost_settings(self, step: str) -> None:
-        """Refuse a machine whose settings differ from those this program wrote."""
+        """Raise `DeviceFault` if limits or watchdog time in the machine differ from those that this program
+        wrote."""
         for name, block, values in self._settings:
             if not self._work.holds(block, values, step):
-                remedy = "hold, see who else sets the machine, then open the load frame again"
+                remedy = "hold, find the program that changed it, then open the load frame again"
                 raise self._work.fault(step, f"the {name} this program has set", "another setting", remedy)
 
     def _write(self, device: MappedDevice, command: int, values: Mapping[str, float], sequence: int) -> None:

@@ -1,4 +1,4 @@
-"""Find Modbus devices at a serial port or a network address, and the shipped map that fits."""
+"""Find Modbus devices at a serial port or a network address, and the shipped register map that fits."""
 
 from drivers.errors import DeviceError
 from drivers.lines.channel import CHANNEL_ERRORS, TCP_PREFIX
@@ -13,21 +13,21 @@ from drivers.registry import Finder, Found
 
 LINE_ANSWER_S = 0.1
 CONNECT_S = 2.0
-# The default setting of the specification, and other usual settings.
+# Baud rate and parity to try: first the default of the specification, then other usual settings.
 LINES = ((19_200, "E"), (9600, "N"), (9600, "E"), (115_200, "N"))
 COMMON_SERIAL_UNITS = (1, 2, 3)
 COMMON_TCP_UNITS = (1, 255, 0)
 
 
 def modbus_at_port(path: str) -> list[Found]:
-    """Return the Modbus RTU devices at a serial port, under the usual units, rates and parities.
+    """Return the Modbus RTU devices at a serial port; try the usual unit numbers, baud rates and parities.
 
-    ``socket://host:port`` is not searched: Modbus has its own addresses for TCP.
+    An address ``socket://host:port`` is not searched, because Modbus has its own form of TCP addresses.
 
     Raises
     ------
     OSError
-        If the port cannot be opened; another program may hold it.
+        If the port cannot be opened, for example because another program uses the port.
     """
     if path.startswith(TCP_PREFIX):
         return []
@@ -39,7 +39,7 @@ def modbus_at_port(path: str) -> list[Found]:
 
 
 def modbus_at_address(address: str) -> list[Found]:
-    """Return the Modbus devices at ``host:port`` or ``rtu://host:port``, under the usual units."""
+    """Return the Modbus devices at ``host:port`` or ``rtu://host:port``; try the usual unit numbers."""
     place = ModbusAddress(address)
     units, timeout_s = (COMMON_SERIAL_UNITS, ANSWER_S) if place.rtu else (COMMON_TCP_UNITS, CONNECT_S)
     return _modbus(place, units, {"address": address}, timeout_s)
@@ -60,7 +60,7 @@ def _modbus(
 
 
 def _answers(place: ModbusAddress, unit: int, timeout_s: float) -> bool:
-    """Whether a Modbus answer comes back, including a refusal."""
+    """Return whether a unit answers; a refusal also counts as an answer."""
     request = read_request("holding", 0, 1)
     try:
         wire = place.open(CONNECT_S)
@@ -80,7 +80,7 @@ def _answers(place: ModbusAddress, unit: int, timeout_s: float) -> bool:
 
 
 def _described(place: ModbusAddress, unit: int, settings: dict[str, str | int], timeout_s: float) -> Found:
-    """Find the shipped map whose blocks and revision the device has."""
+    """Describe a device by the shipped register map that has the same blocks and revision as the device."""
     link = ModbusLink("probe", place, unit, max(timeout_s, ANSWER_S))
     try:
         for name in shipped_maps():
@@ -93,7 +93,7 @@ def _described(place: ModbusAddress, unit: int, settings: dict[str, str | int], 
 
 
 def _serial_by_map(link: ModbusLink, name: str) -> int | None:
-    """Return the serial number, or None if the device lacks a block or the revision of the map."""
+    """Return the device's serial number; return None if the register map `name` does not fit the device."""
     register_map = load_map(name)
     device = MappedDevice(link, register_map)
     blocks = register_map.blocks

@@ -1,4 +1,4 @@
-"""Tensile load frame on Modbus TCP or RTU, described by a register map."""
+"""Driver for a tensile load frame on Modbus TCP or RTU; a register map describes the machine."""
 
 import math
 
@@ -9,15 +9,16 @@ from drivers.lines.stop_deadline import STOP_TIMES, StopTimes
 from drivers.load_frames.modbus.bus.link import ModbusLink
 from drivers.load_frames.modbus.commands import LoadFrameCommands
 from drivers.load_frames.modbus.find import FINDER
+from drivers.load_frames.modbus.guard import GUARD
 from drivers.load_frames.modbus.registers.map import RegisterMap, load_map
 from drivers.load_frames.modbus.registers.mapped_device import MappedDevice
 from drivers.load_frames.modbus.registers.registers import Number
-from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
+from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings, cautions
 from drivers.registry import DriverSpec
 
 
 class ModbusLoadFrame:
-    """A `LoadFrame` on Modbus; construct it with `open_frame`.
+    """A `LoadFrame` on Modbus; to construct this class, call `open_frame`.
 
     Parameters
     ----------
@@ -25,8 +26,8 @@ class ModbusLoadFrame:
     context : OpenContext
     register_map : RegisterMap
     work, safety : MappedDevice
-        Both reach the same machine. `safety` is for `hold`, which nothing else may delay: it has its own
-        connection or, if there is only one connection, priority on it.
+        Two ways to the registers of the same machine. `safety` is used for `hold`, which no other request may
+        delay. `safety` has a connection of its own, or its requests go first on the shared connection.
     hold_times : StopTimes
     """
 
@@ -56,17 +57,18 @@ class ModbusLoadFrame:
             simulated=settings.address.startswith("@"),
         )
         self._commands = LoadFrameCommands(settings, context.clock, register_map, work, safety, hold_times)
-        # the machine holds the same limits, rounded to the resolution of its registers
+        # the machine has the same limits, but rounded to the resolution of its registers
         self.limits = settings.limits
         self._prove_way_for_hold(identity)
 
     def read(self) -> LoadFrameState:
-        """Read the state in one request, then feed the machine's watchdog.
+        """Read the state of the machine, then reset the machine's watchdog.
 
         Raises
         ------
         DeviceFault
-            If the readings are stale, impossible or of another register map, or the machine was restarted.
+            If the sample counter does not increase, a value is impossible, the revision of the machine's
+            register map is different, or the machine was restarted.
         DeviceTimeout, LinkLost
             If no answer came. Every later motion is refused until a `hold` is confirmed.
         """
@@ -91,7 +93,7 @@ class ModbusLoadFrame:
         )
 
     def go_to_load(self, load_n: float, rate_n_s: float) -> None:
-        """Begin to approach a load along a ramp; `DeviceFault` beyond the limits."""
+        """Start a ramp to a load, in N; raise `DeviceFault` if the load or the rate exceeds the limits."""
         limits = self.limits
         step = f"go to {load_n:g} N at {rate_n_s:g} N/s"
         self._refuse_outside(step, load_n, limits.load_min_n, limits.load_max_n, "N")
@@ -99,7 +101,7 @@ class ModbusLoadFrame:
         self._commands.give(step, self._map.commands.go_to_load, {"load": load_n, "load_rate": rate_n_s})
 
     def go_to_displacement(self, displacement_mm: float, speed_mm_s: float) -> None:
-        """Begin to approach a crosshead position at constant speed; `DeviceFault` beyond the limits."""
+        """Start a move to a crosshead position, in mm; raise `DeviceFault` beyond the limits."""
         limits = self.limits
         step = f"go to {displacement_mm:g} mm at {speed_mm_s:g} mm/s"
         self._refuse_outside(
@@ -110,29 +112,29 @@ class ModbusLoadFrame:
         self._commands.give(step, self._map.commands.go_to_displacement, values)
 
     def tare(self) -> None:
-        """Make the present load and displacement the zero; `DeviceFault` while moving."""
+        """Set the zero points of load and displacement to the present state; refused during a motion."""
         self._commands.give("tare", self._map.commands.tare, {})
 
     def hold(self) -> None:
-        """Stop and hold position now, ahead of all other requests; repeat until the machine confirms.
+        """Send the hold command before all other requests, and repeat it until the machine confirms.
 
-        A motion command that another thread has not yet sent is not sent. The machine does not execute a
-        motion command that arrives after the hold.
+        A motion command that another thread has not yet sent is not sent any more. The machine does not
+        execute an older motion command that arrives after the hold.
 
         Raises
         ------
         DeviceTimeout
-            If the machine does not confirm before the hold's deadline.
+            If the machine does not confirm the hold before the deadline of the hold.
         """
         self._commands.hold()
 
     def close(self) -> None:
-        """Release both connections; harmless when repeated. Closing does not stop the machine."""
+        """Release all connections without stopping the machine; a repeated call has no effect."""
         self._work.close()
         self._safety.close()
 
     def _prove_way_for_hold(self, identity: dict[str, Number]) -> None:
-        step, alone = "prove the way for hold", "set connections = 1 if the machine takes only one"
+        step, alone = "check the connection for hold", "set connections to the number that the machine takes"
         try:
             found = self._safety.identify(step)
         except (DeviceTimeout, LinkLost) as error:
@@ -157,7 +159,7 @@ class ModbusLoadFrame:
 def open_frame(
     settings: ModbusLoadFrameSettings, context: OpenContext, hold_times: StopTimes = STOP_TIMES
 ) -> ModbusLoadFrame:
-    """Connect, identify the machine, write its limits and read them back; nothing moves.
+    """Connect, identify the machine, write its limits and read them back; no motion is started.
 
     Raises
     ------
@@ -167,8 +169,8 @@ def open_frame(
         If the register map has mistakes.
     """
     register_map = load_map(settings.map)
-    place = settings.place(resolve_address(settings.address, context))
-    shared = place.rtu or settings.connections == 1
+    place = settings.place(resolve_address(settings.address, context), context.relay)
+    shared = place.rtu or settings.connections - (1 if context.guarded else 0) < 2
     name = f"{context.name} ({place.text})"
     links = [
         ModbusLink(name, place, settings.unit, settings.reply_timeout_s, hold_times.answer_s)
@@ -183,4 +185,11 @@ def open_frame(
         raise
 
 
-SPEC = DriverSpec(kind="load_frame", settings=ModbusLoadFrameSettings, open=open_frame, find=FINDER)
+SPEC = DriverSpec(
+    kind="load_frame",
+    settings=ModbusLoadFrameSettings,
+    open=open_frame,
+    find=FINDER,
+    guard=GUARD,
+    cautions=cautions,
+)

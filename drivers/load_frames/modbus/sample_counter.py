@@ -1,19 +1,23 @@
-"""Check by the machine's sample counter that a reading is new."""
+"""Check with the machine's sample counter that a reading is new."""
 
 WIDE = 2**32
 GOES_ROUND_S = 10.0
-"""Longest time between readings in which a 16-bit counter still shows a restart: half a turn at 3 kHz."""
+"""If more seconds than this pass between two readings, a 16-bit counter does not show a restart of the
+machine.
+
+A machine with 3000 samples per second counts about half of the 16-bit range in this time.
+"""
 
 
 class Freshness:
-    """Memory of a sample counter.
+    """Check that the machine's sample counter increases from reading to reading.
 
     Parameters
     ----------
     stale_after_s : float
-        How long the counter may stand still.
+        Longest time, in seconds, for which the counter may have the same value.
     modulus : int
-        The counter wraps to 0 at this value.
+        Number of values of the counter; after the largest value the counter continues at 0.
     """
 
     def __init__(self, stale_after_s: float, modulus: int) -> None:
@@ -25,15 +29,15 @@ class Freshness:
         self._restarted = False
 
     def check(self, sample: int, now_s: float) -> None:
-        """Compare a reading's counter with the last one.
+        """Compare the sample counter of a reading with the counter of the previous reading.
 
         Raises
         ------
         ValueError
-            If the counter stands still too long, or has gone back. After a step back, which means a restart
-            of the machine, every later check fails.
+            If the counter has the same value for too long, or has decreased. A decrease means that the
+            machine was restarted; every later check then fails too.
         """
-        # No readings while the operator works at the grid: a 16-bit counter can wrap in that time.
+        # While the operator attaches the grid there are no readings, and a 16-bit counter can wrap.
         unread = self._modulus < WIDE and now_s - self._checked_s > GOES_ROUND_S
         self._checked_s = now_s
         if self._sample is None or (unread and sample != self._sample and not self._restarted):

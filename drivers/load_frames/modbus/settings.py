@@ -1,4 +1,4 @@
-"""Rig-file settings of a Modbus load frame."""
+"""Rig-file settings of a load frame on Modbus."""
 
 from typing import Literal, Self
 
@@ -8,43 +8,49 @@ from drivers.errors import ConfigurationError
 from drivers.interfaces import LoadFrameLimits
 from drivers.load_frames.modbus.bus.address import SERIAL_UNITS, ModbusAddress, address_mistake
 from drivers.load_frames.modbus.registers.map import load_map
-from drivers.settings import Settings
+from drivers.settings import LONGEST_PATH, Settings
 
 
 class ModbusLoadFrameSettings(Settings):
-    """Address, limits and times of a load frame.
+    """Address, limits and times of a load frame, as given in the rig file.
 
     Attributes
     ----------
     address : str
-        ``host:port`` for Modbus TCP, ``rtu://host:port`` for a gateway of RTU frames over TCP, the path
-        of a serial port for Modbus RTU, or ``@name`` of a simulated rig's server.
+        Address of the machine: ``host:port`` for Modbus TCP, ``rtu://host:port`` for a gateway that passes
+        RTU frames over TCP, the path of a serial port for Modbus RTU, or ``@name`` for a server of the
+        simulated rig.
     baud : int
     parity : str
     stop_bits : int
-        Only for a serial port; the defaults are those of the specification.
+        Settings of a serial port. The defaults are the defaults of the Modbus specification.
     map : str
-        A shipped register map's name, or the path of a map.
+        Name of a register map in this package, or path of a register map.
     unit : int
-        Modbus unit identifier.
+        Modbus unit identifier of the machine.
     connections : int
-        Over TCP: 2, so that a hold has its own connection, or 1 if the machine accepts only one.
+        Number of Modbus TCP connections that the machine accepts. With 3, ordinary requests, hold commands
+        and the guardian process each have a connection. With 2 and a guardian, ordinary requests and hold
+        commands share a connection, and a hold command goes first. With 1, a guardian owns the connection and
+        passes all requests.
     load_min_n, load_max_n, displacement_min_mm, displacement_max_mm : float
     speed_max_mm_s, load_rate_max_n_s : float
-        Limits, also written to the machine and read back.
+        Limits of load, displacement, speed and load rate, also written to the machine and read back.
     watchdog_s : float
-        A moving machine holds by itself if it is not read for this time; 0 switches the watchdog off.
+        A moving machine stops and holds if the program does not read it for this time, in seconds.
+    watchdog : str, optional
+        ``off: REASON`` switches the watchdog off, for a reason that every plan and every start repeats.
     stale_after_s : float
-        Readings whose sample counter has stood still for longer are refused.
+        A reading is refused if the sample counter has not increased for longer than this time, in seconds.
     reply_timeout_s : float
-        Time limit for an answer; for a hold 1 s at most.
+        Longest wait for an answer, in seconds; for a hold command the wait is 1 s at most.
     """
 
-    address: str
+    address: str = Field(max_length=LONGEST_PATH)
     baud: int = Field(default=19_200, ge=300, le=4_000_000)
     parity: Literal["N", "E", "O"] = "E"
     stop_bits: Literal[1, 2] = 1
-    connections: Literal[1, 2] = 2
+    connections: Literal[1, 2, 3] = 3
     map: str = "generic"
     unit: int = Field(default=1, ge=0, le=255)
     load_min_n: float = -100.0
@@ -54,8 +60,9 @@ class ModbusLoadFrameSettings(Settings):
     speed_max_mm_s: float = Field(default=1.0, gt=0)
     load_rate_max_n_s: float = Field(default=1000.0, gt=0)
     watchdog_s: float = Field(default=2.0, ge=0, le=60)
+    watchdog: str | None = None
     stale_after_s: float = Field(default=0.5, gt=0)
-    reply_timeout_s: float = Field(default=1.0, gt=0, le=60)
+    reply_timeout_s: float = Field(default=0.25, gt=0, le=60)
 
     @field_validator("address")
     @classmethod
@@ -67,7 +74,7 @@ class ModbusLoadFrameSettings(Settings):
     @field_validator("map")
     @classmethod
     def _sound(cls, name: str) -> str:
-        # checked here, so that mistakes of the map are reported with all others before a device is opened
+        # load the register map here, so that its mistakes are reported before a device is opened
         try:
             load_map(name)
         except ConfigurationError as error:
@@ -82,10 +89,24 @@ class ModbusLoadFrameSettings(Settings):
             raise ValueError(f"{', '.join(sorted(line))} belong to a serial port; remove them")
         if place.rtu and "connections" in self.model_fields_set:
             raise ValueError(
-                "connections belong to Modbus TCP; remove them: a line is one, and a hold goes first"
+                "`connections` is for Modbus TCP only; remove it: on a serial line a hold goes first anyway"
             )
         if place.rtu and self.unit not in SERIAL_UNITS:
-            raise ValueError("a unit from 1 to 247 is expected on a serial line: nobody answers a broadcast")
+            raise ValueError("a unit from 1 to 247 is expected on a serial line: broadcasts have no answer")
+        return self
+
+    @model_validator(mode="after")
+    def _watched(self) -> Self:
+        if self.watchdog is None:
+            if self.watchdog_s == 0:
+                raise ValueError(
+                    "watchdog_s = 0 would switch the watchdog off: give a time such as 2.0, or say why it "
+                    'is off with watchdog = "off: REASON" instead'
+                )
+        elif not self.watchdog_off:
+            raise ValueError('watchdog: "off: REASON" is expected; a time belongs into watchdog_s')
+        elif "watchdog_s" in self.model_fields_set:
+            raise ValueError("watchdog_s belongs to a watchdog that is on; remove watchdog_s or watchdog")
         return self
 
     @model_validator(mode="after")
@@ -94,13 +115,25 @@ class ModbusLoadFrameSettings(Settings):
             raise ValueError("every minimum must be below its maximum")
         return self
 
-    def place(self, address: str) -> ModbusAddress:
-        """The machine's address, after ``@name`` was looked up."""
-        return ModbusAddress(address, self.baud, self.parity, self.stop_bits)
+    def place(self, address: str, relay: str = "") -> ModbusAddress:
+        """Return the machine's address with the settings of its line and the relay; `address` must not be
+        ``@name``."""
+        return ModbusAddress(address, self.baud, self.parity, self.stop_bits, relay)
+
+    @property
+    def watchdog_off(self) -> str:
+        """The reason why the watchdog is off; empty if it is on."""
+        word, _, reason = (self.watchdog or "").partition(":")
+        return reason.strip() if word.strip() == "off" else ""
+
+    @property
+    def watchdog_timeout_s(self) -> float:
+        """The time that is written to the machine; 0 switches the watchdog off."""
+        return 0.0 if self.watchdog_off else self.watchdog_s
 
     @property
     def limits(self) -> LoadFrameLimits:
-        """The limits as one value."""
+        """All limits of the machine in one object."""
         return LoadFrameLimits(
             load_min_n=self.load_min_n,
             load_max_n=self.load_max_n,
@@ -112,7 +145,7 @@ class ModbusLoadFrameSettings(Settings):
 
     @property
     def limits_by_register(self) -> dict[str, float]:
-        """The limits by their names in a register map."""
+        """All limits of the machine, keyed by their names in a register map."""
         return {
             "load_min": self.load_min_n,
             "load_max": self.load_max_n,
@@ -121,3 +154,13 @@ class ModbusLoadFrameSettings(Settings):
             "speed_max": self.speed_max_mm_s,
             "load_rate_max": self.load_rate_max_n_s,
         }
+
+
+def cautions(settings: ModbusLoadFrameSettings) -> list[str]:
+    """Return one sentence for each dangerous setting."""
+    if not settings.watchdog_off:
+        return []
+    return [
+        f"the machine's own watchdog is off ({settings.watchdog_off}): if this computer hangs or its network "
+        "fails, a motion goes on until the emergency stop is pressed"
+    ]

@@ -1,1 +1,1 @@
-"""Newport ESP301 motion controllers."""
+"""Driver for rotation stages on Newport ESP301 motion controllers."""

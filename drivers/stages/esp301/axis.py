@@ -12,15 +12,16 @@ T = TypeVar("T")
 
 
 class EspAxis:
-    """An axis, and the effect of its errors on the reference position.
+    """One axis of the controller; its errors are recorded, because they can make the reference position
+    invalid.
 
     Parameters
     ----------
     port : EspPort
     number : int
-        1 to 3.
+        Number of the axis on the controller, 1 to 3.
     reference : Reference
-        Records every error that means failed motion.
+        Object that records every error that means a failed motion.
     """
 
     def __init__(self, port: EspPort, number: int, reference: Reference) -> None:
@@ -29,16 +30,16 @@ class EspAxis:
         self._reference = reference
 
     def ask(self, question: str, read: Callable[[str], T]) -> T:
-        """Ask a question that is harmless when repeated."""
+        """Ask a question and return the answer; the question may be repeated."""
         return self._port.ask(f"{self.number}{question}", read)
 
     def tell(self, command: str, step: str, permit: Callable[[], None] | None = None) -> None:
-        """Send a command once if `permit` allows it; `DeviceFault` if the controller refuses the command."""
+        """Send a command once; raise `DeviceFault` if the controller refuses the command."""
         self._port.send(f"{self.number}{command}", permit)
         try:
             errors = self.take_errors(after_command=True)
         except DeviceTimeout:
-            return  # the state of the stage shows later whether it executed the command
+            return  # whether the command was executed is seen later, when the state of the stage is read
         if refused := [str(error) for error in errors if error.axis in (0, self.number)]:
             raise DeviceFault(
                 self._port.name,
@@ -49,7 +50,10 @@ class EspAxis:
             )
 
     def take_errors(self, *, after_command: bool = False) -> list[QueuedError]:
-        """Empty the error queue and record errors of failed motion: an error can be read only once."""
+        """Return all errors from the error queue, and record those that mean a failed motion.
+
+        Reading an error removes it from the queue.
+        """
         errors = []
         for _ in range(QUEUE_DEPTH + 1):
             error = self._oldest_error()

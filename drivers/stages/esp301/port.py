@@ -1,8 +1,8 @@
-"""A serial port with a Newport ESP301 behind it.
+"""Serial port to which a Newport ESP301 is connected.
 
-Answers have no number, but come in the order of the questions. So after a missing or unexpected answer the
-driver asks for the controller's version and discards everything before the version. A command without an
-answer, such as a stop, is sent without waiting for pending answers.
+The controller's answers have no number, but come in the order of the questions. Therefore, after a missing or
+unexpected answer, the driver asks for the controller's version and discards all answers that come before the
+version. A command without an answer, such as a stop, is sent without waiting for other answers.
 """
 
 from collections.abc import Callable, Iterator
@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from drivers.clock import SystemClock
 from drivers.errors import DeviceTimeout
-from drivers.lines.channel import CHANNEL_ERRORS, OvertakenError
+from drivers.lines.channel import CHANNEL_ERRORS, Channel, OvertakenError
 from drivers.lines.request_turn import Turn
 from drivers.stages.esp301.protocol import END, MODEL
 from drivers.stages.port import StagePort
@@ -24,14 +24,22 @@ T = TypeVar("T")
 
 
 class EspPort(StagePort):
-    """An exclusively opened port; its methods may be called from any thread."""
+    """A port to an ESP301 that only this program may open; any thread may call the methods."""
 
-    def __init__(self, baud: int, name: str, url: str, reply_timeout_s: float) -> None:
-        super().__init__(name, url, baud, reply_timeout_s)
+    def __init__(
+        self,
+        baud: int,
+        name: str,
+        url: str,
+        reply_timeout_s: float,
+        relay: str = "",
+        channel: Channel | None = None,
+    ) -> None:
+        super().__init__(name, url, baud, reply_timeout_s, relay, channel)
         self._clock = SystemClock()
         self._turn = Turn()
         self._buffer = b""
-        # an earlier program may have left answers on the line
+        # answers to the questions of an earlier program may still arrive
         self._suspect = True
         self.version = ""
 
@@ -42,27 +50,26 @@ class EspPort(StagePort):
         ----------
         command : str
         permit : callable, optional
-            Called just before the bytes are sent, while no other thread can write; raises to prevent sending.
+            Function that is called just before the bytes are sent; if the function raises, nothing is sent.
 
         Raises
         ------
         LinkLost
-            If the port is gone.
+            If the connection to the controller is lost.
         """
         with self._write_lock:
             self._write(command.encode("ascii") + END, command, permit)
 
     def ask(self, question: str, read: Callable[[str], T], attempts: int = ATTEMPTS) -> T:
-        """Ask and return the answer; ask again if the answer is missing or `read` rejects it.
+        """Ask a question and return the answer; repeat the question if no valid answer comes.
 
         Parameters
         ----------
         question : str
         read : callable
-            Turns a line into a value; raises `ValueError` if the line cannot be the answer.
+            ``read(line)`` returns the value in a line, or raises `ValueError` if the line is not the answer.
         attempts : int
-            1 if the caller must know of every lost answer. A question interrupted by a stop is always
-            repeated.
+            Largest number of attempts. A question that a stop interrupted is repeated in any case.
 
         Raises
         ------
@@ -81,14 +88,15 @@ class EspPort(StagePort):
                     raise
 
     def ask_first(self, question: str, read: Callable[[str], T], at_most_s: float) -> T:
-        """Ask before all waiting questions, and prove that the answer belongs to this question.
+        """Ask a question before all waiting questions, and check that the answer belongs to this question.
 
         Parameters
         ----------
         question : str
         read : callable
+            ``read(line)`` returns the value in a line, or raises `ValueError` if the line is not the answer.
         at_most_s : float
-            Upper limit of the wait for an answer, even if the reply timeout is longer.
+            Upper limit of the wait for an answer, in seconds, even if the reply timeout is longer.
 
         Raises
         ------
@@ -102,7 +110,7 @@ class EspPort(StagePort):
             return answer
 
     def close(self) -> None:
-        """Release the port; harmless when repeated."""
+        """Release the port; a repeated call has no effect."""
         with self._turn.urgent():
             self._lost = self._lost or "the port was closed"
             self._channel.close()
@@ -121,7 +129,7 @@ class EspPort(StagePort):
             answer = read(line)
         except ValueError as error:
             raise self._timeout(question, timeout_s, str(error)[:SHOWN_MAX]) from None
-        # a repeated identical line is harmless; two different lines are ambiguous
+        # a second, identical answer does no harm; of two different answers nobody knows the right one
         for other in self._buffer.split(b"\n")[:-1]:
             if _text(other) != line:
                 raise self._timeout(question, timeout_s, f"{line!r} and {_text(other)[:SHOWN_MAX]!r}")
@@ -130,7 +138,7 @@ class EspPort(StagePort):
 
     @contextmanager
     def _losing(self, question: str) -> Iterator[None]:
-        """Raise `LinkLost` if the channel fails, and on every later use."""
+        """Raise `LinkLost` if the channel fails now or has failed before."""
         if self._lost is not None:
             raise self._link_lost(question)
         try:
@@ -140,7 +148,7 @@ class EspPort(StagePort):
             raise self._link_lost(question) from error
 
     def _resynchronise(self, wake: int | None, timeout_s: float) -> None:
-        """Ask for the version and discard everything before it."""
+        """Ask for the controller's version and discard all lines before the version."""
         self.send("VE?")
         deadline_s = self._clock.now_s() + timeout_s
         while True:
@@ -150,7 +158,8 @@ class EspPort(StagePort):
                 return
 
     def _prove(self, answer: str, timeout_s: float) -> None:
-        """Ask for the version, which must be the next line; another line means that `answer` was late."""
+        """Check that `answer` belongs to the latest question: ask for the version, which must be the next
+        line."""
         self._suspect = True
         self.send("VE?")
         deadline_s = self._clock.now_s() + timeout_s
@@ -161,7 +170,7 @@ class EspPort(StagePort):
         self._suspect = False
 
     def _line(self, question: str, wake: int | None, timeout_s: float, deadline_s: float) -> str:
-        """Wait for a complete line, or take a buffered line before the deadline."""
+        """Return the next complete line, from the buffer or from the channel; raise after the deadline."""
         while b"\n" not in self._buffer:
             data = self._channel.receive(deadline_s, wake)
             if not data or len(self._buffer) > LINE_MAX:

@@ -1,8 +1,9 @@
-"""Newport ESP301 messages: meaning of answers and errors; bytes and texts only, no port.
+"""Meaning of the answers and errors of a Newport ESP301; this module does not use the port.
 
-A command is an axis number, two letters and a value, ended by CR; ``?`` asks. There are no ids and no
-checksums, and a command is not acknowledged: errors wait in a queue, ten deep, that ``TB?`` empties.
-Source: Newport ESP301 User's Manual, command set, and appendix on error messages.
+A command is an axis number, two letters and a value, and ends with CR (carriage return). A question ends with
+``?``. Messages have no ids and no checksums, and the controller sends no answer to a command. Errors wait in
+a queue of ten entries; the question ``TB?`` returns and removes the oldest error. Source: Newport ESP301
+User's Manual, command set, and appendix on error messages.
 """
 
 import re
@@ -14,17 +15,18 @@ END = b"\r"
 MODEL = re.compile(r"(?P<model>ESP30\w) +[Vv]ersion +(?P<firmware>\S+).*")
 _ERROR = re.compile(r"(?P<code>\d+) *, *(?P<stamp>\d+) *, *(?P<text>.*)")
 
-# A command arrived that the controller does not understand: noise on the line, not a fault of the stage.
+# Errors for a command that the controller does not understand: the cause is noise on the line, not the stage.
 MISUNDERSTOOD = frozenset({6, 7, 9, 37, 38})
 NOT_OF_AN_AXIS = 100
 
-# Axis errors (code minus 100 times the axis number) that only mean that a command was not accepted. After
-# every other axis error the last motion has failed or cannot be trusted.
+# Axis errors (code minus 100 times the axis number) which only mean that a command was not accepted. After
+# every other axis error, the last motion has failed or may not have reached its target.
 NOT_TAKEN = frozenset({1, 10, 11, 15, 16, 17, 24, 25, 26, 27, 28, 30, 31, 32})
-# Errors that may mean a refused command: software limit, motor off. They can also occur in motion.
+# Errors that may mean a refused command (software limit, motor off). These errors can also occur in motion.
 PERHAPS_NOT_TAKEN = frozenset({6, 7, 13})
 
-# Bits of the software limits' configuration, ``ZS``: limits watched; motor switched off or stopped.
+# Bits of ``ZS``, the configuration of the software limits: bit 0 watches the limits; bit 1 or 2 stops the
+# motor.
 LIMITS_WATCHED = 1 << 0
 LIMITS_ACTED_ON = 1 << 1 | 1 << 2
 
@@ -38,25 +40,25 @@ class QueuedError:
 
     @property
     def axis(self) -> int:
-        """The axis of the error; 0 for the controller."""
+        """Number of the axis that has the error; 0 for the controller."""
         return self.code // NOT_OF_AN_AXIS
 
     def __str__(self) -> str:
         return f"error {self.code} ({self.text.lower()})"
 
     def fails(self, axis: int) -> bool:
-        """Whether the error means that the last motion of `axis` failed."""
+        """Return whether the error means that the last motion of `axis` failed."""
         if self.axis == 0:
             return self.code not in (0, *MISUNDERSTOOD)
         return self.axis == axis and self.code % NOT_OF_AN_AXIS not in NOT_TAKEN
 
     def may_refuse(self, axis: int) -> bool:
-        """Whether the error may only mean a refused command to `axis`; the earlier motion is intact."""
+        """Return whether the error may only mean that `axis` refused a command."""
         return self.axis == axis and self.code % NOT_OF_AN_AXIS in PERHAPS_NOT_TAKEN
 
 
 def read_error(line: str) -> QueuedError:
-    """Read the answer to ``TB?``; `ValueError` if the line is not such an answer."""
+    """Return the error in the answer to ``TB?``; raise `ValueError` if the line is no such answer."""
     match = _ERROR.fullmatch(line)
     if match is None:
         raise ValueError(f"{line!r} instead of an error's code, time and text")
@@ -64,14 +66,14 @@ def read_error(line: str) -> QueuedError:
 
 
 def read_number(line: str) -> float:
-    """Read a number; `ValueError` if the line is not a number."""
+    """Return the number in a line; raise `ValueError` if the line is not a number."""
     if re.fullmatch(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?", line) is None:
         raise ValueError(f"{line!r} instead of a number")
     return float(line)
 
 
 def read_bits(line: str) -> int:
-    """Read a hexadecimal number such as ``5H``; `ValueError` for any other line."""
+    """Return the value of a hexadecimal number such as ``5H``; raise `ValueError` for any other line."""
     match = re.fullmatch(r"([0-9A-F]+)H?", line)
     if match is None:
         raise ValueError(f"{line!r} instead of a hexadecimal number")
@@ -79,14 +81,14 @@ def read_bits(line: str) -> int:
 
 
 def read_name(line: str) -> str:
-    """Read the identity of a stage; `ValueError` if the line is the version of the controller."""
+    """Return the identity of a stage; raise `ValueError` if the line is the version of the controller."""
     if MODEL.fullmatch(line):
         raise ValueError(f"{line!r} instead of a stage's name")
     return line
 
 
 def read_switch(line: str) -> bool:
-    """Read 0 or 1; `ValueError` for any other line."""
+    """Return False for the line ``0`` and True for ``1``; raise `ValueError` for any other line."""
     if line not in ("0", "1"):
         raise ValueError(f"{line!r} instead of 0 or 1")
     return line == "1"

@@ -1,7 +1,7 @@
-"""Memory of the reference position: an ESP301 does not report whether a stage has a reference.
+"""Record of the reference position, because an ESP301 does not report whether a stage has a reference.
 
-Only a home search by this program counts, and only as long as the motor stays on. A reset, a power cut and an
-emergency stop all switch the motor off.
+A stage has a reference only after a home search by this program, and only while the motor stays on. A reset,
+a power cut and an emergency stop all switch the motor off.
 """
 
 import threading
@@ -10,7 +10,7 @@ MOTOR_OFF = "motor off"
 
 
 class Reference:
-    """Observations of the stage so far; may be used from any thread."""
+    """Record of the home searches and failed motions of a stage; any thread may use this object."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -20,19 +20,19 @@ class Reference:
         self._failure = ""
 
     def acknowledge(self) -> None:
-        """Forget the failure, and the reference."""
+        """Delete the recorded failures and the reference, before a new home search."""
         with self._lock:
             self._failure = ""
             self._found = self._seeking = False
 
     def motor_is_on(self) -> None:
-        """Record that the motor is on; if it is off later, this is a failure."""
+        """Record that the motor was switched on; if the motor is found off later, this is a failure."""
         with self._lock:
             self._on = True
 
     @property
     def seeking(self) -> bool:
-        """Whether a home search is under way according to the last observation."""
+        """True if a home search was started and its end was not yet observed."""
         return self._seeking
 
     def seek(self) -> None:
@@ -41,35 +41,36 @@ class Reference:
             self._seeking = True
 
     def break_off(self) -> None:
-        """Record that the result of a running home search cannot be trusted."""
+        """Record that a home search was interrupted, so that it gives no valid reference position."""
         with self._lock:
             self._seeking = False
 
     def forget(self) -> None:
-        """Record that the position cannot be trusted."""
+        """Record that the stage has no valid reference any more."""
         with self._lock:
             self._found = self._seeking = False
 
     def fail(self, failure: str) -> None:
-        """Record the cause of a failed motion."""
+        """Record that a motion failed, and the cause of the failure."""
         with self._lock:
             self._fail(failure)
 
     def see(self, *, on: bool, ended: bool) -> tuple[bool, str]:
-        """Record a reading.
+        """Record a reading of the stage, and return whether the stage has a reference.
 
         Parameters
         ----------
         on : bool
-            Whether the motor is on.
+            True if the motor is on.
         ended : bool
-            Whether a home search was under way before the reading, and the stage stands in the reading.
+            True if a home search was under way before the reading, and the stage now stands still.
 
         Returns
         -------
         referenced : bool
+            True if the stage has a valid reference.
         failure : str
-            Causes of failed motion since the last acknowledgement; empty if there are none.
+            Causes of all failed motions since the last call of `acknowledge`; empty if no motion failed.
         """
         with self._lock:
             if self._on and not on:

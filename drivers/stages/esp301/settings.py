@@ -6,18 +6,20 @@ from drivers.stages.settings import StageSettings
 
 
 class EspSettings(StageSettings):
-    """Line, axis and home search, in addition to the settings of all stages.
+    """Baud rate, axis and home search, in addition to the settings of all stages.
 
     Attributes
     ----------
     baud : int
-        921600 on an ESP301; an ESP300 has 19200.
+        Baud rate of the serial line: 921600 for an ESP301, 19200 for an ESP300.
     axis : int
+        Number of the axis on the controller.
     home_mode : int, optional
-        The value of ``OR``: the signals that the home search looks for. By default the controller's own mode.
-        0 is refused: this home search looks for no signal and moves to the counter value 0.
+        Value of the command ``OR``, which selects the signals for the home search. The default is the mode
+        stored in the controller. Mode 0 is refused, because mode 0 looks for no signal and moves to the
+        counter value 0.
     tolerance_deg : float
-        A stage within this distance of its target has arrived.
+        Largest distance from the target, in degrees, at which the stage counts as arrived.
     """
 
     baud: int = Field(default=921_600, ge=300, le=4_000_000)

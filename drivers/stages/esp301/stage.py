@@ -1,4 +1,4 @@
-"""Rotation stage on a Newport ESP301 (or ESP300, ESP302) motion controller."""
+"""Driver for a rotation stage on a Newport ESP301, ESP300 or ESP302 motion controller."""
 
 from collections.abc import Callable
 from functools import partial
@@ -9,6 +9,7 @@ from drivers.lines.stop_deadline import STOP_TIMES, StopTimes
 from drivers.registry import DriverSpec
 from drivers.stages.esp301.axis import EspAxis
 from drivers.stages.esp301.find import FINDER
+from drivers.stages.esp301.guard import GUARD, identity, stop_once
 from drivers.stages.esp301.port import EspPort
 from drivers.stages.esp301.protocol import (
     DEGREES,
@@ -27,23 +28,26 @@ from drivers.stages.guarded import GuardedStage, set_up
 POLL_S = 0.02
 START_POLLS = 5
 POSITION_ATTEMPTS = 3
-# The controller rounds settings to encoder counts.
+TARGET_ATTEMPTS = 2
+# Largest difference on reading back, because the controller rounds settings to encoder counts.
 SETTING_TOLERANCE = 1e-3
 
 
 class EspStage(GuardedStage[EspPort]):
-    """A `RotationStage` on an ESP301; construct it with `open_stage`."""
+    """A `RotationStage` on an ESP301; to construct this class, call `open_stage`."""
 
     def __init__(self, settings: EspSettings, context: OpenContext, stop_times: StopTimes) -> None:
         super().__init__(partial(EspPort, settings.baud), settings, context, stop_times)
         self._settings = settings
         self._reference = Reference()
+        self._target_deg: float | None = None
         self._axis = EspAxis(self._port, settings.axis, self._reference)
 
     def set_up(self) -> None:
-        """Identify controller and stage, write limits and speed; nothing moves."""
+        """Identify controller and stage, and write limits and speed; no motion is started."""
         self._axis.take_errors()
-        # earlier errors do not belong to this program; a stage without reference does not move anyway
+        # ignore errors from before this program started: the driver refuses motion until a home search in any
+        # case
         self._reference.acknowledge()
         found = MODEL.fullmatch(self._port.version)
         self._identity = self._axis.ask("ID?", read_name)
@@ -59,27 +63,28 @@ class EspStage(GuardedStage[EspPort]):
         self._configure()
 
     def read(self) -> StageState:
-        """Ask for position and status.
+        """Return position and status of the stage.
 
         Raises
         ------
         DeviceFault
-            If motion failed or the motor was switched off; the fault stays until `home` acknowledges it.
+            If a motion failed or the motor was switched off. The fault remains until `home` is called.
         DeviceTimeout, LinkLost
         """
         sought = self._reference.seeking
         angle_deg, moving = self._position()
         on = self._axis.ask("MO?", read_switch)
-        # answers to TB? have a unique format: this one proves that no earlier answer was out of order
+        # only the answer to TB? has this format: a valid answer proves that all answers came in order
         errors = self._axis.take_errors()
         referenced, failure = self._reference.see(on=on, ended=sought and not moving)
         if failure:
             raise self._fault("read position", "no fault", failure, "remove the cause, then home the stage")
         warnings = [str(error) for error in errors] + ([] if on else [MOTOR_OFF])
-        return StageState(angle_deg, moving, referenced, tuple(warnings), self._clock.now_s())
+        self._notice_another_target()
+        return self._judged(StageState(angle_deg, moving, referenced, tuple(warnings), self._clock.now_s()))
 
     def home(self) -> None:
-        """Acknowledge past faults, switch the motor on and begin to find the reference position."""
+        """Clear recorded failures, switch the motor on and start the search for the reference position."""
         permit = self._unless_stopped("home")
         self._require_standing(not self._axis.ask("MD?", read_switch), "home")
         self._axis.take_errors()
@@ -88,8 +93,11 @@ class EspStage(GuardedStage[EspPort]):
         if not self._axis.ask("MO?", read_switch):
             raise self._fault("home", "a motor that is on", MOTOR_OFF, "check emergency stop and interlock")
         self._reference.motor_is_on()
-        self._axis.tell(f"OR{self._home_mode}", "home", permit)
-        self._confirm_start("home", None, permit)
+        self._own_motion.acknowledge()
+        self._target_deg = None
+        with self._commanding():
+            self._axis.tell(f"OR{self._home_mode}", "home", permit)
+            self._confirm_start("home", None, permit)
         with self._stop_lock:
             permit()
             self._reference.seek()
@@ -98,21 +106,36 @@ class EspStage(GuardedStage[EspPort]):
         self._refuse_forgotten_limits(step)
         self._axis.tell(f"PA{angle_deg:.5f}", step, permit)
         self._confirm_start(step, angle_deg, permit)
+        with self._stop_lock:
+            permit()
+            self._target_deg = angle_deg
+
+    def _notice_another_target(self) -> None:
+        """Compare the controller's target with that of this program, twice: answers have no checksum."""
+        for _ in range(TARGET_ATTEMPTS):
+            # a stop at any time makes the target meaningless
+            if (target_deg := self._target_deg) is None:
+                return
+            got_deg = self._axis.ask("PA?", read_number)
+            if abs(got_deg - target_deg) <= self._settings.tolerance_deg:
+                return
+        if self._target_deg is not None:
+            self._own_motion.note(f"the target {got_deg:g}°, which this program did not command")
 
     def _try_to_stop(self, port: EspPort) -> str:
-        port.send(f"{self._axis.number}ST")
-        stands = port.ask_first(f"{self._axis.number}MD?", read_switch, self._stop_times.answer_s)
-        return "" if stands else "a stage in motion"
+        return stop_once(self._axis.number, port, self._stop_times.answer_s)
 
     def _stranger(self, port: EspPort) -> str:
-        identity = port.ask_first(f"{self._axis.number}ID?", read_name, self._stop_times.answer_s)
-        return "" if identity == self._identity else f"the stage {identity!r}"
+        found = identity(self._axis.number, port, self._stop_times.answer_s)
+        return "" if found == self._identity else f"the stage {found!r}"
 
     def _break_off_search(self) -> None:
+        self._target_deg = None
         self._reference.break_off()
 
     def _configure(self) -> None:
-        """Check the unit, write limits and speed and read them back."""
+        """Check that the controller uses degrees; write limits and speed to the controller, and read them
+        back."""
         unit = self._axis.ask("SN?", read_number)
         if unit != DEGREES:
             raise self._fault(
@@ -120,13 +143,15 @@ class EspStage(GuardedStage[EspPort]):
             )
         low, high = self._limits_deg
         limits = [("SR", high, "set right limit"), ("SL", low, "set left limit")]
-        # the lower limit never exceeds the upper limit in this order
+        # write in an order in which the lower limit never exceeds the upper limit
         if high <= self._axis.ask("SL?", read_number):
             limits.reverse()
         for name, value, step in limits:
             self._set(name, value, step)
         self._refuse_idle_limits()
         self._set_speed(self._settings.speed_deg_s)
+        if (acceleration_deg_s2 := self._settings.acceleration_deg_s2) is not None:
+            self._set_acceleration(acceleration_deg_s2)
 
     def _set_speed(self, speed_deg_s: float) -> None:
         greatest_deg_s = self._axis.ask("VU?", read_number)
@@ -135,20 +160,29 @@ class EspStage(GuardedStage[EspPort]):
             raise self._fault("set speed", expected, got, "correct speed_deg_s in the rig file")
         self._set("VA", speed_deg_s, "set speed")
 
+    def _set_acceleration(self, acceleration_deg_s2: float) -> None:
+        greatest_deg_s2 = self._axis.ask("AU?", read_number)
+        if acceleration_deg_s2 > greatest_deg_s2:
+            expected, got = f"at most {greatest_deg_s2:g}°/s²", f"{acceleration_deg_s2:g}°/s²"
+            remedy = "correct acceleration_deg_s2 in the rig file"
+            raise self._fault("set acceleration", expected, got, remedy)
+        self._set("AC", acceleration_deg_s2, "set acceleration")
+        self._set("AG", acceleration_deg_s2, "set deceleration")
+
     def _signals_to_home_by(self) -> int:
-        """Return the home mode, by default the controller's; refuse a mode that looks for no signal."""
+        """Return the home mode from the settings or the controller; refuse mode 0, which uses no signal."""
         mode = self._settings.home_mode or self._axis.ask("OM?", read_number)
         if mode < 1:
             raise self._fault(
                 "read home mode",
                 "a home search that looks for a signal (1 to 6)",
-                f"{mode:g}, which goes to where the counter is 0",
-                "set home_mode, as the stage's signals are",
+                f"{mode:g}, which moves to the counter value 0",
+                "set home_mode to match the signals of the stage",
             )
         return int(mode)
 
     def _refuse_idle_limits(self) -> None:
-        """Refuse a controller that does not enforce its software limits."""
+        """Raise `DeviceFault` if the controller does not enforce its software limits."""
         bits = self._axis.ask("ZS?", read_bits)
         if not (bits & LIMITS_WATCHED and bits & LIMITS_ACTED_ON):
             raise self._fault(
@@ -165,7 +199,7 @@ class EspStage(GuardedStage[EspPort]):
             raise self._fault(step, f"{value:g}", f"{got:g} on reading back", "check the stage's own limits")
 
     def _refuse_forgotten_limits(self, step: str) -> None:
-        """Refuse motion if the limits have changed: a controller that was reset loses the limits set here."""
+        """Raise `DeviceFault` if the controller's limits have changed, as they do after a reset."""
         for name, value in zip(("SL", "SR"), self._limits_deg, strict=True):
             got = self._axis.ask(f"{name}?", read_number)
             if abs(got - value) > SETTING_TOLERANCE:
@@ -178,7 +212,7 @@ class EspStage(GuardedStage[EspPort]):
                 )
 
     def _confirm_start(self, step: str, target_deg: float | None, permit: Callable[[], None]) -> None:
-        """Check that the stage moves, or stands at its target already."""
+        """Wait until the stage moves or stands at its target; raise `DeviceTimeout` if neither happens."""
         for _ in range(START_POLLS):
             if not self._axis.ask("MD?", read_switch):
                 return
@@ -197,9 +231,9 @@ class EspStage(GuardedStage[EspPort]):
         )
 
     def _position(self) -> tuple[float, bool]:
-        """Return the angle and whether the stage moves; read the angle of a standing stage twice.
+        """Return the angle and whether the stage moves; if the stage stands still, read the angle twice.
 
-        Answers have no checksum: a digit changed by noise cannot be detected in a single reading.
+        Answers have no checksum, so that a single reading does not show whether noise changed a digit.
         """
         for _ in range(POSITION_ATTEMPTS):
             angle_deg = self._axis.ask("TP", read_number)
@@ -216,7 +250,7 @@ class EspStage(GuardedStage[EspPort]):
 
 
 def open_stage(settings: EspSettings, context: OpenContext, stop_times: StopTimes = STOP_TIMES) -> EspStage:
-    """Open the port, identify controller and stage and write the limits; nothing moves.
+    """Open the port, identify controller and stage, and write the limits; no motion is started.
 
     Raises
     ------
@@ -226,4 +260,4 @@ def open_stage(settings: EspSettings, context: OpenContext, stop_times: StopTime
     return set_up(EspStage(settings, context, stop_times))
 
 
-SPEC = DriverSpec(kind="stage", settings=EspSettings, open=open_stage, find=FINDER)
+SPEC = DriverSpec(kind="stage", settings=EspSettings, open=open_stage, find=FINDER, guard=GUARD)

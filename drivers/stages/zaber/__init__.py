@@ -1,1 +1,1 @@
-"""Zaber stages, ASCII protocol."""
+"""Driver for Zaber rotation stages with the Zaber ASCII protocol."""

@@ -1,17 +1,20 @@
-"""A serial port with a Zaber ASCII device behind it: each answer goes to the thread that sent the request.
+"""Serial port to which Zaber devices are connected; each answer goes to the thread that sent the request.
 
-One thread reads the port and assigns every answer to its request by the id. So a stop never waits for the
-answer to another request. Only the writing of a message, a few bytes, is exclusive.
+A separate thread reads the port and assigns every answer to its request by the id of the answer. Therefore a
+stop never waits for the answer to another request. Only one thread at a time writes a message; a message has
+only a few bytes.
 """
 
 import math
 import queue
 import re
+import secrets
 import threading
+from collections import deque
 from collections.abc import Callable
 
 from drivers.clock import SystemClock
-from drivers.lines.channel import CHANNEL_ERRORS
+from drivers.lines.channel import CHANNEL_ERRORS, Channel
 from drivers.stages.port import StagePort
 from drivers.stages.zaber.protocol import IDS, DamagedLineError, Reply, decode, encode
 
@@ -24,12 +27,22 @@ Answer = Reply | DamagedLineError | None
 
 
 class ZaberPort(StagePort):
-    """An exclusively opened port; `ask` may be called from any thread."""
+    """A port to Zaber devices that only this program may open; any thread may call `ask`."""
 
-    def __init__(self, name: str, url: str, reply_timeout_s: float) -> None:
-        super().__init__(name, url, BAUD, reply_timeout_s)
+    def __init__(
+        self,
+        name: str,
+        url: str,
+        reply_timeout_s: float,
+        relay: str = "",
+        channel: Channel | None = None,
+    ) -> None:
+        super().__init__(name, url, BAUD, reply_timeout_s, relay, channel)
         self._waiting: dict[int, queue.SimpleQueue[Answer]] = {}
-        self._next_id = 0
+        # begin at a random id: two programs on one line should not use the same ids
+        self._next_id = secrets.randbelow(len(IDS))
+        self._used: deque[int] = deque(maxlen=len(IDS) // 2)
+        self.foreign = ""
         self._closing = False
         self._reader = threading.Thread(target=self._read, name=f"read {url}", daemon=True)
         self._reader.start()
@@ -49,24 +62,25 @@ class ZaberPort(StagePort):
         ----------
         address, axis : int
         command : str
-            Empty to ask for the status.
+            Command to the device; an empty command asks for the status.
         permit : callable, optional
-            Called just before the bytes are sent, while no other thread can write; raises to prevent sending.
+            Function that is called just before the bytes are sent; if the function raises, nothing is sent.
         at_most_s : float
-            Upper limit of the wait, even if the reply timeout is longer.
+            Upper limit of the wait for an answer, in seconds, even if the reply timeout is longer.
 
         Raises
         ------
         DeviceTimeout
-            If no complete answer came in time. The device may have executed the command nevertheless.
+            If no complete answer came in time. The device may still have executed the command.
         LinkLost
-            If the port is gone.
+            If the connection to the device is lost.
         """
         answers: queue.SimpleQueue[Answer] = queue.SimpleQueue()
         said, timeout_s = command or "status request", min(self._reply_timeout_s, at_most_s)
         with self._write_lock:
             id = self._next_id = next(i for i in _after(self._next_id) if i not in self._waiting)
             self._waiting[id] = answers
+            self._used.append(id)
             try:
                 self._write(encode(address, axis, id, command), said, permit)
             except BaseException:
@@ -102,18 +116,21 @@ class ZaberPort(StagePort):
         try:
             reply = decode(line)
         except DamagedLineError as damage:
-            # the id may be damaged too: the line may be the answer to any waiting request
+            # the id in a damaged line may be wrong too, so pass the error to all requests that wait for an
+            # answer
             self._tell_all(damage)
             return
         if reply is not None and (answers := self._waiting.get(reply.id)) is not None:
             answers.put(reply)
+        elif reply is not None and reply.id not in self._used:
+            self.foreign = f"an answer to another program (id {reply.id})"
 
     def _tell_all(self, answer: Answer) -> None:
         for answers in list(self._waiting.values()):
             answers.put(answer)
 
     def close(self) -> None:
-        """Release the port; harmless when repeated."""
+        """Release the port; a repeated call has no effect."""
         self._closing = True
         self._reader.join()
         self._lost = self._lost or "the port was closed"
@@ -122,5 +139,6 @@ class ZaberPort(StagePort):
 
 
 def _after(id: int) -> list[int]:
-    """Return all ids, beginning after `id`, so that an id is reused as late as possible."""
+    """Return all request ids in order, starting after `id`, so that each id is used again as late as
+    possible."""
     return [*IDS[id + 1 :], *IDS[: id + 1]]

@@ -1,15 +1,17 @@
-"""Zaber ASCII protocol, version 3: messages, checksums, flags and reject reasons; bytes only, no port.
+"""Messages, checksums, flags and rejection reasons of the Zaber ASCII protocol, version 3.
 
-Every request has an id and a checksum, so every answer must have the same id and its own checksum. Source:
-Zaber ASCII Protocol Manual (https://www.zaber.com/protocol-manual), chapters Message Format, Warning Flags
-and Rejection Reasons.
+This module does not use the port. Every request has an id and a checksum; an answer must have the id of its
+request and a checksum of its own. Source: Zaber ASCII Protocol Manual
+(https://www.zaber.com/protocol-manual), chapters Message Format, Warning Flags and Rejection Reasons.
 """
 
 import re
 from dataclasses import dataclass
 
-# A speed in a message is microsteps per second times this factor.
+# The speed value in a message is the speed in microsteps per second times this factor.
 SPEED_UNIT = 1.6384
+# An acceleration in a message is microsteps per second squared times this factor.
+ACCELERATION_UNIT = 1.6384e-4
 IDS = range(100)
 
 _REPLY = re.compile(
@@ -17,7 +19,7 @@ _REPLY = re.compile(
     r"(?P<flag>--|[A-Z0-9]{2}) (?P<data>.*)"
 )
 
-# Flags of a position counter without a reference.
+# Warning flags which mean that the stage has no reference position.
 NOT_REFERENCED = frozenset({"WR", "WH"})
 
 FLAGS = {
@@ -61,18 +63,18 @@ class DamagedLineError(ValueError):
 
 @dataclass(frozen=True)
 class Reply:
-    """An answer of the stage.
+    """An answer of a Zaber device.
 
     Attributes
     ----------
     address, axis, id : int
-        The device and axis that answered, and the id of the request.
+        Address of the device, number of the axis, and id of the request.
     accepted : bool
-        OK or RJ.
+        True if the device accepted the request (``OK``), False if the device rejected it (``RJ``).
     busy : bool
         True while the axis moves.
     flag : str
-        The most severe warning flag, or ``--``.
+        The most severe warning flag of the stage, or ``--`` without a warning.
     data : str
         The requested value, or the reason of a rejection.
     """
@@ -87,17 +89,18 @@ class Reply:
 
 
 def is_fault(flag: str) -> bool:
-    """Whether motion failed or is impossible: all fault flags of the manual, even those not listed here."""
+    """Return whether a flag means that a motion failed or is impossible; every flag that begins with F
+    does."""
     return flag.startswith("F") or flag == "WL"
 
 
 def lrc(text: str) -> str:
-    """Longitudinal redundancy check, two hexadecimal digits.
+    """Return the checksum of a message: the longitudinal redundancy check, as two hexadecimal digits.
 
     Parameters
     ----------
     text : str
-        The text between the message's first character and its colon.
+        Text of the message between its first character and the colon.
     """
     return f"{-sum(text.encode('ascii')) & 0xFF:02X}"
 
@@ -111,12 +114,12 @@ def encode(address: int, axis: int, id: int, command: str) -> bytes:
 
 
 def decode(line: bytes) -> Reply | None:
-    """Read one line from the stage, without its line end.
+    """Return the reply in one line from the stage; the line end must be removed.
 
     Returns
     -------
     Reply or None
-        None for alerts (``!``) and information (``#``), which answer nothing.
+        None for alerts (``!``) and information (``#``), which are not answers to a request.
 
     Raises
     ------
@@ -139,3 +142,8 @@ def decode(line: bytes) -> Reply | None:
         flag=match["flag"],
         data=match["data"],
     )
+
+
+def reason(reply: Reply) -> str:
+    """Return a text that explains why the device rejected a request."""
+    return f"rejection {reply.data} ({REJECTIONS.get(reply.data, 'see the manual')})"

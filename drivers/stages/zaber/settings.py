@@ -6,14 +6,15 @@ from drivers.stages.settings import StageSettings
 
 
 class ZaberSettings(StageSettings):
-    """Address and scale, in addition to the settings of all stages.
+    """Address and scale of a Zaber stage, in addition to the settings of all stages.
 
     Attributes
     ----------
     address, axis : int
-        The device in the chain and its axis.
+        Address of the device on the line, and number of its axis.
     microsteps_per_deg : float
-        From the data sheet. If the stage reports its own scale, a different value is refused.
+        Number of microsteps per degree, from the data sheet. If the stage reports its own scale, a different
+        value is refused.
     """
 
     address: int = Field(default=1, ge=1, le=99)

@@ -1,4 +1,4 @@
-"""Rotation stage in the Zaber ASCII protocol."""
+"""Driver for a rotation stage with the Zaber ASCII protocol."""
 
 from collections.abc import Callable
 
@@ -8,15 +8,17 @@ from drivers.lines.stop_deadline import STOP_TIMES, StopTimes
 from drivers.registry import DriverSpec
 from drivers.stages.guarded import GuardedStage, set_up
 from drivers.stages.zaber.find import FINDER
+from drivers.stages.zaber.guard import GUARD, foreign, serial_number, stop_once
 from drivers.stages.zaber.port import ZaberPort
 from drivers.stages.zaber.protocol import (
+    ACCELERATION_UNIT,
     FLAGS,
     NOT_REFERENCED,
-    REJECTIONS,
     SPEED_UNIT,
     UNKNOWN_COMMAND,
     Reply,
     is_fault,
+    reason,
 )
 from drivers.stages.zaber.settings import ZaberSettings
 
@@ -25,16 +27,17 @@ INTERRUPTED = "NI"
 
 
 class ZaberStage(GuardedStage[ZaberPort]):
-    """A `RotationStage` on a Zaber ASCII line; construct it with `open_stage`."""
+    """A `RotationStage` with the Zaber ASCII protocol; to construct this class, call `open_stage`."""
 
     def __init__(self, settings: ZaberSettings, context: OpenContext, stop_times: StopTimes) -> None:
         super().__init__(ZaberPort, settings, context, stop_times)
         self._settings = settings
-        # After a fault the stage may still report a valid reference; only a completed home search is trusted.
+        # After a fault the stage may still report a valid reference; the driver then requires a home search.
         self._doubted = self._seeking = False
+        self._stops_before_motion = -1
 
     def set_up(self) -> None:
-        """Identify the stage, write limits and speed; nothing moves."""
+        """Identify the stage, and write limits and speed; no motion is started."""
         self.info = DeviceInfo(
             vendor="Zaber",
             model=f"device {self._get('deviceid', axis=0)}",
@@ -43,14 +46,16 @@ class ZaberStage(GuardedStage[ZaberPort]):
             simulated=self._settings.port.startswith("@"),
         )
         self._configure()
+        # answers to an earlier program may have been on the line
+        self._port.foreign = ""
 
     def read(self) -> StageState:
-        """Ask for position and status.
+        """Return position and status of the stage.
 
         Raises
         ------
         DeviceFault
-            If a flag reports failed motion; the fault stays until `home` acknowledges it.
+            If a flag reports that a motion failed. The flag remains until `home` is called.
         """
         seeking = self._seeking
         reply = self._query("get pos", "read position")
@@ -64,16 +69,22 @@ class ZaberStage(GuardedStage[ZaberPort]):
         if faults:
             got = ", ".join(f"{FLAGS.get(flag, 'a fault')} ({flag})" for flag in faults)
             raise self._fault("read position", "no fault", got, "remove the cause, then home the stage")
-        return StageState(
-            angle_deg=self._integer(reply) / self._settings.microsteps_per_deg,
-            moving=reply.busy,
-            homed=not (self._doubted or NOT_REFERENCED.intersection(flags)),
-            warnings=flags,
-            time_s=self._clock.now_s(),
+        if INTERRUPTED in flags and self._stops == self._stops_before_motion:
+            self._own_motion.note("a motion that another program interrupted (NI)")
+        if self._port.foreign:
+            self._own_motion.note(self._port.foreign)
+        return self._judged(
+            StageState(
+                angle_deg=self._integer(reply) / self._settings.microsteps_per_deg,
+                moving=reply.busy,
+                homed=not (self._doubted or NOT_REFERENCED.intersection(flags)),
+                warnings=flags,
+                time_s=self._clock.now_s(),
+            )
         )
 
     def home(self) -> None:
-        """Acknowledge past faults and begin to find the reference position."""
+        """Clear the flags of failed motions and start the search for the reference position."""
         permit = self._unless_stopped("home")
         self._require_standing(self._query("", "home").busy, "home")
         self._seeking, self._doubted = False, True
@@ -81,55 +92,60 @@ class ZaberStage(GuardedStage[ZaberPort]):
         if any(is_fault(flag) for flag in flags):
             self._query("driver enable", "home")
         had_none = bool(NOT_REFERENCED.intersection(flags))
-        self._begin(
-            "home", "home", permit, lambda seen: had_none and not NOT_REFERENCED.intersection(seen.warnings)
-        )
+        self._own_motion.acknowledge()
+        self._port.foreign = ""
+        self._stops_before_motion = self._stops
+        with self._commanding():
+            self._begin(
+                "home",
+                "home",
+                permit,
+                lambda seen: had_none and not NOT_REFERENCED.intersection(seen.warnings),
+            )
         with self._stop_lock:
             permit()
             self._seeking = True
 
     def _begin_move(self, angle_deg: float, state: StageState, step: str, permit: Callable[[], None]) -> None:
         if state.warnings:
-            # so that a later flag NI belongs to this motion, not to the previous motion
+            # clear the flags, so that a later flag NI (interrupted) belongs to this motion
             self._query("warnings clear", step)
+        self._stops_before_motion = self._stops
         target = self._microsteps(angle_deg)
         self._begin(
             f"move abs {target}", step, permit, lambda seen: self._microsteps(seen.angle_deg) == target
         )
 
     def _try_to_stop(self, port: ZaberPort) -> str:
-        settings = self._settings
-        reply = port.ask(settings.address, settings.axis, "stop", at_most_s=self._stop_times.answer_s)
-        if reply.address != settings.address:
-            return _foreign(reply)
-        if not reply.accepted:
-            return _reason(reply)
-        return "a stage in motion" if reply.busy else ""
+        return stop_once(self._settings, port, self._stop_times.answer_s)
 
     def _stranger(self, port: ZaberPort) -> str:
-        reply = port.ask(self._settings.address, 0, "get system.serial", at_most_s=self._stop_times.answer_s)
-        return "" if reply.data == self.info.serial else f"a device with serial number {reply.data}"
+        serial = serial_number(self._settings, port, self._stop_times.answer_s)
+        return "" if serial == self.info.serial else f"a device with serial number {serial}"
 
     def _break_off_search(self) -> None:
         self._seeking = False
 
     def _configure(self) -> None:
-        """Check the scale, write limits and speed to the stage and read them back."""
+        """Check the scale; write limits and speed to the stage, and read them back."""
         self._check_scale(self._settings.microsteps_per_deg)
         low, high = (self._microsteps(angle_deg) for angle_deg in self._limits_deg)
         limits = [("limit.max", high), ("limit.min", low)]
-        # the minimum never exceeds the maximum in this order: a stage may refuse such limits
+        # write in an order in which the minimum never exceeds the maximum, since a stage may refuse that
         if high <= self._integer(self._query("get limit.min", "read limit.min"), "read limit.min"):
             limits.reverse()
         for name, value in limits:
             self._set(name, value)
         speed_microsteps_s = self._settings.speed_deg_s * self._settings.microsteps_per_deg
         self._set("maxspeed", round(speed_microsteps_s * SPEED_UNIT))
+        if (acceleration_deg_s2 := self._settings.acceleration_deg_s2) is not None:
+            acceleration_microsteps_s2 = acceleration_deg_s2 * self._settings.microsteps_per_deg
+            self._set("accel", max(1, round(acceleration_microsteps_s2 * ACCELERATION_UNIT)))
 
     def _check_scale(self, scale: float) -> None:
-        """Compare the scale with the microsteps per turn that the stage reports, if any."""
+        """Compare the scale with the number of microsteps per turn, if the stage reports this number."""
         step = "read limit.cycle.dist"
-        # older firmware and stages without full turns do not have this setting
+        # older firmware, and stages that cannot make a full turn, do not have this setting
         reply = self._query("get limit.cycle.dist", step, tolerated=UNKNOWN_COMMAND)
         turn = self._integer(reply, step) if reply.accepted else 0
         if turn > 0 and turn != round(360 * scale):
@@ -151,7 +167,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
         return self._query(f"get {name}", f"read {name}", axis).data
 
     def _query(self, command: str, step: str, axis: int | None = None, tolerated: str = "") -> Reply:
-        """Send a command that is harmless when repeated: a reading, a setting or an acknowledgement."""
+        """Send a command that may be repeated: a query, a setting, or the command that clears flags."""
         axis = self._settings.axis if axis is None else axis
         for attempt in range(READ_ATTEMPTS):
             try:
@@ -164,7 +180,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
     def _begin(
         self, command: str, step: str, permit: Callable[[], None], arrived: Callable[[StageState], bool]
     ) -> None:
-        """Send a motion command once; if the answer is lost, find out whether the stage executes it."""
+        """Send a motion command once; if the answer is lost, check whether the stage executes the command."""
         settings = self._settings
         try:
             self._accepted(self._port.ask(settings.address, settings.axis, command, permit=permit), step)
@@ -191,11 +207,11 @@ class ZaberStage(GuardedStage[ZaberPort]):
             raise self._fault(
                 step,
                 f"device {self._settings.address}",
-                _foreign(reply),
+                foreign(reply),
                 "give every device of the chain its own address",
             )
         if not (reply.accepted or reply.data == tolerated):
-            raise self._fault(step, "acceptance", _reason(reply), "see the stage's manual for the reason")
+            raise self._fault(step, "acceptance", reason(reply), "see the stage's manual for the reason")
         return reply
 
     def _microsteps(self, angle_deg: float) -> int:
@@ -208,19 +224,10 @@ class ZaberStage(GuardedStage[ZaberPort]):
             raise self._fault(step, "a whole number", repr(reply.data), "check axis") from error
 
 
-def _foreign(reply: Reply) -> str:
-    return f"an answer of device {reply.address}"
-
-
-def _reason(reply: Reply) -> str:
-    meaning = REJECTIONS.get(reply.data, "see the manual")
-    return f"rejection {reply.data} ({meaning})"
-
-
 def open_stage(
     settings: ZaberSettings, context: OpenContext, stop_times: StopTimes = STOP_TIMES
 ) -> ZaberStage:
-    """Open the port, identify the stage and write its limits; nothing moves.
+    """Open the port, identify the stage and write its limits; no motion is started.
 
     Raises
     ------
@@ -230,4 +237,4 @@ def open_stage(
     return set_up(ZaberStage(settings, context, stop_times))
 
 
-SPEC = DriverSpec(kind="stage", settings=ZaberSettings, open=open_stage, find=FINDER)
+SPEC = DriverSpec(kind="stage", settings=ZaberSettings, open=open_stage, find=FINDER, guard=GUARD)

@@ -44,7 +44,7 @@ def test_a_peer_that_never_falls_silent_is_no_device(address, monkeypatch):
     host, _, port = address.partition(":")
     channel = TcpChannel(host, int(port), 1.0)
     monkeypatch.setattr(channel, "receive", lambda deadline_s: b"x")
-    with pytest.raises(ConnectionAbortedError, match="sends without end"):
+    with pytest.raises(ConnectionAbortedError, match="never stops sending"):
         channel.drain()
     channel.close()
 
@@ -55,7 +55,7 @@ def test_what_a_line_does_not_take_is_given_up_in_time():
     channel = SerialChannel(os.ttyname(far), 9600, "N", 1, 0.1)
     with (
         ThreadPoolExecutor(1) as pool,
-        pytest.raises(TimeoutError, match="a port that takes no bytes for"),
+        pytest.raises(TimeoutError, match="a port that accepts no bytes for"),
     ):
         # more than any system keeps for a reader that does not come
         pool.submit(channel.send, bytes(2**20)).result(30.0)

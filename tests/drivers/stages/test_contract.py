@@ -39,7 +39,7 @@ LINES: dict[str, tuple[Callable[[StageDevice, VirtualClock], Any], str, Callable
     "newport-pty": (NewportServer, "{}", newport),
     "newport-tcp": (newport_on_tcp, "socket://{}", newport),
 }
-MOTION = re.compile(rb"\b(home|move)\b|^\d(OR|PA|PR|MV)")
+MOTION = re.compile(rb"\b(home|move)\b|^\d(OR|PA(?!\?)|PR|MV)")
 
 
 @dataclass(frozen=True)

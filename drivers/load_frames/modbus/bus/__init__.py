@@ -1,1 +1,1 @@
-"""Modbus itself: addresses, requests, wires, and the link to a device."""
+"""The Modbus protocol: addresses, requests, messages on TCP and serial lines, and the link to a device."""

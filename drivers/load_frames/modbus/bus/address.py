@@ -2,56 +2,65 @@
 
 from dataclasses import dataclass
 
-from drivers.lines.channel import SerialChannel, TcpChannel
+from drivers.lines.channel import Channel, SerialChannel, TcpChannel, open_relay
 from drivers.load_frames.modbus.bus.wire import RtuWire, TcpWire, Wire
 
 RTU_PREFIX = "rtu://"
-# Unit 0 of a serial line is the broadcast: no device answers, so no request could be confirmed.
+# Unit 0 is excluded: on a serial line it is the broadcast address, which no device answers.
 SERIAL_UNITS = range(1, 248)
 
 
 @dataclass(frozen=True)
 class ModbusAddress:
-    """A device's address and the settings of its line.
+    """Address of a Modbus device, and the settings of its serial line.
 
     Attributes
     ----------
     text : str
-        As written.
+        The address as written in the rig file.
     baud : int
     parity : str
-        ``N``, ``E`` or ``O``.
+        Parity of a serial port: ``N`` (none), ``E`` (even) or ``O`` (odd).
     stop_bits : int
-        Of a serial port.
+        Number of stop bits of a serial port.
+    relay : str
+        Address ``host:port`` of a guardian's relay to the device; empty without a relay.
     """
 
     text: str
     baud: int = 19_200
     parity: str = "E"
     stop_bits: int = 1
+    relay: str = ""
 
     @property
     def rtu(self) -> bool:
-        """Whether the device speaks Modbus RTU: one line, one master, answers without transaction numbers."""
+        """True for Modbus RTU, which has one master per line and answers without transaction numbers."""
         return self.serial or self.text.startswith(RTU_PREFIX)
 
     @property
     def serial(self) -> bool:
-        """Whether the address is a serial port of this computer."""
+        """True if the address is a serial port of this computer."""
         return self.text.startswith("/")
 
     def open(self, timeout_s: float) -> Wire:
-        """Connect; raises one of `drivers.lines.channel.CHANNEL_ERRORS` if that fails."""
+        """Connect to the device; raise one of `drivers.lines.channel.CHANNEL_ERRORS` if this fails."""
+        return self.wire(open_relay(self.relay, timeout_s) or self.channel(timeout_s))
+
+    def channel(self, timeout_s: float) -> Channel:
+        """Open the line to the device without a relay; the errors are those of `open`."""
         if self.serial:
-            channel = SerialChannel(self.text, self.baud, self.parity, self.stop_bits, timeout_s)
-            return RtuWire(channel, self.baud)
+            return SerialChannel(self.text, self.baud, self.parity, self.stop_bits, timeout_s)
         host, _, port = self.text.removeprefix(RTU_PREFIX).rpartition(":")
-        tcp = TcpChannel(host.strip("[]"), int(port), timeout_s)
-        return RtuWire(tcp, None) if self.rtu else TcpWire(tcp)
+        return TcpChannel(host.strip("[]"), int(port), timeout_s)
+
+    def wire(self, channel: Channel) -> Wire:
+        """Return the connection that sends requests on `channel`, as Modbus RTU or Modbus TCP."""
+        return RtuWire(channel, self.baud if self.serial else None) if self.rtu else TcpWire(channel)
 
 
 def address_mistake(text: str) -> str | None:
-    """Return what is wrong with an address, or None."""
+    """Return a message if an address is malformed; return None for a valid address."""
     if text.startswith("/"):
         return None
     host, colon, port = text.removeprefix(RTU_PREFIX).rpartition(":")

@@ -1,18 +1,18 @@
-"""Modbus requests with verified answers.
+"""Send Modbus requests to a device and verify the answers.
 
-Every answer is compared with its request. This module never repeats a write. RTU answers have no number:
-after a missing answer the link sends nothing until no late answer can come any more. Then, and on every new
-connection, the link reads known registers to prove that the machine is the same. Only a hold is sent earlier.
+Every answer is compared with its request. A write request is never repeated. Modbus RTU answers have no
+number. Therefore, after a missing answer, the link sends nothing until no late answer can come any more.
+After this wait, and on every new connection, the link reads known registers to check that the machine is the
+same. Only a hold command is sent at once, without this wait and without this check.
 """
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from drivers.lines.channel import CHANNEL_ERRORS, OvertakenError
 from drivers.lines.request_turn import Turn
 from drivers.lines.stop_deadline import STOP_TIMES
-from drivers.load_frames.modbus.bus.address import ModbusAddress
 from drivers.load_frames.modbus.bus.pdu import (
     NOBODY,
     ExceptionAnswerError,
@@ -29,31 +29,43 @@ READ_ATTEMPTS = 2
 T = TypeVar("T")
 
 
+class Address(Protocol):
+    """Interface of an address at which a device is reached; `text` is used in error messages."""
+
+    @property
+    def text(self) -> str:
+        """The address as written in the rig file."""
+
+    def open(self, timeout_s: float) -> Wire:
+        """Connect to the device; raise one of `drivers.lines.channel.CHANNEL_ERRORS` if this fails."""
+
+
 class Overtaken(DeviceTimeout):
-    """An urgent request went first; the device may have executed this request nevertheless."""
+    """Raised if an urgent request interrupts an ordinary request, which the device may still have
+    executed."""
 
 
 class ModbusLink:
-    """A connection with one request at a time; opened at the first request and again after a loss.
+    """A connection that carries one request at a time; the first request after a lost connection reconnects.
 
     Parameters
     ----------
     name : str
-        The device's name and address, for messages.
-    address : ModbusAddress
+        The device's name and address, used in error messages.
+    address : Address
     unit : int
-        The unit identifier behind that address.
+        Modbus unit identifier of the device at this address.
     reply_timeout_s : float
-        Deadline for an answer; real time.
+        Longest wait for an answer, in seconds of real time.
     urgent_timeout_s : float
-        Upper limit for connecting and for urgent requests. An urgent request cannot end the wait for a
-        connection, and the caller repeats an urgent request instead of waiting longer.
+        Longest time, in seconds, for connecting, and for the answer to an urgent request. Keep this time
+        short, because an urgent request must wait until a running attempt to connect has ended.
     """
 
     def __init__(
         self,
         name: str,
-        address: ModbusAddress,
+        address: Address,
         unit: int,
         reply_timeout_s: float,
         urgent_timeout_s: float = STOP_TIMES.answer_s,
@@ -69,7 +81,8 @@ class ModbusLink:
         self._closed = False
 
     def prove_by(self, table: str, address: int, words: list[int]) -> None:
-        """Name registers that never change and their content, which identify the machine later."""
+        """Set the registers that identify the machine: their address and their content, which never
+        changes."""
         self._proof = read_request(table, address, len(words)), words
 
     def read(self, table: str, address: int, count: int, *, urgent: bool = False) -> list[int]:
@@ -78,14 +91,14 @@ class ModbusLink:
         Parameters
         ----------
         urgent : bool
-            Go first, and end the wait of all other users of this link.
+            True to send the request before all others, and to interrupt other waits on this link.
 
         Raises
         ------
         DeviceTimeout, LinkLost
             If no answer came, or the answer does not belong to the request.
         DeviceFault
-            If the device answered with an exception.
+            If the device answered with a Modbus exception.
         """
         request = read_request(table, address, count)
         failures = 0
@@ -100,29 +113,29 @@ class ModbusLink:
                     raise
 
     def write(self, address: int, words: list[int], *, urgent: bool = False, single: bool = False) -> None:
-        """Write holding registers in one request; never repeated.
+        """Write holding registers in one request; the request is never repeated.
 
         Parameters
         ----------
         urgent : bool
-            Go first, and end the wait of all other users of this link.
+            True to send the request before all others, and to interrupt other waits on this link.
         single : bool
-            Write the one register by function 6 instead of 16.
+            True to write a single register with Modbus function 6 instead of function 16.
 
         Raises
         ------
         DeviceTimeout, LinkLost
-            If the device did not acknowledge the request. It may have executed the request nevertheless: read
-            the registers back, then decide.
+            If the device did not acknowledge the request. The device may still have executed the request, so
+            the caller must read the registers back.
         DeviceFault
-            If the device answered with an exception.
+            If the device answered with a Modbus exception.
         """
         self._exchange(
             write_one_request(address, words[0]) if single else write_request(address, words), urgent
         )
 
     def close(self) -> None:
-        """Close the connection; harmless when repeated."""
+        """Close the connection; a repeated call has no effect."""
         with self._turn.urgent():
             self._closed = True
             self._drop()
@@ -141,13 +154,13 @@ class ModbusLink:
             try:
                 self._resynchronise()
             except (DamagedError, ForeignAnswerError):
-                # this was the late answer, received instead of the proof
+                # the received answer was a late answer to an earlier request: try once more
                 self._resynchronise()
             self._suspect = False
         return self._ask(request, self._reply_timeout_s, self._turn.wake)
 
     def _resynchronise(self) -> None:
-        """Wait until no late answer can come any more, then read the known registers."""
+        """Wait until no late answer can come any more, then check the registers that identify the machine."""
         self._connected().quieten(self._reply_timeout_s, self._turn.wake)
         if self._proof is not None:
             request, known = self._proof
@@ -167,7 +180,8 @@ class ModbusLink:
         return self._wire
 
     def _told(self, request: Request, timeout_s: float, ask: Callable[[], T]) -> T:
-        """Turn failures on the wire into errors of this device."""
+        """Send a request with `ask`; raise a `DeviceError` with the device's name if the communication
+        fails."""
         step = request.step
         try:
             return ask()
@@ -186,7 +200,7 @@ class ModbusLink:
                 step,
                 "an answer",
                 "a hold that went first",
-                "look what the machine does, then repeat it if it is wanted",
+                "check the state of the machine, then repeat the request if needed",
             ) from None
         except SilenceError as silence:
             raise self._distrust(
@@ -213,7 +227,11 @@ class ModbusLink:
             ) from error
 
     def _distrust(self, error: DeviceError) -> DeviceError:
-        """Prevent the use of a late answer for the next request: reconnect, or wait before it."""
+        """Return `error`, and make sure that the next request does not receive the late answer of this
+        request.
+
+        On Modbus TCP the connection is closed; on Modbus RTU the next request is delayed.
+        """
         if self._wire is not None and self._wire.numbered:
             self._drop()
         else:
@@ -222,7 +240,8 @@ class ModbusLink:
 
     def _drop(self) -> None:
         wire, self._wire = self._wire, None
-        # a different machine may answer next time, and RTU answers can be late on a new connection too
+        # check the machine after reconnecting: another machine may answer, or on RTU an old answer may come
+        # late
         self._suspect = True
         if wire is not None:
             wire.close()

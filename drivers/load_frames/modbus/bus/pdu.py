@@ -1,10 +1,13 @@
-"""Modbus requests and the check of their answers: protocol data units, without unit and checksum.
+"""Build Modbus requests and check the answers.
+
+Requests and answers are protocol data units here: the function code and the data, without the address of the
+device and without a checksum. The function `crc` computes the checksum of a message on a serial line.
 
 Source: MODBUS Application Protocol Specification V1.1b3, chapters 6.3, 6.4, 6.6, 6.12 and 7.
 
-Only this module uses pymodbus, to write requests and checksums. The driver checks the answers itself, because
-pymodbus accepts wrong functions and lengths. The driver also waits itself, because a stop must be able to end
-the wait.
+Only this module uses pymodbus, to encode requests and checksums. The driver checks the answers itself,
+because pymodbus accepts answers with a wrong function or length. The driver also waits for answers itself,
+because a stop must be able to end the wait.
 """
 
 import struct
@@ -12,6 +15,7 @@ from dataclasses import dataclass
 
 from pymodbus.framer import FramerRTU
 from pymodbus.pdu import ModbusPDU
+from pymodbus.pdu.bit_message import ReadCoilsRequest, ReadDiscreteInputsRequest
 from pymodbus.pdu.register_message import (
     ReadHoldingRegistersRequest,
     ReadInputRegistersRequest,
@@ -19,9 +23,10 @@ from pymodbus.pdu.register_message import (
     WriteSingleRegisterRequest,
 )
 
+READ_COILS, READ_DISCRETE = 1, 2
 READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY = 3, 4, 6, 16
 EXCEPTION_BIT = 0x80
-# Answers of a gateway itself: the device behind it did not answer, but may have executed the request.
+# Exceptions of a gateway: the device behind the gateway did not answer, but may have executed the request.
 NOBODY = (10, 11)
 SHOWN_MAX = 40
 EXCEPTIONS = {
@@ -66,9 +71,9 @@ class Request:
     Attributes
     ----------
     pdu : bytes
-        Function code and data.
+        Protocol data unit: function code and data.
     step : str
-        The request in words.
+        Description of the request, used in error messages.
     """
 
     pdu: bytes
@@ -76,18 +81,18 @@ class Request:
 
     @property
     def function(self) -> int:
-        """The function code."""
+        """The Modbus function code of the request."""
         return self.pdu[0]
 
     def registers(self, answer: bytes) -> list[int]:
-        """Return the registers in the answer; none in the acknowledgement of a write.
+        """Check an answer and return its registers; the answer to a write request has no registers.
 
         Raises
         ------
         ExceptionAnswerError
-            If the device refused.
+            If the device refused the request.
         ForeignAnswerError
-            If function, length or echo do not match the request.
+            If the function, the length or the echoed data do not match the request.
         """
         if len(answer) == 2 and answer[0] == self.function | EXCEPTION_BIT:
             raise ExceptionAnswerError(answer[1])
@@ -99,38 +104,56 @@ class Request:
             if len(answer) != 2 + 2 * count or answer[1] != 2 * count:
                 raise ForeignAnswerError(f"{count} registers", shown(answer))
             return list(struct.unpack(f">{count}H", answer[2:]))
+        if self.function in (READ_COILS, READ_DISCRETE):
+            (count,) = struct.unpack(">H", self.pdu[3:5])
+            size = (count + 7) // 8
+            if len(answer) != 2 + size or answer[1] != size:
+                raise ForeignAnswerError(f"{count} bits", shown(answer))
+            return [answer[2 + place // 8] >> place % 8 & 1 for place in range(count)]
         if answer != self.pdu[:5]:
             raise ForeignAnswerError(f"the echo {shown(self.pdu[:5])}", shown(answer))
         return []
 
 
 def read_request(table: str, address: int, count: int) -> Request:
-    """Ask for `count` registers of the `input` or `holding` table."""
-    kind = ReadInputRegistersRequest if table == "input" else ReadHoldingRegistersRequest
-    step = f"read {table} registers {address} to {address + count - 1}"
+    """Return a request for `count` registers or bits of a table, starting at `address`.
+
+    The table is `input` or `holding` for registers, `discrete` or `coil` for bits.
+    """
+    kind = _READ[table]
+    what = f"{table} registers" if table in ("input", "holding") else f"{table} bits"
+    step = f"read {what} {address} to {address + count - 1}"
     return Request(_encoded(kind(address=address, count=count)), step)
 
 
+_READ = {
+    "input": ReadInputRegistersRequest,
+    "holding": ReadHoldingRegistersRequest,
+    "discrete": ReadDiscreteInputsRequest,
+    "coil": ReadCoilsRequest,
+}
+
+
 def write_request(address: int, words: list[int]) -> Request:
-    """Write holding registers."""
+    """Return a request that writes `words` to holding registers, starting at `address`."""
     step = f"write holding registers {address} to {address + len(words) - 1}"
     return Request(_encoded(WriteMultipleRegistersRequest(address=address, registers=words)), step)
 
 
 def write_one_request(address: int, word: int) -> Request:
-    """Write one holding register by function 6, which every device has."""
+    """Return a request that writes one holding register with Modbus function 6."""
     request = WriteSingleRegisterRequest(address=address, registers=[word])
     return Request(_encoded(request), f"write holding register {address}")
 
 
 def shown(data: bytes) -> str:
-    """Return bytes in readable form for a message; only the first if there are too many."""
+    """Return bytes as hexadecimal text for an error message; a long text is cut off."""
     text = data[:SHOWN_MAX].hex(" ")
     return text if len(data) <= SHOWN_MAX else f"{text} … ({len(data)} bytes)"
 
 
 def crc(data: bytes) -> bytes:
-    """Return the cyclic redundancy check of a serial frame, low byte first."""
+    """Return the checksum (CRC) of a serial frame, low byte first."""
     return FramerRTU.compute_CRC(data).to_bytes(2, "big")
 
 

@@ -1,4 +1,4 @@
-"""Modbus messages on TCP and on a serial line: one request, then its answer.
+"""Send Modbus messages over TCP or a serial line: one request, then its answer.
 
 Sources: MODBUS Messaging on TCP/IP Implementation Guide V1.0b, chapter 3.1.3; MODBUS over Serial Line V1.02,
 chapters 2.5.1 (frames, silent intervals) and 6.2.2 (CRC).
@@ -11,6 +11,8 @@ from drivers.clock import Clock, SystemClock
 from drivers.lines.channel import Channel
 from drivers.load_frames.modbus.bus.pdu import (
     EXCEPTION_BIT,
+    READ_COILS,
+    READ_DISCRETE,
     READ_HOLDING,
     READ_INPUT,
     WRITE_MANY,
@@ -20,18 +22,19 @@ from drivers.load_frames.modbus.bus.pdu import (
     shown,
 )
 
-# A character on the line: start, eight data, parity and stop, or two stops.
+# On the line a byte has 11 bits: a start bit, eight data bits, and a parity and a stop bit or two stop bits.
 BITS_PER_CHARACTER = 11
 GAP_CHARACTERS = 3.5
-# Above 19 200 baud the specification fixes the gap.
+# Above 19 200 baud the specification gives a fixed time for the gap between frames.
 GAP_MIN_S = 0.00175
 PDU_MAX = 253
-# A line that is not quiet after this multiple of the required silence has traffic of other devices.
+TCP_HEADER = 7
+# If a line is not silent within this multiple of the required silence, other devices are sending on it.
 QUIET_ATTEMPTS = 10
 
 
 class SilenceError(Exception):
-    """No complete answer came in time; the text says what came instead."""
+    """No complete answer came in time; the text of the error describes the received data."""
 
 
 class DamagedError(SilenceError):
@@ -39,28 +42,28 @@ class DamagedError(SilenceError):
 
 
 class Wire(Protocol):
-    """A connection for requests to a device.
+    """Interface of a connection over which requests are sent to a device.
 
     Attributes
     ----------
     numbered : bool
-        Whether answers carry the number of their request.
+        True if each answer contains the number of its request.
     """
 
     numbered: bool
 
     def ask(self, unit: int, pdu: bytes, timeout_s: float, wake: int | None) -> bytes:
-        """Send a request and return the answer's protocol data unit; `wake` as in `drivers.lines.channel`."""
+        """Send a request and return the answer's protocol data unit; the descriptor `wake` ends the wait."""
 
     def quieten(self, silence_s: float, wake: int | None) -> None:
-        """Discard received bytes until the line has been silent for `silence_s`."""
+        """Discard received bytes until the line has been silent for `silence_s` seconds."""
 
     def close(self) -> None:
-        """Close the connection; harmless when repeated."""
+        """Close the connection; a repeated call has no effect."""
 
 
 class TcpWire:
-    """Modbus TCP."""
+    """Connection for Modbus TCP; answers have the number of their request."""
 
     numbered = True
 
@@ -90,40 +93,46 @@ class TcpWire:
                 if answering != unit:
                     raise ForeignAnswerError(f"an answer of unit {unit}", f"one of unit {answering}")
                 return answer
-            # an answer to an earlier request is discarded; the deadline limits how many
+            # discard an answer to an earlier request; the deadline limits the number of discarded answers
             if self._clock.now_s() > deadline_s:
                 raise SilenceError("answers to other requests")
 
     def _next(self) -> tuple[int, int, bytes] | None:
-        """Take one complete message from the buffer: transaction, unit, protocol data unit."""
-        if len(self._buffer) < 7:
+        """Remove one complete message from the buffer; return transaction, unit and protocol data unit."""
+        if len(self._buffer) < TCP_HEADER:
             return None
-        transaction, protocol, length, unit = struct.unpack(">HHHB", self._buffer[:7])
+        transaction, protocol, length, unit = struct.unpack(">HHHB", self._buffer[:TCP_HEADER])
         if protocol != 0 or not 2 <= length <= PDU_MAX + 1:
-            raise ForeignAnswerError("a Modbus TCP message", shown(self._buffer[:7]))
+            raise ForeignAnswerError("a Modbus TCP message", shown(self._buffer[:TCP_HEADER]))
         if len(self._buffer) < 6 + length:
             return None
         answer, self._buffer = self._buffer[7 : 6 + length], self._buffer[6 + length :]
         return transaction, unit, answer
 
     def quieten(self, silence_s: float, wake: int | None) -> None:
-        """Do nothing: a late answer is recognised by its number."""
+        """Do nothing, because a late answer is recognised by its number."""
 
     def close(self) -> None:
-        """Close the connection; harmless when repeated."""
+        """Close the connection; a repeated call has no effect."""
         self._channel.close()
 
 
+def silent_interval_s(baud: int) -> float:
+    """Return the time, in seconds, for which a serial line must be silent between two frames."""
+    return max(GAP_MIN_S, GAP_CHARACTERS * BITS_PER_CHARACTER / baud)
+
+
 class RtuWire:
-    """Modbus RTU, on a serial port or through a gateway that passes its frames over TCP.
+    """Connection for Modbus RTU, on a serial port or through a gateway that passes the frames over TCP.
 
     Parameters
     ----------
     channel : Channel
     baud : int, optional
-        For the silent interval between frames; None if a gateway keeps the interval.
+        Baud rate, from which the silent interval between frames is computed. None if a gateway inserts the
+        silent interval.
     clock : Clock, optional
-        The system's clock by default.
+        Clock for deadlines and silent intervals; the default is the system's clock.
     """
 
     numbered = False
@@ -132,7 +141,7 @@ class RtuWire:
         self._channel = channel
         self._clock = clock or SystemClock()
         self._character_s = BITS_PER_CHARACTER / baud if baud else 0.0
-        self._gap_s = max(GAP_MIN_S, GAP_CHARACTERS * self._character_s) if baud else 0.0
+        self._gap_s = silent_interval_s(baud) if baud else 0.0
         self._busy_until_s = 0.0
 
     def ask(self, unit: int, pdu: bytes, timeout_s: float, wake: int | None) -> bytes:
@@ -143,7 +152,8 @@ class RtuWire:
         SilenceError, OvertakenError, ForeignAnswerError
         """
         self._channel.discard()
-        # the device needs the gap to recognise a new frame, also after an interrupted frame
+        # wait for the silent interval, by which the device recognises a new frame, also after an interrupted
+        # frame
         self._clock.sleep(min(self._busy_until_s - self._clock.now_s(), self._gap_s))
         frame = bytes([unit]) + pdu
         self._channel.send(frame + crc(frame))
@@ -164,13 +174,13 @@ class RtuWire:
                 raise SilenceError(f"the part {shown(buffer)}" if buffer else "none")
             buffer += data
         frame = buffer[:size]
-        # a repeated identical frame is harmless; two different frames are ambiguous
+        # a second, identical answer does no harm; of two different answers nobody knows the right one
         if buffer != (frame * (len(buffer) // size + 1))[: len(buffer)]:
             raise DamagedError(f"more than one frame, {shown(buffer)}")
         return frame
 
     def quieten(self, silence_s: float, wake: int | None) -> None:
-        """Discard received bytes until the line has been silent for `silence_s`.
+        """Discard received bytes until the line has been silent for `silence_s` seconds.
 
         Raises
         ------
@@ -181,21 +191,21 @@ class RtuWire:
         end_s = self._clock.now_s() + QUIET_ATTEMPTS * silence_s
         while self._channel.receive(self._clock.now_s() + silence_s, wake):
             if self._clock.now_s() > end_s:
-                raise SilenceError("other bytes all the time")
+                raise SilenceError("other bytes without a pause")
 
     def close(self) -> None:
-        """Close the connection; harmless when repeated."""
+        """Close the connection; a repeated call has no effect."""
         self._channel.close()
 
 
 def _frame_size(start: bytes) -> int | None:
-    """Length of the frame beginning with `start`, with unit and checksum; None if `start` is too short."""
+    """Return the length in bytes of the frame that begins with `start`; None if `start` is too short."""
     if len(start) < 3:
         return None
     function = start[1]
     if function & EXCEPTION_BIT:
         return 5
-    if function in (READ_HOLDING, READ_INPUT):
+    if function in (READ_COILS, READ_DISCRETE, READ_HOLDING, READ_INPUT):
         return 5 + start[2]
     if function in (WRITE_ONE, WRITE_MANY):
         return 8

@@ -1,1 +1,1 @@
-"""Register maps of load frames, as TOML data."""
+"""Register maps of load frames, as TOML files."""

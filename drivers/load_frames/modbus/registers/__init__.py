@@ -1,1 +1,1 @@
-"""Registers of a load frame by name and unit: the register map, and the device read through it."""
+"""Access to the registers of a load frame by name and in physical units, with a register map."""

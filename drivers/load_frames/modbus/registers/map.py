@@ -1,8 +1,8 @@
-"""Register maps: the layout of a load frame's Modbus registers as TOML data, and its parser.
+"""Read register maps: TOML files that describe the Modbus registers of a load frame.
 
-A map has blocks. Each block is read or written as a whole in one request, so that its values belong together.
-The registers of a block have no gaps between them. `drivers/load_frames/modbus/maps/generic.toml` is the
-example.
+A register map has blocks. Each block is read or written as a whole in one request, so that its values belong
+to the same moment. The registers of a block have no gaps between them. The file
+`drivers/load_frames/modbus/maps/generic.toml` is an example.
 """
 
 from collections.abc import Mapping
@@ -18,15 +18,17 @@ from drivers.settings import Settings, mistakes_in, read_toml
 
 
 class Blocks(Settings):
-    """The blocks of every map, and two optional blocks.
+    """The six blocks that every register map must have, and two optional blocks.
 
     Attributes
     ----------
     state, identity, command, limits, watchdog, heartbeat : Block
     status : Block, optional
-        For status word, fault and executed command, if they are not in the block `state`.
+        Block with status word, fault, and number and result of the executed command, if these are not in the
+        block `state`.
     setpoints : Block, optional
-        For targets and rates, if they are not in the block `command`; written and read back before a command.
+        Block with targets and rates, if these are not in the block `command`. The driver writes the block
+        `setpoints` and reads it back before it sends a command.
     """
 
     state: Block
@@ -40,7 +42,7 @@ class Blocks(Settings):
 
 
 class Status(Settings):
-    """Bits of the register `status`, from 0, the least significant."""
+    """Numbers of the bits in the register `status`; bit 0 is the least significant bit."""
 
     moving: int = Field(ge=0, le=31)
     at_target: int = Field(ge=0, le=31)
@@ -57,7 +59,7 @@ class Status(Settings):
 
 
 class Commands(Settings):
-    """Values of the register `command`."""
+    """Values that the driver writes to the register `command`, one value per command."""
 
     hold: int = Field(ge=0, le=0xFFFF)
     go_to_displacement: int = Field(ge=0, le=0xFFFF)
@@ -73,20 +75,21 @@ class Commands(Settings):
 
 
 class RegisterMap(Settings):
-    """A load frame's registers.
+    """Description of the registers of a load frame.
 
     Attributes
     ----------
     vendor, model : str
     revision : int
-        Required value of the register `revision`.
+        Value that the register `revision` of the machine must have.
     word_order : str
-        Order of the bytes A (most significant) to D of a 32-bit value in its two registers.
+        Order of the four bytes of a 32-bit value in its two registers; A is the most significant byte.
     request_max : int
-        Most registers that the device accepts in one request.
+        Largest number of registers that the device accepts in one request.
     blocks, status, commands
     fault_codes, results : dict
-        Meaning of the values of `fault` and `result`; 0 is always "none" and "accepted".
+        Meanings of the values of the registers `fault` and `result`. The value 0 always means "no fault" and
+        "accepted".
     """
 
     vendor: str
@@ -110,17 +113,17 @@ class RegisterMap(Settings):
 
 
 def shipped_maps() -> list[str]:
-    """Names of the maps that come with the package."""
+    """Return the names of the register maps that come with this package."""
     return sorted(path.stem for path in (Path(__file__).parents[1] / "maps").glob("*.toml"))
 
 
 def load_map(name: str) -> RegisterMap:
-    """Read a map by the name of a shipped map, or by path.
+    """Read a register map, given by the name of a shipped map or by a path.
 
     Raises
     ------
     ConfigurationError
-        If the map cannot be read or has mistakes; all mistakes are reported together.
+        If the register map cannot be read or has mistakes. All mistakes are reported together.
     """
     path = Path(__file__).parents[1] / "maps" / f"{name}.toml" if name in shipped_maps() else Path(name)
     if not path.is_file():
@@ -133,7 +136,7 @@ def load_map(name: str) -> RegisterMap:
 
 
 def parse_map(data: Mapping[str, Any], source: str) -> RegisterMap:
-    """Check a map's content; `source` names it in messages. Raises `ConfigurationError` like `load_map`."""
+    """Check the content of a register map; raise `ConfigurationError`, which names `source` as the file."""
     mistakes: list[str] = []
     register_map = None
     try:

@@ -1,4 +1,4 @@
-"""Check of a register map as a whole: addresses, sizes, and the registers the driver needs."""
+"""Check a register map as a whole: its addresses and sizes, and the registers that the driver needs."""
 
 import contextlib
 from collections.abc import Mapping
@@ -9,10 +9,10 @@ from pydantic import ValidationError
 
 from drivers.load_frames.modbus.registers.registers import Register, Unit
 
-# Most registers that Modbus allows in one request.
+# Largest numbers of registers that Modbus allows in one read and in one write request.
 READ_MAX, WRITE_MAX = 125, 123
 
-# The registers the driver needs, and the unit of each.
+# The registers that the driver needs in each block, and the unit of each register.
 NEEDED: dict[str, dict[str, Unit]] = {
     "state": {
         "revision": "", "sample": "", "status": "", "fault": "", "executed": "", "result": "",
@@ -29,12 +29,14 @@ NEEDED: dict[str, dict[str, Unit]] = {
     "watchdog": {"timeout": "s"},
     "heartbeat": {"heartbeat": ""},
 }  # fmt: skip
-# Optional blocks: the mandatory block that otherwise holds their registers, and these registers.
+# For each optional block: its registers, and the mandatory block that has them in maps without the optional
+# block.
 APART = {
     "status": ("state", ("status", "fault", "executed", "result")),
     "setpoints": ("command", ("displacement", "speed", "load", "load_rate")),
 }
-# Registers without a unit hold unscaled whole numbers; some must have one of these types.
+# Registers without a unit hold unscaled whole numbers; the registers listed here must have one of these
+# types.
 UNSIGNED = ["u16", "u32"]
 TYPES = {
     "sequence": ["u16"], "executed": ["u16"], "heartbeat": ["u16"], "command": ["u16"],
@@ -45,12 +47,12 @@ WRITTEN = ("command", "setpoints", "limits", "watchdog", "heartbeat")
 
 
 def mistakes_across(data: Mapping[str, Any]) -> list[str]:
-    """Return the mistakes between the valid parts of a map, one sentence each.
+    """Return the mistakes that concern several parts of a register map, one sentence per mistake.
 
     Parameters
     ----------
     data : mapping
-        The map as read from TOML, not validated.
+        The register map as read from TOML, not yet validated.
     """
     tables = _tables(data.get("blocks"))
     needed = _needed(tables)
@@ -65,7 +67,7 @@ def mistakes_across(data: Mapping[str, Any]) -> list[str]:
 
 
 class _Understood:
-    """The valid registers of a block: a mistake in one register does not hide other mistakes."""
+    """The valid registers of a block, without the invalid ones, so that other mistakes are still found."""
 
     def __init__(self, name: str, raw: Mapping[str, Any]) -> None:
         self.name = name
@@ -118,7 +120,7 @@ class _Understood:
         return [f"{self.where}: {self.count} registers, more than {most} in one request"]
 
     def use_mistakes(self, needed: Mapping[str, Unit]) -> list[str]:
-        """Return the mistakes in the registers that the driver needs in this block."""
+        """Return the mistakes in the registers of this block; `needed` lists the required registers."""
         mistakes = [
             f"{self.where}.registers.{name}: is missing; add it" for name in needed if name not in self.names
         ]
@@ -142,7 +144,7 @@ class _Understood:
 
 
 def _needed(blocks: Mapping[str, object]) -> dict[str, dict[str, Unit]]:
-    """Return the registers that each block must have, given the optional blocks of the map."""
+    """Return the registers that each block must have; this depends on the optional blocks of the map."""
     needed = {name: dict(registers) for name, registers in NEEDED.items()}
     for name, (home, registers) in APART.items():
         if name in blocks:
@@ -163,7 +165,7 @@ def _collisions(blocks: list[_Understood]) -> list[str]:
 
 
 def _bit_mistakes(blocks: Mapping[str, _Understood], status: Mapping[str, Any]) -> list[str]:
-    """Return bits outside the status register: they would never be set, so no motion would be seen."""
+    """Return a mistake for each bit number that the status register is too small for."""
     home = blocks.get("status", blocks.get("state"))
     width = (
         next((16 * register.size for name, register in home.placed if name == "status"), 32) if home else 32

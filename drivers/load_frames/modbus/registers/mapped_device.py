@@ -1,4 +1,4 @@
-"""A Modbus device with its register map: values by name instead of words by address."""
+"""Read and write the registers of a Modbus device by name, with the register map of the device."""
 
 import contextlib
 from collections.abc import Collection, Iterator, Mapping
@@ -10,14 +10,14 @@ from drivers.load_frames.modbus.registers.registers import Block, Number
 
 
 class MappedDevice:
-    """Reads and writes whole blocks.
+    """A Modbus device whose registers are read and written in whole blocks.
 
     Parameters
     ----------
     link : ModbusLink
     register_map : RegisterMap
     urgent : bool
-        Go first on a shared link.
+        True if the requests of this object go before all other requests on the link.
     """
 
     def __init__(self, link: ModbusLink, register_map: RegisterMap, *, urgent: bool = False) -> None:
@@ -27,17 +27,17 @@ class MappedDevice:
         self._urgent = urgent
 
     def read(self, block: Block, step: str, names: Collection[str] | None = None) -> dict[str, Number]:
-        """Return all or the named values of a block, each in its unit.
+        """Return the values of a block, each in its unit; `names` limits the result to some registers.
 
         Raises
         ------
         DeviceFault
-            If one of them is NaN, a sentinel or out of range.
+            If a value is NaN, is out of range, or means "no value".
         """
         return self._decoded(block, self._words(block, step), step, names)
 
     def identify(self, step: str) -> dict[str, Number]:
-        """Return the identity; the link uses it from now on to recognise the machine."""
+        """Return the values of the block `identity`; from now on the link identifies the machine by them."""
         block = self._map.blocks.identity
         words = self._words(block, step)
         self._link.prove_by(block.table, block.address, words)
@@ -54,19 +54,20 @@ class MappedDevice:
             ) from error
 
     def read_status(self, step: str) -> dict[str, Number]:
-        """Return status word and executed command, without values that a broken load cell makes invalid."""
+        """Return the status word and the number of the executed command, without load and displacement."""
         blocks = self._map.blocks
         return self.read(blocks.status or blocks.state, step, names=("status", "executed"))
 
     def read_state(self, step: str) -> dict[str, Number]:
         """Return the values of the block `state` and, if the map has it, of the block `status`.
 
-        The block `status` is read first, so that the status is never newer than load and displacement.
+        The block `status` is read first, so load and displacement are never older than the status.
 
         Raises
         ------
         DeviceFault
-            Also if the map's revision is different, or the load is marked as invalid.
+            If a value is NaN, out of range or means "no value", if the machine's register `revision` differs
+            from the map, or if the status says that the load is invalid.
         """
         blocks = self._map.blocks
         values = {} if blocks.status is None else self.read(blocks.status, step)
@@ -81,14 +82,14 @@ class MappedDevice:
         return values
 
     def write(self, block: Block, values: Mapping[str, Number], step: str) -> None:
-        """Write a block in one request; all registers not named become 0."""
+        """Write a block in one request; registers that are not named in `values` become 0."""
         self._write_words(block, self._encode(block, values, step), step)
 
     def set(self, block: Block, values: Mapping[str, Number], step: str) -> None:
-        """Set registers of a block to `values`, and leave its other registers unchanged.
+        """Set registers of a block to `values`, and leave the other registers of the block unchanged.
 
-        The block is written only if its values differ, because writing wears the memory. The block is then
-        read back; `DeviceFault` unless all words are equal.
+        If the block already has these values, nothing is written, because writing wears the machine's memory.
+        Otherwise the block is written and read back; a difference raises `DeviceFault`.
         """
         found = self._words(block, step)
         wanted = self._encode(block, values, step, found)
@@ -100,12 +101,12 @@ class MappedDevice:
             raise self.fault(step, _shown(values), got, "check the machine's own settings")
 
     def holds(self, block: Block, values: Mapping[str, Number], step: str) -> bool:
-        """Whether a block has `values`, word for word."""
+        """Return whether the registers of a block contain exactly `values`."""
         found = self._words(block, step)
         return found == self._encode(block, values, step, found)
 
     def fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
-        """Return an error of this device, to be raised."""
+        """Return a `DeviceFault` with the name of this device; the caller raises the error."""
         return DeviceFault(self.name, step, expected, got, remedy)
 
     def unhurried(self) -> "MappedDevice":
@@ -113,11 +114,11 @@ class MappedDevice:
         return MappedDevice(self._link, self._map)
 
     def shares_link(self, other: "MappedDevice") -> bool:
-        """Whether both use one connection."""
+        """Return whether this device and `other` use the same connection."""
         return self._link is other._link
 
     def close(self) -> None:
-        """Release the connection; harmless when repeated."""
+        """Release the connection; a repeated call has no effect."""
         self._link.close()
 
     def _words(self, block: Block, step: str) -> list[int]:
@@ -139,7 +140,7 @@ class MappedDevice:
 
 @contextlib.contextmanager
 def _during(step: str) -> Iterator[None]:
-    """Add the step to the errors of the link."""
+    """Add the text `step` to every error of the link."""
     try:
         yield
     except DeviceError as error:

@@ -1,4 +1,4 @@
-"""Values in Modbus registers: types, word orders, scales, and blocks transferred in one request."""
+"""Convert values to and from Modbus registers: types, word orders, scales, and blocks of registers."""
 
 import math
 import struct
@@ -14,25 +14,26 @@ WordOrder = Literal["ABCD", "CDAB", "BADC", "DCBA"]
 Unit = Literal["", "N", "mm", "N/s", "mm/s", "s"]
 RAW_BOUNDS = {"u16": (0, 2**16), "i16": (-(2**15), 2**15), "u32": (0, 2**32), "i32": (-(2**31), 2**31)}
 FORMATS = {"u16": "H", "i16": "h", "u32": "I", "i32": "i", "f32": "f"}
-# A value that rounds to 0 would have another meaning in these registers: off, or never.
+# In registers with these units, 0 means "off" or "never": a small value must not be rounded to 0.
 NEVER_ROUNDED_TO_0 = ("N/s", "mm/s", "s")
 
 
 class Register(Settings):
-    """One value: address, encoding and range.
+    """Address, encoding and range of one value in a register map.
 
     Attributes
     ----------
     address : int
-        As in the Modbus message, from 0.
+        Address as in the Modbus message; the first register has address 0.
     type : str
     scale : float
-        Value in `unit` = raw value × scale.
+        Scale factor: the value in `unit` is the raw value times `scale`.
     unit : str
     invalid : list of int
-        Raw values that mean "no value", such as 0x7FFFFFFF for a broken wire. These values are never written.
+        Raw values that mean "no value", such as 0x7FFFFFFF for a broken wire. The driver never writes these
+        values.
     valid : list of two floats, optional
-        Least and greatest possible value (in `unit`).
+        Smallest and largest possible value, in `unit`.
     """
 
     address: int = Field(ge=0, le=0xFFFF)
@@ -68,12 +69,12 @@ class Register(Settings):
 
     @property
     def size(self) -> int:
-        """Length in registers."""
+        """Number of registers that this value takes."""
         return struct.calcsize(">" + FORMATS[self.type]) // 2
 
     @property
     def end(self) -> int:
-        """The address after the last one."""
+        """Address that follows the last register of this value."""
         return self.address + self.size
 
     def decode(self, words: Sequence[int], order: WordOrder) -> Number:
@@ -82,7 +83,7 @@ class Register(Settings):
         Raises
         ------
         ValueError
-            If the raw value is NaN, infinite, a sentinel, or out of range.
+            If the raw value is NaN, infinite or out of range, or means "no value".
         """
         raw: Number = struct.unpack(
             ">" + FORMATS[self.type], _ordered(struct.pack(f">{self.size}H", *words), order)
@@ -92,17 +93,18 @@ class Register(Settings):
         return value
 
     def encode(self, value: Number, order: WordOrder) -> list[int]:
-        """Return the words that represent a value.
+        """Return the register words that represent a value.
 
         Raises
         ------
         ValueError
-            If the type cannot hold the value, `decode` would refuse it, or a rate or time would become 0.
+            If the register type cannot hold the value, if `decode` would refuse the value, or if a rate or
+            time would be rounded to 0.
         """
         format = ">" + FORMATS[self.type]
         raw = value if self.scale == 1.0 else value / self.scale
         try:
-            # some machines report the negative zero of a float as positive zero
+            # avoid the negative zero, because some machines report it as positive zero
             packed = struct.pack(format, raw + 0.0 if self.type == "f32" else round(raw))
         except (struct.error, OverflowError, ValueError) as error:
             raise ValueError(
@@ -127,9 +129,11 @@ class Block(Settings):
     Attributes
     ----------
     table : str
-        `input`, read by function 4, or `holding`, read by 3 and written by 16.
+        Modbus table: `input` is read with function 4; `holding` is read with function 3 and written with
+        function 16.
     single : bool
-        Write the block, which is one register, by function 6: some devices have no other.
+        True to write the block with function 6, for devices without function 16. The block must be a single
+        register.
     registers : dict of Register
     """
 
@@ -144,13 +148,13 @@ class Block(Settings):
 
     @property
     def count(self) -> int:
-        """Length in registers."""
+        """Number of registers in the block."""
         return sum(register.size for register in self.registers.values())
 
     def decode(
         self, words: Sequence[int], order: WordOrder, names: Collection[str] | None = None
     ) -> dict[str, Number]:
-        """Return all or the named values by name; `ValueError` names a register without a valid value."""
+        """Return the values by name; a register without a valid value raises `ValueError`."""
         values = {}
         for name, register in self.registers.items():
             if names is not None and name not in names:
@@ -165,9 +169,9 @@ class Block(Settings):
     def encode(
         self, values: Mapping[str, Number], order: WordOrder, onto: Sequence[int] | None = None
     ) -> list[int]:
-        """Return the block's words; registers without a value keep the words of `onto`, or are 0.
+        """Return the words of the block; registers not named in `values` keep the words of `onto`, or are 0.
 
-        `ValueError` names the register that cannot hold its value.
+        If a register cannot hold its value, `ValueError` gives the name of the register.
         """
         words = [0] * self.count if onto is None else list(onto)
         for name, value in values.items():
@@ -181,7 +185,7 @@ class Block(Settings):
 
 
 def _ordered(data: bytes, order: WordOrder) -> bytes:
-    """Convert bytes to or from the word order of the registers; each order is its own inverse."""
+    """Convert bytes to or from the word order of the registers; both directions are the same operation."""
     if order in ("BADC", "DCBA"):
         data = b"".join(data[i : i + 2][::-1] for i in range(0, len(data), 2))
     if order in ("CDAB", "DCBA"):

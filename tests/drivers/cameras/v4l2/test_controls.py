@@ -55,7 +55,7 @@ def test_an_automatic_that_is_named_is_set_before_what_it_holds(plugged, context
 
 def test_what_has_a_setting_of_its_own_is_no_further_control(plugged, context):
     for name, own in (("exposure_time_absolute", "exposure_us"), ("gain", "gain")):
-        with pytest.raises(DeviceFault, match=f"set {name}: .*under `controls`; say it by `{own}`"):
+        with pytest.raises(DeviceFault, match=f"set {name}: .*under `controls`; use the setting `{own}`"):
             opened(plugged, context, controls={name: 50})
 
 

@@ -72,7 +72,7 @@ def test_what_the_camera_answers_instead_is_refused(plugged, context):
     for changes, message in [
         ({"width_px": 640}, r"set format: expected 640 x 20 px Y12, got 64 x 20 px Y12"),
         ({"exposure_us": 10_050.0}, r"set exposure: .*got 10050 µs; choose a multiple of 100 µs"),
-        ({"exposure_us": None}, r"got no `exposure_us`; add it"),
+        ({"exposure_us": None}, r"got no `exposure_us`; add this setting"),
         ({"gain": 101}, r"set gain: expected 0 to 100 in steps of 1, got 101"),
         ({"controls": {"sharpness": 1}}, r"set sharpness: .*where it has auto_exposure, "),
         ({"input": 1}, r"choose input: expected input 1"),

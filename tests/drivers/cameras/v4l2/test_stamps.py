@@ -67,7 +67,7 @@ def test_the_date_belongs_to_the_exposure(camera, clock):
 
 def test_stamps_and_grey_levels_that_cannot_be_are_refused(plugged, context):
     for change, message in [
-        ({"stamp": 0}, "expected a stamp of the monotonic clock"),
+        ({"stamp": 0}, "expected a timestamp of the monotonic clock"),
         ({"stamp_offset_s": 9.0}, "expected a frame from the past"),
         ({"level_mask": 0xFFFF, "shown": 200}, "expected grey levels of 12 bits"),
     ]:

@@ -94,7 +94,7 @@ def test_without_a_way_for_hold_nothing_moves(frame, port, clock):
     clock.sleep(10.5)
     asked = iter([True])
     port.tamper = lambda request, answer: answer() if not is_state(request) or next(asked, False) else None
-    with pytest.raises(DeviceTimeout, match="prove the way for hold"):
+    with pytest.raises(DeviceTimeout, match="check the connection for hold"):
         frame.read()
     port.tamper = lambda request, answer: answer()
     with pytest.raises(DeviceFault, match="a link that was lost"):

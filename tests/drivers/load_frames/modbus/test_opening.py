@@ -129,7 +129,7 @@ def test_two_machines_at_one_address_are_told(port, context):
         open_frame(settings(port.address), context)
 
 
-@pytest.mark.parametrize(("connections", "remedy"), [(2, "set connections = 1"), (1, "check that the")])
+@pytest.mark.parametrize(("connections", "remedy"), [(2, "set connections to"), (1, "check that the")])
 def test_a_hold_that_would_not_be_answered_is_told_on_opening(port, context, connections, remedy):
     identified = iter([False])
 
@@ -139,7 +139,7 @@ def test_a_hold_that_would_not_be_answered_is_told_on_opening(port, context, con
         return answer()
 
     port.tamper = one_only
-    with pytest.raises(DeviceTimeout, match=rf"prove the way for hold: .*; {remedy}"):
+    with pytest.raises(DeviceTimeout, match=rf"check the connection for hold: .*; {remedy}"):
         open_frame(settings(port.address, reply_timeout_s=0.1, connections=connections), context)
 
 
@@ -168,5 +168,5 @@ def test_mistakes_in_the_register_map_are_reported_with_those_of_the_rig_file(tm
 def test_two_connections_mean_nothing_on_a_line():
     limits = {"load_max_n": 1000.0, "displacement_max_mm": 5.0}
     for address in ("/dev/ttyUSB0", "rtu://192.168.0.9:4001"):
-        with pytest.raises(ValueError, match="connections belong to Modbus TCP"):
+        with pytest.raises(ValueError, match="`connections` is for Modbus TCP only"):
             ModbusLoadFrameSettings(address=address, connections=2, **limits)

@@ -44,7 +44,7 @@ def test_a_restart_that_a_narrow_counter_does_not_tell_shows_in_the_commands(dev
     device.power_cycle()
     # nobody reads for so long that 16 bits may have gone round
     clock.sleep(60.0)
-    with pytest.raises(DeviceFault, match=r"a restarted machine \(command 0 executed after 1\)"):
+    with pytest.raises(DeviceFault, match=r"a restarted machine \(command 0 executed after \d+\)"):
         frame.read()
     frame.close()
     server.close()

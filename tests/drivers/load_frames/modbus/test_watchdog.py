@@ -1,9 +1,12 @@
 """The machine's watchdog: set on opening, fed by readings, and it holds when nobody reads."""
 
+import re
+from contextlib import closing
+
 import pytest
 
 from drivers.errors import DeviceFault
-from drivers.load_frames.modbus.load_frame import open_frame
+from drivers.load_frames.modbus.load_frame import SPEC, open_frame
 from tests.drivers.load_frames.modbus.watched_port import Answer, is_command, settings
 
 
@@ -60,3 +63,30 @@ def test_a_link_says_what_it_was_used_for(frame, port):
     port.tamper = lambda request, answer: b"\x90\x04" if request[0] == 16 else answer()
     with pytest.raises(DeviceFault, match=r"feed the watchdog: write holding registers 66 to 66: .*failure"):
         frame.read()
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"watchdog_s": 0.0}, 'say why it is off with watchdog = "off: REASON" instead'),
+        ({"watchdog_s": 0}, "watchdog_s = 0 would switch the watchdog off"),
+        ({"watchdog": "off"}, '"off: REASON" is expected'),
+        ({"watchdog": "off: "}, '"off: REASON" is expected'),
+        ({"watchdog": "2.0"}, "a time belongs into watchdog_s"),
+        ({"watchdog": "off: it trips", "watchdog_s": 2.0}, "remove watchdog_s or watchdog"),
+    ],
+)
+def test_a_watchdog_is_switched_off_in_words_only(given, said):
+    with pytest.raises(ValueError, match=re.escape(said)):
+        settings("10.0.0.8:502", **given)
+
+
+def test_a_watchdog_that_is_off_is_written_so_and_is_a_caution(port, device, context):
+    device.set_watchdog(3.0)
+    off = settings(port.address, watchdog="off: the controller trips on every pause")
+    with closing(open_frame(off, context)):
+        assert device.watchdog_s == 0.0
+    assert SPEC.cautions is not None
+    (sentence,) = SPEC.cautions(off)
+    assert "watchdog is off (the controller trips on every pause)" in sentence
+    assert SPEC.cautions(settings(port.address)) == []

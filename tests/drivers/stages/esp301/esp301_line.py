@@ -22,7 +22,11 @@ class EspLine(NewportServer):
         return self.tamper(message.decode(), lambda: super(EspLine, self).respond(message))
 
     def motions(self) -> list[str]:
-        return [command for command in self.received if command[1:3] in ("OR", "PA", "PR", "MV")]
+        return [
+            command
+            for command in self.received
+            if command[1:3] in ("OR", "PA", "PR", "MV") and not command.endswith("?")
+        ]
 
 
 def settings(port: str, **changes: object) -> EspSettings:

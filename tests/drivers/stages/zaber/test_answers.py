@@ -6,10 +6,11 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
+from drivers.stages.zaber.protocol import lrc
 from drivers.stages.zaber.stage import open_stage
 from simulators.stage.zaber import ZaberServer
 from simulators.wire.ports import LOCALHOST
-from tests.drivers.stages.stage_kit import Answer
+from tests.drivers.stages.stage_kit import Answer, arrive, untampered
 from tests.drivers.stages.zaber.zaber_line import settings
 
 
@@ -95,3 +96,20 @@ def test_whoever_waits_for_an_answer_learns_at_once_that_the_link_is_lost(host, 
             reading.result(30.0)
     stage.close()
     wire.close()
+
+
+def test_an_answer_to_another_program_on_the_line_is_noticed(homed, line, clock):
+    def beside(command: str, answer: Answer) -> bytes:
+        reply = answer()
+        own = int(reply.split()[2])
+        other = (own + 25) % 100
+        body = f"01 1 {other:02d} OK IDLE -- 0"
+        return f"@{body}:{lrc(body)}\r\n".encode() + reply
+
+    line.tamper = beside
+    with pytest.raises(DeviceFault, match=r"got an answer to another program \(id \d+\)"):
+        homed.read()
+    line.tamper = untampered
+    homed.home()
+    arrive(homed, clock)
+    homed.read()

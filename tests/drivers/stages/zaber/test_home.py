@@ -40,12 +40,22 @@ def test_a_home_search_whose_answer_is_lost_counts_when_it_has_ended(stage, line
     assert line.motions() == ["home"]
 
 
-@pytest.mark.parametrize("by", ["us", "somebody else"])
-def test_a_stopped_search_after_a_fault_leaves_no_reference(homed, device, clock, by):
-    stop = homed.stop if by == "us" else lambda: (device.stop(), clock.sleep(10.0))
+def test_a_search_that_somebody_else_stopped_leaves_no_reference(homed, device, clock):
     device.fail("FS")
     homed.home()
-    stop()
+    device.stop()
+    clock.sleep(10.0)
+    with pytest.raises(DeviceFault, match="a motion that another program interrupted"):
+        homed.read()
+    homed.home()
+    arrive(homed, clock)
+    assert homed.read().homed
+
+
+def test_a_stopped_search_after_a_fault_leaves_no_reference(homed, device, clock):
+    device.fail("FS")
+    homed.home()
+    homed.stop()
     # the stage itself still calls its reference good
     assert homed.read().warnings == ("NI",)
     assert not homed.read().homed

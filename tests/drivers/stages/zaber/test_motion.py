@@ -69,8 +69,7 @@ def test_a_second_move_while_moving_is_refused(homed):
 def test_an_interruption_warns_and_the_next_move_starts_clean(homed, device, clock):
     homed.move_to(90.0)
     clock.sleep(1.0)
-    device.stop()
-    clock.sleep(1.0)
+    homed.stop()
     assert homed.read().warnings == ("NI",)
     homed.move_to(10.0)
     assert arrive(homed, clock) == 10.0

@@ -1,0 +1,114 @@
+"""Driver for one input of a Modbus module: a contact, such as of a door, or a measured value."""
+
+from typing import Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from drivers.interfaces import DeviceInfo, InterlockState, OpenContext
+from drivers.lines.addresses import resolve_address
+from drivers.load_frames.modbus.bus.address import SERIAL_UNITS, ModbusAddress, address_mistake
+from drivers.load_frames.modbus.bus.link import ModbusLink
+from drivers.registry import DriverSpec
+from drivers.settings import Settings
+
+_BITS = ("discrete", "coil")
+
+
+class ModbusInputSettings(Settings):
+    """Settings of one input: the Modbus module's address, and the table and number of the input.
+
+    Attributes
+    ----------
+    address : str
+        ``host:port``, ``rtu://host:port``, the path of a serial port, or ``@name`` in a simulated rig.
+    table : str
+        ``discrete`` (Modbus function 2) or ``coil`` (1) for a contact, whose value is 0 or 1; ``input``
+        (function 4) or ``holding`` (3) for a register with a number.
+    number : int
+        Address of the input in the request, counted from 0.
+    signed : bool
+        True if the register is a signed number.
+    scale, offset : float
+        The value of a register is its number × scale + offset.
+    quantity : str
+        Unit of the value, shown to the user; empty for a contact.
+    """
+
+    address: str
+    unit: int = Field(default=1, ge=0, le=255)
+    table: Literal["discrete", "coil", "input", "holding"] = "discrete"
+    number: int = Field(ge=0, le=65_535)
+    signed: bool = False
+    scale: float = 1.0
+    offset: float = 0.0
+    quantity: str = Field(default="", max_length=20)
+    reply_timeout_s: float = Field(default=0.5, gt=0, le=10)
+    baud: int = Field(default=19_200, ge=300, le=4_000_000)
+    parity: Literal["N", "E", "O"] = "E"
+    stop_bits: Literal[1, 2] = 1
+
+    @field_validator("address")
+    @classmethod
+    def _reachable(cls, address: str) -> str:
+        if not address.startswith("@") and (mistake := address_mistake(address)):
+            raise ValueError(mistake)
+        return address
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if ModbusAddress(self.address).rtu and self.unit not in SERIAL_UNITS:
+            raise ValueError("a unit from 1 to 247 is expected on a serial line: broadcasts have no answer")
+        if self.table in _BITS and self.model_fields_set & {"signed", "scale", "offset"}:
+            raise ValueError("signed, scale and offset belong to a register; remove them for a contact")
+        return self
+
+
+class ModbusInput:
+    """One input of a Modbus module; to construct this class, call `open_input`."""
+
+    def __init__(self, settings: ModbusInputSettings, context: OpenContext, link: ModbusLink) -> None:
+        self._settings = settings
+        self._clock = context.clock
+        self._link = link
+        self.unit = settings.quantity
+        self.info = DeviceInfo(
+            vendor="Modbus",
+            model=f"{settings.table} {settings.number} of unit {settings.unit}",
+            serial="",
+            simulated=settings.address.startswith("@"),
+        )
+
+    def read(self) -> InterlockState:
+        """Read the input; a failed reading is repeated once.
+
+        Raises
+        ------
+        DeviceError
+            If the module does not answer in time, or refuses the request.
+        """
+        settings = self._settings
+        (number,) = self._link.read(settings.table, settings.number, 1)
+        if settings.signed and number >= 0x8000:
+            number -= 0x10000
+        return InterlockState(number * settings.scale + settings.offset, self._clock.now_s())
+
+    def close(self) -> None:
+        """Close the connection; a repeated call has no effect."""
+        self._link.close()
+
+
+def open_input(settings: ModbusInputSettings, context: OpenContext) -> ModbusInput:
+    """Connect to the module and read the input once; raise `DeviceError` if this fails."""
+    address = resolve_address(settings.address, context)
+    place = ModbusAddress(address, settings.baud, settings.parity, settings.stop_bits, context.relay)
+    link = ModbusLink(f"{context.name} ({address})", place, settings.unit, settings.reply_timeout_s)
+    device = ModbusInput(settings, context, link)
+    try:
+        device.read()
+    except BaseException:
+        link.close()
+        raise
+    return device
+
+
+SPEC = DriverSpec(kind="interlock", settings=ModbusInputSettings, open=open_input)

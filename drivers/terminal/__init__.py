@@ -1,0 +1,1 @@
+"""Questions to the person at the terminal, for drivers and for commands."""
