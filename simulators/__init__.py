@@ -1,16 +1,16 @@
-"""The devices as they behave on the wire, and the specimen they see: the independent truth of every test.
+"""Simulators of the rig's devices and of the specimen; their true state is the reference for tests.
 
-Everything that is public stands here and is loaded when it is first used:
+This package exports all public names. A name is loaded from its module when the name is first used:
 
 >>> from contextlib import closing
 >>> import simulators
 >>> with closing(simulators.VirtualRig()) as rig:
 ...     sorted(rig.addresses)
-['load_frame', 'load_frame_rtu', 'load_frame_rtu_tcp', 'newport', 'stage', 'stage_tcp']
+['interlocks', 'load_frame', 'load_frame_rtu', 'load_frame_rtu_tcp', 'newport', 'stage', 'stage_tcp']
 
-A `VirtualRig` runs on simulated time inside the program, a `Simulation` in real time for other programs.
-Each device is also there by itself: a `StageDevice` behind a `ZaberServer` or a `NewportServer`, a
-`LoadFrameDevice` behind a `LoadFrameServer`, a `SimulatedCamera` in front of a `Scene`.
+A `VirtualRig` runs inside the program, usually on simulated time. A `Simulation` runs in real time for other
+programs. Each device can also be used alone: a `StageDevice` with a `ZaberServer` or a `NewportServer`, a
+`LoadFrameDevice` with a `LoadFrameServer`, and a `SimulatedCamera` with a `Scene`.
 """
 
 from importlib import import_module
@@ -82,7 +82,7 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-if not TYPE_CHECKING:  # type checkers would otherwise allow any name
+if not TYPE_CHECKING:  # with this function, type checkers would accept every name
 
     def __getattr__(name: str) -> Any:
         """Load a public name from its module when it is first used (PEP 562)."""

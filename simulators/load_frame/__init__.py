@@ -1,1 +1,1 @@
-"""A simulated load frame: crosshead and controller, registers, and Modbus on the wire."""
+"""A simulated load frame: crosshead, controller, registers and Modbus servers."""

@@ -1,31 +1,33 @@
-"""The crosshead of a load frame and its servo, advanced by one control period at a time."""
+"""The crosshead of a load frame and its controller, simulated in steps of one control period."""
 
 from enum import Enum
 from typing import Protocol
 
+from simulators.load_frame.load_cell import Lie, LoadCell
 from simulators.load_frame.state import FaultCode, MachineLimits
 
 CONTROL_PERIOD_S = 0.02
 LOAD_TOLERANCE_N = 1.0
 TRAVEL_TOLERANCE_MM = 1e-4
-# The stiffness that the load controller assumes before it has seen the specimen respond, and its lower bound:
-# too soft a belief makes the crosshead jump when a slack string tightens.
+# The stiffness that the load controller assumes before the first motion. The controller never assumes a lower
+# stiffness later, because the crosshead would then jump when a slack specimen becomes tight.
 STIFFNESS_GUESS_N_MM = 10_000.0
 STIFFNESS_MIN_N_MM = 1_000.0
 
 
 class LoadString(Protocol):
-    """Specimen, grips and load frame in series; it remembers plastic deformation."""
+    """Interface of specimen, grips and load frame in series; the load depends on earlier plastic
+    deformation."""
 
     def stretch_to(self, displacement_mm: float) -> float:
-        """Bring the crosshead to `displacement_mm` from the start of the test and return the load in N."""
+        """Move the crosshead to `displacement_mm`, counted from the test's start; return the load in N."""
 
     def break_now(self) -> None:
-        """Break; no load is carried from now on."""
+        """Break the specimen; the load stays at zero from now on."""
 
 
 class Control(Enum):
-    """What the crosshead follows."""
+    """The control mode of the crosshead: hold the position, or follow a displacement or a load."""
 
     HOLD = "hold"
     DISPLACEMENT = "displacement"
@@ -33,7 +35,7 @@ class Control(Enum):
 
 
 class Crosshead:
-    """A crosshead that follows a position or a load, or stands.
+    """A crosshead that holds its position, or follows a position or a load.
 
     Parameters
     ----------
@@ -43,26 +45,31 @@ class Crosshead:
     ----------
     control : Control
     target : float
-        In mm or N, from the zero.
+        The target in mm or N, relative to the zero set by `tare`.
     at_target : bool
-        Whether the crosshead reached the target and stands still.
+        True if the crosshead has reached the target and stands still.
     speed_mm_s : float
-        Of the last period.
+        The speed in the last control period.
     jammed : bool
-        Whether something blocks it.
+        True if the crosshead is mechanically blocked.
+    cell : LoadCell
+        The load cell, which the controller and the machine's limits use.
     """
 
     def __init__(self, load_string: LoadString) -> None:
         self.jammed = False
+        self.cell = LoadCell()
         self._string = load_string
+        self._time_s = 0.0
         self._position_mm = 0.0
         self._force_n = load_string.stretch_to(0.0)
         self.reset()
 
     def reset(self) -> None:
-        """Stop here, and forget targets, zeros and the measured stiffness of the string."""
+        """Stop the crosshead, and reset the target, the zeros and the measured stiffness."""
         self._zero_mm = 0.0
         self._zero_n = 0.0
+        self.cell.reset()
         self._stiffness_n_mm = STIFFNESS_GUESS_N_MM
         self._rate = 0.0
         self._setpoint_n = 0.0
@@ -71,45 +78,59 @@ class Crosshead:
 
     @property
     def load_n(self) -> float:
-        """True load in the string, from the zero set by `tare`."""
+        """The real load in N, relative to the zero set by `tare`."""
         return self._force_n - self._zero_n
 
     @property
+    def shown_n(self) -> float:
+        """The load that the load cell shows, in N, without noise."""
+        return self.cell.load_n(self._force_n, self._time_s)
+
+    def lie(self, lie: Lie, drift_n_s: float = 0.0) -> None:
+        """Make the load cell show a wrong load; with `Lie.NONE` the load cell shows the real load again."""
+        self.cell.begin(lie, self._force_n, self._time_s, drift_n_s)
+
+    def wait_until(self, time_s: float) -> None:
+        """Set the machine's time in s; the reading of a drifting load cell depends on this time."""
+        self._time_s = time_s
+
+    @property
     def displacement_mm(self) -> float:
-        """True position, from the zero set by `tare`."""
+        """The real position of the crosshead in mm, relative to the zero set by `tare`."""
         return self._position_mm - self._zero_mm
 
     @property
     def moving(self) -> bool:
-        """Whether the crosshead has not reached its target yet."""
+        """True if the crosshead follows a target and has not reached it yet."""
         return self.control is not Control.HOLD and not self.at_target
 
     def begin(self, control: Control, target: float, rate: float) -> None:
-        """Begin to follow a target, at mm/s or N/s."""
+        """Begin to approach a target in mm or N, with a rate in mm/s or N/s."""
         self.control, self.target, self._rate = control, target, rate
         self.at_target = False
-        self._setpoint_n = self.load_n
+        self._setpoint_n = self.shown_n
 
     def stand(self, control: Control, *, at_target: bool = False) -> None:
-        """Stop; `control` goes on if it is not HOLD."""
+        """Stop the crosshead. The new control mode is `HOLD`, or the mode in which the target was reached."""
         self.control = control
         self.at_target = at_target
         self.speed_mm_s = 0.0
 
     def tare(self) -> None:
-        """Make the present load and position the zero, and hold."""
+        """Set the zeros to the current load and position, and hold the position."""
         self._zero_n, self._zero_mm = self._force_n, self._position_mm
+        self.cell.tare(self._force_n, self._time_s)
         self.stand(Control.HOLD)
 
     def break_string(self) -> None:
-        """Break what is in the grips."""
+        """Break the specimen in the grips."""
         self._string.break_now()
         self._force_n = self._string.stretch_to(self._position_mm)
 
     def follow(self, limits: MachineLimits, ratings: MachineLimits) -> FaultCode:
-        """Advance by one control period, and return what went wrong in it.
+        """Move the crosshead for one control period, and return the fault that occurred in this period.
 
-        MachineLimits are measured from the zero set by `tare`; the machine's ratings from its own zero.
+        `limits` are relative to the zero set by `tare`. `ratings` are relative to the machine's own zero.
         """
         if self.jammed:
             return FaultCode.STALL
@@ -119,13 +140,13 @@ class Crosshead:
         else:
             ramp_n = self._rate * CONTROL_PERIOD_S
             self._setpoint_n += min(max(self.target - self._setpoint_n, -ramp_n), ramp_n)
-            wanted_mm = (self._setpoint_n - self.load_n) / self._stiffness_n_mm
+            wanted_mm = (self._setpoint_n - self.shown_n) / self._stiffness_n_mm
             speed_mm_s = limits.speed_max_mm_s
         reach_mm = speed_mm_s * CONTROL_PERIOD_S
         step_mm = min(max(wanted_mm, -reach_mm), reach_mm)
         self._step(step_mm)
         out = step_mm > 0
-        fault = _beyond(limits, self.load_n, self.displacement_mm, out) or _beyond(
+        fault = _beyond(limits, self.shown_n, self.displacement_mm, out) or _beyond(
             ratings, self._force_n, self._position_mm, out
         )
         if fault:
@@ -133,23 +154,24 @@ class Crosshead:
         if self.control is Control.DISPLACEMENT:
             arrived = step_mm == wanted_mm
         else:
-            error_n = self.target - self.load_n
+            error_n = self.target - self.shown_n
             arrived = self._setpoint_n == self.target and abs(error_n) <= LOAD_TOLERANCE_N
         if arrived:
             self.stand(self.control, at_target=True)
         return FaultCode.NONE
 
     def _step(self, step_mm: float) -> None:
-        before_n = self._force_n
+        before_n = self.shown_n
         self._position_mm += step_mm
         self._force_n = self._string.stretch_to(self._position_mm)
         self.speed_mm_s = step_mm / CONTROL_PERIOD_S
         if step_mm:
-            self._stiffness_n_mm = max((self._force_n - before_n) / step_mm, STIFFNESS_MIN_N_MM)
+            self._stiffness_n_mm = max((self.shown_n - before_n) / step_mm, STIFFNESS_MIN_N_MM)
 
 
 def _beyond(limits: MachineLimits, load_n: float, displacement_mm: float, out: bool) -> FaultCode:
-    """Whether the motion passed a limit outwards; moving back inwards is always allowed."""
+    """Return a fault if the crosshead moved outwards beyond a limit. Motion back between the limits is always
+    allowed."""
     if out:
         overload = load_n > limits.load_max_n + LOAD_TOLERANCE_N
         overtravel = displacement_mm > limits.displacement_max_mm + TRAVEL_TOLERANCE_MM

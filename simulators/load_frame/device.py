@@ -1,6 +1,7 @@
 """The mechanics and the controller of a load frame: crosshead, limits, watchdog and emergency stop.
 
-It knows nothing of registers; `simulators.load_frame.modbus` puts it on a network.
+This module contains no registers. The module `simulators.load_frame.modbus` connects a load frame to a
+network or a serial line.
 """
 
 import math
@@ -11,6 +12,7 @@ import numpy as np
 
 from drivers.clock import Clock
 from simulators.load_frame.crosshead import CONTROL_PERIOD_S, Control, Crosshead, LoadString
+from simulators.load_frame.load_cell import Lie
 from simulators.load_frame.state import FaultCode, MachineLimits, Readings, Refusal, RefusedError
 
 LOAD_NOISE_N = 2.0
@@ -18,26 +20,26 @@ DISPLACEMENT_NOISE_MM = 0.2e-3
 
 
 class LoadFrameDevice:
-    """A tensile frame of ±`load_max_n` with a travel of `displacement_max_mm`, in periods of 20 ms.
+    """A simulated tensile load frame with a control period of 20 ms.
 
     Parameters
     ----------
     clock : Clock
-        The machine's physics runs on this clock's time.
+        The clock of the simulated motion.
     load_string : LoadString
     load_min_n, load_max_n, displacement_min_mm, displacement_max_mm : float
     speed_max_mm_s, load_rate_max_n_s : float
-        The machine's ratings: the widest limits that can be set. Beyond them the machine stops with a fault,
-        measured from its own zero.
+        The machine's ratings, which are the widest limits that can be set. If load or displacement exceeds a
+        rating, relative to the machine's own zero, the machine stops with a fault.
     rng : numpy.random.Generator, optional
-        Source of the measurement noise (2 N and 0.2 µm); without one there is none.
+        Source of the measurement noise (2 N and 0.2 µm). Without a source, the readings have no noise.
 
     Attributes
     ----------
     executed : list of (float, str)
-        Every command that was taken, with its time: what the machine did, whatever its answers said.
+        Time and name of every command that the machine executed, even if its answer was lost.
     power_ups : int
-        How often it was switched on.
+        How often the machine was switched on.
     """
 
     def __init__(
@@ -74,7 +76,7 @@ class LoadFrameDevice:
         self._switch_on()
 
     def _switch_on(self) -> None:
-        """Reset what a real controller loses without power: zeros, limits, watchdog and sample counter."""
+        """Reset the values that a real controller loses without power: zeros, limits, watchdog, counter."""
         self.power_ups += 1
         self._start_s = self._clock.now_s()
         self._tick = 0
@@ -88,24 +90,24 @@ class LoadFrameDevice:
         self._noise = (0.0, 0.0)
 
     def load_n(self) -> float:
-        """True load in the string now, from the zero set by `tare`."""
+        """The present real load in N, relative to the zero set by `tare`."""
         with self._lock:
             self._advance()
             return self._crosshead.load_n
 
     def displacement_mm(self) -> float:
-        """True position of the crosshead now, from the zero set by `tare`."""
+        """The present real position of the crosshead in mm, relative to the zero set by `tare`."""
         with self._lock:
             self._advance()
             return self._crosshead.displacement_mm
 
     @property
     def limits(self) -> MachineLimits:
-        """The limits that are active."""
+        """The active limits of the machine."""
         return self._limits
 
     def set_limits(self, limits: MachineLimits) -> None:
-        """Narrow the limits; `RefusedError` beyond the ratings."""
+        """Set the limits; raise `RefusedError` for limits beyond the ratings of the machine."""
         if not self.ratings.encloses(limits):
             raise RefusedError(Refusal.BEYOND_LIMITS)
         with self._lock:
@@ -114,11 +116,12 @@ class LoadFrameDevice:
 
     @property
     def watchdog_s(self) -> float:
-        """Longest time without a new heartbeat while moving; 0 switches the watchdog off."""
+        """The time in s without a new heartbeat after which the watchdog stops a motion; 0 if the watchdog is
+        off."""
         return self._watchdog_s
 
     def set_watchdog(self, timeout_s: float) -> None:
-        """Set the watchdog's time."""
+        """Set the time limit of the watchdog in s; 0 switches the watchdog off."""
         if not 0 <= timeout_s <= 60:
             raise RefusedError(Refusal.BEYOND_LIMITS)
         with self._lock:
@@ -128,11 +131,11 @@ class LoadFrameDevice:
 
     @property
     def heartbeat(self) -> int:
-        """The last heartbeat received."""
+        """The value of the last received heartbeat."""
         return self._heartbeat
 
     def beat(self, value: int) -> None:
-        """Receive a heartbeat: only a changed value counts."""
+        """Receive a heartbeat. If its value is unchanged, the watchdog's time continues to run."""
         with self._lock:
             self._advance()
             if value != self._heartbeat:
@@ -140,7 +143,7 @@ class LoadFrameDevice:
                 self._beat_tick = self._tick
 
     def read(self) -> Readings:
-        """Return the readings; within one control period they do not change."""
+        """Return the readings. The readings do not change within one control period."""
         with self._lock:
             self._advance()
             if self._noise_tick != self._tick:
@@ -156,7 +159,7 @@ class LoadFrameDevice:
                 holding=crosshead.control is Control.HOLD,
                 fault=self._fault,
                 estop=self._estop,
-                load_n=math.nan if self._cell_broken else crosshead.load_n + load_error_n,
+                load_n=math.nan if self._cell_broken else crosshead.shown_n + load_error_n,
                 displacement_mm=crosshead.displacement_mm + displacement_error_mm,
                 speed_mm_s=crosshead.speed_mm_s,
                 target=crosshead.target,
@@ -172,28 +175,28 @@ class LoadFrameDevice:
             )
 
     def go_to_displacement(self, displacement_mm: float, speed_mm_s: float) -> None:
-        """Begin to approach a position at constant speed; `RefusedError` beyond the limits."""
+        """Begin to approach a position at constant speed; raise `RefusedError` beyond the limits."""
         with self._lock:
             limits = self._limits
             inside = limits.displacement_min_mm <= displacement_mm <= limits.displacement_max_mm
             self._go(Control.DISPLACEMENT, displacement_mm, inside, speed_mm_s, limits.speed_max_mm_s)
 
     def go_to_load(self, load_n: float, rate_n_s: float) -> None:
-        """Begin to approach a load along a ramp; `RefusedError` beyond the limits."""
+        """Begin to approach a load along a ramp; raise `RefusedError` beyond the limits."""
         with self._lock:
             limits = self._limits
             inside = limits.load_min_n <= load_n <= limits.load_max_n
             self._go(Control.LOAD, load_n, inside, rate_n_s, limits.load_rate_max_n_s)
 
     def hold(self) -> None:
-        """Stop and hold position."""
+        """Stop the crosshead and hold its position."""
         with self._lock:
             self._advance()
             self._note("hold")
             self._crosshead.stand(Control.HOLD)
 
     def tare(self) -> None:
-        """Make the present load and position the zero; `RefusedError` while moving."""
+        """Set the zeros to the current load and position; raise `RefusedError` during motion."""
         with self._lock:
             self._advance()
             if self.read().moving:
@@ -202,14 +205,14 @@ class LoadFrameDevice:
             self._crosshead.tare()
 
     def press_estop(self) -> None:
-        """Open the emergency stop chain: the crosshead stands until a command after the chain was closed."""
+        """Open the emergency stop chain. The crosshead stops and refuses motion until `release_estop`."""
         with self._lock:
             self._advance()
             self._estop = True
             self._trip(FaultCode.ESTOP)
 
     def release_estop(self) -> None:
-        """Close the emergency stop chain again; nothing moves by itself."""
+        """Close the emergency stop chain again. The crosshead does not move before the next command."""
         self._estop = False
 
     def hit_limit_switch(self) -> None:
@@ -219,45 +222,59 @@ class LoadFrameDevice:
             self._trip(FaultCode.DISPLACEMENT_LIMIT)
 
     def jam(self) -> None:
-        """Block the crosshead: a motion under way stalls, and so does every one that is begun."""
+        """Block the crosshead: the present motion and every later motion stop at once with a fault."""
         with self._lock:
             self._advance()
             self._crosshead.jammed = True
 
     def free(self) -> None:
-        """Take away what blocks the crosshead."""
+        """Unblock the crosshead."""
         with self._lock:
             self._advance()
             self._crosshead.jammed = False
 
     def break_load_cell(self, broken: bool) -> None:
-        """Make the load reading NaN, or a number again."""
+        """Make every load reading NaN if `broken` is True; make it a number again if `broken` is False."""
         self._cell_broken = broken
 
+    def lie(self, lie: Lie, drift_n_s: float = 0.0) -> None:
+        """Make the load cell show a wrong load, also to the machine's own controller.
+
+        Parameters
+        ----------
+        lie : Lie
+            The kind of wrong reading; with `Lie.NONE` the load cell shows the real load again.
+        drift_n_s : float
+            For `Lie.DRIFTING`: the rate at which the shown load falls below the real load, in N/s.
+        """
+        with self._lock:
+            self._advance()
+            self._crosshead.lie(lie, drift_n_s)
+
     def freeze(self) -> None:
-        """Freeze the readings and their counter, while the machine goes on."""
+        """Freeze the readings and their sample counter, while the machine continues to work."""
         with self._lock:
             self._frozen = self.read()
 
     def thaw(self) -> None:
-        """Let the readings follow the machine again after `freeze`."""
+        """Let the readings change again after `freeze`."""
         self._frozen = None
 
     def lose_watchdog(self, lost: bool) -> None:
-        """Switch the watchdog off for good, or let it be set again."""
+        """Switch the watchdog off. While `lost` is True, the watchdog cannot be switched on again."""
         with self._lock:
             self._advance()
             self._watchdog_lost = lost
             self._watchdog_s = 0.0
 
     def break_specimen(self) -> None:
-        """Break what is in the grips."""
+        """Break the specimen in the grips."""
         with self._lock:
             self._advance()
             self._crosshead.break_string()
 
     def power_cycle(self) -> None:
-        """Switch off and on: the crosshead stays where it is; zeros, limits and the watchdog are lost."""
+        """Switch the machine off and on. The crosshead does not move; zeros, limits and watchdog are lost."""
         with self._lock:
             self._advance()
             self._switch_on()
@@ -279,16 +296,18 @@ class LoadFrameDevice:
         self._beat_tick = self._tick
 
     def _advance(self) -> None:
-        """Carry out every control period that was due until now."""
+        """Simulate all control periods up to the current time."""
         due = math.floor((self._clock.now_s() - self._start_s) / CONTROL_PERIOD_S)
         while self._tick < due and self._crosshead.moving:
             self._tick += 1
+            self._crosshead.wait_until(self._tick * CONTROL_PERIOD_S)
             silence_s = (self._tick - self._beat_tick) * CONTROL_PERIOD_S
             tripped = 0 < self._watchdog_s < silence_s
             fault = FaultCode.WATCHDOG if tripped else self._crosshead.follow(self._limits, self.ratings)
             if fault is not FaultCode.NONE:
                 self._trip(fault)
         self._tick = max(self._tick, due)
+        self._crosshead.wait_until(self._tick * CONTROL_PERIOD_S)
 
     def _trip(self, fault: FaultCode) -> None:
         self._crosshead.stand(Control.HOLD)
@@ -298,4 +317,6 @@ class LoadFrameDevice:
         if self._rng is None:
             return 0.0, 0.0
         load, displacement = self._rng.standard_normal(2)
+        if self._crosshead.cell.is_stuck:
+            load = 0.0
         return LOAD_NOISE_N * float(load), DISPLACEMENT_NOISE_MM * float(displacement)

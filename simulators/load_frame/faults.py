@@ -1,11 +1,21 @@
-"""Faults of the load frame itself, as opposed to faults of its line."""
+"""Faults inside the load frame, in contrast to faults of its communication line."""
+
+from functools import partial
 
 from simulators.load_frame.device import LoadFrameDevice
+from simulators.load_frame.load_cell import Lie
 from simulators.wire.faults import FaultPanel
+
+LIES = {
+    "zero-load": Lie.ZERO,
+    "tenth-load": Lie.TENTH,
+    "reversed-load": Lie.REVERSED,
+    "stuck-load": Lie.STUCK,
+}
 
 
 def load_frame_faults(panel: FaultPanel, device: LoadFrameDevice) -> FaultPanel:
-    """Connect the faults of a load frame to `device`; return the panel."""
+    """Return a panel with the faults of a load frame; switching a fault on changes `device`."""
     panel.when("e-stop", device.press_estop, device.release_estop)
     panel.when("limit", device.hit_limit_switch)
     panel.when("reset", device.power_cycle)
@@ -14,4 +24,11 @@ def load_frame_faults(panel: FaultPanel, device: LoadFrameDevice) -> FaultPanel:
     panel.when("frozen-counter", device.freeze, device.thaw)
     panel.when("broken-specimen", device.break_specimen)
     panel.when("watchdog-off", lambda: device.lose_watchdog(True), lambda: device.lose_watchdog(False))
+    for name, lie in LIES.items():
+        panel.when(name, partial(device.lie, lie), partial(device.lie, Lie.NONE))
+    panel.when(
+        "drifting-load",
+        lambda: device.lie(Lie.DRIFTING, float(panel.take("drifting-load") or 0.0)),
+        partial(device.lie, Lie.NONE),
+    )
     return panel

@@ -1,7 +1,7 @@
-"""Register layouts of load frames: which value stands where, as the devices' manuals say.
+"""Register layouts of load frames: the address and the type of each value, as in the devices' manuals.
 
-The drivers have register maps of their own, as TOML. Neither side reads the other's, so a mistake in one
-fails the tests.
+The drivers have their own register maps in TOML files. Simulators and drivers do not share register maps, so
+a mistake in one of the two makes the tests fail.
 """
 
 import math
@@ -14,12 +14,13 @@ Number = int | float
 _FORMATS = {"u16": ">H", "i16": ">h", "u32": ">I", "i32": ">i", "f32": ">f"}
 WORD_ORDERS = {"ABCD": (0, 1, 2, 3), "CDAB": (2, 3, 0, 1), "BADC": (1, 0, 3, 2), "DCBA": (3, 2, 1, 0)}
 NO_VALUE = 0x7FFFFFFF
-"""Reading of a device with integer registers for a load that it cannot measure."""
+"""Load reading of a device with integer registers if the device cannot measure the load."""
 
 
 @dataclass(frozen=True)
 class Register:
-    """One value: its name, its type, and the factor from raw value to unit."""
+    """A value in the Modbus registers: its name, its type, and the factor from raw value to value in its
+    unit."""
 
     name: str
     kind: str
@@ -27,20 +28,20 @@ class Register:
 
     @property
     def size(self) -> int:
-        """Number of 16-bit registers."""
+        """Number of 16-bit registers that the value occupies."""
         return struct.calcsize(_FORMATS[self.kind]) // 2
 
 
 @dataclass(frozen=True)
 class Block:
-    """Values that lie one after the other."""
+    """Values at consecutive register addresses, and the address of the first value."""
 
     address: int
     registers: tuple[Register, ...]
 
     @property
     def count(self) -> int:
-        """Number of 16-bit registers."""
+        """Number of 16-bit registers in the block."""
         return sum(register.size for register in self.registers)
 
 
@@ -51,23 +52,23 @@ class Layout:
     Attributes
     ----------
     state, identity : Block
-        Read-only.
+        Read-only blocks.
     status : Block, optional
-        Read-only; present if the status is not part of `state`.
+        Read-only block of the status word; None if the status word is part of `state`.
     command, limits, watchdog, heartbeat : Block
-        Each is written whole, in one request.
+        Blocks that a client writes completely, each in one request.
     setpoints : Block, optional
-        Written before the command; present if targets and rates are not part of `command`.
+        Block of targets and rates, to be written before the command; None if `command` contains these values.
     bits : mapping of str to int
-        Which bit of the status says what.
+        Bit number of each status, such as ``moving``, in the status word.
     commands : mapping of int to str
-        ``hold``, ``displacement``, ``load`` and ``tare`` by their codes.
+        The commands ``hold``, ``displacement``, ``load`` and ``tare`` by their codes.
     word_order : str
-        How the bytes A (most significant) to D of a 32-bit value stand in two registers.
+        Order of the bytes A (most significant) to D of a 32-bit value in two registers.
     request_max : int
-        Most registers in one request.
+        Largest number of registers in one request.
     one_table : bool
-        Whether read-only values are holding registers too, because the device has no input registers.
+        True if read-only values are also holding registers, because the device has no input registers.
     """
 
     state: Block
@@ -86,21 +87,21 @@ class Layout:
 
     @property
     def readable(self) -> list[Block]:
-        """The blocks that are only read."""
+        """The read-only blocks of the layout."""
         return [block for block in (self.state, self.status, self.identity) if block is not None]
 
     @property
     def writable(self) -> list[Block]:
-        """The blocks that are written, and can be read back."""
+        """The blocks that a client can write and read back."""
         blocks = (self.command, self.setpoints, self.limits, self.watchdog, self.heartbeat)
         return [block for block in blocks if block is not None]
 
     def encode(self, block: Block, values: Mapping[str, Number]) -> bytes:
-        """Return a block's bytes; values that are not named are 0."""
+        """Return the bytes of a block; values that are missing in `values` are 0."""
         return b"".join(self._encode(each, values.get(each.name, 0)) for each in block.registers)
 
     def decode(self, block: Block, data: bytes) -> dict[str, Number]:
-        """Return a block's values from all its bytes."""
+        """Decode the bytes of all registers of a block, and return the values by name."""
         values: dict[str, Number] = {}
         place = 0
         for register in block.registers:
@@ -116,18 +117,18 @@ class Layout:
         raw = round(value / register.scale) if math.isfinite(value) else NO_VALUE
         bits = 16 * register.size
         if register.kind.startswith("u"):
-            raw %= 2**bits  # counters wrap round
+            raw %= 2**bits  # counters restart at 0 after their highest value
         else:
             raw = min(max(raw, -(2 ** (bits - 1))), 2 ** (bits - 1) - 1)
         return self._ordered(struct.pack(_FORMATS[register.kind], raw))
 
     def _ordered(self, data: bytes) -> bytes:
-        """Reorder four bytes to the device's order, or back: each order is its own inverse."""
+        """Reorder four bytes to the device's order or back; the same reordering works in both directions."""
         return data if len(data) == 2 else bytes(data[i] for i in WORD_ORDERS[self.word_order])
 
 
 def _block(address: int, **kinds: str | tuple[str, float]) -> Block:
-    """Name a block's registers in their order, each by its type, or by type and scale."""
+    """Make a block from the names of its registers in order, each with its type, or its type and scale."""
     return Block(
         address,
         tuple(Register(name, *((kind,) if isinstance(kind, str) else kind)) for name, kind in kinds.items()),
@@ -159,9 +160,9 @@ GENERIC = Layout(
     },
     commands={1: "hold", 2: "displacement", 3: "load", 4: "tare"},
 )  # fmt: skip
-"""A layout without peculiarities: N, mm and s as 32-bit floats, time in ms."""
+"""A simple layout: values in N, mm and s as 32-bit floats, and the device time in ms."""
 
-# 0.1 N and 0.1 µm, as i32 or u32.
+# Values in units of 0.1 N and 0.1 µm, as i32 or u32.
 _NEWTONS, _MILLIMETRES, _N_S, _MM_S = ("i32", 0.1), ("i32", 1e-4), ("u32", 0.1), ("u32", 1e-4)
 
 SCALED_INTEGERS = Layout(
@@ -188,7 +189,7 @@ SCALED_INTEGERS = Layout(
     request_max=16,
     one_table=True,
 )  # fmt: skip
-"""Whole numbers with scales, the less significant word first, few registers in a request, one table."""
+"""A layout with scaled integers, low word first, at most 16 registers per request, and one table."""
 
 SEPARATE_WORDS = Layout(
     state=_block(0, revision="u16", sample="u16", load="f32", displacement="f32"),
@@ -202,7 +203,7 @@ SEPARATE_WORDS = Layout(
     bits={"load_valid": 0, "moving": 8, "at_target": 9, "holding": 10, "watchdog": 12, "estop": 13},
     commands={0x0100: "hold", 0x0201: "displacement", 0x0202: "load", 0x0400: "tare"},
 )
-"""Command and status words apart from set points and readings."""
+"""A layout in which the command word and the status word have blocks of their own."""
 
 LAYOUTS = {"generic": GENERIC, "scaled-integers": SCALED_INTEGERS, "separate-words": SEPARATE_WORDS}
-"""Keys are the names of the drivers' register maps of the same devices."""
+"""All layouts. Each layout has the same name as the drivers' register map for that device."""

@@ -1,6 +1,7 @@
-"""The load frame on a network or a serial line: Modbus TCP, Modbus RTU, and RTU over TCP.
+"""Servers of a simulated load frame for Modbus TCP, Modbus RTU, and Modbus RTU over TCP.
 
-Written from the specification alone; `simulators.load_frame.layout` holds the registers.
+This module follows the Modbus specification only and shares no code with the drivers. The registers are in
+`simulators.load_frame.layout`.
 """
 
 import struct
@@ -19,7 +20,7 @@ SERIAL = 220001
 
 
 class _LoadFrameLine(Server):
-    """What every line of a load frame has; the parameters are those of `LoadFrameServer`."""
+    """Base class of a load frame's servers. `LoadFrameServer` describes the parameters."""
 
     def __init__(
         self,
@@ -36,28 +37,30 @@ class _LoadFrameLine(Server):
         self.registers = registers or LoadFrameRegisters(device, layout, serial, self.faults)
 
     def answer(self, unit: int, request: bytes) -> bytes | None:
-        """Act on one protocol data unit (function code and data) and return the answer's, or None."""
+        """Execute one Modbus protocol data unit (function code and data); return the answer's data unit, or
+        None."""
         return self.registers.answer(request)
 
 
 class LoadFrameServer(_LoadFrameLine):
-    """A load frame's Modbus TCP port.
+    """A Modbus TCP server of a simulated load frame.
 
     Parameters
     ----------
     device : LoadFrameDevice
     host : str
     port : int
-        0 takes any free port.
+        The TCP port; 0 takes any free port.
     unit : int
-        The unit identifier it answers to.
+        The server's unit identifier.
     serial : int
-        The serial number it reports.
+        The serial number that the load frame reports.
     layout : Layout
     faults : FaultPanel, optional
-        One is made if none is given.
+        The faults of the load frame. Default: a new panel.
     registers : LoadFrameRegisters, optional
-        The registers of another line to share; `serial` and `layout` are ignored then.
+        Registers to share with another server of the same load frame. With shared registers, `serial` and
+        `layout` have no effect.
     """
 
     def __init__(
@@ -76,17 +79,18 @@ class LoadFrameServer(_LoadFrameLine):
         self._port = port_of(self, host, port)
 
     def answer(self, unit: int, request: bytes) -> bytes | None:
-        """Act on one protocol data unit; a foreign unit is answered as by a gateway that cannot reach it."""
+        """Execute one protocol data unit. A request for another unit is answered with Modbus exception 11, as
+        by a gateway."""
         if unit != self.unit:
             return struct.pack(">BB", request[0] | 0x80, TARGET_SILENT)
         return super().answer(unit, request)
 
     def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
-        """Return the complete messages in a buffer, and the rest."""
+        """Return the complete messages in a buffer, and the remaining bytes."""
         return cut_tcp(buffer)
 
     def respond(self, message: bytes) -> bytes:
-        """Act on one message and return the answer under the same transaction number."""
+        """Execute one message and return the answer with the same transaction number."""
         transaction, _, _, unit = struct.unpack(">HHHB", message[:HEADER])
         reply = self.answer(unit, message[HEADER:])
         if reply is None:
@@ -94,19 +98,19 @@ class LoadFrameServer(_LoadFrameLine):
         return struct.pack(">HHHB", transaction, 0, len(reply) + 1, unit) + reply
 
     def damaged(self, reply: bytes) -> bytes:
-        """Return the answer with another function code, as from a gateway that mixes up answers."""
+        """Return the answer with a wrong function code, as from a gateway that confuses answers."""
         return reply[:HEADER] + bytes([reply[HEADER] ^ 0x40]) + reply[HEADER + 1 :]
 
     def readdressed(self, reply: bytes) -> bytes:
-        """Return the answer with another unit's identifier."""
+        """Return the answer with the identifier of another unit."""
         return reply[: HEADER - 1] + bytes([reply[HEADER - 1] ^ 0x02]) + reply[HEADER:]
 
 
 class LoadFrameRtuServer(_LoadFrameLine):
-    """The same frame as Modbus RTU: on a pseudo-terminal, or at a host on TCP as a device server carries it.
+    """A Modbus RTU server of a simulated load frame, on a pseudo-terminal or, with `host`, on a TCP port.
 
-    A damaged message, or one for another unit, gets no answer. A broadcast (unit 0) is carried out without an
-    answer. The parameters are those of `LoadFrameServer`.
+    The server does not answer damaged messages or messages for other units. A broadcast (unit 0) is executed
+    without an answer. `LoadFrameServer` describes the parameters.
     """
 
     def __init__(
@@ -125,11 +129,11 @@ class LoadFrameRtuServer(_LoadFrameLine):
         self._port = port_of(self, host, port)
 
     def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
-        """Return the complete messages in a buffer, and the rest."""
+        """Return the complete messages in a buffer, and the remaining bytes."""
         return cut_rtu(buffer)
 
     def respond(self, message: bytes) -> bytes:
-        """Act on one message and return the answer, empty when it is for another unit or for all."""
+        """Execute one message and return the answer; empty for a broadcast or another unit's message."""
         unit = message[0]
         if unit not in (self.unit, BROADCAST):
             return b""
@@ -137,11 +141,11 @@ class LoadFrameRtuServer(_LoadFrameLine):
         return b"" if reply is None or unit == BROADCAST else _sealed(bytes([unit]) + reply)
 
     def damaged(self, reply: bytes) -> bytes:
-        """Return the answer with one bit flipped, which its checksum shows."""
+        """Return the answer with one bit flipped, so that its checksum is wrong."""
         return reply[:2] + bytes([reply[2] ^ 0x10]) + reply[3:]
 
     def readdressed(self, reply: bytes) -> bytes:
-        """Return the answer with the address of another unit of the line."""
+        """Return the answer with the address of another unit and a correct checksum."""
         return _sealed(bytes([reply[0] ^ 0x02]) + reply[1:-2])
 
 

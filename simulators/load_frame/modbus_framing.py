@@ -1,4 +1,4 @@
-"""Framing of Modbus requests: a header on TCP, address and checksum on a serial line.
+"""Framing of Modbus requests: a header on TCP, and an address and a checksum on a serial line.
 
 Sources: MODBUS Messaging on TCP/IP Implementation Guide V1.0b; MODBUS over Serial Line Specification V1.02.
 """
@@ -12,16 +12,16 @@ HEADER = 7
 ADU_MAX = 260
 RTU_MAX = 256
 SHORT_REQUESTS = {1, 2, 3, 4, 5, 6}
-"""Functions whose requests are eight bytes long on a serial line."""
+"""Modbus function codes whose requests are eight bytes long on a serial line."""
 
 
 def cut_tcp(buffer: bytes) -> tuple[list[bytes], bytes]:
-    """Return the complete messages in a buffer, and the rest.
+    """Return the complete messages in a buffer, and the remaining bytes.
 
     Raises
     ------
     ConnectionError
-        If the bytes are not Modbus: the connection must be closed.
+        If the bytes have no Modbus header. The connection must then be closed.
     """
     messages = []
     while len(buffer) >= HEADER:
@@ -36,10 +36,10 @@ def cut_tcp(buffer: bytes) -> tuple[list[bytes], bytes]:
 
 
 def cut_rtu(buffer: bytes) -> tuple[list[bytes], bytes]:
-    """Return the complete requests in a buffer, and the rest.
+    """Return the complete requests in a buffer, and the remaining bytes.
 
-    On a real line a silence separates messages. A pseudo-terminal keeps no timing, so the checksum decides;
-    bytes before a valid request are skipped.
+    On a real serial line, a pause separates two messages. A pseudo-terminal does not preserve pauses, so this
+    function uses the checksum to find requests. Bytes before a valid request are skipped.
     """
     messages = []
     while (found := next(_requests(buffer), None)) is not None:
@@ -50,7 +50,7 @@ def cut_rtu(buffer: bytes) -> tuple[list[bytes], bytes]:
 
 
 def _requests(buffer: bytes) -> Iterator[tuple[int, int]]:
-    """Yield start and end of every slice of a buffer that is a whole request."""
+    """Yield start and end of every slice of a buffer that is a complete request."""
     for start in range(len(buffer) - 3):
         function = buffer[start + 1]
         if function in SHORT_REQUESTS:
@@ -64,7 +64,7 @@ def _requests(buffer: bytes) -> Iterator[tuple[int, int]]:
 
 
 def crc(data: bytes) -> bytes:
-    """CRC-16 with the polynomial 0xA001 (reflected), the low byte first."""
+    """Return the CRC-16 checksum with the reflected polynomial 0xA001, low byte first."""
     value = 0xFFFF
     for byte in data:
         value ^= byte

@@ -1,8 +1,8 @@
-"""The registers of a load frame: what each Modbus request does and answers, on any line.
+"""The registers of a load frame: the effect of each Modbus request, and the answer to each request.
 
-Source: MODBUS Application Protocol Specification V1.1b3. A holding block is written whole, in one request. A
-command is executed when its sequence number is newer than the last one executed: the same request twice, or
-one overtaken by another, does nothing.
+Source: MODBUS Application Protocol Specification V1.1b3. A client must write a writable block completely, in
+one request. A command is executed only if its sequence number is newer than the number of the last executed
+command. A repeated or delayed request therefore has no effect.
 """
 
 import math
@@ -24,7 +24,7 @@ READ_MAX, WRITE_MAX = 125, 123
 
 
 class ExceptionReply(Exception):
-    """The request is answered with a Modbus exception code."""
+    """Raised to answer a request with a Modbus exception code."""
 
     def __init__(self, code: int) -> None:
         self.code = code
@@ -32,14 +32,14 @@ class ExceptionReply(Exception):
 
 
 class LoadFrameRegisters:
-    """One load frame's registers, shared by every line it is on.
+    """The registers of one load frame, shared by all servers of this load frame.
 
     Parameters
     ----------
     device : LoadFrameDevice
     layout : Layout
     serial : int
-        The serial number it reports.
+        The serial number that the load frame reports.
     faults : FaultPanel
     """
 
@@ -58,7 +58,7 @@ class LoadFrameRegisters:
         self._command: dict[str, Number] = {}
 
     def answer(self, request: bytes) -> bytes:
-        """Act on one protocol data unit, function code and data, and return the answer's."""
+        """Execute one protocol data unit (function code and data) and return the answer's data unit."""
         function = request[0]
         try:
             if (code := self._faults.take("exception")) is not None:
@@ -97,7 +97,7 @@ class LoadFrameRegisters:
         return layout.writable + (layout.readable if layout.one_table else [])
 
     def _cut(self, blocks: list[Block], address: int, count: int) -> bytes:
-        """Return `count` registers of one block; a request that reaches beyond the block is refused."""
+        """Return `count` registers of one block. A request beyond the end of the block is refused."""
         for block in blocks:
             first = address - block.address
             if first >= 0 and first + count <= block.count:

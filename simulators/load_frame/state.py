@@ -5,7 +5,7 @@ from enum import IntEnum
 
 
 class FaultCode(IntEnum):
-    """Why the machine stopped by itself."""
+    """The reason why the machine stopped without a command."""
 
     NONE = 0
     WATCHDOG = 1
@@ -16,7 +16,7 @@ class FaultCode(IntEnum):
 
 
 class Refusal(IntEnum):
-    """Why the machine does not take a command."""
+    """The reason why the machine refuses a command."""
 
     BEYOND_LIMITS = 1
     TOO_FAST = 2
@@ -25,7 +25,7 @@ class Refusal(IntEnum):
 
 
 class RefusedError(Exception):
-    """A command was not taken."""
+    """The machine refused a command."""
 
     def __init__(self, reason: Refusal) -> None:
         self.reason = reason
@@ -34,7 +34,7 @@ class RefusedError(Exception):
 
 @dataclass(frozen=True)
 class MachineLimits:
-    """Limits of travel, load and rates; mm, N and seconds."""
+    """Limits of load, displacement, speed and load rate, in N, mm and s."""
 
     load_min_n: float
     load_max_n: float
@@ -44,7 +44,8 @@ class MachineLimits:
     load_rate_max_n_s: float
 
     def encloses(self, other: "MachineLimits") -> bool:
-        """True if `other` lies within these limits and is not empty."""
+        """Return True if the limits `other` lie within these limits, and each lower limit is below its upper
+        limit."""
         return (
             self.load_min_n <= other.load_min_n < other.load_max_n <= self.load_max_n
             and self.displacement_min_mm <= other.displacement_min_mm
@@ -56,7 +57,7 @@ class MachineLimits:
 
 @dataclass(frozen=True)
 class Readings:
-    """The readings of one control period."""
+    """The readings of a load frame in one control period."""
 
     sample: int
     time_s: float

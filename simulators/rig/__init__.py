@@ -1,1 +1,1 @@
-"""The virtual rig: all simulated devices around one specimen, for rig files, tests and other programs."""
+"""The virtual rig: all simulated devices and one specimen, for rig files, tests and other programs."""

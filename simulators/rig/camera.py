@@ -12,6 +12,7 @@ from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import CameraInfo, Frame, OpenContext
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
+from simulators.rig.picture_faults import PictureFaults
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.render import render
 from simulators.scene.scene import Scene, Surface, scene_of
@@ -19,9 +20,10 @@ from simulators.scene.sensor import Sensor
 from simulators.wire.faults import CAMERA, FaultPanel
 from simulators.wire.rig_faults import RigFaults
 
-# The bit that V4L2 sets in a damaged buffer's flags.
+# The bit that V4L2 sets in the flags of a damaged buffer.
 FLAG_ERROR = 0x40
-# Sine of the smallest angle between a pixel's ray and the grid's plane; the surface may tilt by some degrees.
+# Sine of the smallest allowed angle between the ray of a pixel and the grid's plane. The margin lets the
+# surface tilt by some degrees.
 GRAZING = 0.2
 
 
@@ -31,31 +33,31 @@ class CameraSettings(Settings):
     width_px: int = Field(default=900, ge=16, le=8192)
     height_px: int = Field(default=900, ge=16, le=8192)
     bits: Literal[8, 12] = Field(default=8, description="significant bits of a pixel")
-    focal_px: float = Field(default=2800.0, gt=0, description="distance from pinhole to sensor in px")
+    focal_px: float = Field(default=2800.0, gt=0, description="distance from the pinhole to the sensor")
     distance_mm: float = Field(
-        default=40.0, gt=0, description="distance from pinhole to the middle of the grid"
+        default=40.0, gt=0, description="distance from the pinhole to the middle of the grid"
     )
-    pan_deg: float = Field(default=0.0, ge=-60, le=60, description="positive swings the camera to +X")
-    tilt_deg: float = Field(default=0.0, ge=-60, le=60, description="positive raises the camera to +Y")
+    pan_deg: float = Field(default=0.0, ge=-60, le=60, description="a positive angle moves the camera to +X")
+    tilt_deg: float = Field(default=0.0, ge=-60, le=60, description="a positive angle moves the camera to +Y")
     k1_per_px2: float = Field(
-        default=0.0, description="radial distortion: x (1 + k1 r²), px from the image's middle"
+        default=0.0, description="radial distortion k1: x (1 + k1 r²), in px from the image's middle"
     )
     exposure_us: float = Field(default=10_000.0, gt=0)
     gain: float = Field(default=1.0, gt=0)
     readout_us: float = Field(
-        default=20_000.0, ge=0, description="from the end of exposure to the frame's arrival"
+        default=20_000.0, ge=0, description="time from the end of exposure to the frame's arrival"
     )
     # 32 500 electrons give a noise of one grey level (8 bit) in mid-grey.
     full_well_e: float = Field(
-        default=32_500.0, gt=0, description="electrons that give the highest grey level"
+        default=32_500.0, gt=0, description="number of electrons for the highest grey level"
     )
     read_noise_e: float = Field(default=20.0, ge=0, description="dark noise in electrons")
     saturation_exposure_us: float = Field(
-        default=12_000.0, gt=0, description="exposure that saturates on white"
+        default=12_000.0, gt=0, description="exposure at which a white surface saturates"
     )
 
     def optics(self) -> PinholeCamera:
-        """Return the lens and its position."""
+        """Return the lens and the position of the camera."""
         return PinholeCamera(
             self.width_px,
             self.height_px,
@@ -67,7 +69,7 @@ class CameraSettings(Settings):
         )
 
     def sensor(self) -> Sensor:
-        """Return the sensor."""
+        """Return the sensor of the camera."""
         return Sensor(self.bits, self.full_well_e, self.read_noise_e, self.saturation_exposure_us)
 
     @model_validator(mode="after")
@@ -84,10 +86,10 @@ class CameraSettings(Settings):
 
 
 class SimulatedCamera:
-    """Renders the scene as it is in the middle of each exposure.
+    """A camera that renders the state of the scene in the middle of each exposure.
 
-    Noise depends only on the scene's seed, the camera's name and the frame's number, so a run is reproducible
-    bit by bit.
+    The image noise depends only on the scene's seed, the camera's name and the frame's number. Therefore the
+    images of a repeated run are identical.
 
     Attributes
     ----------
@@ -104,6 +106,7 @@ class SimulatedCamera:
         scene: Scene,
         clock: Clock,
         faults: FaultPanel | None = None,
+        pictures: PictureFaults | None = None,
     ) -> None:
         self.info = CameraInfo(
             vendor="offaxis",
@@ -117,6 +120,7 @@ class SimulatedCamera:
         self.optics = settings.optics()
         self.shown: Surface | None = None
         self._faults = faults or FaultPanel(CAMERA)
+        self._pictures = pictures or PictureFaults(clock)
         self._before: Frame | None = None
         self._settings = settings
         self._sensor = settings.sensor()
@@ -146,7 +150,7 @@ class SimulatedCamera:
         exposure_s = self._settings.exposure_us * 1e-6
         readout_s = self._settings.readout_us * 1e-6 + float(self._faults.take("delay") or 0)
         stalled = "stall" in self._faults.active
-        if stalled or not exposure_s + readout_s <= timeout_s:  # NaN counts as no time left
+        if stalled or not exposure_s + readout_s <= timeout_s:  # also True for NaN
             self._clock.sleep(timeout_s)
             reason = "the sensor stands still" if stalled else f"it takes {exposure_s + readout_s:g} s"
             raise DeviceTimeout(
@@ -169,11 +173,13 @@ class SimulatedCamera:
         exposed_s, utc = self._clock.now_s(), self._clock.utc()
         self._clock.sleep(exposure_s / 2)
         self.shown = self._scene.surface()
-        reflectance = render(self.optics, self.shown)
+        reflectance = self._pictures.alter(render(self.optics, self.shown))
         self._clock.sleep(exposure_s / 2 + readout_s)
         image = self._sensor.expose(
             reflectance, self._settings.exposure_us, self._settings.gain, self._noise_of(self._sequence)
         )
+        if self._before is not None and self._pictures.frozen():
+            image = self._before.image.copy()
         damaged = self._faults.take("corrupt") is not None
         if damaged:
             image[len(image) // 2 :] = 0
@@ -189,7 +195,7 @@ class SimulatedCamera:
         )
 
     def close(self) -> None:
-        """Release the camera; harmless when repeated."""
+        """Release the camera; a repeated call does nothing."""
         self._open = False
 
     def _noise_of(self, sequence: int) -> np.random.Generator:
@@ -201,7 +207,8 @@ class SimulatedCamera:
         self.require_plugged("grab")
 
     def require_plugged(self, step: str) -> None:
-        """Raise `LinkLost` while the cable is unplugged."""
+        """Raise `LinkLost` while the camera is unplugged, or switched off by the fault `dropout`."""
+        self._pictures.require_present(self.info.serial, step)
         if "unplug" in self._faults.active:
             raise LinkLost(
                 self.info.serial,
@@ -215,7 +222,8 @@ class SimulatedCamera:
 def _open(settings: CameraSettings, context: OpenContext) -> SimulatedCamera:
     faults = getattr(context.environment, "faults", None)
     panel = faults[CAMERA] if isinstance(faults, RigFaults) else None
-    camera = SimulatedCamera(context.name, settings, scene_of(context), context.clock, panel)
+    pictures = getattr(context.environment, "picture_faults", None)
+    camera = SimulatedCamera(context.name, settings, scene_of(context), context.clock, panel, pictures)
     camera.require_plugged("open")
     return camera
 

@@ -1,4 +1,6 @@
-"""The person at a simulated rig: attaches the grid to the specimen and takes it off again."""
+"""The operator of a simulated rig, who attaches the grid to the specimen and removes the grid."""
+
+from collections.abc import Callable
 
 from pydantic import Field
 
@@ -10,23 +12,51 @@ from simulators.scene.scene import Scene, scene_of
 
 
 class OperatorSettings(Settings):
-    """Durations of the person's actions."""
+    """Duration of the operator's actions."""
 
     duration_s: float = Field(default=60.0, ge=0, le=3600, description="time to attach or remove the grid")
 
 
-class SimulatedOperator:
-    """Carries out requests with realistic durations."""
+def notice(action: OperatorAction, duration_s: float) -> str:
+    """Return what a simulated operator does, and for how long."""
+    return f"simulated operator: {action.value}, {duration_s:g} s"
 
-    def __init__(self, scene: Scene, clock: Clock, duration_s: float) -> None:
+
+class SimulatedOperator:
+    """A simulated operator, who needs the set duration for each action.
+
+    Parameters
+    ----------
+    scene : Scene
+    clock : Clock
+    duration_s : float
+    on_action : callable, optional
+        Called with the action, and with False at its begin and True at its end.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        clock: Clock,
+        duration_s: float,
+        on_action: Callable[[OperatorAction, bool], None] = lambda action, done: None,
+    ) -> None:
         self._scene = scene
         self._clock = clock
         self._duration_s = duration_s
+        self._on_action = on_action
+
+    def notice(self, action: OperatorAction) -> str:
+        """Return what the operator will do, and for how long."""
+        return notice(action, self._duration_s)
 
     def perform(self, action: OperatorAction) -> None:
-        """Attach or remove the grid; return when it is done."""
+        """Attach or remove the grid; return after the set duration."""
+        self._on_action(action, False)
         self._clock.sleep(self._duration_s)
-        self._scene.grid_attached = action is OperatorAction.ATTACH_GRID
+        if action is not OperatorAction.GO_ON:
+            self._scene.grid_attached = action is OperatorAction.ATTACH_GRID
+        self._on_action(action, True)
 
 
 def _open(settings: OperatorSettings, context: OpenContext) -> SimulatedOperator:

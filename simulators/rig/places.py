@@ -1,4 +1,4 @@
-"""Addresses of a virtual rig's servers: free ones, or fixed ones given by the user."""
+"""Addresses of a virtual rig's servers: free addresses, or fixed addresses given by the user."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -7,20 +7,20 @@ from pathlib import Path
 from simulators.wire.ports import PREFIX
 
 TERMINALS = ("stage", "newport", "load_frame_rtu")
-PORTS = ("stage_tcp", "load_frame", "load_frame_rtu_tcp", "scene")
+PORTS = ("stage_tcp", "load_frame", "load_frame_rtu_tcp", "interlocks", "scene")
 SERVERS = (*TERMINALS, *PORTS)
 
 
 @dataclass(frozen=True)
 class Places:
-    """The addresses given by the user; all other servers take any free address.
+    """The addresses that the user gives. Servers without a given address take any free address.
 
     Attributes
     ----------
     ports : mapping of str to int
-        TCP ports of this machine, by the servers' names.
+        TCP ports on this machine, by the names of the servers.
     links : mapping of str to Path
-        Names for pseudo-terminals.
+        Paths of links to pseudo-terminals, by the names of the servers.
     """
 
     ports: Mapping[str, int] = field(default_factory=dict)
@@ -28,7 +28,7 @@ class Places:
 
     @classmethod
     def read(cls, texts: Iterable[str]) -> "Places":
-        """Read ``NAME=PORT`` and ``NAME=PATH``; raise ValueError with the mistake."""
+        """Read texts of the form ``NAME=PORT`` or ``NAME=PATH``; raise `ValueError` for a malformed text."""
         ports: dict[str, int] = {}
         links: dict[str, Path] = {}
         for text in texts:
@@ -48,23 +48,24 @@ class Places:
 
 
 class Link:
-    """A fixed name (symbolic link) for a pseudo-terminal.
+    """A symbolic link that gives a pseudo-terminal a fixed path.
 
     Parameters
     ----------
     path : Path
+        The path of the link.
     terminal : Path
-        The pseudo-terminal's own path.
+        The path of the pseudo-terminal.
 
     Raises
     ------
     OSError
-        If the name is taken, unless by a link that a killed simulation left behind.
+        If the path exists already. A link that a killed simulation left behind is replaced instead.
     """
 
     def __init__(self, path: Path, terminal: Path) -> None:
         self._path, self._terminal = path, terminal
-        # the folder exists while the simulation runs, the terminal only while it is plugged in
+        # the folder exists as long as the simulation runs; the terminal can be missing while unplugged
         if path.is_symlink():
             folder = path.readlink().parent
             if folder.name.startswith(PREFIX) and not folder.exists():
@@ -72,6 +73,6 @@ class Link:
         path.symlink_to(terminal)
 
     def close(self) -> None:
-        """Remove the link; harmless when repeated."""
+        """Remove the link; a repeated call does nothing."""
         if self._path.is_symlink() and self._path.readlink() == self._terminal:
             self._path.unlink()

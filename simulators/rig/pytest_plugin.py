@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the mark."""
+    """Register the pytest mark `virtual_rig`."""
     config.addinivalue_line(
         "markers",
         "virtual_rig(**settings): settings of the fixture, as in the table [simulation] of a rig file",
@@ -32,10 +32,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture
 def virtual_rig(request: pytest.FixtureRequest) -> "Iterator[VirtualRig]":
-    """A `simulators.rig.virtual_rig.VirtualRig`: addresses, clock, scene, faults, stage, load_frame.
+    """A `VirtualRig` for one test, with the attributes addresses, clock, scene, faults, stage and load_frame.
 
-    The rig's time is simulated and advances only during a sleep on `clock`, unless the test is marked with
-    ``real_time=True``.
+    The rig's time is simulated and advances only during a call of ``virtual_rig.clock.sleep``. With
+    ``real_time=True`` in the mark of the test, the rig runs in real time.
     """
     from simulators.rig.virtual_rig import VirtualRig, VirtualRigSettings
 

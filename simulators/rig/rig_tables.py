@@ -1,4 +1,4 @@
-"""The rig file of a simulation: checked, and rewritten with addresses for programs that use it."""
+"""Check the rig file of a simulation, and write a rig file with the simulation's addresses."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -42,12 +42,12 @@ S = TypeVar("S", bound=Settings)
 
 @dataclass(frozen=True)
 class RigTables:
-    """A rig file all of whose devices are simulated.
+    """The content of a rig file in which all devices are simulated.
 
     Attributes
     ----------
     content : mapping
-        Content of the rig file as read.
+        The tables of the rig file, unchanged.
     simulation : VirtualRigSettings
     cameras : dict of str to CameraSettings
     operator : OperatorSettings
@@ -60,14 +60,14 @@ class RigTables:
 
     @classmethod
     def read(cls, content: Mapping[str, Any], source: str) -> "RigTables":
-        """Check a rig file's content; empty content stands for `DEFAULTS`.
+        """Check the content of a rig file; for empty content, use `DEFAULTS`.
 
-        A device that is not simulated is refused, since a user of the simulation could move it by mistake.
+        A real device is refused, because a user of the simulation could move the device by mistake.
 
         Raises
         ------
         ConfigurationError
-            Names all mistakes.
+            If the content has mistakes. The message lists all mistakes.
         """
         content = content or DEFAULTS
         mistakes: list[str] = []
@@ -103,11 +103,11 @@ class RigTables:
         return read
 
     def rig_file(self, addresses: Mapping[str, str]) -> str:
-        """Return a rig file that uses the simulation at these addresses from another program."""
+        """Return a rig file with which another program uses the simulation at these addresses."""
         scene = addresses["scene"]
         parts = [
             f"# Devices of a simulation that was started on {SystemClock().utc():%Y-%m-%d %H:%M} UTC.",
-            # the drivers cannot detect from the protocol that the device is simulated
+            # a driver cannot detect from the protocol that its device is simulated
             toml_table(["rig"], {**self.content.get("rig", DEFAULTS["rig"]), "simulated": True}),
         ]
         for name in _ON_WIRES:
@@ -120,12 +120,17 @@ class RigTables:
         for name in self.cameras:
             camera = {"driver": "remote-camera", "address": scene, "camera": name}
             parts.append(toml_table(["cameras", name], camera))
-        parts.append(toml_table(["operator"], {"driver": "remote-operator", "address": scene}))
+        operator = {
+            "driver": "remote-operator",
+            "address": scene,
+            "duration_s": self.operator.duration_s,
+        }
+        parts.append(toml_table(["operator"], operator))
         return "\n\n".join(parts) + "\n"
 
 
 def _unreachable(name: str, table: object) -> list[str]:
-    """Return the mistake in a device's address in the rig file."""
+    """Return a message if the rig file gives a device an address that the simulation does not have."""
     named = [value for value in table.values() if _is_name(value)] if isinstance(table, Mapping) else []
     if not named:
         return [f'{name}: the address of a simulated device is expected, such as "@{name}"; correct it']

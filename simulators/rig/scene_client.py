@@ -1,8 +1,9 @@
-"""Drivers for cameras and operator of a virtual rig in another program on this machine."""
+"""Drivers for the cameras and the operator of a virtual rig that runs in another program on this machine."""
 
 import json
 import socket
 import threading
+from contextlib import suppress
 from datetime import datetime
 from typing import Any
 
@@ -14,39 +15,48 @@ from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import CameraInfo, Frame, OpenContext, OperatorAction
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
+from simulators.rig.operator import notice
 
 RENDERING_S = 30.0
-"""Time allowed beyond a frame's own deadline, because rendering is slow on a busy machine."""
+"""Time in s added to the timeout of a frame, because rendering is slow on a busy machine."""
 
 OPERATOR_S = 3630.0
-"""Time allowed for the operator: more than the longest time that a rig file can set."""
+"""Timeout in s for the operator, longer than the longest duration that a rig file can set."""
 
 
-class RemoteOperatorSettings(Settings):
-    """Address of the simulation, as ``rig simulate`` prints it."""
-
+class _RemoteSettings(Settings):
     address: str = Field(pattern=r"^.+:\d+$", description="host:port")
 
 
-class RemoteCameraSettings(RemoteOperatorSettings):
-    """Address of the simulation, and name of its camera."""
+class RemoteOperatorSettings(_RemoteSettings):
+    """Address of the simulation, as printed by ``rig simulate``, and the duration of the operator's actions.
+
+    The duration is only shown: the simulation determines it.
+    """
+
+    duration_s: float | None = Field(default=None, ge=0, le=3600)
+
+
+class RemoteCameraSettings(_RemoteSettings):
+    """Address of the simulation, and name of a camera in the simulation."""
 
     camera: str
 
 
 class SceneClient:
-    """A connection to a `simulators.rig.scene_wire.SceneServer`, opened at its first use.
+    """A connection to a `simulators.rig.scene_wire.SceneServer`. The first request opens the connection.
 
     Parameters
     ----------
     name : str
-        The device's name.
+        The name of the device in the rig file.
     address : str
+        The address of the server, ``host:port``.
 
     Attributes
     ----------
     name : str
-        Name and address, for messages.
+        Name and address of the device, for error messages.
     """
 
     def __init__(self, name: str, address: str) -> None:
@@ -55,13 +65,13 @@ class SceneClient:
         self._socket: socket.socket | None = None
 
     def ask(self, timeout_s: float, /, **request: object) -> tuple[dict[str, Any], bytes]:
-        """Send a request and return the answer's head and the bytes that follow it.
+        """Send a request; return the JSON object of the answer and the bytes that follow the object.
 
         Raises
         ------
         DeviceError
-            As the simulated device raised it, under this device's name, or `LinkLost` if the simulation is
-            gone.
+            The error of the simulated device, with the name of this device; `LinkLost` if the simulation has
+            ended.
         """
         try:
             if self._socket is None:
@@ -87,21 +97,24 @@ class SceneClient:
             ) from error
         if "error" in head:
             kind = getattr(errors, head.pop("error"), DeviceError)
-            del head["device"]  # the rig file may use another name
+            del head["device"]  # the rig file may use another name for the device
             raise kind(self.name, head.pop("step"), **head)
         return head, body
 
     def close(self) -> None:
-        """Close the connection; harmless when repeated."""
+        """Close the connection; a repeated call does nothing."""
         if self._socket is not None:
+            # `shutdown` ends the wait of another thread for an answer; `close` alone would not
+            with suppress(OSError):
+                self._socket.shutdown(socket.SHUT_RDWR)
             self._socket.close()
         self._socket = None
 
 
 class RemoteCamera:
-    """A `Camera` that another program renders.
+    """A `Camera` whose images another program renders.
 
-    Frame times are times of this machine's monotonic clock, which both programs share.
+    Frame times are given on this computer's monotonic clock, which both programs share.
     """
 
     def __init__(self, client: SceneClient, camera: str) -> None:
@@ -117,7 +130,7 @@ class RemoteCamera:
         Raises
         ------
         DeviceError
-            As the simulated camera raised it; `LinkLost` if the simulation is gone, `DeviceFault` after
+            The error of the simulated camera; `LinkLost` if the simulation has ended; `DeviceFault` after
             `close`.
         """
         if not timeout_s > 0.0:
@@ -133,7 +146,7 @@ class RemoteCamera:
         return Frame(image=image, utc=datetime.fromisoformat(head.pop("utc")), **head)
 
     def close(self) -> None:
-        """Release the camera; harmless when repeated."""
+        """Release the camera; a repeated call does nothing."""
         with self._turn:
             self._closed = True
             self._client.close()
@@ -143,17 +156,24 @@ class RemoteCamera:
 
 
 class RemoteOperator:
-    """The person at a rig that another program simulates."""
+    """The operator of a rig that another program simulates."""
 
-    def __init__(self, client: SceneClient) -> None:
+    def __init__(self, client: SceneClient, duration_s: float | None = None) -> None:
         self._client = client
+        self._duration_s = duration_s
+
+    def notice(self, action: OperatorAction) -> str:
+        """Return what the simulated operator will do, and for how long if that is known."""
+        if self._duration_s is None:
+            return f"simulated operator: {action.value}"
+        return notice(action, self._duration_s)
 
     def perform(self, action: OperatorAction) -> None:
-        """Ask for the grid to be attached or removed; return when it is done."""
+        """Ask the simulation to attach or remove the grid; return after the action is done."""
         self._client.ask(OPERATOR_S, do="operator", action=action.name)
 
     def close(self) -> None:
-        """Close the connection; harmless when repeated."""
+        """Close the connection; a repeated call does nothing."""
         self._client.close()
 
 
@@ -162,7 +182,7 @@ def _open_camera(settings: RemoteCameraSettings, context: OpenContext) -> Remote
 
 
 def _open_operator(settings: RemoteOperatorSettings, context: OpenContext) -> RemoteOperator:
-    return RemoteOperator(SceneClient(context.name, settings.address))
+    return RemoteOperator(SceneClient(context.name, settings.address), settings.duration_s)
 
 
 CAMERA = DriverSpec("camera", RemoteCameraSettings, _open_camera)

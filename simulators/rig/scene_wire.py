@@ -1,17 +1,20 @@
-"""Cameras and operator of a virtual rig for other programs: lines of JSON on a TCP port.
+"""A TCP server that gives other programs the cameras and the operator of a virtual rig.
 
-A request is one line, an object with ``do``; the answer is one line, followed by the pixels of a frame:
+A request is one line with a JSON object that has the key ``do``. The answer is one line with a JSON object.
+After the answer to ``grab``, the pixels of the frame follow.
 
 ====================================================  ================================================
 ``{"do": "camera", "camera": NAME}``                  the camera's `drivers.interfaces.CameraInfo`
-``{"do": "grab", "camera": NAME, "timeout_s": S}``    all of `drivers.interfaces.Frame` but the image, its
-                                                      ``shape`` and ``dtype``, and ``bytes``: how many
-                                                      bytes of pixels follow, row by row
-``{"do": "operator", "action": "ATTACH_GRID"}``       an empty object when it is done; or ``REMOVE_GRID``
+``{"do": "grab", "camera": NAME, "timeout_s": S}``    all values of `drivers.interfaces.Frame` except the
+                                                      image; ``shape`` and ``dtype`` of the image; and
+                                                      ``bytes``, the number of pixel bytes that follow, row
+                                                      by row
+``{"do": "operator", "action": "ATTACH_GRID"}``       an empty object after the action is done; the other
+                                                      action is ``REMOVE_GRID``
 ====================================================  ================================================
 
-A failed request is answered by ``{"error": KIND, "device": …, "step": …, "expected": …, "got": …, "remedy":
-…}``.
+The answer to a failed request is the object ``{"error": KIND, "device": …, "step": …, "expected": …, "got":
+…, "remedy": …}``.
 """
 
 import json
@@ -32,22 +35,22 @@ TIMEOUT_MAX_S = 3600.0
 
 
 class SceneServer:
-    """The TCP server for cameras and operator.
+    """A TCP server for the cameras and the operator of a virtual rig.
 
     Parameters
     ----------
     cameras : mapping of str to SimulatedCamera
     operator : SimulatedOperator
     on_frame : callable
-        Called with each frame that is sent, and its camera.
+        Function that is called for each sent frame, with the camera's name, the camera and the frame.
     host : str
     port : int
-        0 takes any free port.
+        The TCP port; 0 takes any free port.
 
     Attributes
     ----------
     address : str
-        ``host:port``.
+        The address of the server, ``host:port``.
     """
 
     def __init__(
@@ -66,7 +69,7 @@ class SceneServer:
         self.address = self._server.address
 
     def close(self) -> None:
-        """Stop serving; harmless when repeated."""
+        """Stop the server; a repeated call does nothing."""
         self._server.close()
 
     def _converse(self, connection: socket.socket) -> None:

@@ -1,15 +1,15 @@
-"""The virtual rig as servers for other programs, in real time: what `rig simulate` runs."""
+"""Run the virtual rig in real time, with servers for other programs, for the command `rig simulate`."""
 
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
 from drivers.clock import SystemClock
-from drivers.interfaces import OpenContext
+from drivers.interfaces import OpenContext, OperatorAction
 from simulators.rig.camera import SPEC as CAMERA_SPEC
-from simulators.rig.operator import SimulatedOperator
+from simulators.rig.operator import SimulatedOperator, notice
 from simulators.rig.places import Places
 from simulators.rig.rig_tables import RigTables
 from simulators.rig.scene_wire import SceneServer
@@ -19,21 +19,21 @@ from simulators.wire.faults import FAULTS
 
 HELP = (
     "fault DEVICE.FAULT   switch a fault on, such as stage.drop:2",
-    "clear [DEVICE[.FAULT]]   switch it off, or all of them",
-    "faults   which are on",
-    "truth   what is true now",
-    "quit   or Ctrl-C",
+    "clear [DEVICE[.FAULT]]   switch off one fault, all faults of a device, or all faults",
+    "faults   list the faults that are on",
+    "truth   print the current true state",
+    "quit   end the simulation; so does Ctrl-C",
 )
 
 
 class StoppableClock(SystemClock):
-    """The machine's clock; all sleeping threads wake when the simulation ends."""
+    """The system's clock, with a method that wakes all sleeping threads when the simulation ends."""
 
     def __init__(self) -> None:
         self._stopped = threading.Event()
 
     def sleep(self, duration_s: float) -> None:
-        """Block for `duration_s` seconds, or until the end."""
+        """Block for `duration_s` seconds, or until a call of `stop`."""
         self._stopped.wait(max(0.0, duration_s))
 
     def stop(self) -> None:
@@ -42,27 +42,29 @@ class StoppableClock(SystemClock):
 
 
 class Simulation:
-    """All servers of a virtual rig, its cameras and operator, and a log of the true state.
+    """All servers of a virtual rig, with its cameras, its operator and a log of the true state.
 
     Parameters
     ----------
     tables : mapping, optional
-        A rig file's content. Default: a rig with a stage, a load frame and two cameras.
+        The content of a rig file. Default: a rig with a stage, a load frame and two cameras.
     source : str
-        The rig file, for messages.
+        The name of the rig file, for error messages.
     log : Path, optional
         File for the log of the true state.
     places : iterable of str
-        Addresses of servers, as `simulators.rig.places.Places` reads it.
+        Addresses of servers in the form that `simulators.rig.places.Places.read` accepts.
+    say : callable, optional
+        Called with a line about each action of the operator, on another thread. May be set later.
 
     Raises
     ------
     ConfigurationError
         If the tables have mistakes.
     ValueError
-        If an address cannot be understood.
+        If an address is malformed.
     OSError
-        If the log cannot be written, or a place is taken.
+        If the log cannot be written, or an address is in use.
     """
 
     def __init__(
@@ -71,7 +73,9 @@ class Simulation:
         source: str = "simulation",
         log: Path | None = None,
         places: Iterable[str] = (),
+        say: Callable[[str], None] = lambda line: None,
     ) -> None:
+        self.say = say
         self._tables = RigTables.read(tables or {}, source)
         wanted = Places.read(places)
         self._clock = StoppableClock()
@@ -85,7 +89,9 @@ class Simulation:
                     name: CAMERA_SPEC.open(each, OpenContext(f"cameras.{name}", self._clock, self.rig))
                     for name, each in self._tables.cameras.items()
                 },
-                SimulatedOperator(self.rig.scene, self._clock, self._tables.operator.duration_s),
+                SimulatedOperator(
+                    self.rig.scene, self._clock, self._tables.operator.duration_s, self._on_action
+                ),
                 self.log.frame,
                 port=wanted.ports.get("scene", 0),
             )
@@ -93,15 +99,15 @@ class Simulation:
 
     @property
     def addresses(self) -> dict[str, str]:
-        """Address of each server; ``scene`` serves the cameras and the operator."""
+        """Address of each server, by name. The server ``scene`` serves the cameras and the operator."""
         return {**self.rig.addresses, "scene": self._scene.address}
 
     def rig_file(self) -> str:
-        """Return a rig file that uses this simulation from another program."""
+        """Return a rig file with which another program uses this simulation."""
         return self._tables.rig_file(self.addresses)
 
     def command(self, line: str) -> list[str]:
-        """Carry out one command line typed at the simulation, and return what to print."""
+        """Execute one typed command of the simulation, and return the lines to print."""
         verb, _, rest = line.strip().partition(" ")
         faults = self.rig.faults
         try:
@@ -121,9 +127,14 @@ class Simulation:
         return [f"on: {', '.join(faults.active) or 'nothing'}"]
 
     def switch_on(self, fault: str) -> None:
-        """Switch a fault on; raise ValueError with the mistake in its name."""
+        """Switch a fault on; raise `ValueError` if the text of the fault has a mistake."""
         self.rig.faults.switch_on(fault)
         self.log.write("fault", fault=fault.strip(), on=True)
+
+    def _on_action(self, action: OperatorAction, done: bool) -> None:
+        self.log.write("operator", action=action.name, done=done)
+        duration_s = self._tables.operator.duration_s
+        self.say("simulated operator: done" if done else notice(action, duration_s))
 
     def _clear(self, faults: str) -> None:
         before = self.rig.faults.active
@@ -145,7 +156,7 @@ class Simulation:
         ]
 
     def close(self) -> None:
-        """Stop every server; harmless when repeated."""
+        """Stop every server; a repeated call does nothing."""
         self._clock.stop()
         self._scene.close()
         self.rig.close()

@@ -1,4 +1,4 @@
-"""The log of a virtual rig's true state, commands, frames and faults: one JSON object per line."""
+"""Write the true state, the commands, the frames and the faults of a virtual rig to a JSON lines file."""
 
 import json
 import threading
@@ -13,16 +13,16 @@ from simulators.rig.virtual_rig import VirtualRig
 
 
 class TruthLog:
-    """A log file with a line for each sample, command, frame and fault.
+    """A log file with one line, a JSON object, for each sample, command, frame and fault.
 
-    Every line has ``what`` (``sample``, ``command``, ``frame``, ``fault``), ``time_s`` of the machine's
-    monotonic clock and ``utc``. A sample has the values of `VirtualRig.truth`. A frame has the angle, the
-    strain and the pose of the rendered surface in the middle of the exposure.
+    Every line has the key ``what`` (``sample``, ``command``, ``frame`` or ``fault``), the time ``time_s`` of
+    the rig's clock, and the date ``utc``. A sample has the values of `VirtualRig.truth`. A frame has the pose
+    and the deformation gradient of the rendered surface in the middle of the exposure.
 
     Parameters
     ----------
     path : Path or None
-        None writes nothing.
+        The log file; None for no log.
     rig : VirtualRig
 
     Raises
@@ -48,7 +48,7 @@ class TruthLog:
         self.write("sample", **self._rig.truth())
 
     def frame(self, name: str, camera: SimulatedCamera, frame: Frame) -> None:
-        """Write the true state that a camera's frame shows."""
+        """Write the true state of the surface in a camera's frame."""
         shown = camera.shown
         self.write(
             "frame",
@@ -63,9 +63,9 @@ class TruthLog:
         )
 
     def write(self, what: str, **values: Any) -> None:
-        """Write one line; after `close` nothing is written."""
+        """Write one line to the log. After `close`, this method does nothing."""
         now_s, now = self._clock.now_s(), self._clock.utc()
-        # an event that is reported late keeps the date at which it happened
+        # write the time of the event, also if the event is reported late
         happened = now - timedelta(seconds=now_s - values.get("time_s", now_s))
         line = {"what": what, "utc": happened.isoformat(), "time_s": now_s, **values}
         with self._lock:
@@ -73,7 +73,7 @@ class TruthLog:
                 self._file.write(json.dumps(line) + "\n")
 
     def close(self) -> None:
-        """Write the commands since the last sample and close the file; harmless when repeated."""
+        """Write the commands since the last sample and close the file; a repeated call does nothing."""
         try:
             self.sample()
         finally:

@@ -1,4 +1,4 @@
-"""The virtual rig: stage and load frame as servers, and the specimen that they move."""
+"""The virtual rig: servers for a stage and a load frame, and the specimen that the devices move."""
 
 from collections.abc import Mapping
 from contextlib import ExitStack
@@ -12,10 +12,12 @@ from drivers.clock import Clock, SystemClock, VirtualClock
 from drivers.interfaces import OpenContext
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
+from simulators.interlock.module import InputModule, InputModuleServer
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.faults import load_frame_faults
 from simulators.load_frame.layout import LAYOUTS
 from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameServer
+from simulators.rig.picture_faults import PictureFaults
 from simulators.rig.places import Link, Places
 from simulators.scene.scene import Misalignment, Scene
 from simulators.scene.specimen import Specimen, SpecimenSettings
@@ -29,49 +31,52 @@ from simulators.wire.rig_faults import RigFaults
 
 
 class VirtualRigSettings(Settings):
-    """The table [simulation] of a rig file."""
+    """Settings of the table [simulation] in a rig file."""
 
     seed: int = Field(
-        default=1, ge=0, description="of speckle and noise; the same seed repeats a run bit by bit"
+        default=1, ge=0, description="seed of speckle and noise; the same seed gives identical images"
     )
-    real_time: bool = Field(
-        default=False, description="run on the machine's own time, instead of as fast as it can"
-    )
+    real_time: bool = Field(default=False, description="run in real time instead of simulated time")
     load_frame_map: Literal["generic", "scaled-integers", "separate-words"] = "generic"
     misalignment: Misalignment = Misalignment()
     specimen: SpecimenSettings = SpecimenSettings()
 
 
 class VirtualRig:
-    """One specimen on a rotation stage and in a load frame; a rig file uses either or both.
+    """A simulated rotation stage and load frame with one specimen. A rig file may use one device or both.
 
     Parameters
     ----------
     settings : VirtualRigSettings, optional
     clock : Clock, optional
-        A clock to use instead of the one that the settings ask for.
+        A clock that replaces the clock from the settings.
     places : Places, optional
         Addresses of the rig's servers. Default: any free addresses.
 
     Raises
     ------
     OSError
-        If an address is taken.
+        If an address is in use.
 
     Attributes
     ----------
     clock : Clock
-        The clock of the simulated devices; a rig that opens them uses the same clock.
+        The clock of the simulated devices. A run on this rig uses the same clock.
     addresses : mapping of str to str
-        ``stage``, ``stage_tcp``: Zaber ASCII on a pty and on TCP; ``newport``: a Newport ESP301 on a pty that
-        turns the same shaft; ``load_frame``, ``load_frame_rtu``, ``load_frame_rtu_tcp``: one load frame on
-        Modbus TCP, on Modbus RTU on a pty, and on RTU over TCP. Written as the drivers' settings expect them.
+        The addresses of the servers, in the form of the drivers' settings. ``stage`` and ``stage_tcp`` are
+        Zaber ASCII on a pseudo-terminal and on TCP. ``newport`` is a Newport ESP301 on a pseudo-terminal that
+        turns the same shaft. ``load_frame``, ``load_frame_rtu`` and ``load_frame_rtu_tcp`` are one load frame
+        on Modbus TCP, on Modbus RTU on a pseudo-terminal, and on Modbus RTU over TCP. ``interlocks`` is a
+        module with contacts and analogue inputs on Modbus TCP.
     faults : RigFaults
         Faults that can be switched on while the rig runs.
+    picture_faults : PictureFaults
+        The effects of the faults ``picture.…`` on all cameras.
     scene : Scene
         The scene that the cameras see.
     stage : StageDevice
     load_frame : LoadFrameDevice
+    interlocks : InputModule
     """
 
     def __init__(
@@ -85,6 +90,7 @@ class VirtualRig:
         specimen = Specimen(settings.specimen)
         self.stage = StageDevice(self.clock)
         self.load_frame = LoadFrameDevice(self.clock, specimen, rng=np.random.default_rng(settings.seed))
+        self.interlocks = InputModule()
         self.scene = Scene(
             seed=settings.seed,
             misalignment=settings.misalignment,
@@ -92,18 +98,20 @@ class VirtualRig:
             angle_deg=self.stage.angle_deg,
             load_n=self.load_frame.load_n,
         )
+        self.picture_faults = PictureFaults(self.clock)
         self.faults = RigFaults(
             stage_faults(FaultPanel(STAGE), self.stage),
             stage_faults(FaultPanel(NEWPORT), self.stage),
             load_frame_faults(FaultPanel(LOAD_FRAME), self.load_frame),
             FaultPanel(CAMERA),
+            self.picture_faults.panel,
         )
         with ExitStack() as started:
             self.addresses: Mapping[str, str] = self._start(settings, places or Places(), started)
             self._started = started.pop_all()
 
     def _start(self, settings: VirtualRigSettings, places: Places, started: ExitStack) -> dict[str, str]:
-        """Start every server, register its `close` with `started`, and return the addresses."""
+        """Start every server, register each server's `close` with `started`, and return the addresses."""
         addresses: dict[str, str] = {}
 
         def serve(name: str, server: Any, prefix: str = "") -> None:
@@ -133,6 +141,7 @@ class VirtualRig:
         rtu_port = port("load_frame_rtu_tcp")
         rtu_tcp = LoadFrameRtuServer(frame, LOCALHOST, rtu_port, faults=of_frame, registers=tcp.registers)
         serve("load_frame_rtu_tcp", rtu_tcp, "rtu://")
+        serve("interlocks", InputModuleServer(self.interlocks, port("interlocks")))
         return addresses
 
     def truth(self) -> dict[str, float | bool]:
@@ -151,7 +160,7 @@ class VirtualRig:
         }
 
     def close(self) -> None:
-        """Stop every server; harmless when repeated."""
+        """Stop every server; a repeated call does nothing."""
         self._started.close()
 
 

@@ -1,1 +1,1 @@
-"""What the cameras see: specimen, texture, optics and sensor, rendered without a line of dic."""
+"""Render the images of the simulated cameras: specimen, texture, optics and sensor, without code of `dic`."""

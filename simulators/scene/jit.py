@@ -1,4 +1,4 @@
-"""Numba's compiler with the types of the function kept, so that mypy checks compiled functions too."""
+"""Numba's compiler as a typed decorator, so that mypy checks compiled functions too."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -9,14 +9,14 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def compiled(function: F) -> F:
-    """Compile `function` on first use, keep it on disk, and release the GIL while it runs.
+    """Compile `function` at its first call, store the machine code on disk, and release the GIL in each call.
 
-    Numba's disk cache watches only the file the function stands in, so a compiled function may call
-    compiled functions of its own file only; otherwise an edit elsewhere would leave stale machine code.
+    A compiled function must only call compiled functions of its own file. Numba's disk cache monitors only
+    this file, so after a change in another file the stored machine code would be outdated.
     """
     try:
         result: F = numba.njit(cache=True, nogil=True)(function)
     except RuntimeError:
-        # No folder for the cache: installed by another user, and no home that can be written to.
+        # Without a cache on disk: neither the installation folder nor the home folder is writable.
         result = numba.njit(nogil=True)(function)
     return result

@@ -1,4 +1,4 @@
-"""A pinhole camera with radial distortion, looking at the middle of the grid from any direction."""
+"""A pinhole camera with radial distortion that looks at the middle of the grid from any direction."""
 
 from dataclasses import dataclass
 from math import cos, radians, sin
@@ -10,20 +10,21 @@ from simulators.scene.jit import compiled
 
 Array = NDArray[np.float64]
 
-# r (1 + k r²) with k < 0 rises only up to r² = 1 / (3|k|), where the distorted radius is r_d = (2/3) r:
-# there k r_d² = -4/27.
+# Barrel distortion, k < 0: the distorted radius r_d = r (1 + k r²) increases with the radius r only up to r²
+# = 1 / (3|k|). At this largest radius, r_d = (2/3) r and k r_d² = -4/27.
 _FOLD = -4.0 / 27.0
 
 
 @dataclass(frozen=True)
 class PinholeCamera:
-    """Camera that looks at the world's origin, its principal point in the middle of the image.
+    """A camera that looks at the world's origin and has its principal point in the middle of the image.
 
-    World coordinates: X right, Y up, Z towards the on-axis camera, mm. Image coordinates: x right, y down,
-    pixel centres at integers. Pan swings the camera towards +X about the world's Y axis; tilt then raises it
-    towards +Y, so its centre is ``distance · (sin pan · cos tilt, sin tilt, cos pan · cos tilt)``; it never
-    rolls.
-    Distortion as Helm and Deaner have it: ``x_distorted = x (1 + k1 r²)``, in px from the principal point.
+    In world coordinates in mm, X points right, Y points up and Z points towards the on-axis camera. In image
+    coordinates in px, x points right and y points down, and pixel centres have integer coordinates. The pan
+    angle turns the camera about the world's Y axis towards +X. After the pan, the tilt angle raises the
+    camera towards +Y. The centre of the camera is ``distance · (sin pan · cos tilt, sin tilt, cos pan · cos
+    tilt)``, and the camera has no roll. The distortion model is that of Helm and Deaner: ``x_distorted = x (1
+    + k1 r²)``, where x and the radius r are in px from the principal point.
 
     Parameters
     ----------
@@ -34,12 +35,12 @@ class PinholeCamera:
         Distance from the pinhole to the world's origin.
     pan_deg, tilt_deg : float
     k1_per_px2 : float
-        Positive for pincushion, negative for barrel distortion.
+        The distortion k1 in 1/px², positive for pincushion and negative for barrel distortion.
 
     Raises
     ------
     ValueError
-        If barrel distortion folds the image over before its corners.
+        If the barrel distortion is so strong that the model has no ray for the corners of the image.
     """
 
     width_px: int
@@ -60,12 +61,12 @@ class PinholeCamera:
 
     @property
     def principal_point_px(self) -> Array:
-        """Middle of the image, shape (2,)."""
+        """Principal point in the middle of the image, in px, shape (2,)."""
         return np.array([(self.width_px - 1) / 2, (self.height_px - 1) / 2])
 
     @property
     def axes(self) -> Array:
-        """Directions right, up and back (from scene to camera) in the world, the rows of a (3, 3) array."""
+        """Unit vectors right, up and back (from scene to camera) in the world, as rows of a (3, 3) array."""
         pan, tilt = radians(self.pan_deg), radians(self.tilt_deg)
         right = np.array([cos(pan), 0.0, -sin(pan)])
         back = np.array([sin(pan) * cos(tilt), sin(tilt), cos(pan) * cos(tilt)])
@@ -73,18 +74,21 @@ class PinholeCamera:
 
     @property
     def centre_mm(self) -> Array:
-        """The pinhole in the world, shape (3,)."""
+        """Position of the pinhole in the world in mm, shape (3,)."""
         return np.asarray(self.distance_mm * self.axes[2])
 
     def project(self, world_mm: Array) -> Array:
-        """Return where world points (n, 3) in mm appear in the image, (n, 2) px."""
+        """Return the image positions (n, 2) in px of world points (n, 3) in mm."""
         x, y, depth = ((world_mm - self.centre_mm) @ self.axes.T * [1.0, -1.0, -1.0]).T
         undistorted = self.focal_px * np.stack([x / depth, y / depth], axis=1)
         r2 = np.sum(undistorted**2, axis=1, keepdims=True)
         return np.asarray(undistorted * (1.0 + self.k1_per_px2 * r2) + self.principal_point_px)
 
     def ray(self, px: Array) -> tuple[Array, Array]:
-        """Return the pinhole (3,) in mm and the directions (n, 3), of any length, of points (n, 2) in px."""
+        """Return the rays of image points (n, 2) in px: the pinhole (3,) in mm and the directions (n, 3).
+
+        The directions are not normalised.
+        """
         directions = _directions(
             np.ascontiguousarray(px - self.principal_point_px), self.k1_per_px2, self.focal_px, self.axes
         )
@@ -93,10 +97,10 @@ class PinholeCamera:
 
 @compiled
 def _undistorted_scale(distorted_px2: float, k1_per_px2: float) -> float:
-    """Return s = r / r_distorted to rounding, from the square of r_distorted.
+    """Return the ratio s = r / r_distorted of undistorted and distorted radius, from r_distorted squared.
 
-    With k = k1 r_distorted² the model is s + k s³ = 1. Newton's method from s = 1 approaches the root from
-    one side, whatever the sign of k.
+    With k = k1 r_distorted², the distortion model is s + k s³ = 1. Newton's method starts at s = 1 and
+    approaches the root from one side for either sign of k.
     """
     k = k1_per_px2 * distorted_px2
     s = 1.0
@@ -110,7 +114,7 @@ def _undistorted_scale(distorted_px2: float, k1_per_px2: float) -> float:
 
 @compiled
 def _directions(distorted_px: Array, k1_per_px2: float, focal_px: float, axes: Array) -> Array:
-    """Directions (n, 3) of the rays through points (n, 2) relative to the principal point."""
+    """Return the directions (n, 3) of the rays through points (n, 2) in px from the principal point."""
     right, up, back = axes
     directions = np.empty((len(distorted_px), 3))
     for i in range(len(distorted_px)):

@@ -1,4 +1,4 @@
-"""Rendering of a surface: the light on each pixel, integrated over the pixel's area."""
+"""Render a surface: integrate the light over the area of each pixel."""
 
 import os
 from concurrent.futures import ThreadPoolExecutor
@@ -15,11 +15,12 @@ _ROWS_AT_ONCE = 32
 def render(
     camera: PinholeCamera, surface: Surface, quadrature_order: int | None = None
 ) -> NDArray[np.float64]:
-    """Return the mean reflectance (0 to 1) each pixel sees, shape (height, width).
+    """Return the mean reflectance (0 to 1) in each pixel, shape (height, width).
 
-    The ray of every quadrature point is intersected exactly with the surface and traced back to the material.
-    The image is therefore exact at any sub-pixel displacement, without interpolation. `quadrature_order`
-    is the number of Gauss points per pixel and direction; by default the texture's own.
+    For each quadrature point of a pixel, the function computes the exact intersection of the ray with the
+    surface, and the material point there. The image is therefore exact at any sub-pixel displacement, without
+    interpolation. `quadrature_order` is the number of Gauss points per pixel and direction. The default is
+    the quadrature order of the texture.
     """
     order = quadrature_order or surface.texture.quadrature_order
 

@@ -1,4 +1,4 @@
-"""The scene before the cameras: which surface, its pose and its deformation at a moment."""
+"""The scene that the cameras see: the surface, its pose and its deformation at the current time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -18,32 +18,35 @@ from simulators.scene.texture import LineGrid, Speckle, Texture
 
 Array = NDArray[np.float64]
 
-# The grips have straightened a tilted specimen to 63 % at this load.
+# At this load in N, the grips have removed 63 % of the tilt of a crooked specimen.
 STRAIGHTENING_LOAD_N = 2000.0
 
 
 class Misalignment(Settings):
     """Misalignment of the rig.
 
-    Slopes a, b of a plane mean ``z = tan(a) X + tan(b) Y``; slopes of the axis mean that it runs along
-    ``(tan(a), tan(b), 1)``, so a positive slope leans it to +X or +Y.
-    Three causes, which add up: the stage's axis against the specimen's normal makes the specimen wobble as it
-    turns; the grid against the specimen lets them lie in two planes all the time; loading tips and shifts the
-    specimen as the grips straighten it, approaching the full amount as 1 - exp(-load / 2000 N).
+    A plane with the slopes a and b is the plane ``z = tan(a) X + tan(b) Y``. An axis with the slopes a and b
+    has the direction ``(tan(a), tan(b), 1)``, so a positive slope leans the axis towards +X or +Y.
+
+    The misalignment is the sum of three effects. With an axis slope, the stage's axis differs from the
+    specimen's normal, and the specimen wobbles when the stage turns. With a grid slope, the grid and the
+    specimen always lie in different planes. With a loading slope or shift, the specimen tips and shifts under
+    load, because the grips straighten the specimen. At a given load, the specimen has moved by the fraction 1
+    - exp(-load / 2000 N) of the full loading slope and shift.
     """
 
     axis_slope_x_deg: float = Field(
-        default=0.0, ge=-5, le=5, description="of the stage's axis against the specimen's normal"
+        default=0.0, ge=-5, le=5, description="slope of the stage's axis against the specimen's normal"
     )
     axis_slope_y_deg: float = Field(default=0.0, ge=-5, le=5)
-    axis_x_mm: float = Field(default=0.0, ge=-5, le=5, description="where the axis meets the specimen")
+    axis_x_mm: float = Field(default=0.0, ge=-5, le=5, description="point of the specimen on the axis")
     axis_y_mm: float = Field(default=0.0, ge=-5, le=5)
     grid_slope_x_deg: float = Field(
         default=0.0, ge=-5, le=5, description="slope of the specimen against the grid"
     )
     grid_slope_y_deg: float = Field(default=0.0, ge=-5, le=5)
     grid_gap_mm: float = Field(
-        default=0.0, ge=-5, le=5, description="how far the specimen lies behind the grid"
+        default=0.0, ge=-5, le=5, description="distance of the specimen behind the grid"
     )
     loading_slope_x_deg: float = Field(
         default=0.0, ge=-5, le=5, description="slope of the specimen under full load"
@@ -54,28 +57,28 @@ class Misalignment(Settings):
     )
 
     def mounted(self) -> Pose:
-        """Pose of the specimen at rest: its slopes and shift relative to the grid's plane z = 0."""
+        """Return the pose of the specimen at rest: slopes and shift relative to the grid's plane z = 0."""
         return Pose.sloped(self.grid_slope_x_deg, self.grid_slope_y_deg, -self.grid_gap_mm)
 
     def loaded(self, load_n: float) -> Pose:
-        """Out-of-plane motion caused by a load, in the specimen's coordinates."""
+        """Return the out-of-plane motion that a load causes, in the specimen's coordinates."""
         part = 1.0 - exp(-max(0.0, load_n) / STRAIGHTENING_LOAD_N)
         return Pose.sloped(
             part * self.loading_slope_x_deg, part * self.loading_slope_y_deg, part * self.loading_shift_mm
         )
 
     def turned(self, angle_deg: float) -> Pose:
-        """Rotation by the stage, in the specimen's coordinates."""
+        """Return the rotation by the stage, in the specimen's coordinates."""
         axis = np.array([tan(radians(self.axis_slope_x_deg)), tan(radians(self.axis_slope_y_deg)), 1.0])
         return Pose.turned(axis, angle_deg, np.array([self.axis_x_mm, self.axis_y_mm, 0.0]))
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A plane surface somewhere in the world, stretched uniformly within itself.
+    """A plane surface in the world with a uniform in-plane deformation.
 
-    A material point X (mm) lies in the surface at ``deformation_gradient · X + shift_mm`` and in the world
-    where `pose` brings that point of the plane z = 0.
+    A material point X in mm moves to ``deformation_gradient · X + shift_mm`` in the plane z = 0. `pose` then
+    moves the plane z = 0 to its position in the world.
 
     Attributes
     ----------
@@ -91,12 +94,15 @@ class Surface:
     shift_mm: Array = field(default_factory=lambda: np.zeros(2))
 
     def world(self, material_mm: Array) -> Array:
-        """Return where material points (n, 2) are in the world, (n, 3) mm."""
+        """Return the world positions (n, 3) in mm of material points (n, 2) in mm."""
         within = material_mm @ self.deformation_gradient.T + self.shift_mm
         return self.pose.apply(np.column_stack([within, np.zeros(len(within))]))
 
     def material(self, origin_mm: Array, directions: Array) -> Array:
-        """Return the material points (n, 2) in mm met by rays from a point (3,) along directions (n, 3)."""
+        """Return the material points (n, 2) in mm at which rays meet the surface.
+
+        The rays start at the point `origin_mm` (3,) and have the directions (n, 3).
+        """
         to_surface = self.pose.inverse()
         unstretch = np.asarray(np.linalg.inv(self.deformation_gradient), dtype=np.float64)
         origin = to_surface.apply(origin_mm[None, :])[0]
@@ -105,7 +111,7 @@ class Surface:
 
 @compiled
 def _meet(origin: Array, directions: Array, rotation: Array, unstretch: Array, shift_mm: Array) -> Array:
-    """Intersect rays with the plane z = 0 of the surface, and return the material points there."""
+    """Intersect rays with the surface's plane z = 0, and return the material points at the intersections."""
     material = np.empty((len(directions), 2))
     for i in range(len(directions)):
         dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
@@ -126,18 +132,18 @@ def _meet(origin: Array, directions: Array, rotation: Array, unstretch: Array, s
 
 
 class Scene:
-    """The specimen on its stage or in its load frame, and the grid that can be attached to it.
+    """The specimen on the stage or in the load frame, and the grid that can be attached to the specimen.
 
     Parameters
     ----------
     seed : int
-        Of the speckle pattern, and of the noise of the cameras that look at it.
+        Seed of the speckle pattern and of the cameras' noise.
     misalignment : Misalignment
     specimen : Specimen
     angle_deg : callable
-        The stage's true angle now.
+        Returns the true angle of the stage now.
     load_n : callable
-        The load frame's load now; the call also updates the specimen.
+        Returns the true load of the load frame now. Calling `load_n` also updates the state of the specimen.
     """
 
     def __init__(
@@ -159,7 +165,7 @@ class Scene:
         self._grid = LineGrid()
 
     def surface(self) -> Surface:
-        """Return the surface that the cameras see now; an attached grid moves with the specimen."""
+        """Return the surface that the cameras see now: the specimen, or the grid attached to the specimen."""
         self._load_n()
         state = self.specimen.state
         motion = self.misalignment.loaded(state.load_n)

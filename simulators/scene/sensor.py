@@ -1,4 +1,4 @@
-"""From light to grey levels: photon noise, read noise, saturation and quantisation, in electrons."""
+"""Convert light to grey levels, with photon noise, read noise, saturation and quantisation."""
 
 from dataclasses import dataclass
 
@@ -8,18 +8,18 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Sensor:
-    """An image sensor described as EMVA 1288 does: electrons with noise, a gain, whole grey levels.
+    """An image sensor as in the model of EMVA 1288: electrons with noise, a gain, and integer grey levels.
 
     Attributes
     ----------
     bits : int
-        8 or 12 significant bits.
+        Number of significant bits, 8 or 12.
     full_well_e : float
-        Electrons a pixel holds; at gain 1 they give the highest grey level.
+        Largest number of electrons in a pixel. At gain 1, this number gives the highest grey level.
     read_noise_e : float
-        Standard deviation of the dark noise.
+        Standard deviation of the dark noise, in electrons.
     saturation_exposure_us : float
-        Exposure time in which a surface of reflectance 1 fills the well.
+        Exposure time in µs in which a surface of reflectance 1 gives the largest number of electrons.
     """
 
     bits: int
@@ -29,7 +29,7 @@ class Sensor:
 
     @property
     def highest_grey(self) -> int:
-        """The highest grey level."""
+        """The highest grey level of the sensor."""
         return (1 << self.bits) - 1
 
     def expose(
@@ -37,8 +37,8 @@ class Sensor:
     ) -> NDArray[np.uint8] | NDArray[np.uint16]:
         """Return the grey levels of one exposure.
 
-        Shot noise is normal with the variance of the Poisson distribution it stands for, which is close above
-        some tens of electrons; read noise adds to it.
+        The shot noise has a normal distribution with the variance of the Poisson distribution. Above some
+        tens of electrons, the two distributions are almost equal. The variance of the read noise is added.
         """
         mean_e = reflectance * (self.full_well_e * exposure_us / self.saturation_exposure_us)
         noise_e = np.sqrt(mean_e + self.read_noise_e**2) * rng.standard_normal(mean_e.shape)

@@ -1,4 +1,4 @@
-"""A dog-bone specimen of 2024-T3 sheet between grips: load and strain for a given displacement."""
+"""A dog-bone specimen of 2024-T3 sheet between grips: load and strain at a given displacement."""
 
 from dataclasses import dataclass
 from math import exp, log
@@ -9,16 +9,16 @@ from pydantic import Field, model_validator
 
 from drivers.settings import Settings
 
-# Plastic strain at the yield stress (0.2 % offset), which defines that stress.
+# The yield stress is the stress at this plastic strain (0.2 % offset).
 YIELD_STRAIN = 0.002
 
 
 class SpecimenSettings(Settings):
-    """Dimensions, material and grips.
+    """Dimensions, material and grips of the specimen.
 
-    Material: typical values of 2024-T3 (Aluminum Association, as in MatWeb's sheet "Aluminum 2024-T3"):
-    modulus 73.1 GPa, Poisson's ratio 0.33, yield 345 MPa, ultimate strength 483 MPa, elongation 18 %.
-    The values of the load string are those of a typical mechanical load frame with wedge grips.
+    The defaults are typical of 2024-T3 (Aluminum Association, as in MatWeb's sheet "Aluminum 2024-T3"):
+    modulus 73.1 GPa, Poisson's ratio 0.33, yield 345 MPa, ultimate strength 483 MPa, elongation 18 %. The
+    default stiffness and grip slip are those of a typical mechanical load frame with wedge grips.
     """
 
     width_mm: float = Field(default=25.0, gt=0, description="width of the gauge section")
@@ -28,19 +28,17 @@ class SpecimenSettings(Settings):
     poisson_ratio: float = Field(default=0.33, ge=0, lt=0.5)
     yield_stress_mpa: float = Field(default=345.0, gt=0, description="stress at 0.2 % plastic strain")
     ultimate_stress_mpa: float = Field(default=483.0, gt=0)
-    ultimate_strain: float = Field(
-        default=0.15, gt=0.01, description="strain at which the ultimate stress is reached"
-    )
+    ultimate_strain: float = Field(default=0.15, gt=0.01, description="strain at the ultimate stress")
     fracture_strain: float = Field(default=0.18, gt=0.01)
-    grip_slip_mm: float = Field(default=0.6, ge=0, description="how far the grips bite in, in total")
+    grip_slip_mm: float = Field(default=0.6, ge=0, description="total slip of the specimen in the grips")
     grip_slip_load_n: float = Field(
-        default=1500.0, gt=0, description="load at which 63 % of the slip is over"
+        default=1500.0, gt=0, description="load at which 63 % of the slip has happened"
     )
     machine_stiffness_n_mm: float = Field(
-        default=15_000.0, gt=0, description="grips and load frame in series"
+        default=15_000.0, gt=0, description="stiffness of grips and load frame in series"
     )
     centre_travel: float = Field(
-        default=0.0, ge=0, le=1, description="part of the displacement by which the specimen's middle moves"
+        default=0.0, ge=0, le=1, description="displacement of the middle / displacement of the crosshead"
     )
 
     @model_validator(mode="after")
@@ -61,13 +59,16 @@ class SpecimenSettings(Settings):
 
     @property
     def area_mm2(self) -> float:
-        """Cross section of the gauge section."""
+        """Area of the gauge section's cross section, in mm²."""
         return self.width_mm * self.thickness_mm
 
 
 @dataclass(frozen=True)
 class SpecimenState:
-    """One moment of a test; strains are engineering strains of the gauge section, along Y and X."""
+    """State of the specimen at one time of a test.
+
+    The axial strain along Y and the transverse strain along X are engineering strains of the gauge section.
+    """
 
     displacement_mm: float = 0.0
     load_n: float = 0.0
@@ -76,17 +77,18 @@ class SpecimenState:
     broken: bool = False
 
     def deformation_gradient(self) -> NDArray[np.float64]:
-        """Return F (2, 2) of the gauge section in X and Y."""
+        """Return the deformation gradient F (2, 2) of the gauge section, in X and Y."""
         return np.diag([1.0 + self.transverse_strain, 1.0 + self.axial_strain])
 
 
 class Specimen:
-    """Specimen, grips and load frame in series; the highest load so far determines plastic strain and slip.
+    """Specimen, grips and load frame in series. The highest load so far determines plastic strain and slip.
 
-    Virgin loading follows Ramberg and Osgood, ``strain = s/E + 0.002 (s/yield)^n`` with n such that the
-    ultimate stress is reached at the ultimate strain; load frame and grips add their elastic compliance and
-    a slip ``slip (1 - exp(-load / slip load))``. Plastic strain and slip stay on unloading, which is elastic.
-    A slack sheet carries no compression. Beyond the fracture strain the specimen is broken for good.
+    The first loading follows the law of Ramberg and Osgood for the strain at the stress s, with Young's
+    modulus E: ``strain = s/E + 0.002 (s/yield)^n``. The exponent n is such that the strain at the ultimate
+    stress is the ultimate strain. Load frame and grips add their elastic compliance and the slip
+    ``slip (1 - exp(-load / slip load))``. Unloading is elastic: plastic strain and slip do not change. The
+    specimen carries no compression. Beyond the fracture strain, the specimen is broken.
     """
 
     def __init__(self, settings: SpecimenSettings) -> None:
@@ -101,7 +103,7 @@ class Specimen:
         self._highest_n = 0.0
 
     def stretch_to(self, displacement_mm: float) -> float:
-        """Bring the grips to a displacement from the start of the test and return the load in N."""
+        """Move the crosshead to a displacement, counted from the test's start; return the load in N."""
         if self.state.broken:
             load_n = 0.0
         else:
@@ -116,13 +118,13 @@ class Specimen:
         return self.state.load_n
 
     def break_now(self) -> None:
-        """Break the specimen at any strain."""
+        """Break the specimen at its current strain."""
         self.state = self._state_at(self.state.displacement_mm, 0.0, True)
 
     def _state_at(self, displacement_mm: float, load_n: float, broken: bool) -> SpecimenState:
         elastic = load_n / self._elastic_n
         plastic = self._plastic_strain(self._highest_n)
-        # Plastic flow keeps the volume: both transverse stretches are (1 + plastic)^-1/2.
+        # Plastic flow does not change the volume, so both transverse stretches are (1 + plastic)^-1/2.
         transverse = -self.settings.poisson_ratio * elastic + (1.0 + plastic) ** -0.5 - 1.0
         return SpecimenState(displacement_mm, load_n, elastic + plastic, transverse, broken)
 
@@ -139,7 +141,10 @@ class Specimen:
         return load_n * self._elastic_mm_per_n + slip_mm + self._plastic_strain(load_n) * s.parallel_length_mm
 
     def _virgin_load_n(self, displacement_mm: float, beyond_mm: float) -> float:
-        """Load on the virgin curve, by bisection; no compliance is less than the elastic, which bounds it."""
+        """Return the load on the curve of first loading, by bisection.
+
+        The elastic compliance is the lowest possible compliance, so it gives the upper bound of the load.
+        """
         low, high = self._highest_n, self._highest_n + beyond_mm / self._elastic_mm_per_n
         while True:
             middle = 0.5 * (low + high)

@@ -1,7 +1,7 @@
-"""Textures as formulas: a speckle pattern and a calibration grid.
+"""Textures that are formulas: a speckle pattern and a calibration grid.
 
-Both can be evaluated at any material position, so an image of them is exact at every sub-pixel displacement.
-Reflectance runs from 0 (black) to 1 (white); positions are material coordinates in mm.
+A texture can be evaluated at any material position, so its image is exact at every sub-pixel displacement.
+Reflectance is between 0 (black) and 1 (white). Positions are material coordinates in mm.
 """
 
 from dataclasses import dataclass
@@ -19,15 +19,14 @@ BRIGHT = 0.92
 
 
 class Texture(Protocol):
-    """A reflectance defined at every material point.
-
-    `quadrature_order` is the number of Gauss points per pixel and direction: enough to keep the integration
-    error far below a camera's noise at 70 px/mm.
-    """
+    """A texture, whose reflectance is defined at every material point."""
 
     @property
     def quadrature_order(self) -> int:
-        """Gauss points per pixel and direction."""
+        """Number of Gauss points per pixel and direction.
+
+        For this number of points, the integration error is far below the camera noise in images at 70 px/mm.
+        """
 
     def reflectance(self, points_mm: Array) -> Array:
         """Return the reflectance (n,) at material points (n, 2) in mm."""
@@ -35,20 +34,21 @@ class Texture(Protocol):
 
 @dataclass(frozen=True)
 class Speckle:
-    """Dark dots of smooth compact support on white, sprayed at random, about half of the surface covered.
+    """A speckle pattern: random dark dots with smooth edges, which cover about half of a white surface.
 
-    Dots overlap as paint does: darkness s leaves exp(-s) of the light. Dots are sorted by the cells of a
-    square lattice centred on the origin, so that those near a point are found fast; beyond it the surface is
-    white.
+    Where dots overlap, their darkness values add up to a sum s, and the fraction exp(-s) of the light remains
+    above the darkest reflectance. The dots are sorted by the cells of a square lattice around the origin, so
+    that the dots near a point are found quickly. Outside the lattice, the surface is white.
 
     Attributes
     ----------
     dots : ndarray, shape (m, 3)
-        Position of a dot in the lattice and one over its radius squared, in cells; radii are at most 1, so
-        only neighbouring cells matter.
+        x, y and 1 / radius² of each dot, in units of the cell size. Radii are at most 1, so a dot covers
+        points in its own cell and in the neighbouring cells only.
     first : ndarray of int, shape (n * n + 1,)
-        Index of each cell's first dot, row by row, and the end of the last cell's dots.
+        Index of the first dot of each cell, row by row. The last element is the number of all dots.
     cell_mm : float
+        Size of a cell.
     """
 
     dots: Array
@@ -56,16 +56,16 @@ class Speckle:
     cell_mm: float
     quadrature_order: ClassVar[int] = 2
 
-    # With these values the autocorrelation is 5 px wide at half height for a camera at 70 px/mm.
+    # With these values, the pattern's autocorrelation is 5 px wide at half height for a camera at 70 px/mm.
     CELL_MM: ClassVar[float] = 0.08
     SMALLEST_RADIUS: ClassVar[float] = 0.7
     DOTS_PER_CELL: ClassVar[float] = 1.2
-    # 41 mm, more than any camera of the rig sees at once.
+    # The lattice is 41 mm wide, which is more than the field of view of any camera of the rig.
     CELLS: ClassVar[int] = 512
 
     @classmethod
     def sprayed(cls, seed: int) -> "Speckle":
-        """Return the pattern that belongs to `seed`."""
+        """Return a random pattern; the same `seed` always gives the same pattern."""
         rng = np.random.default_rng(seed)
         count = rng.poisson(cls.DOTS_PER_CELL, cls.CELLS**2)
         row, column = np.divmod(np.repeat(np.arange(cls.CELLS**2), count), cls.CELLS)
@@ -81,23 +81,24 @@ class Speckle:
 
 @dataclass(frozen=True)
 class LineGrid:
-    """Calibration grid: dark lines on a bright plate, centred on the origin, parallel to X and Y.
+    """Calibration grid: dark lines parallel to X and Y on a bright square plate around the origin.
 
     Attributes
     ----------
     lines : int
-        Number of lines in either direction.
+        Number of lines parallel to X, and number of lines parallel to Y.
     pitch_mm, line_width_mm : float
     edge_mm : float
-        Width over which a line's edge goes from dark to bright.
+        Width of the transition from dark to bright at the edge of a line.
     overhang_mm : float
-        How far lines go on beyond the outermost crossing.
+        Length of a line beyond its outermost intersection.
     plate_half_mm : float
-        The plate ends here; beyond it lies a surface half as bright.
+        Half the side length of the plate. The surface around the plate is half as bright as the plate.
     marked : bool
-        Whether three dark dots fix the origin and the axes. They lie in the middle of three of the four cells
-        around intersection ``(lines // 2, lines // 2)``, which is the middle one of an odd number; the cell
-        without one lies towards +X and +Y.
+        True if three dark dots mark the origin and the axes. The dots are in three of the four cells around
+        the intersection ``(lines // 2, lines // 2)``, each in the middle of its cell. Of these four cells,
+        the cell without a dot lies towards +X and +Y. For an odd number of lines, the intersection is the
+        middle of the grid.
     """
 
     lines: int = 21
@@ -137,7 +138,7 @@ def _speckle(points_mm: Array, dots: Array, first: NDArray[np.int64], cell_mm: f
             continue
         darkness = 0.0
         for cell in range((row - 1) * cells + column, (row + 2) * cells + column, cells):
-            # the dots of the cells to the left and to the right stand next to this one's
+            # the dots of three neighbouring cells in a row are stored one after the other in `dots`
             for d in range(first[cell - 1], first[cell + 2]):
                 dx, dy = x - dots[d, 0], y - dots[d, 1]
                 q = max(0.0, 1.0 - (dx * dx + dy * dy) * dots[d, 2])
@@ -148,7 +149,10 @@ def _speckle(points_mm: Array, dots: Array, first: NDArray[np.int64], cell_mm: f
 
 @compiled
 def _rise(t: float) -> float:
-    """Rise from 0 at t = -1/2 to 1 at t = 1/2, twice continuously differentiable."""
+    """Return a smooth step at `t` that rises from 0 at -1/2 to 1 at 1/2.
+
+    The step is twice continuously differentiable.
+    """
     t = min(max(t + 0.5, 0.0), 1.0)
     return t * t * t * (10.0 + t * (6.0 * t - 15.0))
 
@@ -157,7 +161,7 @@ def _rise(t: float) -> float:
 def _line_coverage(
     across: float, along: float, lines: int, pitch: float, width: float, edge: float, end: float
 ) -> float:
-    """Return the coverage of points by the lines of one direction, 0 to 1."""
+    """Return the fraction (0 to 1) to which the lines of one direction cover a point."""
     middle = (lines - 1) / 2
     nearest = min(max(np.round(across / pitch + middle), 0.0), lines - 1.0)
     off_centre = abs(across - (nearest - middle) * pitch)
@@ -166,7 +170,7 @@ def _line_coverage(
 
 @compiled
 def _mark_coverage(x: float, y: float, lines: int, pitch: float, radius: float, edge: float) -> float:
-    """Return the coverage of points by the mark's three dots, 0 to 1."""
+    """Return the fraction (0 to 1) to which the three dots of the mark cover a point."""
     middle = (lines // 2 - (lines - 1) / 2) * pitch
     x, y = x - middle, y - middle
     if radius == 0.0 or (x > 0.0 and y > 0.0):

@@ -1,1 +1,1 @@
-"""Simulated rotation stages: the mechanics, and the protocols spoken on the wire."""
+"""Simulated rotation stages: the mechanics, and servers for the protocols of two controllers."""

@@ -1,6 +1,7 @@
-"""The mechanics of a rotation stage: a shaft that accelerates and turns, a counter, warning flags and limits.
+"""The mechanics of a rotation stage: shaft, position counter, warning flags and limits.
 
-It knows nothing of bytes; `simulators.stage.zaber` puts it on a line.
+This module contains no protocol. The modules `simulators.stage.zaber` and `simulators.stage.newport` connect
+a stage to a line.
 """
 
 import threading
@@ -9,18 +10,18 @@ from dataclasses import dataclass
 
 from drivers.clock import Clock
 
-# Flags that end a motion and forbid the next one until the driver is enabled again.
+# Flags that end a motion, and forbid the next motion until the motor driver is switched on again.
 DISABLING_FLAGS = ("FD", "FO", "FH", "FV")
 HOMING_BACKOFF_DEG = 2.0
 
 
 class RefusedError(Exception):
-    """The stage does not accept a command; the text is the protocol's reason, such as ``BADDATA``."""
+    """The stage refuses a command. The text is the reason in Zaber's protocol, such as ``BADDATA``."""
 
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of motion under constant acceleration (degrees and seconds)."""
+    """A part of a motion with constant acceleration, in degrees and seconds."""
 
     start_s: float
     duration_s: float
@@ -30,16 +31,16 @@ class Segment:
 
     @property
     def end_s(self) -> float:
-        """When the stretch is over."""
+        """The time at which the segment ends."""
         return self.start_s + self.duration_s
 
     def angle_at(self, time_s: float) -> float:
-        """Shaft angle within the stretch; held at its ends."""
+        """Return the shaft angle at a time; for a time outside the segment, the angle at its nearer end."""
         t = min(max(time_s - self.start_s, 0.0), self.duration_s)
         return self.angle_deg + self.speed_deg_s * t + self.acceleration_deg_s2 * t * t / 2
 
     def speed_at(self, time_s: float) -> float:
-        """Shaft speed within the stretch."""
+        """Return the shaft speed at a time; for a time outside the segment, the speed at its nearer end."""
         t = min(max(time_s - self.start_s, 0.0), self.duration_s)
         return self.speed_deg_s + self.acceleration_deg_s2 * t
 
@@ -54,7 +55,7 @@ def _chain(time_s: float, angle_deg: float, parts: Iterable[tuple[float, float, 
 
 
 def braking(time_s: float, angle_deg: float, speed_deg_s: float, deceleration_deg_s2: float) -> list[Segment]:
-    """Return the motion that brakes from `speed_deg_s` to a standstill."""
+    """Return the motion that brakes the shaft from `speed_deg_s` to a standstill."""
     deceleration = -deceleration_deg_s2 if speed_deg_s > 0 else deceleration_deg_s2
     return _chain(time_s, angle_deg, [(abs(speed_deg_s) / deceleration_deg_s2, speed_deg_s, deceleration)])
 
@@ -62,7 +63,10 @@ def braking(time_s: float, angle_deg: float, speed_deg_s: float, deceleration_de
 def trapezoid(
     time_s: float, start_deg: float, end_deg: float, speed_deg_s: float, acceleration_deg_s2: float
 ) -> list[Segment]:
-    """Return the motion from rest to rest: accelerate, cruise, brake; short moves never reach full speed."""
+    """Return the motion from rest to rest: accelerate, move at constant speed, brake.
+
+    A short motion does not reach the full speed.
+    """
     distance = end_deg - start_deg
     sign = 1.0 if distance >= 0 else -1.0
     peak = min(speed_deg_s, (abs(distance) * acceleration_deg_s2) ** 0.5)
@@ -85,24 +89,25 @@ class StageDevice:
     Parameters
     ----------
     clock : Clock
-        The stage's physics runs on this clock's time.
+        The clock of the simulated motion.
     power_up_angle_deg : float
-        Angle of the shaft when the stage is switched on. The counter starts at 0 whatever the angle is,
-        without a reference (flag WR), until the stage is homed.
+        Angle of the shaft when the stage is switched on. The counter starts at 0 for any angle. The stage has
+        no reference (flag WR) until it is homed.
     microsteps_per_deg : int
     speed_deg_s, acceleration_deg_s2 : float
-        The settings `maxspeed` and `accel` after switching on.
+        The initial values of the settings `maxspeed` and `accel`.
     limit_min_deg, limit_max_deg : float
-        The settings `limit.min` and `limit.max` after switching on; a rotary stage may turn many times.
+        The initial values of the settings `limit.min` and `limit.max`. The limits may allow many turns.
 
     Attributes
     ----------
     executed : list of (float, str)
-        Every motion that was begun, with its time, whether or not the answer reached the client.
+        Time and name of every started motion, even if the answer to the command was lost.
     power_ups : int
-        How often it was switched on.
+        How often the stage was switched on.
     parked : bool
-        Whether it was told to keep its position and its reference over a power cut, and to refuse motion.
+        True if the stage is parked. A parked stage keeps its position and its reference without power, and
+        refuses motion.
     """
 
     def __init__(
@@ -135,27 +140,27 @@ class StageDevice:
         self._motion = _chain(clock.now_s(), power_up_angle_deg, [(0.0, 0.0, 0.0)])
 
     def angle_deg(self) -> float:
-        """True angle of the shaft now; positive turns X towards Y."""
+        """The present real angle of the shaft in degrees; a positive angle turns X towards Y."""
         with self._lock:
             now_s = self._advance()
             return self._segment(now_s).angle_at(now_s)
 
     @property
     def position(self) -> int:
-        """The counter, in microsteps."""
+        """The value of the position counter, in microsteps."""
         with self._lock:
             return round((self.angle_deg() - self._offset_deg) * self.microsteps_per_deg)
 
     @property
     def speed_deg_s(self) -> float:
-        """True speed of the shaft now."""
+        """The present real speed of the shaft, in degrees per second."""
         with self._lock:
             now_s = self._advance()
             return self._segment(now_s).speed_at(now_s) if now_s < self._motion[-1].end_s else 0.0
 
     @property
     def enabled(self) -> bool:
-        """Whether the motor driver is on."""
+        """True if the motor driver is on."""
         return not self._disabled
 
     @property
@@ -166,7 +171,7 @@ class StageDevice:
 
     @property
     def flags(self) -> list[str]:
-        """Active warning flags, gravest first (F before W before N)."""
+        """Active warning flags, the most severe flags first (F before W before N)."""
         with self._lock:
             self._advance()
             return sorted(self._flags, key=lambda flag: ("FWN".index(flag[0]), flag))
@@ -175,7 +180,7 @@ class StageDevice:
         return next((s for s in self._motion if now_s < s.end_s), self._motion[-1])
 
     def _advance(self) -> float:
-        """Carry out what was due until now, and return the time."""
+        """Record the end of a home search if it has ended by now, and return the present time."""
         now_s = self._clock.now_s()
         if self._homing and now_s >= self._motion[-1].end_s:
             self._homing = False
@@ -186,7 +191,7 @@ class StageDevice:
     def _start(
         self, name: str, plan: list[float], speed: float | None = None, acceleration: float | None = None
     ) -> None:
-        """Begin to visit shaft angles one after the other; a motion under way is braked first."""
+        """Begin to move to the shaft angles in `plan` one after the other; first brake a current motion."""
         if self._disabled:
             raise RefusedError("DRIVERDISABLED")
         if self.parked:
@@ -208,15 +213,19 @@ class StageDevice:
             self.fail("FS")
 
     def home(self) -> None:
-        """Begin to seek the index mark: past it, then onto it from below; `RefusedError` when disabled."""
+        """Begin to search for the index mark; raise `RefusedError` if the stage is disabled or parked.
+
+        The shaft moves below the mark first and then up to the mark.
+        """
         with self._lock:
             self._start("home", [-HOMING_BACKOFF_DEG, 0.0])
             self._homing = not self._jammed
 
     def move_to(self, position: int, speed: float | None = None, acceleration: float | None = None) -> None:
-        """Begin to move to a counter value, with a speed and acceleration of its own if they are given.
+        """Begin to move to a counter value.
 
-        `RefusedError` beyond the limits or when disabled.
+        `speed` and `acceleration` apply to this motion only. The default values are the stage's settings.
+        Raise `RefusedError` for a value beyond the limits, and if the stage is disabled or parked.
         """
         with self._lock:
             self._require_within(position)
@@ -224,12 +233,12 @@ class StageDevice:
             self._start(f"move {position}", [angle_deg], speed, acceleration)
 
     def move_by(self, distance: int, speed: float | None = None, acceleration: float | None = None) -> None:
-        """Begin to move by a distance in microsteps from where the shaft is now."""
+        """Begin to move by a distance in microsteps from the current position."""
         with self._lock:
             self.move_to(self.position + distance, speed, acceleration)
 
     def turn(self, speed: float, acceleration: float | None = None) -> None:
-        """Begin to turn at a speed in microsteps/s, until a limit or the next motion; 0 is a stop."""
+        """Begin to turn at a speed in microsteps/s until a limit or the next command; 0 stops the shaft."""
         with self._lock:
             if speed == 0:
                 self.stop()
@@ -239,19 +248,19 @@ class StageDevice:
             self._start(f"turn {speed:g}", [angle_deg], abs(speed), acceleration)
 
     def park(self) -> None:
-        """Keep position and reference over the next power cut; `RefusedError` while moving."""
+        """Park the stage, which then keeps its position without power; raise `RefusedError` during motion."""
         with self._lock:
             if self.moving:
                 raise RefusedError("STATUSBUSY")
             self.parked = True
 
     def set_position(self, position: int) -> None:
-        """Give the counter a new value; the shaft stays."""
+        """Give the position counter a new value. The shaft does not move."""
         with self._lock:
             self._offset_deg = self.angle_deg() - position / self.microsteps_per_deg
 
     def stop(self, acceleration: float | None = None) -> None:
-        """Brake to a standstill. A motion that is cut short raises NI."""
+        """Brake to a standstill. If the stop interrupts a motion, the flag NI is set."""
         with self._lock:
             if self.moving:
                 self._start("stop", [], acceleration=acceleration)
@@ -261,12 +270,13 @@ class StageDevice:
             raise RefusedError("BADDATA")
 
     def clear_flags(self) -> None:
-        """Clear the flags of past events; a lost reference and a disabled driver remain."""
+        """Clear the flags of past events. Flags for a missing reference or a switched-off motor driver
+        remain."""
         with self._lock:
             self._flags &= {"WR", "WH", *(DISABLING_FLAGS if self._disabled else ())}
 
     def enable_driver(self) -> None:
-        """Switch the motor driver on again; `RefusedError` while the emergency stop is pressed."""
+        """Switch the motor driver on; raise `RefusedError` while the emergency stop is pressed."""
         with self._lock:
             if self._estop:
                 raise RefusedError("DRIVERDISABLED")
@@ -274,27 +284,30 @@ class StageDevice:
             self._flags -= set(DISABLING_FLAGS)
 
     def disable_driver(self) -> None:
-        """Switch the motor driver off; a motion ends at once."""
+        """Switch the motor driver off. The current motion ends at once."""
         self.fail("FO")
 
     def jam(self) -> None:
-        """Block the shaft: a motion under way stalls, and so does every one that is begun."""
+        """Block the shaft: the present motion and every later motion stop at once with a fault."""
         with self._lock:
             self._jammed = True
             if self.moving:
                 self.fail("FS")
 
     def free(self) -> None:
-        """Remove what blocks the shaft."""
+        """Unblock the shaft."""
         self._jammed = False
 
     def press_estop(self) -> None:
-        """Open the emergency stop chain: the driver is off until it is closed and the driver enabled."""
+        """Open the emergency stop chain and switch the motor driver off.
+
+        To switch the driver on again, close the chain and call `enable_driver`.
+        """
         self._estop = True
         self.fail("FH")
 
     def release_estop(self) -> None:
-        """Close the emergency stop chain again; nothing moves by itself."""
+        """Close the emergency stop chain again. The shaft does not move before the next command."""
         self._estop = False
 
     def fail(self, flag: str) -> None:
@@ -307,7 +320,10 @@ class StageDevice:
             self._disabled = self._disabled or flag in DISABLING_FLAGS
 
     def power_cycle(self) -> None:
-        """Switch off and on: the shaft stays, the counter starts at 0 and the reference is lost."""
+        """Switch the stage off and on. The shaft does not move.
+
+        The counter starts at 0 and the reference is lost, except for a parked stage.
+        """
         with self._lock:
             now_s = self._advance()
             angle_deg = self._segment(now_s).angle_at(now_s)

@@ -1,11 +1,11 @@
-"""Faults of the stage itself, as opposed to faults of its line."""
+"""Faults inside the rotation stage, in contrast to faults of its communication line."""
 
 from simulators.stage.device import StageDevice
 from simulators.wire.faults import FaultPanel
 
 
 def stage_faults(panel: FaultPanel, device: StageDevice) -> FaultPanel:
-    """Connect the faults of a rotation stage to `device`; return the panel."""
+    """Return a panel with the faults of a rotation stage; switching a fault on changes `device`."""
     panel.when("e-stop", device.press_estop, device.release_estop)
     panel.when("limit", lambda: device.fail("FE"))
     panel.when("reset", device.power_cycle)

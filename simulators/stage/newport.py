@@ -1,8 +1,9 @@
-"""The rotation stage behind a Newport ESP301 motion controller, on a pseudo-terminal or a TCP port.
+"""A rotation stage on a Newport ESP301 motion controller, as a server on a pseudo-terminal or a TCP port.
 
-A line is ``xxAAnn`` and CR: axis, two letters, value or ``?``; several are joined by ``;``. Only questions
-are answered, by a value and CR LF. There are no ids, no checksums and no acknowledgement: what went wrong
-waits in a queue until somebody asks ``TB?`` or ``TE?``.
+A command is ``xxAAnn``: the axis, two letters, and a value or ``?``. A line has one or more commands with
+``;`` between them, and ends with CR. The controller answers only queries, with a value and CR LF. The
+protocol has no message numbers, no checksums and no acknowledgements. An error waits in a queue until the
+client sends ``TB?`` or ``TE?``.
 Source: ESP301 Integrated 3-Axis Motion Controller/Driver, User's Manual, section Command Set.
 """
 
@@ -24,9 +25,9 @@ AXES = 3
 DEGREE = 7
 NUMBER_MAX = 2e9
 HOME_MODES = range(7)
-# Home mode that seeks no signal but goes to counter value 0.
+# The home mode in which the stage does not search, but moves to the counter value 0.
 TO_THE_COUNTERS_ZERO = 0
-# Software limits are watched (bit 0), and the motion is stopped at them (bit 2).
+# The answer to ``ZS?``: the software limits are active (bit 0) and stop the motion (bit 2).
 SOFT_LIMITS = "5H"
 VERSION = "ESP301 Version 3.0.1 6/1/99"
 SPEED_MAX_DEG_S, ACCELERATION_MAX_DEG_S2 = 40.0, 400.0
@@ -35,26 +36,27 @@ SETTINGS = frozenset({"VA", "AC", "AG", "SL", "SR", "SN"})
 
 
 class NewportServer(Server):
-    """A controller on a pseudo-terminal or on TCP; the stage is axis 1, the other axes have no stage.
+    """A controller on a pseudo-terminal or on TCP. The stage is axis 1; the other axes have no stage.
 
     Parameters
     ----------
     device : StageDevice
     clock : Clock
     host : str, optional
-        Serve TCP there; without one a pseudo-terminal.
+        Address at which the server listens on TCP. Default: a pseudo-terminal instead of TCP.
     port : int
-        Of TCP; 0 takes any free one.
+        The TCP port; 0 takes any free port.
     serial : int
+        The serial number that the stage reports.
     faults : FaultPanel, optional
-        One is made if none is given.
+        The faults of the stage. Default: a new panel.
 
     Attributes
     ----------
     home_mode : int
-        Which signals a home search looks for if ``OR`` does not say.
+        Mode of a home search if the command ``OR`` gives no mode.
     soft_limits : str
-        What is done at the software limits, as ``ZS?`` tells.
+        The action at the software limits, as the answer to ``ZS?``.
     """
 
     def __init__(
@@ -85,25 +87,26 @@ class NewportServer(Server):
         self._target_deg = 0.0
 
     def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
-        """Return the complete lines in a buffer, and the rest."""
+        """Return the complete lines in a buffer, and the remaining bytes."""
         *lines, rest = re.split(rb"[\r\n]", buffer)
         return [line for line in lines if line], rest[-LINE_MAX:]
 
     def damaged(self, reply: bytes) -> bytes:
-        """Return the answer with a damaged first character: the protocol has no checksum to show it."""
+        """Return the answer with a damaged first character. The protocol has no checksum, so a client cannot
+        detect the damage."""
         return bytes([reply[0] | 0x80]) + reply[1:]
 
     def readdressed(self, reply: bytes) -> bytes:
-        """Return the answer unchanged: answers of this protocol carry no address."""
+        """Return the answer unchanged, because answers of this protocol have no address."""
         return reply
 
     def respond(self, message: bytes) -> bytes:
-        """Act on one line; clients are served one after the other."""
+        """Execute one line and return the answer. Only one client's line is executed at a time."""
         with self._turn:
             return self.answer(message)
 
     def answer(self, line: bytes) -> bytes:
-        """Act on the commands of one line and return the answers to its questions."""
+        """Execute the commands of one line and return the answers to the queries."""
         answers = (self._answer_one(text) for text in line.decode("ascii", "replace").split(";"))
         return b"".join(f"{answer}\r\n".encode("ascii") for answer in answers if answer)
 
@@ -151,6 +154,7 @@ class NewportServer(Server):
             "VA": lambda: f"{device.speed_microsteps_s / device.microsteps_per_deg:.4f}",
             "AC": lambda: f"{device.acceleration_microsteps_s2 / device.microsteps_per_deg:.4f}",
             "VU": lambda: f"{SPEED_MAX_DEG_S:.4f}",
+            "AG": lambda: f"{device.acceleration_microsteps_s2 / device.microsteps_per_deg:.4f}",
             "AU": lambda: f"{ACCELERATION_MAX_DEG_S2:.4f}",
             "SL": lambda: f"{device.limit_min / device.microsteps_per_deg:.4f}",
             "SR": lambda: f"{device.limit_max / device.microsteps_per_deg:.4f}",
@@ -167,7 +171,7 @@ class NewportServer(Server):
     def _tell(self, axis: int, name: str, value: str) -> None:
         device = self.device
         if name in ("ST", "AB", "RS"):
-            # without an axis these commands mean all axes
+            # without an axis number, these commands are for all axes
             if name == "RS":
                 device.power_cycle()
             elif name == "ST" or not device.moving:
@@ -199,7 +203,7 @@ class NewportServer(Server):
             case "DH":
                 device.set_position(round(_number(value or "0") * device.microsteps_per_deg))
             case "WS":
-                pass  # only stored programs wait for the end of a motion, and this controller stores none
+                pass  # WS delays only stored programs, and this controller stores no programs
             case _ if name in SETTINGS:
                 self._set(name, _number(value))
             case _:
@@ -247,7 +251,7 @@ class NewportServer(Server):
         self._target_deg = angle_deg
 
     def _begin(self, motion: Callable[[], None]) -> None:
-        """Begin a motion, and forget the outcome of the motion before."""
+        """Begin a motion, and clear the flags of the previous motion."""
         self.device.clear_flags()
         self._errors.watch(self.device)
         motion()

@@ -1,7 +1,7 @@
 """The error queue of a Newport ESP301.
 
-Source: ESP301 Integrated 3-Axis Motion Controller/Driver, User's Manual, appendix Error Messages. Errors from
-100 belong to an axis: 106 is error 6 of axis 1.
+Source: ESP301 Integrated 3-Axis Motion Controller/Driver, User's Manual, appendix Error Messages. Error codes
+from 100 belong to an axis: code 106 is error 6 of axis 1.
 """
 
 from collections import deque
@@ -50,7 +50,7 @@ _AXIS_TEXTS = {
 SERVO_CYCLE_S = 0.0004
 QUEUE_MAX = 10
 
-# The stage's flags as error codes of this controller, and whether they cut the motor's power.
+# For each flag of the stage: the error code of this controller, and True if the motor loses power.
 _FLAGS = {
     "FS": (AXIS + FOLLOWING_ERROR, True),
     "FE": (AXIS + HARD_LIMIT, False),
@@ -59,7 +59,7 @@ _FLAGS = {
 
 
 class NewportError(Exception):
-    """A command was not executed; its code goes into the queue."""
+    """A command was not executed. The error code is added to the error queue."""
 
     def __init__(self, code: int) -> None:
         self.code = code
@@ -67,7 +67,7 @@ class NewportError(Exception):
 
 
 def text_of(code: int) -> str:
-    """Return the message that belongs to a code."""
+    """Return the message of an error code."""
     axis, number = divmod(code, AXIS)
     if not axis:
         return _TEXTS.get(code, "ERROR")
@@ -75,12 +75,12 @@ def text_of(code: int) -> str:
 
 
 class ErrorQueue:
-    """Errors in the order in which they happened; a question removes the oldest.
+    """The controller's errors in the order of their occurrence. Each query removes the oldest error.
 
     Parameters
     ----------
     now_s : callable
-        Seconds since the controller was switched on.
+        Returns the time in s since the controller was switched on.
     """
 
     def __init__(self, now_s: Callable[[], float]) -> None:
@@ -89,7 +89,7 @@ class ErrorQueue:
         self._flags: set[str] = set()
 
     def add(self, code: int) -> None:
-        """Put an error at the end."""
+        """Add an error to the end of the queue."""
         self._errors.append((code, self._now_s()))
 
     def take(self) -> tuple[int, int, str]:
@@ -98,7 +98,7 @@ class ErrorQueue:
         return code, int(time_s / SERVO_CYCLE_S), text_of(code)
 
     def watch(self, device: StageDevice) -> bool:
-        """Add errors for faults of the stage since the last call; True if one of them cut its power."""
+        """Add errors for the stage's faults since the last call; return True if the motor lost power."""
         flags = set(device.flags)
         fresh, self._flags = flags - self._flags, flags
         happened = [_FLAGS[flag] for flag in sorted(fresh) if flag in _FLAGS]

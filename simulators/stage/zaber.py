@@ -1,7 +1,8 @@
-"""The rotation stage on a line: Zaber ASCII, protocol version 3, on a pseudo-terminal or a TCP port.
+"""A rotation stage as a server of the protocol Zaber ASCII 3, on a pseudo-terminal or a TCP port.
 
-A message is ``/[address] [axis] [id|--] command[:LRC]`` and CR or LF; the answer
-``@AA x [id] OK|RJ BUSY|IDLE FLAG|-- data[:LRC]`` and CR LF. Whoever sends an id or a checksum gets one back.
+A message is ``/[address] [axis] [id|--] command[:LRC]`` and CR or LF. The answer is
+``@AA x [id] OK|RJ BUSY|IDLE FLAG|-- data[:LRC]`` and CR LF. If a message has an id or a checksum, the answer
+has an id or a checksum too.
 Source: Zaber ASCII Protocol Manual (https://www.zaber.com/protocol-manual).
 """
 
@@ -21,26 +22,26 @@ NUMBER_MAX = 2**63 - 1
 
 
 def checksum(text: str) -> str:
-    """LRC of what stands between the first character and the colon: two hexadecimal digits."""
+    """Return the LRC checksum, two hexadecimal digits, of the text between first character and colon."""
     return f"{-sum(text.encode('ascii', 'replace')) & 0xFF:02X}"
 
 
 class ZaberServer(Server):
-    """A stage's line: on a pseudo-terminal, or on TCP.
+    """A server for one stage, on a pseudo-terminal or on TCP.
 
     Parameters
     ----------
     device : StageDevice
     host : str, optional
-        Serve TCP there; without one a pseudo-terminal.
+        Address at which the server listens on TCP. Default: a pseudo-terminal instead of TCP.
     port : int
-        Of TCP; 0 takes any free one.
+        The TCP port; 0 takes any free port.
     device_address : int
-        The stage's own address; messages with address 0 or none are for all devices.
+        The Zaber address of the stage. Messages with address 0 or without an address are for all devices.
     serial : int
-        The serial number it reports.
+        The serial number that the stage reports.
     faults : FaultPanel, optional
-        One is made if none is given.
+        The faults of the stage. Default: a new panel.
     """
 
     def __init__(
@@ -60,17 +61,18 @@ class ZaberServer(Server):
         self._port = port_of(self, host, port)
 
     def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
-        """Return the complete lines in a buffer, and the rest."""
+        """Return the complete lines in a buffer, and the remaining bytes."""
         *lines, rest = re.split(rb"[\r\n]", buffer)
         return lines, rest[-LINE_MAX:]
 
     def respond(self, message: bytes) -> bytes:
-        """Act on one line; clients are served one after the other."""
+        """Execute one line and return the answer. Only one client's line is executed at a time."""
         with self._turn:
             return self.answer(message)
 
     def damaged(self, reply: bytes) -> bytes:
-        """Return the answer with one bit flipped, which its checksum shows if it has one."""
+        """Return the answer with one bit flipped. A client detects the damage if the answer has a
+        checksum."""
         return _changed(reply, len(reply) // 2, reply[len(reply) // 2] ^ 0x04)
 
     def readdressed(self, reply: bytes) -> bytes:
@@ -80,7 +82,7 @@ class ZaberServer(Server):
         return f"@{body}{':' + checksum(body) if colon else ''}\r\n".encode("ascii")
 
     def answer(self, line: bytes) -> bytes:
-        """Act on one line and return the answer; empty if the line is damaged or for another device."""
+        """Execute one line and return the answer; empty if the line is damaged or for another device."""
         text = line.decode("ascii", "replace").strip()
         text, colon, lrc = text.partition(":")
         if colon and lrc.upper() != checksum(text[1:]):
@@ -153,7 +155,7 @@ class ZaberServer(Server):
         return "0"
 
     def _move(self, words: list[str]) -> None:
-        """Begin one of the kinds of motion: target or speed, then optionally speed and acceleration."""
+        """Execute a `move` command: kind, target or speed, and optionally speed and acceleration."""
         device, (kind, *values) = self.device, [*words, ""]
         numbers = [_integer(value) for value in values if value]
         ends = {"min": device.limit_min, "max": device.limit_max}

@@ -1,4 +1,4 @@
-"""The settings of a Zaber stage: what ``get`` answers and what ``set`` takes.
+"""The settings of a Zaber stage, for the commands ``get`` and ``set``.
 
 Source: Zaber ASCII Protocol Manual (https://www.zaber.com/protocol-manual), chapter Settings.
 """
@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 from simulators.stage.device import RefusedError, StageDevice
 
-# The data value of a speed is microsteps/s times 1.6384, of an acceleration microsteps/s² times 1.6384e-4.
+# In the protocol, a speed is a number of microsteps/s times 1.6384, and an acceleration is a number of
+# microsteps/s² times 1.6384e-4.
 SPEED_UNIT = 1.6384
 ACCELERATION_UNIT = 1.6384e-4
 FIRMWARE, BUILD, DEVICE_ID = "7.38", 16451, 50081
@@ -17,20 +18,20 @@ Reading = Callable[[], object]
 
 
 class ZaberDeviceSettings:
-    """The settings of one device and its axis.
+    """The settings of one Zaber device and of its axis.
 
     Parameters
     ----------
     device : StageDevice
     address : int
-        The device's own address.
+        The Zaber address of the device.
     serial : int
-        The serial number it reports.
+        The serial number that the device reports.
 
     Attributes
     ----------
     always_checksum : bool
-        Setting `comm.checksum`: answers carry a checksum even if the message had none.
+        The setting `comm.checksum`. If True, every answer has a checksum, even if the message has none.
     """
 
     def __init__(self, device: StageDevice, address: int, serial: int) -> None:
@@ -72,7 +73,7 @@ class ZaberDeviceSettings:
         }
 
     def get(self, axis: int, name: str) -> str:
-        """Return a setting; `RefusedError` if there is none of that name at the axis (0: the device)."""
+        """Return the value of a setting; raise `RefusedError` if the axis (0: device) has no such setting."""
         if name in self._of_device:
             if axis:
                 raise RefusedError("DEVICEONLY")
@@ -82,7 +83,7 @@ class ZaberDeviceSettings:
         raise RefusedError("BADCOMMAND")
 
     def set(self, axis: int, name: str, value: int) -> None:
-        """Set a setting; `RefusedError` if it is read-only or unknown, or the value is out of range."""
+        """Set a setting; raise `RefusedError` for a read-only or unknown setting or a value out of range."""
         if axis and name in self._of_device:
             raise RefusedError("DEVICEONLY")
         device = self._device

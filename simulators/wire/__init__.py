@@ -1,1 +1,1 @@
-"""Ports, lines and TCP servers on which a simulated device is reached, and their faults."""
+"""Ports, lines and TCP servers through which clients reach a simulated device, and faults of devices."""

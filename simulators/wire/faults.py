@@ -1,7 +1,7 @@
 """Faults of simulated devices by name, switched on and off while the device runs.
 
-A fault is written ``NAME[:VALUE][:COUNT]``, such as ``drop``, ``drop:2`` (the next two messages only),
-``delay:0.2`` or ``delay:0.2:1``; a value is there only for faults that have one.
+The text of a fault is ``NAME[:VALUE][:COUNT]``, such as ``drop``, ``drop:2`` (only for the next two
+messages), ``delay:0.2`` or ``delay:0.2:1``. Some faults have no value.
 """
 
 import threading
@@ -11,28 +11,31 @@ from dataclasses import dataclass
 STAGE, NEWPORT, LOAD_FRAME, CAMERA = "stage", "newport", "load_frame", "camera"
 LINES = (STAGE, NEWPORT, LOAD_FRAME)
 DEVICES = (*LINES, CAMERA)
+PICTURE = "picture"
+"""The device name for faults of the pictures of all cameras, such as blur. No driver can notice such
+faults."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that can go wrong.
+    """The description of one fault.
 
     Attributes
     ----------
     name : str
     summary : str
-        What happens while it is on.
+        The effect of the fault.
     devices : tuple of str
-        The kinds of device that can have it.
+        The kinds of devices that can have the fault.
     value : str
-        What its value means; empty when it has none.
+        The meaning of the fault's value, such as ``SECONDS``; empty for a fault without a value.
     default : str
-        The value when none is given.
+        The value if the text of the fault contains no value.
     counted : bool
-        Whether the fault strikes single messages and can be limited to a number of them. Other faults stay on
-        until they are cleared.
+        True if the fault affects single messages and can be limited to a number of messages. Other faults
+        stay on until they are cleared.
     lowest, highest : int
-        Bounds of a numeric value.
+        Lowest and highest allowed value of a fault with a numeric value.
     """
 
     name: str
@@ -46,7 +49,7 @@ class Fault:
 
     @property
     def usage(self) -> str:
-        """How the fault is written."""
+        """The syntax of the fault's text, such as ``delay[:SECONDS][:COUNT]``."""
         value = f"[:{self.value}]" if self.value else ""
         return self.name + value + ("[:COUNT]" if self.counted else "")
 
@@ -58,11 +61,11 @@ FAULTS = {
         Fault("drop", "the device acts, but its answer is lost", DEVICES, counted=True),
         Fault("corrupt", "the answer arrives damaged", DEVICES, counted=True),
         Fault("split", "the answer arrives in pieces", LINES, counted=True),
-        Fault("delay", "the answer comes so much later", DEVICES, "SECONDS", "0.02", True, 0, 3600),
+        Fault("delay", "the answer comes SECONDS later", DEVICES, "SECONDS", "0.02", True, 0, 3600),
         Fault("duplicate", "the answer arrives twice", LINES, counted=True),
-        Fault("late", "the answer arrives only when the next message was sent", LINES, counted=True),
-        Fault("stale", "what comes is older than what was asked for", DEVICES, counted=True),
-        Fault("wrong-unit", "the answer bears another device's address", (STAGE, LOAD_FRAME), counted=True),
+        Fault("late", "the answer arrives only after the next message", LINES, counted=True),
+        Fault("stale", "the previous answer or frame comes again", DEVICES, counted=True),
+        Fault("wrong-unit", "the answer has another device's address", (STAGE, LOAD_FRAME), counted=True),
         Fault(
             "exception",
             "the device answers with a Modbus exception",
@@ -84,50 +87,68 @@ FAULTS = {
             lowest=1,
             highest=999,
         ),
-        Fault("unplug", "the cable is out", DEVICES),
-        Fault("reset", "the device is switched off and on, in motion or not", LINES),
-        Fault("stall", "the drive stalls: nothing moves, or no frame comes", DEVICES),
+        Fault("unplug", "the cable is unplugged", DEVICES),
+        Fault("reset", "the device is switched off and on, even in motion", LINES),
+        Fault("stall", "the drive stalls, or the camera gives no frame", DEVICES),
         Fault("limit", "a limit switch trips", LINES),
         Fault("e-stop", "the emergency stop is pressed", LINES),
-        Fault("nan-load", "the load cell is broken: the load is no number", (LOAD_FRAME,)),
-        Fault("frozen-counter", "the readings and their counter stand still", (LOAD_FRAME,)),
-        Fault("broken-specimen", "the specimen breaks, for good", (LOAD_FRAME,)),
-        Fault("watchdog-off", "the machine's watchdog is off and takes no time", (LOAD_FRAME,)),
+        Fault("nan-load", "the load cell is broken, and the load is NaN", (LOAD_FRAME,)),
+        Fault("zero-load", "the load cell shows no load, also to the controller", (LOAD_FRAME,)),
+        Fault("tenth-load", "the load cell shows a tenth, also to the controller", (LOAD_FRAME,)),
+        Fault("reversed-load", "the load cell shows the wrong sign, also to the controller", (LOAD_FRAME,)),
+        Fault("stuck-load", "the load reading does not change, also for the controller", (LOAD_FRAME,)),
+        Fault(
+            "drifting-load",
+            "the load cell shows N_S newtons less in each second, also to the controller",
+            (LOAD_FRAME,),
+            "N_S",
+            "50",
+            lowest=1,
+            highest=100_000,
+        ),
+        Fault("frozen-counter", "the readings and their counter do not change", (LOAD_FRAME,)),
+        Fault("broken-specimen", "the specimen breaks and stays broken", (LOAD_FRAME,)),
+        Fault("frozen", "the picture of the frame before comes as a new frame", (PICTURE,), counted=True),
+        Fault("light", "the light is PERCENT of what it was", (PICTURE,), "PERCENT", "50", True, 0, 10000),
+        Fault("defocus", "the lens is out of focus by PIXELS", (PICTURE,), "PIXELS", "4", True, 0, 100),
+        Fault("blur", "the specimen moves by PIXELS along x", (PICTURE,), "PIXELS", "8", True, 0, 1000),
+        Fault("dropout", "a camera is gone for SECONDS", (PICTURE,), "SECONDS", "5", True, 0, 3600),
+        Fault("watchdog-off", "the machine's watchdog is off and stays off", (LOAD_FRAME,)),
     )
 }
 
 
 class FaultPanel:
-    """The faults of one device; any thread may switch them.
+    """The faults of one device. Any thread may switch faults on and off.
 
     Parameters
     ----------
     device : str
-        ``stage``, ``newport``, ``load_frame`` or ``camera``.
+        ``stage``, ``newport``, ``load_frame``, ``camera`` or ``picture``.
     """
 
     def __init__(self, device: str) -> None:
         self.device = device
         self._lock = threading.Lock()
-        # switching is carried out in the order in which it was asked for
+        # with this lock, only one thread at a time switches a fault
         self._switching = threading.RLock()
         self._on: dict[str, tuple[str, int | None]] = {}
         self._effects: dict[str, list[tuple[Callable[[], None], Callable[[], None] | None]]] = {}
 
     def when(self, name: str, on: Callable[[], None], off: Callable[[], None] | None = None) -> None:
-        """Register what happens when a fault is switched on, and when it is cleared.
+        """Register functions that are called when a fault is switched on and when the fault is cleared.
 
-        Without `off` the fault is a single event: each time it is switched on, it happens once.
+        A fault without `off` is a single event, which happens once each time the fault is switched on.
         """
         self._effects.setdefault(name, []).append((on, off))
 
     def switch_on(self, text: str) -> None:
-        """Switch a fault on, written as ``NAME[:VALUE][:COUNT]``.
+        """Switch on the fault with the text ``NAME[:VALUE][:COUNT]``.
 
         Raises
         ------
         ValueError
-            If there is no such fault, this device cannot have it, or it is written wrongly.
+            If the fault does not exist, this device cannot have the fault, or the text is malformed.
         """
         fault, value, count = parse(text)
         if self.device not in fault.devices:
@@ -144,12 +165,13 @@ class FaultPanel:
                     on()
 
     def clear(self, name: str = "") -> None:
-        """Switch one fault off, or all of them; harmless when it is not on.
+        """Switch off the fault `name`, or all faults if no name is given. A fault that is already off stays
+        off.
 
         Raises
         ------
         OSError
-            If another program has taken an unplugged port meanwhile; the fault stays on.
+            If another program now uses the port of an unplugged device. The fault then stays on.
         """
         with self._switching:
             for each in self.active:
@@ -168,7 +190,8 @@ class FaultPanel:
             return list(self._on)
 
     def take(self, name: str) -> str | None:
-        """Return the value of a fault if it strikes now, else None; a counted fault loses one count."""
+        """Return the value of a fault that is on, otherwise None; count one message less if the fault has a
+        count."""
         with self._lock:
             if name not in self._on:
                 return None
@@ -181,12 +204,12 @@ class FaultPanel:
 
 
 def names(device: str) -> list[str]:
-    """Return the names of the faults a kind of device can have."""
+    """Return the names of the faults that a kind of device can have."""
     return [name for name, fault in FAULTS.items() if device in fault.devices]
 
 
 def parse(text: str) -> tuple[Fault, str, int | None]:
-    """Read ``NAME[:VALUE][:COUNT]``; ValueError says what is wrong with it."""
+    """Read the text ``NAME[:VALUE][:COUNT]`` of a fault; raise `ValueError` for a malformed text."""
     name, *rest = text.strip().split(":")
     fault = FAULTS.get(name)
     if fault is None:

@@ -1,4 +1,4 @@
-"""A line between a client and a device: it cuts messages from the stream, answers, and applies faults."""
+"""A line between a client and a device, which splits bytes into messages, answers and applies faults."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -10,33 +10,33 @@ PAUSE_BETWEEN_PIECES_S = 0.002
 
 
 class Wire(Protocol):
-    """How one protocol uses a stream of bytes."""
+    """The functions of a protocol that a `Line` needs."""
 
     faults: FaultPanel
 
     def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
-        """Return the complete messages in a buffer, and the rest to keep."""
+        """Return the complete messages in a buffer, and the remaining bytes."""
 
     def respond(self, message: bytes) -> bytes:
-        """Act on one message and return what is sent back, empty for nothing."""
+        """Execute one message and return the answer; empty for no answer."""
 
     def damaged(self, reply: bytes) -> bytes:
-        """Return the answer damaged, as by noise on the line."""
+        """Return a damaged copy of the answer, as after noise on the line."""
 
     def readdressed(self, reply: bytes) -> bytes:
         """Return the answer with the address of another device."""
 
 
 class Line:
-    """One client's line.
+    """The line between a device and one client: it collects messages, and applies faults to the answers.
 
     Parameters
     ----------
     wire : Wire
     send : callable
-        Takes bytes to the client.
+        Sends bytes to the client.
     pause : callable
-        Waits for a number of seconds of real time, shorter if the line is being closed.
+        Waits for a number of seconds in real time. Closing the line ends the wait.
     """
 
     def __init__(self, wire: Wire, send: Callable[[bytes], object], pause: Callable[[float], object]) -> None:
@@ -48,7 +48,7 @@ class Line:
         self._last = b""
 
     def receive(self, data: bytes) -> None:
-        """Take in bytes from the client and answer every message that they complete."""
+        """Add bytes from the client to the buffer, and answer every complete message."""
         messages, self._buffer = self._wire.cut(self._buffer + data)
         for message in messages:
             self._serve(message)
@@ -62,7 +62,7 @@ class Line:
             self._give(held + reply)
 
     def _reply(self, message: bytes) -> bytes:
-        """Return the bytes to send after faults were applied; empty for none."""
+        """Return the answer after the faults are applied; empty for no answer."""
         faults = self._wire.faults
         if faults.take("lose-request") is not None:
             return b""

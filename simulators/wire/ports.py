@@ -1,4 +1,4 @@
-"""The client's end of a device: a pseudo-terminal or a TCP port, which can be unplugged and plugged in."""
+"""Ports of simulated devices: pseudo-terminals and TCP ports, which can be unplugged and plugged in."""
 
 import contextlib
 import functools
@@ -16,12 +16,12 @@ from simulators.wire.tcp_server import TcpServer
 
 LOCALHOST = "127.0.0.1"
 PREFIX = "offaxis-pty-"
-"""Prefix of the folders that hold links to terminals."""
+"""Prefix of the temporary folders that contain links to pseudo-terminals."""
 
 
 @functools.cache
 def _sweep() -> None:
-    """Remove the links that killed processes left behind; done once per process."""
+    """Remove links to pseudo-terminals that killed processes left behind; only the first call does this."""
     for folder in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
         owner = folder.name.removeprefix(PREFIX).partition("-")[0]
         if owner.isdecimal() and not Path("/proc", owner).exists():
@@ -29,13 +29,13 @@ def _sweep() -> None:
 
 
 class PtyPort:
-    """A pseudo-terminal with the device at its near end.
+    """A pseudo-terminal through which a client reaches a device.
 
     Attributes
     ----------
     address : str
-        The path to open: a link to the terminal, as /dev/serial/by-id has them. The link disappears
-        while the terminal is unplugged and returns afterwards, under the same name.
+        The path for the client: a link to the terminal, like the links in /dev/serial/by-id. While the
+        terminal is unplugged, the link is missing. Afterwards the link has the same path again.
     """
 
     def __init__(self, wire: Wire) -> None:
@@ -49,10 +49,10 @@ class PtyPort:
         wire.faults.when("unplug", self.unplug, self.plug_in)
 
     def plug_in(self) -> None:
-        """Make the terminal; harmless when it is there."""
+        """Create the pseudo-terminal; do nothing if it exists."""
         if self._thread is not None:
             return
-        # our own descriptor of the far end stays open, so that a client may leave and come back
+        # keep the client's end open here too, so that a client can close and reopen the terminal
         self._near, self._far = os.openpty()
         tty.setraw(self._far)
         os.set_blocking(self._near, False)
@@ -71,12 +71,12 @@ class PtyPort:
             line.receive(os.read(self._near, 4096))
 
     def _send(self, reply: bytes) -> None:
-        # as on a UART, bytes that nobody reads are lost
+        # as on a UART, bytes that no client reads are lost
         with contextlib.suppress(BlockingIOError):
             os.write(self._near, reply)
 
     def unplug(self) -> None:
-        """Take the terminal away under the client; harmless when repeated."""
+        """Remove the pseudo-terminal, even if a client uses it; a repeated call does nothing."""
         if self._thread is None:
             return
         self._link.unlink(missing_ok=True)
@@ -88,18 +88,18 @@ class PtyPort:
             os.close(descriptor)
 
     def close(self) -> None:
-        """Unplug it for good; harmless when repeated."""
+        """Unplug the terminal and remove its folder; a repeated call does nothing."""
         self.unplug()
         self._folder.cleanup()
 
 
 class TcpPort:
-    """A TCP port with the device behind it, for any number of clients.
+    """A TCP port through which any number of clients reach a device.
 
     Attributes
     ----------
     address : str
-        ``host:port``; the same after unplugging.
+        The address ``host:port``, which does not change when the port is unplugged and plugged in.
     """
 
     def __init__(self, wire: Wire, host: str, port: int) -> None:
@@ -110,7 +110,7 @@ class TcpPort:
         wire.faults.when("unplug", self.unplug, self.plug_in)
 
     def plug_in(self) -> None:
-        """Listen; harmless when repeated. `OSError` if the port is taken."""
+        """Listen on the port, unless it is plugged in already; raise `OSError` if the port is in use."""
         if self._server is not None:
             return
         self._closing = threading.Event()
@@ -124,12 +124,12 @@ class TcpPort:
             line.receive(received)
 
     def drop_clients(self) -> None:
-        """Cut every connection, as a switch would; new ones are accepted."""
+        """Close every connection. Clients can connect again."""
         if self._server is not None:
             self._server.drop_clients()
 
     def unplug(self) -> None:
-        """Cut every connection and listen no more; harmless when repeated."""
+        """Close every connection and stop listening; a repeated call does nothing."""
         if self._server is None:
             return
         self._closing.set()
@@ -141,7 +141,7 @@ class TcpPort:
 
 
 class Server:
-    """A device with a port of its own; a subclass says how its messages are cut, answered and damaged.
+    """A device with its own port. A subclass defines how to split, answer and damage messages.
 
     Attributes
     ----------
@@ -153,19 +153,19 @@ class Server:
 
     @property
     def address(self) -> str:
-        """Where it is found."""
+        """Address of the server: the path of a pseudo-terminal, or ``host:port``."""
         return self._port.address
 
     def drop_clients(self) -> None:
-        """Cut every connection over TCP; new ones are accepted."""
+        """Close every TCP connection. Clients can connect again."""
         if isinstance(self._port, TcpPort):
             self._port.drop_clients()
 
     def close(self) -> None:
-        """Hang up and end the threads; harmless when repeated."""
+        """Close the port and end its threads; a repeated call does nothing."""
         self._port.close()
 
 
 def port_of(wire: Wire, host: str | None, port: int) -> PtyPort | TcpPort:
-    """Open a wire's port: TCP at a host, where 0 takes any free port, or without one a pseudo-terminal."""
+    """Open a TCP port if `host` is given, otherwise a pseudo-terminal. Port 0 takes any free TCP port."""
     return PtyPort(wire) if host is None else TcpPort(wire, host, port)

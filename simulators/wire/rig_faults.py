@@ -1,4 +1,4 @@
-"""The faults of a whole virtual rig, written ``DEVICE.FAULT``, such as ``stage.drop:2``."""
+"""The faults of all devices of a virtual rig, with texts ``DEVICE.FAULT`` such as ``stage.drop:2``."""
 
 from collections.abc import Iterator, Mapping
 
@@ -6,7 +6,7 @@ from simulators.wire.faults import FAULTS, FaultPanel
 
 
 class RigFaults(Mapping[str, FaultPanel]):
-    """The panels of the rig's devices, by their names.
+    """The fault panels of a rig's devices, by the names of the devices.
 
     Parameters
     ----------
@@ -26,23 +26,23 @@ class RigFaults(Mapping[str, FaultPanel]):
         return len(self._panels)
 
     def switch_on(self, text: str) -> None:
-        """Switch a fault on, written ``DEVICE.FAULT[:VALUE][:COUNT]``.
+        """Switch on the fault with the text ``DEVICE.FAULT[:VALUE][:COUNT]``.
 
         Raises
         ------
         ValueError
-            If there is no such device or fault.
+            If the device or the fault does not exist, or the text is malformed.
         """
         device, dot, fault = text.strip().partition(".")
         self._panel(device, dot, text).switch_on(fault)
 
     def clear(self, text: str = "") -> None:
-        """Switch off ``DEVICE.FAULT``, all faults of ``DEVICE``, or all there are.
+        """Switch off the fault ``DEVICE.FAULT``, all faults of ``DEVICE``, or, for an empty text, all faults.
 
         Raises
         ------
         ValueError
-            If there is no such device or fault.
+            If the device or the fault does not exist.
         """
         device, _, fault = text.strip().partition(".")
         if fault and fault not in FAULTS:
@@ -53,7 +53,7 @@ class RigFaults(Mapping[str, FaultPanel]):
 
     @property
     def active(self) -> list[str]:
-        """All faults that are on."""
+        """The names ``DEVICE.FAULT`` of all faults that are on."""
         return [f"{name}.{fault}" for name, panel in self._panels.items() for fault in panel.active]
 
     def _panel(self, device: str, dot: str, text: str) -> FaultPanel:

@@ -1,4 +1,4 @@
-"""A TCP port that answers any number of clients and leaves nothing behind when closed."""
+"""A TCP server for any number of clients, which ends all its threads and connections when it is closed."""
 
 import contextlib
 import socket
@@ -9,21 +9,21 @@ RETRY_S = 0.05
 
 
 class TcpServer:
-    """Accept connections and run a conversation with each, every one in its own daemon thread.
+    """A server that accepts connections and serves each connection in its own daemon thread.
 
     Parameters
     ----------
     converse : callable
-        ``converse(connection)`` talks to one client until it leaves; it returns when `recv` gives nothing or
-        raises OSError. The connection is closed for it.
+        ``converse(connection)`` serves one client. The function must return when `recv` returns no bytes, and
+        may raise `OSError`. The server then closes the connection.
     host : str
     port : int
-        0 takes any free port.
+        The TCP port; 0 takes any free port.
 
     Raises
     ------
     OSError
-        If the port is taken.
+        If the port is in use.
     """
 
     def __init__(self, converse: Callable[[socket.socket], None], host: str, port: int) -> None:
@@ -42,7 +42,7 @@ class TcpServer:
             try:
                 connection, _ = self._listener.accept()
             except OSError:
-                # out of file descriptors for the moment: the client waits
+                # this process has no free file descriptor at the moment: let the client wait
                 if self._closing.wait(RETRY_S):
                     return
                 continue
@@ -53,7 +53,7 @@ class TcpServer:
                 talk = threading.Thread(
                     target=self._talk, args=(connection,), name=f"serve {self.address}", daemon=True
                 )
-                # A thread is forgotten only once it has ended, so that `drop_clients` waits for every one.
+                # Remove only threads that have ended, so that `drop_clients` waits for all other threads.
                 self._talks = {each: thread for each, thread in self._talks.items() if thread.is_alive()}
                 self._talks[connection] = talk
                 talk.start()
@@ -64,7 +64,7 @@ class TcpServer:
             self._converse(connection)
 
     def drop_clients(self) -> None:
-        """Cut every connection, as a broken cable would; new ones are accepted."""
+        """Close every connection, as after a break of the cable. Clients can connect again."""
         with self._lock:
             talks = dict(self._talks)
         for connection in talks:
@@ -74,10 +74,10 @@ class TcpServer:
             talk.join()
 
     def close(self) -> None:
-        """Stop listening, cut every connection and wait for the threads; harmless when repeated."""
+        """Stop listening, close every connection and wait for the threads; a repeated call does nothing."""
         with self._lock:
             self._closing.set()
-        # closing alone does not wake a thread that waits in accept
+        # `close` alone does not wake a thread that waits in `accept`
         with contextlib.suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)
         self._accepting.join()

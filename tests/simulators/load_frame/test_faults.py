@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from simulators.load_frame.device import LoadFrameDevice
@@ -118,3 +119,58 @@ def test_it_keeps_what_it_was_commanded(device, clock):
     device.hold()
     device.tare()
     assert device.executed == [(0.0, "load 100 at 50"), (1.0, "hold"), (1.0, "tare")]
+
+
+@pytest.mark.parametrize(
+    ("name", "shown_n"),
+    [
+        ("zero-load", lambda true_n, before_n: 0.0),
+        ("tenth-load", lambda true_n, before_n: true_n / 10.0),
+        ("reversed-load", lambda true_n, before_n: -true_n),
+        ("stuck-load", lambda true_n, before_n: before_n),
+        ("drifting-load:40", lambda true_n, before_n: true_n - 40.0 * 3.0),
+    ],
+)
+def test_a_lying_load_cell_shows_what_its_fault_says_until_the_fault_is_cleared(
+    moving, faults, clock, name, shown_n
+):
+    before_n = moving.load_n()
+    faults.switch_on(name)
+    clock.sleep(3.0)
+    true_n = moving.load_n()
+    assert true_n > before_n + 500.0
+    assert moving.read().load_n == pytest.approx(shown_n(true_n, before_n), abs=1e-6)
+    faults.clear()
+    assert moving.read().load_n == pytest.approx(true_n)
+
+
+@pytest.mark.parametrize("name", ["zero-load", "tenth-load", "reversed-load", "stuck-load"])
+def test_the_controller_believes_a_lying_load_cell_and_overloads_the_specimen(device, faults, clock, name):
+    faults.switch_on(name)
+    device.go_to_load(1000.0, 200.0)
+    highest_n = 0.0
+    for _ in range(80):
+        clock.sleep(0.1)
+        highest_n = max(highest_n, device.load_n())
+    assert highest_n > 5000.0
+
+
+def test_a_stuck_reading_has_no_noise(clock):
+    noisy = LoadFrameDevice(clock, Specimen(SpecimenSettings()), rng=np.random.default_rng(1))
+    faults = load_frame_faults(FaultPanel("load_frame"), noisy)
+    faults.switch_on("stuck-load")
+    shown = set()
+    for _ in range(5):
+        clock.sleep(0.1)
+        shown.add(noisy.read().load_n)
+    assert len(shown) == 1
+
+
+def test_a_tare_zeroes_the_shown_load_and_the_true_one(moving, faults, clock):
+    moving.hold()
+    faults.switch_on("tenth-load")
+    moving.tare()
+    assert (moving.read().load_n, moving.load_n()) == (0.0, 0.0)
+    moving.go_to_displacement(0.1, 0.05)
+    clock.sleep(5.0)
+    assert moving.read().load_n == pytest.approx(moving.load_n() / 10.0)

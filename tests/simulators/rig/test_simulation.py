@@ -2,14 +2,17 @@
 
 import json
 import threading
+import tomllib
 from contextlib import closing
 from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
 
+from drivers.clock import SystemClock
 from drivers.errors import ConfigurationError
-from drivers.interfaces import OperatorAction
+from drivers.interfaces import OpenContext, OperatorAction
+from drivers.registry import find_driver
 from simulators.rig.scene_client import SceneClient
 from simulators.rig.simulation import Simulation, StoppableClock
 from simulators.rig.truth_log import TruthLog
@@ -149,6 +152,24 @@ def test_the_operator_takes_the_time_that_the_rig_file_says(monkeypatch):
         client.ask(10.0, do="operator", action="ATTACH_GRID")
         client.close()
     assert slept == [3600.0]
+
+
+def test_what_the_operator_does_is_said_logged_and_announced(tmp_path):
+    said: list[str] = []
+    tables = TABLES | {"operator": {"driver": "simulated-operator", "duration_s": 0.0}}
+    with closing(Simulation(tables, "rig.toml", tmp_path / "log.jsonl", say=said.append)) as simulation:
+        settings = tomllib.loads(simulation.rig_file())["operator"]
+        del settings["driver"]
+        spec = find_driver("remote-operator")
+        operator = spec.open(spec.settings.model_validate(settings), OpenContext("operator", SystemClock()))
+        assert operator.notice(OperatorAction.REMOVE_GRID) == (
+            "simulated operator: remove the calibration grid, 0 s"
+        )
+        operator.perform(OperatorAction.REMOVE_GRID)
+        operator.close()
+    assert said == ["simulated operator: remove the calibration grid, 0 s", "simulated operator: done"]
+    actions = [(line["action"], line["done"]) for line in lines(tmp_path / "log.jsonl", "operator")]
+    assert actions == [("REMOVE_GRID", False), ("REMOVE_GRID", True)]
 
 
 def test_the_default_rig_has_everything(log):

@@ -1,0 +1,1 @@
+"""A simulated module with digital inputs and analogue registers on Modbus TCP."""

@@ -1,0 +1,99 @@
+"""A module with contacts and analogue inputs, and its Modbus TCP server.
+
+Source: MODBUS Application Protocol Specification V1.1b3, chapters 6.1 to 6.4. No code is shared with drivers.
+"""
+
+import struct
+import threading
+
+from simulators.load_frame.modbus_framing import HEADER, cut_tcp
+from simulators.wire.faults import FaultPanel
+from simulators.wire.ports import LOCALHOST, Server, port_of
+
+_COILS, _DISCRETE, _HOLDING, _INPUT = 1, 2, 3, 4
+_ILLEGAL_FUNCTION, _ILLEGAL_ADDRESS, _ILLEGAL_VALUE = 1, 2, 3
+
+
+class InputModule:
+    """The state of a module with contacts and registers; all contacts are closed at first.
+
+    Parameters
+    ----------
+    contacts, registers : int
+        Number of contacts, and of analogue inputs.
+    """
+
+    def __init__(self, contacts: int = 8, registers: int = 8) -> None:
+        self._lock = threading.Lock()
+        self._contacts = [True] * contacts
+        self._registers = [0] * registers
+
+    def set_contact(self, number: int, *, closed: bool) -> None:
+        """Close or open a contact."""
+        with self._lock:
+            self._contacts[number] = closed
+
+    def set_register(self, number: int, value: int) -> None:
+        """Set the raw value of an analogue input, from -32768 to 65535."""
+        with self._lock:
+            self._registers[number] = value % 2**16
+
+    def answer(self, request: bytes) -> bytes:
+        """Execute one protocol data unit and return the data unit of the answer."""
+        function = request[0]
+        with self._lock:
+            tables: dict[int, list[bool] | list[int]] = {
+                _COILS: self._contacts,
+                _DISCRETE: self._contacts,
+                _HOLDING: self._registers,
+                _INPUT: self._registers,
+            }
+            values = tables.get(function)
+            if values is None:
+                return bytes([function | 0x80, _ILLEGAL_FUNCTION])
+            if len(request) != 5:
+                return bytes([function | 0x80, _ILLEGAL_VALUE])
+            first, count = struct.unpack(">HH", request[1:])
+            if count < 1 or first + count > len(values):
+                return bytes([function | 0x80, _ILLEGAL_ADDRESS])
+            chosen = values[first : first + count]
+        if function in (_HOLDING, _INPUT):
+            return bytes([function, 2 * count]) + struct.pack(f">{count}H", *chosen)
+        packed = bytearray((count + 7) // 8)
+        for place, closed in enumerate(chosen):
+            packed[place // 8] |= int(closed) << place % 8
+        return bytes([function, len(packed)]) + bytes(packed)
+
+
+class InputModuleServer(Server):
+    """A Modbus TCP server of an `InputModule`.
+
+    Parameters
+    ----------
+    module : InputModule
+    port : int
+        The TCP port; 0 takes any free port.
+    """
+
+    def __init__(self, module: InputModule, port: int = 0) -> None:
+        self.module = module
+        self.faults = FaultPanel("interlock")
+        self._port = port_of(self, LOCALHOST, port)
+
+    def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
+        """Return the complete messages in a buffer, and the remaining bytes."""
+        return cut_tcp(buffer)
+
+    def respond(self, message: bytes) -> bytes:
+        """Execute one message and return the answer with the same transaction number."""
+        transaction, _, _, unit = struct.unpack(">HHHB", message[:HEADER])
+        reply = self.module.answer(message[HEADER:])
+        return struct.pack(">HHHB", transaction, 0, len(reply) + 1, unit) + reply
+
+    def damaged(self, reply: bytes) -> bytes:
+        """Return the answer with a wrong function code."""
+        return reply[:HEADER] + bytes([reply[HEADER] ^ 0x40]) + reply[HEADER + 1 :]
+
+    def readdressed(self, reply: bytes) -> bytes:
+        """Return the answer with the identifier of another unit."""
+        return reply[: HEADER - 1] + bytes([reply[HEADER - 1] ^ 0x02]) + reply[HEADER:]
