@@ -1,14 +1,16 @@
-"""The experiment: protocols, plans, runs, and the files that runs leave.
+"""Plan, run and record experiments.
 
-This package exports every public name and loads each one when it is first used:
+This package exports all public names. The module that defines a name is loaded when the name is first used:
 
 >>> import rig
 >>> outcome = rig.run_protocol("tension.toml", "rig.toml", "run.h5")
 >>> with rig.RunFile("run.h5") as run:
 ...     image = run.image("off_axis", run.steps[-1])
 
-An experiment that cannot go on raises `RigError`, a failing device `drivers.errors.DeviceError`, and a file
-with mistakes `drivers.errors.ConfigurationError`. Each message is one sentence that ends with the remedy.
+An experiment that cannot start raises `RigError`, a failing device raises `drivers.errors.DeviceError`, and
+a file with mistakes raises `drivers.errors.ConfigurationError`. Each error message is one sentence whose
+last part tells the user what to do. After the start of a run, an error of the experiment or of a device ends
+the run, and `run_protocol` returns an `Outcome` with the error message.
 """
 
 from importlib import import_module
@@ -17,13 +19,15 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dic.errors import RunFileError
     from dic.runfile.reader import RunFile, RunInfo, RunStep
+    from rig.commands.repair import Repair, repair_run
     from rig.commands.verify import CameraCheck, Verification, verify_run
     from rig.devices import Rig, open_rig
     from rig.engine.engine import Engine
     from rig.engine.signals import aborting_on_signals
-    from rig.engine.status import Outcome, State, Status
+    from rig.engine.status import AtRest, Outcome, State, Status
     from rig.errors import (
         Aborted,
+        BadImage,
         LimitViolation,
         ProtocolError,
         RecordingError,
@@ -32,20 +36,29 @@ if TYPE_CHECKING:
         SpecimenBroken,
     )
     from rig.facts import RigFacts, facts_of_file
+    from rig.news.run_news import NewsOptions
     from rig.plan import Plan, PlannedStep, make_plan
-    from rig.protocol.protocol import Protocol, RotationProtocol, TensionProtocol, read_protocol
+    from rig.protocol.phased import PhasesProtocol
+    from rig.protocol.protocol import Protocol, read_protocol
+    from rig.protocol.rotation import RotationProtocol
     from rig.protocol.step import ProtocolStep, Reading
+    from rig.protocol.tension import TensionProtocol
     from rig.recorder import Recorder, RunHeader, StepRecord
+    from rig.replay.replay import Replay, replay_run
     from rig.rigfile import DeviceEntry, RigFile, read_rig
     from rig.run import plan_protocol, run_protocol
 
 __all__ = [
     "Aborted",
+    "AtRest",
+    "BadImage",
     "CameraCheck",
     "DeviceEntry",
     "Engine",
     "LimitViolation",
+    "NewsOptions",
     "Outcome",
+    "PhasesProtocol",
     "Plan",
     "PlannedStep",
     "Protocol",
@@ -54,6 +67,8 @@ __all__ = [
     "Reading",
     "Recorder",
     "RecordingError",
+    "Repair",
+    "Replay",
     "Rig",
     "RigError",
     "RigFacts",
@@ -78,6 +93,8 @@ __all__ = [
     "plan_protocol",
     "read_protocol",
     "read_rig",
+    "repair_run",
+    "replay_run",
     "run_protocol",
     "verify_run",
 ]
@@ -85,13 +102,15 @@ __all__ = [
 _NAMES_OF = {
     "dic.errors": ("RunFileError",),
     "dic.runfile.reader": ("RunFile", "RunInfo", "RunStep"),
+    "rig.commands.repair": ("Repair", "repair_run"),
     "rig.commands.verify": ("CameraCheck", "Verification", "verify_run"),
     "rig.devices": ("Rig", "open_rig"),
     "rig.engine.engine": ("Engine",),
     "rig.engine.signals": ("aborting_on_signals",),
-    "rig.engine.status": ("Outcome", "State", "Status"),
+    "rig.engine.status": ("AtRest", "Outcome", "State", "Status"),
     "rig.errors": (
         "Aborted",
+        "BadImage",
         "LimitViolation",
         "ProtocolError",
         "RecordingError",
@@ -100,10 +119,15 @@ _NAMES_OF = {
         "SpecimenBroken",
     ),
     "rig.facts": ("RigFacts", "facts_of_file"),
+    "rig.news.run_news": ("NewsOptions",),
     "rig.plan": ("Plan", "PlannedStep", "make_plan"),
-    "rig.protocol.protocol": ("Protocol", "RotationProtocol", "TensionProtocol", "read_protocol"),
+    "rig.protocol.phased": ("PhasesProtocol",),
+    "rig.protocol.protocol": ("Protocol", "read_protocol"),
+    "rig.protocol.rotation": ("RotationProtocol",),
     "rig.protocol.step": ("ProtocolStep", "Reading"),
+    "rig.protocol.tension": ("TensionProtocol",),
     "rig.recorder": ("Recorder", "RunHeader", "StepRecord"),
+    "rig.replay.replay": ("Replay", "replay_run"),
     "rig.rigfile": ("DeviceEntry", "RigFile", "read_rig"),
     "rig.run": ("plan_protocol", "run_protocol"),
 }
@@ -114,7 +138,7 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-if not TYPE_CHECKING:  # type checkers would otherwise allow any name
+if not TYPE_CHECKING:  # with this function, type checkers would accept every name
 
     def __getattr__(name: str) -> Any:
         """Load a public name from its module when it is first used (PEP 562)."""

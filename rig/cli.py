@@ -1,8 +1,6 @@
-"""The command `rig`. Heavy imports stand inside the commands, so that ``--help`` answers at once."""
+"""The command `rig`. Slow imports are inside the functions of the commands, so that ``--help`` is quick."""
 
-import json
-import sys
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,30 +9,37 @@ import click
 from dic.errors import MeasurementError
 from dic.shell.console import run as run_command
 from dic.shell.console import say
-from dic.shell.output_paths import require_places
+from dic.shell.output_paths import FORCE, require_places
 from drivers.errors import ConfigurationError, DeviceError
 from rig import RigError
+from rig.commands.hand_commands import hold, jog, status, unload
+from rig.commands.output import JSON as _JSON
+from rig.commands.output import PATH as _PATH
+from rig.commands.output import NumberRange
+from rig.commands.output import finish as _finish
+from rig.commands.output import write as _write
+from rig.threads import device_threads, dying_of_signals, leave
 
 if TYPE_CHECKING:
-    from rig import Outcome, StepRecord
-
-NOT_GOOD = 1
-
-_PATH = click.Path(path_type=Path)
-_JSON = click.option("--json", "json_path", type=_PATH, help="Also write what is printed as JSON.")
+    from rig import Outcome
 
 
 def main() -> None:
-    """Run the command line; a known error prints one sentence on stderr and exits with status 2."""
-    run_command(cli, (RigError, DeviceError, ConfigurationError, MeasurementError), "rig")
+    """Run the command line. For a known error, print one sentence on stderr and exit with status 2."""
+    before = device_threads()
+    try:
+        run_command(cli, (RigError, DeviceError, ConfigurationError, MeasurementError), "rig")
+    except SystemExit as ended:
+        leave(int(ended.code or 0), before)
+        raise
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="offaxis")
 def cli() -> None:
-    """Run experiments: plan them, look at the rig, run them, verify the run file.
+    """Check a rig, plan and run experiments, and verify run files.
 
-    Exit status: 0 done, 1 done but not good, 2 could not be done.
+    Exit status: 0 for success, 1 for a found problem or an incomplete run, 2 if the command fails.
     """
 
 
@@ -44,15 +49,16 @@ def cli() -> None:
     "--rig",
     "rig_path",
     type=_PATH,
-    help="The rig file: also plan the size of the images, and check the rig's limits.",
+    help="A rig file, to plan the size of the images too and to check the limits of the rig.",
 )
 @_JSON
-def plan(protocol: Path, rig_path: Path | None, json_path: Path | None) -> None:
-    """Print every step of PROTOCOL, duration, bytes and worst load. Nothing moves."""
+@FORCE
+def plan(protocol: Path, rig_path: Path | None, json_path: Path | None, force: bool) -> None:
+    """Print the steps, the duration, the image size and the load limit of PROTOCOL. No device moves."""
     from rig import plan_protocol
     from rig.commands.plan import plan_dict, plan_lines
 
-    require_places([protocol, rig_path], [json_path])
+    require_places([protocol, rig_path], [json_path], force=force)
     made = plan_protocol(protocol, rig_path)
     _finish(plan_lines(made), plan_dict(made), json_path, good=not made.objections)
 
@@ -60,111 +66,227 @@ def plan(protocol: Path, rig_path: Path | None, json_path: Path | None) -> None:
 @cli.command()
 @click.argument("protocol", type=_PATH)
 @click.option("--rig", "rig_path", type=_PATH, required=True, help="The rig file.")
-@click.option("-o", "--output", type=_PATH, help="The run file; PROTOCOL's name with .h5 by default.")
+@click.option("-o", "--output", type=_PATH, help="The run file to write. Default: PROTOCOL's name with .h5.")
+@click.option(
+    "--continue",
+    "continues",
+    type=_PATH,
+    metavar="RUN",
+    help="Go on with this run, which ended early. Default of -o: RUN's name with -2 or the next number.",
+)
+@click.option(
+    "--notify",
+    metavar="COMMAND",
+    help="Call this command once at the end of the run, with the message on its standard input.",
+)
+@click.option(
+    "--http",
+    type=click.IntRange(0, 65535),
+    metavar="PORT",
+    help="Answer HTTP requests of this computer at this port during the run; 0 is any free port.",
+)
 @_JSON
-def run(protocol: Path, rig_path: Path, output: Path | None, json_path: Path | None) -> None:
-    """Run PROTOCOL and write one run file. Ctrl-C holds the load frame, stops the stage and ends the run."""
-    from rig import run_protocol
-    from rig.commands.progress import run_progress
+@FORCE
+def run(
+    protocol: Path,
+    rig_path: Path,
+    output: Path | None,
+    continues: Path | None,
+    notify: str | None,
+    http: int | None,
+    json_path: Path | None,
+    force: bool,
+) -> None:
+    """Run PROTOCOL and write one run file. Ctrl-C holds the load frame, stops the stage and ends the run.
 
-    run_path = output or Path(f"{protocol.stem}.h5")
-    require_places([protocol, rig_path, run_path], [json_path])
-    records: list[StepRecord] = []
-    on_step = (records.append, lambda record: say(_step_line(record)))
-    with run_progress() as on_status:
-        outcome = run_protocol(protocol, rig_path, run_path, on_status=[on_status], on_step=on_step)
-    lines = [f"{outcome.status}: {outcome.steps_done} steps in {run_path}"]
-    for sentence in filter(None, (outcome.reason, *outcome.lost_listeners)):
-        say(f"rig: {sentence}", err=True)
-    _finish(lines, _run_dict(run_path, outcome, records), json_path, good=outcome.status == "completed")
+    With --continue, the finished steps of an earlier run are not repeated. If the specimen is in a load
+    frame, the operator is asked first.
+    """
+    from rig import NewsOptions, plan_protocol, run_protocol
+    from rig.commands.at_rest import at_rest_line
+    from rig.commands.continuing import next_segment, say_where_it_stands
+    from rig.commands.progress import run_screen
+
+    run_path = output or (Path(f"{protocol.stem}.h5") if continues is None else next_segment(continues))
+    inputs = [protocol, rig_path, run_path, *([] if continues is None else [continues])]
+    require_places(inputs, [json_path], force=force)
+    made = plan_protocol(protocol, rig_path)
+    for caution in made.cautions:
+        say(f"rig: caution: {caution}", err=True)
+    news = NewsOptions(
+        notify, http, lambda line: say(f"rig: {line}", err=True), on_continue=say_where_it_stands
+    )
+    with ExitStack() as ending:
+        with run_screen() as screen:
+            try:
+                outcome = run_protocol(
+                    protocol,
+                    rig_path,
+                    run_path,
+                    on_status=[screen.on_status],
+                    on_step=[screen.on_step],
+                    on_question=screen.on_question,
+                    continues=continues,
+                    news=news,
+                )
+            finally:
+                # All devices are closed now. Output to the terminal may hang, so signals may kill the
+                # program.
+                ending.enter_context(dying_of_signals())
+        done = f"{outcome.status}: {outcome.steps_done} steps in {run_path}"
+        lines = [done, at_rest_line(outcome.at_end)]
+        for sentence in filter(None, (outcome.reason, *outcome.lost_devices, *outcome.lost_listeners)):
+            say(f"rig: {sentence}", err=True)
+        good, recorded = outcome.status == "completed", outcome.recorded
+        table = _run_dict(run_path, outcome) | {"limits": made.limits.table.rows()}
+        _finish(lines, table, json_path, good=good, done=recorded)
 
 
 @cli.command()
 @click.argument("rig_path", metavar="RIG", type=_PATH)
+@click.option("-o", "--output", type=_PATH, help="Keep each camera's picture in this folder, as NAME.png.")
 @_JSON
-def check(rig_path: Path, json_path: Path | None) -> None:
-    """Open the devices of RIG, read identity, state and limits, take one image each. Nothing moves."""
-    from rig import open_rig, read_rig
-    from rig.commands.check import check_rig
+@FORCE
+def check(rig_path: Path, output: Path | None, json_path: Path | None, force: bool) -> None:
+    """Open the devices of RIG, read their state and take one image with each camera. No device moves.
 
-    require_places([rig_path], [json_path])
-    with open_rig(read_rig(rig_path)) as rig:
-        found = check_rig(rig)
+    The check goes on after a device that fails.
+    """
+    from rig import open_rig, read_rig
+    from rig.commands.check import check_rig, keep_in
+    from rig.guardian.lock import machines_locked
+
+    rig_file = read_rig(rig_path)
+    pictures = [] if output is None else [output / f"{name}.png" for name in rig_file.cameras]
+    if output is not None:
+        output.mkdir(parents=True, exist_ok=True)
+    require_places([rig_path], [*pictures, json_path], force=force)
+    failed: dict[str, str] = {}
+    with machines_locked(rig_file), open_rig(rig_file, failed=failed) as rig:
+        found = check_rig(rig) if output is None else check_rig(rig, keep_in(output))
+    failed |= found.failed
+    for sentence in failed.values():
+        say(f"rig: {sentence}", err=True)
     lines = found.lines + [f"not good: {problem}" for problem in found.problems]
-    table = {"devices": found.devices, "problems": found.problems}
-    _finish(lines, table, json_path, good=not found.problems)
+    table = {"devices": found.devices, "problems": found.problems, "failed": failed}
+    _finish(lines, table, json_path, good=not found.problems, done=not failed)
 
 
 @cli.command()
-@click.option("--port", "ports", multiple=True, help="Also search this serial port; may be repeated.")
+@click.option("--port", "ports", multiple=True, help="Also search this serial port. Repeatable.")
 @click.option(
-    "--modbus", "hosts", multiple=True, metavar="HOST[:PORT]", help="Also search this Modbus address."
+    "--modbus",
+    "hosts",
+    multiple=True,
+    metavar="HOST[:PORT]",
+    help="Also search this Modbus address. Repeatable.",
 )
-@click.option("--no-probe", is_flag=True, help="Send nothing to any device.")
-@click.option("-o", "--output", type=_PATH, help="Write a rig file to start from.")
+@click.option("--no-probe", is_flag=True, help="Do not query the devices; send nothing to any device.")
+@click.option("-o", "--output", type=_PATH, help="Write a rig file with the found devices, to be edited.")
 @_JSON
+@FORCE
 def devices(
     ports: tuple[str, ...],
     hosts: tuple[str, ...],
     no_probe: bool,
     output: Path | None,
     json_path: Path | None,
+    force: bool,
 ) -> None:
-    """List cameras, serial ports and the devices that answer. Nothing moves and no setting is changed."""
+    """List cameras, serial ports and the devices that answer. No device moves and no setting changes."""
     from rig.commands.device_search import search
-    from rig.commands.devices import lines, table, write_rig_file
+    from rig.commands.devices import lines, rig_file, table
 
-    require_places([], [output, json_path])
+    require_places([], [output, json_path], force=force)
     found = search(list(ports), list(hosts), ask=not no_probe)
     if output is not None:
-        write_rig_file(found, output)
+        _write(output, rig_file(found), "-o")
     _finish(lines(found), table(found), json_path, good=True)
 
 
 @cli.command()
 @click.argument("run_file", metavar="RUN", type=_PATH)
+@click.option("-o", "--output", type=_PATH, help="Keep the replay's run file, under this name.")
 @_JSON
-def verify(run_file: Path, json_path: Path | None) -> None:
-    """Check every image of a run file against its checksum and list what is missing; cut-off runs too."""
+@FORCE
+def replay(run_file: Path, output: Path | None, json_path: Path | None, force: bool) -> None:
+    """Feed RUN through the same engine once more, and compare images, readings and steps bit by bit.
+
+    No device is opened. Commands of the engine have no effect; readings and images are those of RUN.
+    """
+    from rig import replay_run
+    from rig.commands.replay import replay_dict, replay_lines
+
+    require_places([run_file, *([] if output is None else [output])], [json_path], force=force)
+    replayed = replay_run(run_file, output)
+    _finish(replay_lines(replayed), replay_dict(replayed), json_path, good=not replayed.differences)
+
+
+@cli.command()
+@click.argument("run_file", metavar="RUN", type=_PATH)
+@_JSON
+@FORCE
+def verify(run_file: Path, json_path: Path | None, force: bool) -> None:
+    """Check each image of RUN and RUN itself against their digests, and list what is missing.
+
+    RUN may be an interrupted run.
+    """
     from dataclasses import asdict
 
     from rig import verify_run
 
-    require_places([run_file], [json_path])
+    require_places([run_file], [json_path], force=force)
     found = verify_run(run_file)
     lines = [f"{found.path}: {found.status}, {found.steps} of {found.planned} planned steps"]
     lines += [
         f"{name}: {camera.valid} images, {camera.in_steps} in finished steps, {len(camera.damaged)} damaged"
         for name, camera in found.cameras.items()
     ]
+    lines += [f"digest: {found.digest}"]
     lines += [f"not good: {problem}" for problem in found.problems]
     _finish(lines, asdict(found) | {"path": str(found.path)}, json_path, good=not found.problems)
 
 
 @cli.command()
+@click.argument("run_file", metavar="RUN", type=_PATH)
+@_JSON
+@FORCE
+def repair(run_file: Path, json_path: Path | None, force: bool) -> None:
+    """Make RUN open again after its program was killed or the disk was full. No image is touched."""
+    from rig import repair_run
+
+    require_places([run_file], [json_path], force=force)
+    repaired = repair_run(run_file)
+    lines = [f"{repaired.path}: {change}; repaired" for change in repaired.changes]
+    lines = [*lines, f"see what is in it: rig verify {run_file}"] if lines else ["nothing to repair"]
+    _finish(lines, {"path": str(repaired.path), "changes": repaired.changes}, json_path, good=True)
+
+
+@cli.command()
 @click.argument("rig_path", metavar="[RIG]", type=_PATH, required=False)
 @click.option("-o", "--output", type=_PATH, help="Write a rig file that uses the simulated devices.")
-@click.option("--log", type=_PATH, help="Write the true state of the simulation, as lines of JSON.")
+@click.option("--log", type=_PATH, help="Write the true state of the simulation, one JSON object per line.")
 @click.option(
     "--period-s",
-    type=click.FloatRange(0.01, 3600),
+    type=NumberRange(0.001, 3600),
     default=0.1,
     show_default=True,
-    help="Time between two samples in the log.",
+    help="Longest time between two samples in the log, in seconds.",
 )
 @click.option(
-    "--fault", "faults", multiple=True, help="Start with this fault switched on, such as stage.drop:2."
+    "--fault", "faults", multiple=True, help="Start with this fault, such as stage.drop:2. Repeatable."
 )
 @click.option(
     "--at",
     "places",
     multiple=True,
     metavar="NAME=PLACE",
-    help="The place of a server: a TCP port, such as load_frame=5020, or the name of a terminal, such as "
-    "stage=/tmp/stage. May be repeated; other servers choose a free place.",
+    help="The address of a server: a TCP port, such as load_frame=5020, or the path of a pseudo-terminal, "
+    "such as stage=/tmp/stage. Repeatable. The other servers use any free address.",
 )
-@click.option("--list-faults", is_flag=True, help="Print all faults and end.")
+@click.option("--list-faults", is_flag=True, help="Print all faults and exit.")
 @_JSON
+@FORCE
 def simulate(
     rig_path: Path | None,
     output: Path | None,
@@ -174,18 +296,21 @@ def simulate(
     places: tuple[str, ...],
     list_faults: bool,
     json_path: Path | None,
+    force: bool,
 ) -> None:
-    """Start the virtual rig as servers for other programs, in real time, until Ctrl-C.
+    """Simulate a rig in real time until Ctrl-C. Other programs connect to the simulated devices.
 
-    RIG is a rig file in which every device is simulated. Without RIG there are a stage, a load frame and
-    two cameras. Type help while the simulation runs.
+    RIG is a rig file in which every device is simulated. Without RIG, the simulated rig has a stage, a load
+    frame and two cameras. While the simulation runs, type help to list its commands.
     """
     from rig.commands.simulate import find_simulator, run, signals_noted, start
 
     if list_faults:
         _finish(find_simulator().list_faults(), {}, None, good=True)
         return
-    require_places([rig_path], [output, log, json_path])
+    # A log may go to a pipe or a terminal, because it is never read again.
+    kept_log = log if log is not None and (log.is_file() or not log.exists()) else None
+    require_places([rig_path], [output, kept_log, json_path], force=force)
     with signals_noted() as ending, closing(start(rig_path, log, faults, places)) as simulation:
         if output is not None:
             _write(output, simulation.rig_file(), "-o")
@@ -196,43 +321,18 @@ def simulate(
 
 
 @cli.command()
-@click.option("-o", "--output", type=_PATH, default=Path("demo"), show_default=True, help="Folder.")
+@click.option("-o", "--output", type=_PATH, default=Path("demo"), show_default=True, help="Output folder.")
 def demo(output: Path) -> None:
-    """Run both of the paper's experiments on a virtual rig, measure them and write the report."""
+    """Run the paper's tension and rotation tests on virtual rigs, measure the strain and write a report."""
     from rig.commands.demo import run_demo
 
     made = run_demo(output, say)
     say(f"open {made.report.resolve()}")
 
 
-def _finish(lines: list[str], table: dict[str, Any], json_path: Path | None, *, good: bool) -> None:
-    for line in lines:
-        say(line)
-    if json_path is not None:
-        _write(json_path, json.dumps(table, indent=2, allow_nan=False) + "\n", "--json")
-    if not good:
-        sys.exit(NOT_GOOD)
+def _run_dict(run_path: Path, outcome: "Outcome") -> dict[str, Any]:
+    from rig.commands.at_rest import at_rest_dict
 
-
-def _write(path: Path, text: str, option: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise RigError(
-            str(path),
-            "a file that can be written",
-            error.strerror or str(error),
-            f"name another file with {option}",
-        ) from error
-
-
-def _step_line(record: "StepRecord") -> str:
-    images = ", ".join(f"{count} {name}" for name, (_, count) in record.frames.items())
-    shown = ", ".join(f"{value:.6g} {unit}" for unit, value in record.reading.by_unit().items())
-    return f"{record.step}: settled at {shown}; images: {images}"
-
-
-def _run_dict(run_path: Path, outcome: "Outcome", records: "list[StepRecord]") -> dict[str, Any]:
     steps = [
         {
             "index": record.step.index,
@@ -244,12 +344,19 @@ def _run_dict(run_path: Path, outcome: "Outcome", records: "list[StepRecord]") -
             "time_s": record.reading.time_s,
             "images": {name: count for name, (_, count) in record.frames.items()},
         }
-        for record in records
+        for record in outcome.steps
     ]
     return {
         "run_file": str(run_path),
         "status": outcome.status,
         "reason": outcome.reason,
         "unsafe": list(outcome.unsafe),
+        "lost_devices": list(outcome.lost_devices),
+        "lost_listeners": list(outcome.lost_listeners),
+        "at_end": at_rest_dict(outcome.at_end),
         "steps": steps,
     }
+
+
+for _command in (status, hold, unload, jog):
+    cli.add_command(_command)

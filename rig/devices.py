@@ -1,18 +1,78 @@
-"""Open the devices of a rig file, and close every opened device in any case."""
+"""Open the devices of a rig file, and close every opened device at the end, even after an error."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from drivers.clock import Clock, SystemClock
-from drivers.interfaces import Camera, DeviceInfo, LoadFrame, OpenContext, Operator, RotationStage
-from rig.rigfile import DeviceEntry, RigFile
+from drivers.errors import ConfigurationError, DeviceError, DeviceTimeout
+from drivers.interfaces import (
+    Camera,
+    DeviceInfo,
+    Interlock,
+    InterlockState,
+    LoadFrame,
+    OpenContext,
+    Operator,
+    RotationStage,
+)
+from rig.errors import InterlockOpen
+from rig.limit_settings import RigLimits
+from rig.rigfile import CALL_TIMEOUT_S, DeviceEntry, RigFile
+from rig.threads import Bounded
+
+OPENING_S = 60.0
+"""Longest real time for opening one device; a camera on a network may take 20 s."""
+CLOSING_S = 10.0
+"""Longest real time for closing one device. All motion has been stopped before."""
+
+
+@dataclass(frozen=True)
+class OpenedInterlock:
+    """An opened interlock, with the range of its value in which a run may continue."""
+
+    device: Interlock
+    allowed_min: float | None
+    allowed_max: float | None
+
+    def require_good(self, name: str, state: InterlockState, step: str) -> None:
+        """Raise `InterlockOpen` if the value of the interlock is outside its allowed range."""
+        low, high, value = self.allowed_min, self.allowed_max, state.value
+        # The tests are `not >=` and `not <=`, because NaN must be refused too.
+        if (low is not None and not value >= low) or (high is not None and not value <= high):
+            unit = f" {self.device.unit}" if self.device.unit else ""
+            ends = [
+                f"{words} {bound:g}{unit}"
+                for words, bound in (("at least", low), ("at most", high))
+                if bound is not None
+            ]
+            raise InterlockOpen(
+                step,
+                f"interlock {name} {' and '.join(ends)}",
+                f"{value:g}{unit}",
+                f"find out why the interlock {name} does not allow a run, then start again",
+            )
 
 
 @dataclass(frozen=True)
 class Rig:
-    """The opened devices. Cameras are named as in the rig file; a rig has a stage, a load frame, or both."""
+    """The opened devices of a rig, with the cameras by name. A missing stage or load frame is None.
+
+    Attributes
+    ----------
+    call_timeout_s : float
+        Deadline of one call of the load frame or the stage.
+    lost : dict of str to str
+        For each device in whose driver a call hangs, the name of the call; filled during a run and at its
+        end.
+    reopen : dict of str to callable
+        For each camera a function that opens the camera again after it was closed.
+    limits : RigLimits
+        The table [limits] of the rig file.
+    interlocks : dict of str to OpenedInterlock
+    """
 
     clock: Clock
     operator: Operator
@@ -20,45 +80,133 @@ class Rig:
     stage: RotationStage | None = None
     load_frame: LoadFrame | None = None
     virtual: bool = False
+    call_timeout_s: float = CALL_TIMEOUT_S
+    lost: dict[str, str] = field(default_factory=dict)
+    reopen: Mapping[str, Callable[[], Camera]] = field(default_factory=dict)
+    limits: RigLimits = field(default_factory=RigLimits)
+    interlocks: Mapping[str, OpenedInterlock] = field(default_factory=dict)
+
+    @property
+    def lost_devices(self) -> tuple[str, ...]:
+        """One sentence for each lost device."""
+        return tuple(
+            f"{device}: its driver hangs in {call}; the device is not closed"
+            for device, call in self.lost.items()
+        )
 
     @property
     def simulated(self) -> bool:
-        """Whether anything in this rig is not real."""
+        """True if the rig file declares a simulation or if any device of the rig is simulated."""
         infos: list[DeviceInfo] = [camera.info for camera in self.cameras.values()]
         infos += [device.info for device in (self.stage, self.load_frame) if device is not None]
         return self.virtual or any(info.simulated for info in infos)
 
 
 @contextmanager
-def open_rig(rig_file: RigFile) -> Iterator[Rig]:
-    """Open every device of a rig file, the simulated environment first, and close them in reverse order.
+def open_rig(
+    rig_file: RigFile,
+    relays: Mapping[str, str] | None = None,
+    *,
+    failed: dict[str, str] | None = None,
+    opening_s: float = OPENING_S,
+    closing_s: float = CLOSING_S,
+) -> Iterator[Rig]:
+    """Open all devices of a rig file, and close the devices in reverse order at the end.
 
-    Closing moves and stops nothing: the engine makes the rig safe before.
+    The simulated environment is opened first if the rig file has one. Closing a device does not start or stop
+    any motion. At the end of a run, the engine stops all motion before the devices are closed. A device in
+    whose driver a call hangs is not closed, so that the program can end.
+
+    Parameters
+    ----------
+    rig_file : RigFile
+    relays : mapping of str to str, optional
+        For each device that a guardian watches, the address of its relay, or an empty text.
+    failed : dict of str to str, optional
+        If given, a stage, a load frame or a camera that cannot be opened raises no error. The rig is opened
+        without this device, and the dictionary receives the device's name and the reason.
+    opening_s, closing_s : float
+        Longest real time for opening and for closing one device.
 
     Raises
     ------
     DeviceError
-        If a device cannot be opened; those opened before are closed.
+        If a device cannot be opened, or not in time. The devices that are already open are closed.
     """
+    lost: dict[str, str] = {}
+    clock: Clock = SystemClock()
+    environment = None
     with ExitStack() as stack:
-        clock: Clock = SystemClock()
-        environment = None
-        if rig_file.simulation is not None:
-            environment = _open(rig_file.simulation, clock, None, stack)
-            clock = environment.clock
+        known = relays or {}
 
         def opened(entry: DeviceEntry | None) -> Any:
-            return None if entry is None else _open(entry, clock, environment, stack)
+            if entry is None:
+                return None
+            guarded, relay = entry.name in known, known.get(entry.name, "")
+            context = OpenContext(entry.name, clock, environment, guarded, relay)
+            try:
+                device = _open(entry, context, opening_s)
+            except (DeviceError, ConfigurationError) as error:
+                if failed is None or entry.spec.kind not in ("stage", "load_frame", "camera"):
+                    raise
+                failed[entry.name] = str(error)
+                return None
+            stack.callback(_close, entry.name, device, lost, closing_s)
+            return device
 
+        if rig_file.simulation is not None:
+            environment = opened(rig_file.simulation)
+            clock = environment.clock
         stage, load_frame = opened(rig_file.stage), opened(rig_file.load_frame)
-        cameras = {name: opened(entry) for name, entry in rig_file.cameras.items()}
+        tried = {name: opened(entry) for name, entry in rig_file.cameras.items()}
+        cameras = {name: camera for name, camera in tried.items() if camera is not None}
         operator = opened(rig_file.operator)
+        interlocks = {
+            name: OpenedInterlock(opened(each.device), each.allowed_min, each.allowed_max)
+            for name, each in rig_file.interlocks.items()
+        }
         virtual = rig_file.simulated or environment is not None
-        yield Rig(clock, operator, cameras, stage, load_frame, virtual=virtual)
+        timeout_s = rig_file.call_timeout_s
+
+        def reopen(entry: DeviceEntry) -> Camera:
+            camera: Camera = entry.spec.open(entry.settings, OpenContext(entry.name, clock, environment))
+            stack.callback(_close, entry.name, camera, lost, closing_s)
+            return camera
+
+        again = {name: partial(reopen, entry) for name, entry in rig_file.cameras.items()}
+        yield Rig(
+            clock,
+            operator,
+            cameras,
+            stage,
+            load_frame,
+            virtual,
+            timeout_s,
+            lost,
+            again,
+            rig_file.limits,
+            interlocks,
+        )
 
 
-def _open(entry: DeviceEntry, clock: Clock, environment: Any, stack: ExitStack) -> Any:
-    device = entry.spec.open(entry.settings, OpenContext(entry.name, clock, environment))
-    if hasattr(device, "close"):  # an operator has nothing to release
-        stack.callback(device.close)
-    return device
+def _open(entry: DeviceEntry, context: OpenContext, within_s: float) -> Any:
+    opening = Bounded(entry.name, "open", lambda: entry.spec.open(entry.settings, context), undo=_release)
+    return opening.result(within_s, "check the device and its cable, then start the program again")
+
+
+def _close(name: str, device: Any, lost: dict[str, str], within_s: float) -> None:
+    if name in lost:
+        return
+    closing = Bounded(name, "close", lambda: _release(device))
+    try:
+        closing.result(within_s, "start the program again")
+    except DeviceTimeout:
+        if not closing.hangs:
+            raise
+        # Still close the devices that were opened before this one.
+        lost[name] = f"close, which has not returned for {within_s:g} s"
+
+
+def _release(device: Any) -> None:
+    if hasattr(device, "close"):  # an operator may have no method `close`
+        device.close()

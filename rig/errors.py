@@ -1,17 +1,17 @@
-"""The errors that can end a run; each message is one sentence that ends with the remedy."""
+"""The errors that can end a run. Each message is one sentence; its last part tells the user what to do."""
 
 
 class RigError(Exception):
-    """The experiment cannot go on.
+    """The experiment cannot start or continue.
 
     Parameters
     ----------
     step : str
         The step of the protocol, or the file, where the error occurred.
     expected, got : str
-        What should have happened, and what happened.
+        The expected result, and the actual result.
     remedy : str
-        What to do about it.
+        How the user can correct the error.
     """
 
     def __init__(self, step: str, expected: str, got: str, remedy: str) -> None:
@@ -27,15 +27,27 @@ class ProtocolError(RigError):
 
 
 class LimitViolation(RigError):
-    """Load or displacement left the limits the protocol declares."""
+    """The load or the displacement is beyond a limit of the protocol."""
+
+
+class ImplausibleReading(LimitViolation):
+    """Load and displacement do not agree, so a reading is probably wrong."""
+
+
+class InterlockOpen(LimitViolation):
+    """The value of an interlock is out of bounds, so the run cannot start or continue."""
 
 
 class SpecimenBroken(RigError):
-    """The load fell by more than the protocol allows while the specimen was stretched."""
+    """The load fell by more than the protocol allows, so the specimen probably broke."""
 
 
 class SettleTimeout(RigError):
-    """Load, displacement or angle did not settle before the deadline."""
+    """The load, the displacement or the angle did not settle before the deadline."""
+
+
+class BadImage(RigError):
+    """An image violates a limit, and `images.on_bad_image` of the protocol is "stop"."""
 
 
 class RecordingError(RigError):
@@ -43,4 +55,4 @@ class RecordingError(RigError):
 
 
 class Aborted(RigError):
-    """A person or a signal asked for the end of the run."""
+    """The run ended early, usually because a signal or a call of `Engine.abort` requested the end."""

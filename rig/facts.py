@@ -1,19 +1,19 @@
-"""What a rig can do: first by its rig file, then by its opened devices."""
+"""Limits and image sizes of a rig, first read from the rig file and later from the opened devices."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from drivers.interfaces import CameraInfo
 from rig.devices import Rig
-from rig.protocol.protocol import Protocol, TensionProtocol
+from rig.protocol.conditions import Demand
+from rig.protocol.protocol import Protocol
 from rig.rigfile import RigFile
 
 
 @dataclass(frozen=True)
 class RigFacts:
-    """Limits and sizes that a plan is checked against; None where a value is unknown.
+    """Limits and image sizes of a rig, for the check of a plan. None means that a value is unknown.
 
-    `image_bytes` is the sum over one image from each camera.
+    `image_bytes` is the total size of one image from each camera.
     """
 
     has_stage: bool | None = None
@@ -33,7 +33,10 @@ UNKNOWN_RIG = RigFacts()
 
 
 def facts_of_file(rig_file: RigFile) -> RigFacts:
-    """Collect the limits and sizes among the drivers' settings, by their usual names; no device is opened."""
+    """Collect limits and image sizes from the settings in a rig file, without opening a device.
+
+    A value is found only if the driver uses the usual name of the setting, such as ``load_max_n``.
+    """
     facts: dict[str, float | None] = {}
     if rig_file.load_frame is not None:
         for name in ("load_max_n", "displacement_max_mm", "speed_max_mm_s", "load_rate_max_n_s"):
@@ -55,7 +58,7 @@ def facts_of_file(rig_file: RigFile) -> RigFacts:
 
 
 def confirm(facts: RigFacts, rig: Rig) -> RigFacts:
-    """Replace the values of the rig file by those of the opened devices."""
+    """Replace image sizes and load frame limits from the rig file with the values of the opened devices."""
     infos: list[CameraInfo] = [camera.info for camera in rig.cameras.values()]
     image_bytes = sum(_bytes(info.width_px, info.height_px, info.bits) for info in infos)
     facts = replace(facts, image_bytes=image_bytes, cameras=len(infos))
@@ -71,43 +74,65 @@ def confirm(facts: RigFacts, rig: Rig) -> RigFacts:
     )
 
 
+def narrowed(rig_file: RigFile, protocol: Protocol) -> RigFile:
+    """Return the rig file with new limits of the load frame: the narrower limits of rig file and protocol.
+
+    The driver writes these limits into the machine, whose own controller then enforces them, in both
+    directions.
+    """
+    entry, declared = rig_file.load_frame, protocol.conditions.limits
+    if entry is None or declared is None:
+        return rig_file
+    limits = {
+        "load": ("n", declared.load_max_n),
+        "displacement": ("mm", declared.displacement_max_mm),
+    }
+    narrower: dict[str, float] = {}
+    for name, (unit, limit) in limits.items():
+        for setting, value, choose in (
+            (f"{name}_max_{unit}", limit, min),
+            (f"{name}_min_{unit}", -limit, max),
+        ):
+            if isinstance(known := entry.setting(setting), float):
+                narrower[setting] = choose(known, value)
+    settings = entry.settings.model_copy(update=narrower)
+    return replace(rig_file, load_frame=replace(entry, settings=settings))
+
+
 def objections(protocol: Protocol, facts: RigFacts) -> list[str]:
-    """Return one sentence for each demand of the protocol that the rig cannot meet."""
-    if isinstance(protocol, TensionProtocol):
-        if facts.has_load_frame is False:
-            return ["a tension protocol needs a [load_frame] in the rig file; add it, or take another rig"]
-        limits, loading, stretching = protocol.limits, protocol.loading, protocol.stretching
-        return _above(
-            [
-                ("limits.load_max_n", limits.load_max_n, facts.load_max_n, "N"),
-                ("limits.displacement_max_mm", limits.displacement_max_mm, facts.displacement_max_mm, "mm"),
-                ("loading.rate_n_s", loading.rate_n_s, facts.load_rate_max_n_s, "N/s"),
-                ("stretching.speed_mm_s", stretching.speed_mm_s, facts.speed_max_mm_s, "mm/s"),
-            ]
-        )
-    if facts.has_stage is False:
-        return ["a rotation protocol needs a [stage] in the rig file; add it, or take another rig"]
-    rotation, settle = protocol.rotation, protocol.settle
-    found = _above([("rotation.total_deg", rotation.total_deg, facts.angle_max_deg, "deg")])
-    if facts.angle_min_deg is not None and facts.angle_min_deg > 0.0:
+    """Return one sentence for each requirement of the protocol that the rig does not meet."""
+    conditions, settle = protocol.conditions, protocol.settle
+    missing = [
+        f"a {protocol.kind} protocol needs a [{device}] in the rig file; add it, or take another rig"
+        for device in sorted(conditions.devices)
+        if getattr(facts, f"has_{device}") is False
+    ]
+    if missing:
+        return missing
+    found = [sentence for demand in conditions.demands for sentence in _beyond(demand, facts)]
+    if "stage" in conditions.devices and facts.angle_min_deg is not None and facts.angle_min_deg > 0.0:
         found.append(
             f"the reference is at 0 deg, but stage.angle_min_deg is {facts.angle_min_deg:g}; set that to 0"
         )
     if facts.speed_deg_s is not None:
-        needed_s = rotation.increment_deg / facts.speed_deg_s + settle.dwell_s
-        if needed_s > settle.timeout_s:
-            found.append(
-                f"settle.timeout_s is {settle.timeout_s:g}, but a step and its dwell take {needed_s:g} s; "
-                f"set it above {needed_s:g}"
-            )
+        for turn in conditions.turns:
+            needed_s = turn.travel_deg / facts.speed_deg_s + settle.dwell_s
+            if needed_s > settle.timeout_s:
+                found.append(
+                    f"settle.timeout_s is {settle.timeout_s:g}, but {turn.key} and its dwell take "
+                    f"{needed_s:g} s; set it above {needed_s:g}"
+                )
     return found
 
 
-def _above(wishes: Sequence[tuple[str, float, float | None, str]]) -> list[str]:
+def _beyond(demand: Demand, facts: RigFacts) -> list[str]:
+    allowed: float | None = getattr(facts, demand.fact)
+    if allowed is None or (demand.value >= allowed if demand.is_lowest else demand.value <= allowed):
+        return []
+    most, direction = ("least", "more") if demand.is_lowest else ("most", "less")
     return [
-        f"{name} is {wanted:g}, but the rig allows {allowed:g} {unit} at most; set it to {allowed:g} or less"
-        for name, wanted, allowed, unit in wishes
-        if allowed is not None and wanted > allowed
+        f"{demand.key} is {demand.value:g}, but the rig allows {allowed:g} {demand.unit} at {most}; "
+        f"set it to {allowed:g} or {direction}"
     ]
 
 

@@ -1,24 +1,28 @@
-"""The plan of a run, known before anything moves: steps, duration, bytes and the worst load."""
+"""Plan a run before any device moves: steps, duration, size of the images and highest load."""
 
 import math
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from rig.errors import ProtocolError
 from rig.facts import UNKNOWN_RIG, RigFacts, objections
-from rig.protocol.protocol import Protocol, TensionProtocol
+from rig.limit_settings import RigLimits
+from rig.limits.run_limits import RunLimits, limits_of
+from rig.protocol.durations import motion_times_s
+from rig.protocol.protocol import Protocol
 from rig.protocol.step import ProtocolStep
+from rig.recorder.space import largest_file_bytes
 
 SECONDS_PER_IMAGE = 0.1
-"""Assumed for exposure, transfer and recording; the rest of the duration follows from the protocol."""
+"""Assumed time in s for exposing, transferring and recording one image."""
 
 _SPACE_MARGIN = 1.1
 
 
 @dataclass(frozen=True)
 class PlannedStep:
-    """A step with its estimated duration; None if the speed of the motion is unknown."""
+    """A step and its estimated duration in s. The duration is None if the speed of the motion is unknown."""
 
     step: ProtocolStep
     duration_s: float | None
@@ -26,20 +30,26 @@ class PlannedStep:
 
 @dataclass(frozen=True)
 class Plan:
-    """The worst case of a run.
+    """The plan of the longest possible run of a protocol.
 
     Attributes
     ----------
     steps : list of PlannedStep
-        The specimen decides which of the conditional steps are executed.
+        All possible steps. Steps with `conditional` are executed only if the behaviour of the specimen
+        requires them.
     images : int or None
-        Number of images of all steps and cameras; None without a rig file.
+        Number of images from all steps and all cameras; None without a rig file.
     size_bytes : int or None
-        Size of all images; None where the size of an image is unknown.
+        Size of all images; None if the size of an image is unknown.
     worst_load_n, worst_displacement_mm : float
-        The limits of the protocol, NaN for a rotation; the engine ends a run that exceeds them.
+        The limits of load and displacement in a tension protocol, beyond which the engine ends a run; NaN for
+        a rotation.
+    limits : RunLimits
+        The merged limits of the run, and the plausible behaviour of specimen, grips and load frame.
     objections : list of str
-        Reasons why this rig cannot execute the protocol; `rig run` refuses to start if there is any.
+        Reasons why the rig cannot execute the protocol. `rig run` starts only if this list is empty.
+    cautions : list of str
+        Warnings about dangers that the rig file accepts; every start of a run prints them.
     """
 
     title: str
@@ -49,46 +59,54 @@ class Plan:
     size_bytes: int | None
     worst_load_n: float
     worst_displacement_mm: float
+    limits: RunLimits
     objections: list[str]
+    cautions: list[str] = field(default_factory=list)
 
     @property
     def duration_s(self) -> float | None:
-        """Estimated for all steps, without the operator's time; None if unknown for any step."""
+        """Estimated duration of all steps in s, without the operator's work; None if it is unknown."""
         durations = [planned.duration_s for planned in self.steps]
         return None if None in durations else math.fsum(d for d in durations if d is not None)
 
 
-def make_plan(protocol: Protocol, facts: RigFacts = UNKNOWN_RIG) -> Plan:
-    """Plan the worst case of `protocol` on the rig of `facts`."""
+def make_plan(protocol: Protocol, facts: RigFacts = UNKNOWN_RIG, rig_limits: RigLimits | None = None) -> Plan:
+    """Plan the longest possible run of `protocol` on a rig with the limits and sizes in `facts`.
+
+    `rig_limits` is the table [limits] of the rig file.
+    """
     steps = protocol.steps()
     per_step = protocol.images.per_step
-    still_s = protocol.settle.dwell_s + per_step * (facts.cameras or 0) * SECONDS_PER_IMAGE
-    planned = []
-    before: dict[str, float] = {}
-    for step in steps:
-        motion_s = _motion_s(step, before.get(step.kind, 0.0), facts)
-        before[step.kind] = step.target
-        planned.append(PlannedStep(step, None if motion_s is None else motion_s + still_s))
-    limits = protocol.limits if isinstance(protocol, TensionProtocol) else None
+    imaging_s = per_step * (facts.cameras or 0) * SECONDS_PER_IMAGE
+    planned = [
+        PlannedStep(step, None if motion_s is None else motion_s + _still_s(step, protocol, imaging_s))
+        for step, motion_s in zip(steps, motion_times_s(steps, facts.speed_deg_s), strict=True)
+    ]
+    limits = protocol.conditions.limits
+    in_force = limits_of(protocol, facts, rig_limits)
+    imaged = sum(step.images for step in steps)
     return Plan(
         title=protocol.title,
         kind=protocol.kind,
         steps=planned,
-        images=None if facts.cameras is None else len(steps) * per_step * facts.cameras,
-        size_bytes=None if facts.image_bytes is None else len(steps) * per_step * facts.image_bytes,
+        images=None if facts.cameras is None else imaged * per_step * facts.cameras,
+        size_bytes=None if facts.image_bytes is None else imaged * per_step * facts.image_bytes,
         worst_load_n=math.nan if limits is None else limits.load_max_n,
         worst_displacement_mm=math.nan if limits is None else limits.displacement_max_mm,
-        objections=objections(protocol, facts),
+        limits=in_force,
+        # Both lists can name the same motion. The first list also names the protocol's setting, so prefer it.
+        objections=objections(protocol, facts) or in_force.objections,
     )
 
 
 def require_feasible(plan: Plan, folder: Path) -> None:
-    """Refuse a run that the rig does not allow or whose images do not fit on the disk.
+    """Raise an error if the rig cannot execute the plan or if the images do not fit on the disk.
 
     Raises
     ------
     ProtocolError
-        If there are objections, no folder for the run file, or too little free space.
+        If the plan has objections, `folder` does not exist, or the disk has too little free space. If the
+        file system or a limit of the process does not allow such a large file.
     """
     if plan.objections:
         raise ProtocolError(
@@ -101,7 +119,12 @@ def require_feasible(plan: Plan, folder: Path) -> None:
         raise ProtocolError(
             str(folder), "a folder for the run file", "none", "create it, or name another folder with -o"
         )
-    needed, free = int((plan.size_bytes or 0) * _SPACE_MARGIN), shutil.disk_usage(folder).free
+    needed = int((plan.size_bytes or 0) * _SPACE_MARGIN)
+    try:
+        free, largest = shutil.disk_usage(folder).free, largest_file_bytes(folder)
+    except OSError as error:
+        got, remedy = error.strerror or str(error), "name another folder with -o"
+        raise ProtocolError(str(folder), "a folder that files can be created in", got, remedy) from error
     if needed > free:
         raise ProtocolError(
             str(folder),
@@ -109,15 +132,21 @@ def require_feasible(plan: Plan, folder: Path) -> None:
             format_bytes(free),
             "free disk space, or name a folder on another disk with -o",
         )
+    if needed > largest:
+        raise ProtocolError(
+            str(folder),
+            f"a run file of {format_bytes(needed)}",
+            f"a volume or a limit (`ulimit -f`) that allows no file above {format_bytes(largest)}",
+            "raise the limit with `ulimit -f unlimited`, or name a folder on another volume with -o",
+        )
 
 
 def format_bytes(size: int) -> str:
-    """Return a size as text, in MB or GB."""
+    """Return a size in bytes as text, in MB or GB."""
     return f"{size / 1e6:.1f} MB" if size < 1e9 else f"{size / 1e9:.1f} GB"
 
 
-def _motion_s(step: ProtocolStep, before: float, facts: RigFacts) -> float | None:
-    if math.isnan(step.target):
-        return 0.0
-    rate = facts.speed_deg_s if step.kind == "rotation" else step.rate
-    return None if rate is None else (step.target - before) / rate
+def _still_s(step: ProtocolStep, protocol: Protocol, imaging_s: float) -> float:
+    if step.timed:
+        return 0.0  # the images of this step are taken during the motion or the hold
+    return protocol.settle.dwell_s + (imaging_s if step.images else 0.0)

@@ -1,14 +1,20 @@
-"""The rig file: which drivers make up the rig, each with its own settings."""
+"""Read the rig file, which gives the driver and the settings of each device."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self, TypeVar
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from drivers.errors import ConfigurationError
 from drivers.registry import DeviceKind, DriverSpec, find_driver
 from drivers.settings import Settings, mistakes_in, read_toml_text
+from rig.guarding import GuardianSettings
+from rig.limit_settings import RigLimits
+from rig.notifying import NewsSettings
+from rig.recording import RecordingSettings
+
+_Table = TypeVar("_Table", bound=Settings)
 
 _SINGLE: dict[str, DeviceKind] = {
     "simulation": "environment",
@@ -18,9 +24,14 @@ _SINGLE: dict[str, DeviceKind] = {
 }
 
 
+CALL_TIMEOUT_S = 0.7
+"""Default deadline of a device's call in s. If a call hangs, deadline and stop together take less than 1
+s."""
+
+
 @dataclass(frozen=True)
 class DeviceEntry:
-    """One device of the rig file: its name there, its driver, and the settings the driver accepted."""
+    """One device of the rig file: its name, its driver, and the settings that the driver accepted."""
 
     name: str
     driver: str
@@ -28,26 +39,44 @@ class DeviceEntry:
     settings: Settings
 
     def setting(self, name: str) -> Any:
-        """Return a setting that many drivers have, such as ``load_max_n``; None if this driver lacks it."""
+        """Return the value of a setting, such as ``load_max_n``; None if the driver has no such setting."""
         return getattr(self.settings, name, None)
 
 
 @dataclass(frozen=True)
+class InterlockEntry:
+    """An interlock in the rig file: the device, and the range of its value in which a run may continue."""
+
+    device: DeviceEntry
+    allowed_min: float | None
+    allowed_max: float | None
+
+
+@dataclass(frozen=True)
 class RigFile:
-    """A rig file without mistakes.
+    """The checked content of a rig file.
 
     Attributes
     ----------
     path : Path
     text : str
-        The text of the file, which the run file records.
+        The text of the file. The run file stores a copy of this text.
     name : str
     simulated : bool
-        Whether the file declares a device simulated; the device's driver cannot know it.
+        True if the rig file declares that the rig is simulated. A driver cannot always detect a simulated
+        device.
     operator : DeviceEntry
     cameras : dict of str to DeviceEntry
-        In the order of the file.
+        The cameras in the order of the file.
     simulation, stage, load_frame : DeviceEntry or None
+        None if the file has no such table.
+    call_timeout_s : float
+        Deadline of one call of the load frame or the stage.
+    recording : RecordingSettings
+    guardian : GuardianSettings
+    limits : RigLimits
+    interlocks : dict of str to InterlockEntry
+    news : NewsSettings
     """
 
     path: Path
@@ -59,20 +88,27 @@ class RigFile:
     simulation: DeviceEntry | None
     stage: DeviceEntry | None
     load_frame: DeviceEntry | None
+    recording: RecordingSettings = field(default_factory=RecordingSettings)
+    call_timeout_s: float = CALL_TIMEOUT_S
+    guardian: GuardianSettings = field(default_factory=GuardianSettings)
+    limits: RigLimits = field(default_factory=RigLimits)
+    interlocks: dict[str, "InterlockEntry"] = field(default_factory=dict)
+    news: NewsSettings = field(default_factory=NewsSettings)
 
 
 class _RigTable(Settings):
     name: str = Field(min_length=1, max_length=200)
     simulated: bool = Field(default=False, strict=True)
+    call_timeout_s: float = Field(default=CALL_TIMEOUT_S, ge=0.05, le=60.0)
 
 
 def read_rig(path: str | Path) -> RigFile:
-    """Read a rig file; nothing is opened.
+    """Read and check a rig file without opening any device.
 
     Raises
     ------
     ConfigurationError
-        If the file cannot be read or has mistakes; the message lists those of all tables.
+        If the file cannot be read or has mistakes. The message lists the mistakes in all tables.
     """
     path = Path(path)
     data, text = read_toml_text(path)
@@ -80,11 +116,16 @@ def read_rig(path: str | Path) -> RigFile:
     mistakes = [
         f"{key}: unknown key; remove it, or name it one of {known}" for key in data if key not in _KNOWN
     ]
-    rig = _read_rig_table(data.get("rig"), mistakes)
+    rig = _read_table("rig", _RigTable, data, mistakes)
+    recording = _read_table("recording", RecordingSettings, data, mistakes)
+    guardian = _read_table("guardian", GuardianSettings, data, mistakes)
+    limits = _read_table("limits", RigLimits, data, mistakes)
+    news = _read_table("news", NewsSettings, data, mistakes)
     devices = {
         key: _read_device(key, data[key], kind, mistakes) for key, kind in _SINGLE.items() if key in data
     }
     cameras = _read_cameras(data.get("cameras"), mistakes)
+    interlocks = _read_interlocks(data.get("interlocks", {}), mistakes)
     operator = devices.get("operator")
     if "operator" not in data:
         mistakes.append('operator: is missing; add it, such as [operator] with driver = "console-operator"')
@@ -100,17 +141,24 @@ def read_rig(path: str | Path) -> RigFile:
         simulation=devices.get("simulation"),
         stage=devices.get("stage"),
         load_frame=devices.get("load_frame"),
+        recording=recording or RecordingSettings(),
+        call_timeout_s=rig.call_timeout_s,
+        guardian=guardian or GuardianSettings(),
+        limits=limits or RigLimits(),
+        interlocks=interlocks,
+        news=news or NewsSettings(),
     )
 
 
-_KNOWN = {"rig", "cameras", *_SINGLE}
+_KNOWN = {"rig", "cameras", "interlocks", "limits", "recording", "guardian", "news", *_SINGLE}
 
 
-def _read_rig_table(table: object, mistakes: list[str]) -> _RigTable | None:
+def _read_table(key: str, settings: type[_Table], data: dict[str, Any], mistakes: list[str]) -> _Table | None:
+    """Check an optional table of the file; append each mistake to `mistakes`."""
     try:
-        return _RigTable.model_validate({} if table is None else table)
+        return settings.model_validate(data.get(key, {}))
     except ValidationError as error:
-        mistakes += mistakes_in(error, "rig")
+        mistakes += mistakes_in(error, key)
         return None
 
 
@@ -123,7 +171,8 @@ def _read_cameras(table: object, mistakes: list[str]) -> dict[str, DeviceEntry]:
         if not name.isidentifier():
             mistakes.append(f"cameras.{name}: a name of letters, digits and _ is expected, such as off_axis")
         if name in ("stage", "load_frame"):
-            # The run file stores all devices in one group, by name.
+            # All devices are in one group of the run file, so a camera must not have the name of another
+            # device.
             mistakes.append(
                 f"cameras.{name}: a name other than stage and load_frame is expected, such as off_axis"
             )
@@ -133,8 +182,47 @@ def _read_cameras(table: object, mistakes: list[str]) -> dict[str, DeviceEntry]:
     return cameras
 
 
+class _Allowed(Settings):
+    allowed_min: float | None = None
+    allowed_max: float | None = None
+
+    @model_validator(mode="after")
+    def _bounded(self) -> Self:
+        low, high = self.allowed_min, self.allowed_max
+        if low is None and high is None:
+            raise ValueError("allowed_min or allowed_max is expected, such as allowed_min = 1 for a contact")
+        if low is not None and high is not None and low > high:
+            raise ValueError(f"allowed_min must be at most allowed_max, {high:g}, got {low:g}")
+        return self
+
+
+def _read_interlocks(tables: object, mistakes: list[str]) -> dict[str, InterlockEntry]:
+    if not isinstance(tables, dict):
+        mistakes.append("interlocks: tables [interlocks.NAME] are expected; correct them")
+        return {}
+    interlocks = {}
+    for name, table in tables.items():
+        where = f"interlocks.{name}"
+        if not isinstance(table, dict):
+            mistakes.append(f'{where}: a table with driver = "NAME" is expected; add the driver')
+            continue
+        bounds = {key: float(value) if type(value) is int else value for key, value in table.items()}
+        try:
+            allowed = _Allowed.model_validate(
+                {key: bounds[key] for key in ("allowed_min", "allowed_max") if key in bounds}
+            )
+        except ValidationError as error:
+            mistakes += mistakes_in(error, where)
+            continue
+        settings = {key: value for key, value in table.items() if not key.startswith("allowed_")}
+        entry = _read_device(where, settings, "interlock", mistakes)
+        if entry is not None:
+            interlocks[name] = InterlockEntry(entry, allowed.allowed_min, allowed.allowed_max)
+    return interlocks
+
+
 def _read_device(where: str, table: object, kind: DeviceKind, mistakes: list[str]) -> DeviceEntry | None:
-    """Check one table against its driver's settings; append each mistake to `mistakes`."""
+    """Check one table of the rig file against the settings of its driver; append mistakes to `mistakes`."""
     if not isinstance(table, dict) or not isinstance(table.get("driver"), str):
         mistakes.append(f'{where}: a table with driver = "NAME" is expected; add the driver')
         return None

@@ -1,1 +1,1 @@
-"""What the subcommands of rig do, one module each."""
+"""The functions behind the subcommands of `rig`, with one module for each subcommand."""

@@ -1,4 +1,4 @@
-"""The paper's two experiments on a virtual rig, from protocol to report: what `rig demo` does."""
+"""Run the paper's experiments on virtual rigs, from protocol to report, for the command `rig demo`."""
 
 import shutil
 import sysconfig
@@ -19,14 +19,14 @@ EXPERIMENTS = {
     "rotation-20": ("rotation.toml", "rig-virtual-rotation-20.toml"),
     "rotation-30": ("rotation.toml", "rig-virtual-rotation-30.toml"),
 }
-"""Name of each run, its protocol and its rig file among the examples."""
+"""The name of each demo run, with its protocol file and its rig file from the folder of examples."""
 
 _MARK = ".offaxis-demo"
 
 
 @dataclass(frozen=True)
 class Demo:
-    """What the demo leaves behind: per experiment a run file and a result file, and one report."""
+    """The files that a demo writes: a run file and a result file per experiment, and one report."""
 
     folder: Path
     runs: dict[str, Path]
@@ -35,7 +35,7 @@ class Demo:
 
 
 def examples_folder() -> Path:
-    """Return the folder of the example protocols and rig files: the checkout's, or the installed one."""
+    """Return the folder of the example protocols and rig files, in the checkout or in the installation."""
     checkout = Path(__file__).parents[2] / "examples"
     installed = Path(sysconfig.get_path("data")) / "share" / "offaxis" / "examples"
     for folder in (checkout, installed):
@@ -45,21 +45,22 @@ def examples_folder() -> Path:
 
 
 def run_demo(folder: Path, say: Callable[[str], None]) -> Demo:
-    """Run the paper's experiments on virtual rigs, measure them and write the report.
+    """Run the paper's experiments on virtual rigs, measure their images and write the report.
 
-    While one experiment runs, a second thread measures the previous one.
+    While one experiment runs, a second thread measures the images of the previous experiment.
 
     Parameters
     ----------
     folder : Path
-        New, empty, or that of an earlier demo, whose files are replaced.
+        A new folder, an empty folder, or the folder of an earlier demo. Files of an earlier demo are
+        replaced.
     say : callable
-        Called with one line per step; also called from another thread.
+        Prints one line of progress. A second thread also calls this function.
 
     Raises
     ------
     RigError, DeviceError, ConfigurationError, MeasurementError
-        If the folder holds anything else, or an experiment cannot be run or measured.
+        If the folder has other files, or an experiment cannot be run or measured.
     """
     from dic.report import write_report
 
@@ -81,7 +82,7 @@ def run_demo(folder: Path, say: Callable[[str], None]) -> Demo:
                 pending.append(pool.submit(_measure, name, demo, say))
             results = [task.result() for task in pending]
         except BaseException:
-            # Without this, leaving the pool would finish all pending measurements before the error is raised.
+            # Without `shutdown`, the pool would finish all pending measurements before the error is raised.
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     say("writing the report")
@@ -99,7 +100,7 @@ def _run(name: str, source: Path, files: tuple[str, str], demo: Demo, say: Calla
 
 
 def _make_folder(folder: Path) -> None:
-    """Make the folder; refuse one with other files, because real runs may have the same file names."""
+    """Make the folder. Refuse a folder with other files, because real runs may have the same file names."""
     mark = folder / _MARK
     try:
         if folder.is_dir() and any(folder.iterdir()) and not mark.exists():

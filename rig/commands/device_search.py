@@ -1,4 +1,4 @@
-"""Search for devices: every installed driver looks for its own, at each port one driver after the other."""
+"""Search for devices with every installed driver. The drivers query each port one after the other."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -8,7 +8,7 @@ from drivers.errors import DeviceError
 from drivers.registry import DriverSpec, Finder, Found, SerialPort, driver_names, find_driver
 from rig.errors import RigError
 
-# `host` or `host:port`, optionally after `rtu://`; an IPv6 address stands in brackets
+# Modbus address: `host` or `host:port`, with or without the prefix `rtu://`; brackets enclose an IPv6 address
 _MODBUS = re.compile(r"((?:rtu://)?(?:\[[^\[\]\s]+\]|[^:\s\[\]/]+))(?::(\d{1,5}))?")
 MODBUS_PORT = 502
 NOT_ASKED = "not asked"
@@ -16,7 +16,7 @@ NOT_ASKED = "not asked"
 
 @dataclass(frozen=True)
 class Device:
-    """A device, and the driver that found it."""
+    """A device found by `rig devices`, and the driver that found it."""
 
     driver: str
     spec: DriverSpec
@@ -25,16 +25,16 @@ class Device:
 
 @dataclass(frozen=True)
 class Place:
-    """A serial port or a Modbus address, and the devices that answer there.
+    """A serial port or a Modbus address, and the devices that answer at this place.
 
     Attributes
     ----------
     address : str
     description : str
-        As the adapter of a serial port describes itself.
+        Description of a serial port, as reported by its adapter.
     devices : list of Device
     trouble : str
-        Why the place was not asked; empty if it was.
+        Reasons why drivers could not query this place; empty if a device answered or no error occurred.
     """
 
     address: str
@@ -45,7 +45,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Unsearched:
-    """Devices that were not searched for: their kind, a description, and the reason."""
+    """Devices that `rig devices` could not search for: their kind, a description, and the reason."""
 
     kind: str
     what: str
@@ -54,7 +54,7 @@ class Unsearched:
 
 @dataclass
 class Search:
-    """What a search found.
+    """The result of a search for devices.
 
     Attributes
     ----------
@@ -62,8 +62,9 @@ class Search:
         Devices that the system lists, and devices that answer on networks and buses.
     unsearched : list of Unsearched
     unloaded : list of str
-        Which drivers cannot be loaded, and why.
+        One message for each driver that cannot be loaded.
     ports, modbus : list of Place
+        The serial ports and the Modbus addresses of the search.
     """
 
     devices: list[Device] = field(default_factory=list)
@@ -75,7 +76,7 @@ class Search:
 
 @dataclass(frozen=True)
 class _Seeker:
-    """A driver that can look for its devices."""
+    """A driver that can search for its devices."""
 
     driver: str
     spec: DriverSpec
@@ -85,7 +86,7 @@ class _Seeker:
         return [Device(self.driver, self.spec, each) for each in found]
 
     def reason(self, error: Exception, before: str = "") -> str:
-        """Return why a search failed; a third party's driver may fail in any way."""
+        """Return the reason why a search failed. A third party's driver may raise any exception."""
         if isinstance(error, (OSError, DeviceError)):
             return f"{before}{error}"
         return f"driver {self.driver!r} failed: {type(error).__name__}: {error}"
@@ -97,17 +98,18 @@ def search(ports: Sequence[str], hosts: Sequence[str], *, ask: bool) -> Search:
     Parameters
     ----------
     ports : sequence of str
-        Serial ports in addition to those that the system lists, or ``socket://host:port``.
+        Serial ports to search in addition to the ports that the system lists. ``socket://host:port`` is also
+        accepted.
     hosts : sequence of str
-        Modbus addresses, ``host`` or ``host:port`` for Modbus TCP, ``rtu://host:port`` for RTU over TCP.
+        Modbus addresses: ``host`` or ``host:port`` for Modbus TCP, ``rtu://host:port`` for RTU over TCP.
     ask : bool
-        Whether to ask devices for their identity. The questions change nothing, but an unknown device
-        receives bytes that it may not expect.
+        True to ask devices for their identity. The queries change no setting, but an unknown device may
+        receive unexpected bytes.
 
     Raises
     ------
     RigError
-        If a Modbus address is malformed; no device is asked then.
+        If a Modbus address is malformed. No device has been queried before this error.
     """
     addresses = [_with_port(host) for host in hosts]
     found = Search()
@@ -125,7 +127,10 @@ def search(ports: Sequence[str], hosts: Sequence[str], *, ask: bool) -> Search:
 
 
 def _seekers(search: Search) -> list[_Seeker]:
-    """Return every driver that can look for its devices, quick ones first; note those that do not load."""
+    """Return every driver that can search for its devices, quick drivers first.
+
+    Add an entry to `search.unloaded` for each driver that cannot be loaded.
+    """
     seekers = []
     for name in driver_names():
         try:
@@ -141,7 +146,7 @@ def _seekers(search: Search) -> list[_Seeker]:
 def _look(
     seeker: _Seeker, look: Callable[[], Sequence[Found]] | None, search: Search, *, ask: bool = True
 ) -> None:
-    """Add the devices that a driver finds by itself, or the reason why it does not search."""
+    """Add to `search` the devices that a driver finds, or the reason why the driver could not search."""
     if look is None:
         return
     why = NOT_ASKED
@@ -155,7 +160,7 @@ def _look(
 
 
 def _serial_ports(seekers: list[_Seeker], named: Sequence[str], search: Search) -> list[SerialPort]:
-    """Return the ports that the drivers list and the named ports, each once."""
+    """Return the serial ports that the drivers list and the ports in `named`, without duplicates."""
     ports: dict[str, SerialPort] = {}
     for seeker in seekers:
         try:
@@ -177,7 +182,7 @@ def _asked(
     *,
     ask: bool,
 ) -> Place:
-    """Let one driver after the other ask at a place, until one finds its devices there."""
+    """Let one driver after the other query a port or address, until one finds its devices there."""
     if not ask:
         return Place(port.path, port.description, [], NOT_ASKED)
     troubles: dict[str, None] = {}

@@ -1,13 +1,11 @@
-"""The output of ``rig devices``: lines to print, JSON, and a rig file to start from."""
+"""The output of ``rig devices``: lines to print, JSON, and a rig file that the user completes."""
 
-from pathlib import Path
 from typing import Any
 
 from drivers.settings import toml_table
 from rig.commands.device_search import Device, Place, Search
-from rig.errors import RigError
 
-# By kind of device: the settings that a person has to decide, if the driver has them, and the criterion.
+# For each kind of device: the settings that the user must decide, and the basis for the decision.
 _TO_DECIDE = {
     "camera": (
         ("format", "width_px", "height_px", "rate_hz", "exposure_us"),
@@ -19,7 +17,7 @@ _TO_DECIDE = {
 
 
 def lines(search: Search) -> list[str]:
-    """Return what was found, a line for each."""
+    """Return the result of a search as lines of text."""
     cameras, others = _cameras_and_others(search.devices)
     said = [] if cameras else ["no camera"]
     for each in [*cameras, *others]:
@@ -37,7 +35,7 @@ def lines(search: Search) -> list[str]:
 
 
 def table(search: Search) -> dict[str, Any]:
-    """Return what was found as JSON."""
+    """Return the result of a search as a table for JSON."""
     cameras, others = _cameras_and_others(search.devices)
     cameras_unsearched = [each.why for each in search.unsearched if each.kind == "camera"]
     return {
@@ -56,7 +54,7 @@ def table(search: Search) -> dict[str, Any]:
 
 
 def rig_file(search: Search) -> str:
-    """Return a rig file with all found devices; comments name the settings that a person has to decide."""
+    """Return a rig file with all found devices. Comments name the settings that the user must decide."""
     parts = [
         "# Made by `rig devices`. Fill in what is left open: `rig check` names what is missing.",
         '[rig]\nname = "my rig"',
@@ -71,26 +69,12 @@ def rig_file(search: Search) -> str:
         parts.append("# No camera was found: add [cameras.NAME] for each.")
     used: set[str] = set()
     for each in others:
-        # a rig has one stage and one load frame: further ones are offered as comments
+        # a rig has at most one stage and one load frame, so more devices of these kinds become comments
         usable = each.found.usable and each.spec.kind not in used
         parts.append(_rig_table([each.spec.kind], each, usable=usable))
         used |= {each.spec.kind} if usable else set()
     parts.append('[operator]\ndriver = "console-operator"')
     return "\n\n".join(parts) + "\n"
-
-
-def write_rig_file(search: Search, path: Path) -> None:
-    """Write the rig file to start from; `RigError` if the file exists or cannot be written."""
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(rig_file(search))
-    except OSError as error:
-        raise RigError(
-            str(path),
-            "a new file that can be written",
-            error.strerror or str(error),
-            "name a new file with -o",
-        ) from error
 
 
 def _cameras_and_others(devices: list[Device]) -> tuple[list[Device], list[Device]]:
@@ -116,12 +100,12 @@ def _device_table(device: Device) -> dict[str, Any]:
 
 
 def _driver(device: Device) -> str:
-    """Return the driver that can open a device; empty if none can."""
+    """Return the name of the driver that can open a device; an empty text if no driver can."""
     return device.driver if device.found.usable else ""
 
 
 def _rig_table(names: list[str], device: Device, *, usable: bool) -> str:
-    """Return a table of a rig file; as a comment if the device is not usable."""
+    """Return a device's table for a rig file; all lines are comments if the device is not usable."""
     # a line break in a device's name must not end the comment
     what = "".join(sign if sign.isprintable() else " " for sign in device.found.what)
     settings = {"driver": _driver(device), **device.found.settings}
@@ -132,7 +116,7 @@ def _rig_table(names: list[str], device: Device, *, usable: bool) -> str:
 
 
 def _left_open(device: Device) -> list[str]:
-    """Return a comment that names the settings a person has to decide."""
+    """Return a comment that names the settings that the user must decide."""
     usual, reason = _TO_DECIDE.get(device.spec.kind, ((), "they have no default"))
     fields = device.spec.settings.model_fields
     names = [name for name in usual if name in fields]

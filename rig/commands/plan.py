@@ -1,37 +1,69 @@
-"""A plan as `rig plan` prints it, and as a table for JSON."""
+"""The output of `rig plan`: a plan as lines to print, and as a table for JSON."""
 
 import math
 from typing import Any
 
-from rig import Plan
+from rig import Plan, PlannedStep
 from rig.plan import format_bytes
-from rig.protocol.step import UNITS
+
+LINES_MAX = 200
+"""Largest number of steps that `rig plan` prints."""
+_TENTH_NOTICED = 0.1
 
 
 def plan_lines(plan: Plan) -> list[str]:
     """Return the plan as lines of text."""
     lines = [f"{plan.title} ({plan.kind})", "step  kind          target        about"]
-    for planned in plan.steps:
-        step = planned.step
-        target = "" if math.isnan(step.target) else f"{step.target:g} {UNITS[step.kind]}"
-        note = "  if the specimen demands it" if step.conditional else ""
-        about = _format_s(planned.duration_s)
-        lines.append(f"{step.index:4d}  {step.kind:<12}  {target:<10}  {about:>8}{note}")
+    shown = [_step_line(planned) for planned in plan.steps]
+    if len(shown) > LINES_MAX:
+        hidden = len(shown) - LINES_MAX
+        half = LINES_MAX // 2
+        shown[half:-half] = [f"      … {hidden} more steps, which --json lists"]
+    lines += shown
     at_most = " at most" if any(planned.step.conditional for planned in plan.steps) else ""
     lines.append(
         f"{len(plan.steps)} steps{at_most}, about {_format_s(plan.duration_s)} without the operator's time; "
         + _format_images(plan)
     )
-    if at_most:
+    if not math.isnan(plan.worst_load_n):
         lines.append(
             f"worst load {plan.worst_load_n:g} N, worst displacement {plan.worst_displacement_mm:g} mm: "
-            "the limits of the protocol, as the specimen decides how many increments it takes to yield"
+            "the limits of the protocol"
+            + (", as the specimen decides how many increments it takes to yield" if at_most else "")
         )
+    lines += _limit_lines(plan)
+    lines += [f"caution: {caution}" for caution in plan.cautions]
     return lines + [f"not on this rig: {objection}" for objection in plan.objections]
 
 
+def _limit_lines(plan: Plan) -> list[str]:
+    lines = [f"limit: {limit}" for limit in plan.limits.table]
+    string = plan.limits.string
+    if string is not None:
+        share = string.noticed_fraction
+        lines.append(
+            f"with any specimen within these limits, a load cell that shows less than {share:.1%} of the "
+            "load is noticed in the first increment"
+            + ("" if share > _TENTH_NOTICED else "; declare [plausible] moduli to notice a smaller error")
+        )
+    return lines
+
+
+def _step_line(planned: PlannedStep) -> str:
+    step = planned.step
+    target = "" if math.isnan(step.target) else f"{step.target:g} {step.unit}"
+    notes = [
+        f"at {step.at_s:g} s" if step.timed else "",
+        "" if step.images else "no images",
+        "if the specimen demands it" if step.conditional else "",
+    ]
+    note = ", ".join(filter(None, notes))
+    about = _format_s(planned.duration_s)
+    return f"{step.index:4d}  {step.kind:<12}  {target:<10}  {about:>8}  {note}".rstrip()
+
+
 def plan_dict(plan: Plan) -> dict[str, Any]:
-    """Return the plan for JSON: what is unknown or does not apply is None."""
+    """Return the plan as a table for JSON. A value that is unknown or does not apply is None."""
     return {
         "title": plan.title,
         "kind": plan.kind,
@@ -40,8 +72,10 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
                 "index": planned.step.index,
                 "kind": planned.step.kind,
                 "target": _known(planned.step.target),
-                "unit": UNITS[planned.step.kind],
+                "unit": planned.step.unit,
                 "conditional": planned.step.conditional,
+                "at_s": _known(planned.step.at_s),
+                "images": planned.step.images,
                 "duration_s": planned.duration_s,
             }
             for planned in plan.steps
@@ -51,7 +85,9 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
         "size_bytes": plan.size_bytes,
         "worst_load_n": _known(plan.worst_load_n),
         "worst_displacement_mm": _known(plan.worst_displacement_mm),
+        "limits": plan.limits.table.rows(),
         "objections": plan.objections,
+        "cautions": plan.cautions,
     }
 
 

@@ -1,30 +1,282 @@
-"""The progress of a run, shown on a terminal only."""
+"""The screen of a run: the moving device and its step, the effect of Ctrl-C, and the finished steps."""
 
+import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING, TypeAlias
 
-from dic.shell.progress import progress
-from rig import State, Status
+from dic.shell.console import say
+from drivers.interfaces import OperatorAction
+from rig import Reading, State, Status, StepRecord
+from rig.engine.manual import Motion
+
+if TYPE_CHECKING:
+    from rich.console import Group
+    from rich.live import Live
+
+Confirm: TypeAlias = Callable[[Motion, Reading], None]
+
+REFRESHES_PER_S = 5.0
+BAR_WIDTH = 20
+LATE_NEWS_S = 0.5
+"""Longest time for which a question waits until the lines of finished steps, from another thread, are
+printed."""
+WITHDRAWAL_S = 1.0
+"""Longest time for which the screen, before it ends, waits until the operator's driver leaves the
+terminal."""
+
+
+def what_happens(status: Status | None) -> str:
+    """Return a line of text that says which device moves and for which step, usually at most 80
+    characters."""
+    if status is None or status.step is None:
+        return "opening the rig; nothing moves"
+    step, at = status.step, _values(status.reading)
+    moves = status.reading is not None and status.reading.moving
+    match status.state:
+        case State.PREPARING if moves and at.endswith("deg"):
+            return f"preparing the {step.kind}: the stage MOVES to 0 deg, {at}"
+        case State.PREPARING if moves:
+            return f"preparing the {step.kind}: waiting until nothing moves, {at}"
+        case State.PREPARING:
+            return f"preparing the {step.kind}: nothing moves, {at}"
+        case State.MOVING if step.target == step.target:
+            mover = "stage" if step.kind == "rotation" else "load frame"
+            return f"{step}: the {mover} MOVES, {at}" if moves else f"{step}: the {mover} settles, {at}"
+        case State.MOVING:
+            return f"{step}: waiting until nothing moves, {at}"
+        case State.IMAGING:
+            return f"{step}: taking images, nothing moves, {at}"
+        case State.SAFING:
+            return "stopping: the load frame is to hold, the stage is to stop"
+    return f"{status.state.value}, {at}"
+
+
+def how_to_stop(status: Status | None) -> str:
+    """Return a text that says what Ctrl-C does on this rig."""
+    units = {} if status is None or status.reading is None else status.reading.by_unit()
+    effects = [effect for unit, effect in _EFFECTS if unit in units]
+    return f"Ctrl-C: {', '.join(effects) or 'the run ends'}"
+
+
+_EFFECTS = (("N", "the load frame holds"), ("deg", "the stage stops"))
+
+
+class Screen:
+    """Draws two lines at the bottom of a terminal, and prints finished steps above them.
+
+    The engine calls `on_status` and `on_step` on threads of their own, and `on_question` on the operator's
+    thread. While a person is asked, nothing else is written on the terminal. If standard error is not a
+    terminal, only the finished steps are printed, on standard output.
+
+    Attributes
+    ----------
+    live : Live or None
+        Rich's display that draws the two lines; None to draw nothing.
+    """
+
+    def __init__(self) -> None:
+        self.live: Live | None = None
+        self._changed = threading.Condition()
+        self._status: Status | None = None
+        self._notice = ""
+        self._asking = False
+        self._steps_printed = 0
+        self._held_back: list[str] = []
+
+    def on_status(self, status: Status) -> None:
+        """Show a new status of the run on the screen."""
+        with self._changed:
+            self._status = status
+            self._changed.notify_all()
+
+    def on_step(self, record: StepRecord) -> None:
+        """Print a finished step; during a question, print it after the answer."""
+        with self._changed:
+            if self._asking:
+                self._held_back.append(_step_line(record))
+            else:
+                say(_step_line(record))
+            self._steps_printed += 1
+            self._changed.notify_all()
+
+    @contextmanager
+    def on_question(self, action: OperatorAction, notice: str) -> Iterator[None]:
+        """Draw nothing until the operator has answered. If the operator's driver gives a notice, print the
+        notice."""
+        if self.live is None:
+            yield
+            return
+        with self._changed:
+            self._changed.wait_for(self._is_up_to_date, LATE_NEWS_S)
+            self._notice = notice
+            if not notice:
+                self._asking = True
+                self.live.stop()
+                reading = None if self._status is None else self._status.reading
+                say(_holding(reading), err=True)
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._notice = ""
+                self._asking = False
+                for line in self._held_back:
+                    say(line)
+                self._held_back.clear()
+                self._changed.notify_all()
+                if not notice and not self._ended:
+                    self.live.start()
+
+    def wait_for_operator(self) -> None:
+        """Wait until a withdrawn question has ended, so that it does not mix with the last lines."""
+        with self._changed:
+            self._changed.wait_for(lambda: not self._asking, WITHDRAWAL_S)
+
+    @property
+    def _ended(self) -> bool:
+        return self._status is not None and self._status.state.ending
+
+    def _is_up_to_date(self) -> bool:
+        status = self._status
+        return (
+            status is not None
+            and status.state is State.PREPARING
+            and self._steps_printed >= status.steps_done
+        )
+
+    def draw(self) -> "Group":
+        """Return the two lines, for Rich."""
+        from rich.console import Group
+        from rich.progress_bar import ProgressBar
+        from rich.table import Table
+        from rich.text import Text
+
+        status = self._status
+        done, planned = (0, 1) if status is None else (status.steps_done, status.steps_planned)
+        below = Table.grid(padding=(0, 1))
+        simulated = "SIMULATED, " if status is not None and status.simulated else ""
+        counted = "" if status is None else f"{done} of {planned} steps, "
+        below.add_row(
+            ProgressBar(planned, done, BAR_WIDTH),
+            Text(f"{simulated}{counted}{how_to_stop(status)}", no_wrap=True, overflow="ellipsis"),
+        )
+        return Group(Text(self._notice or what_happens(status), no_wrap=True, overflow="ellipsis"), below)
 
 
 @contextmanager
-def run_progress() -> Iterator[Callable[[Status], None]]:
-    """Give a listener for `Engine` that draws a bar on standard error, if that is a terminal."""
-    with progress("opening the rig") as bar:
+def run_screen() -> Iterator[Screen]:
+    """Yield the screen of `rig run`, which draws only if standard error is a terminal."""
+    screen = Screen()
+    if not sys.stderr.isatty():
+        yield screen
+        return
+    from rich.console import Console
+    from rich.live import Live
 
-        def show(status: Status) -> None:
-            if status.step is not None:
-                bar.expect(status.steps_planned)
-                bar.describe(f"{status.step} {status.state.value}{_values(status)}", status.steps_done)
-            if status.state in (State.MOVING, State.IMAGING):
-                bar.show()
-            elif status.state is State.PREPARING:
-                # The operator is asked on this terminal: no bar may write over the question.
-                bar.hide()
+    screen.live = live = Live(
+        console=Console(stderr=True),
+        refresh_per_second=REFRESHES_PER_S,
+        transient=True,
+        # Rich prints lines above the two drawn lines of a terminal; lines in a file must stay unchanged.
+        redirect_stdout=sys.stdout.isatty(),
+        get_renderable=screen.draw,
+    )
+    live.start()
+    try:
+        yield screen
+    finally:
+        screen.wait_for_operator()
+        live.stop()
 
-        yield show
+
+def _step_line(record: StepRecord) -> str:
+    images = ", ".join(f"{count} {name}" for name, (_, count) in record.frames.items())
+    # the noise of every reading is larger than its fourth decimal
+    shown = ", ".join(f"{round(value, 4):.6g} {unit}" for unit, value in record.reading.by_unit().items())
+    return f"{record.step}: settled at {shown}; images: {images}"
 
 
-def _values(status: Status) -> str:
-    values = {} if status.reading is None else status.reading.by_unit()
-    return "".join(f", {value:.5g} {unit}" for unit, value in values.items())
+def _holding(reading: Reading | None) -> str:
+    """Return the text that says what stands still while a person is asked."""
+    units = {} if reading is None else reading.by_unit()
+    load = f"the load frame holds at {units['N']:.1f} N, {units['mm']:.4f} mm" if "N" in units else ""
+    angle = f"the stage stands at {units['deg']:.2f} deg" if "deg" in units else ""
+    return f"Nothing moves: {'; '.join(filter(None, (load, angle))) or 'no reading yet'}."
+
+
+def _values(reading: Reading | None) -> str:
+    if reading is None:
+        return "no reading yet"
+    formats = {"N": ".1f", "mm": ".4f", "deg": ".2f"}
+    shown = [f"{value:{formats.get(unit, '.5g')}} {unit}" for unit, value in reading.by_unit().items()]
+    return "at " + ", ".join(shown)
+
+
+class HandScreen:
+    """Draws one motion by hand at the bottom of a terminal, after it was confirmed.
+
+    Attributes
+    ----------
+    live : Live or None
+        Rich's display that draws the two lines; None to draw nothing.
+    """
+
+    def __init__(self) -> None:
+        self.live: Live | None = None
+        self._doing = ""
+        self._reading: Reading | None = None
+
+    def on_reading(self, reading: Reading) -> None:
+        """Show a reading at the next refresh."""
+        self._reading = reading
+
+    def after(self, confirm: Confirm) -> Confirm:
+        """Return a function that asks for the confirmation of a motion, and then shows the motion on the
+        screen."""
+
+        def confirm_and_show(motion: Motion, reading: Reading) -> None:
+            confirm(motion, reading)
+            self._doing = motion.doing
+            if self.live is not None:
+                self.live.start()
+
+        return confirm_and_show
+
+    def draw(self) -> "Group":
+        """Return the two lines, for Rich."""
+        from rich.console import Group
+        from rich.text import Text
+
+        stops = ", ".join(effect for unit, effect in _EFFECTS if unit in self._units)
+        lines = f"MOVES: {self._doing}, {_values(self._reading)}", f"Ctrl-C: {stops}"
+        return Group(*(Text(line, no_wrap=True, overflow="ellipsis") for line in lines))
+
+    @property
+    def _units(self) -> dict[str, float]:
+        return {} if self._reading is None else self._reading.by_unit()
+
+
+@contextmanager
+def hand_screen() -> Iterator[HandScreen]:
+    """Yield the screen of `rig unload` and `rig jog`, which draws only on a terminal."""
+    screen = HandScreen()
+    if not sys.stderr.isatty():
+        yield screen
+        return
+    from rich.console import Console
+    from rich.live import Live
+
+    screen.live = Live(
+        console=Console(stderr=True),
+        refresh_per_second=REFRESHES_PER_S,
+        transient=True,
+        redirect_stdout=sys.stdout.isatty(),
+        get_renderable=screen.draw,
+    )
+    try:
+        yield screen
+    finally:
+        if screen.live.is_started:
+            screen.live.stop()

@@ -1,4 +1,4 @@
-"""Run the virtual rig for other programs: a loop that logs samples and executes typed commands."""
+"""Run the virtual rig for other programs. A loop writes samples to the log and executes typed commands."""
 
 import os
 import select
@@ -19,16 +19,17 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Log(Protocol):
-    """The record of the true state of the simulation."""
+    """The log of the true state of the simulation."""
 
     def sample(self) -> None:
-        """Write the present true state."""
+        """Write the current true state of the simulation to the log."""
 
 
 class Simulation(Protocol):
-    """What an entry point of the group `offaxis.simulators` returns for the tables of a rig file."""
+    """The simulation that an entry point of the group `offaxis.simulators` makes from a rig file's tables."""
 
     log: Log
+    say: Callable[[str], None]
 
     @property
     def addresses(self) -> Mapping[str, str]:
@@ -38,22 +39,22 @@ class Simulation(Protocol):
         """Return a rig file that uses this simulation."""
 
     def switch_on(self, fault: str) -> None:
-        """Switch a fault on; ValueError if there is no such fault."""
+        """Switch a fault on; raise `ValueError` if the fault does not exist."""
 
     def command(self, line: str) -> list[str]:
-        """Execute a typed line, and return the lines to print."""
+        """Execute a typed command, and return the lines to print."""
 
     def close(self) -> None:
         """Stop every server."""
 
 
 def find_simulator() -> Any:
-    """Return the simulator that the entry point names.
+    """Return the function that starts the virtual rig, from the entry points of the installed packages.
 
     Raises
     ------
     RigError
-        If it is not installed.
+        If no installed package has the entry point.
     """
     for point in entry_points(group=GROUP, name=NAME):
         return point.load()
@@ -65,24 +66,25 @@ def find_simulator() -> Any:
 def start(
     rig_path: Path | None, log: Path | None, faults: Iterable[str], places: Iterable[str]
 ) -> Simulation:
-    """Start the virtual rig that a rig file describes, or the default one.
+    """Start the virtual rig that a rig file describes, or the default virtual rig.
 
     Parameters
     ----------
     rig_path, log : Path or None
+        The rig file, and the log file for the true state. None means the default virtual rig, or no log.
     faults : iterable of str
         The faults that are on from the start.
     places : iterable of str
-        ``NAME=PLACE``, the name of a server and its place.
+        ``NAME=PLACE``: the name of a server, and its TCP port or the path of its pseudo-terminal.
 
     Raises
     ------
     ConfigurationError
-        If the file has mistakes.
+        If the rig file has mistakes.
     RigError
-        If the log cannot be written, a place is taken or malformed, or there is no such fault.
+        If the log cannot be written, a place is in use or malformed, or a fault does not exist.
     """
-    # Parse the text that was checked: the file may have changed since.
+    # Parse the checked text, because the file may have changed after the check.
     tables = {} if rig_path is None else tomllib.loads(read_rig(rig_path).text)
     try:
         simulation = cast(
@@ -107,19 +109,20 @@ def start(
 
 
 def run(simulation: Simulation, ending: int, period_s: float, say: Callable[[str], None]) -> None:
-    """Log samples and execute typed commands until a signal or ``quit``.
+    """Write samples to the log and execute typed commands, until a signal or the command ``quit``.
 
     Parameters
     ----------
     simulation : Simulation
     ending : int
-        The descriptor of `signals_noted`.
+        The file descriptor that `signals_noted` yields.
     period_s : float
-        Time between two samples.
+        Longest time between two samples, in s.
     say : callable
         Prints a line.
     """
     typed, typing = b"", True
+    simulation.say = say
     while True:
         simulation.log.sample()
         listened = [ending, STDIN] if typing and _in_foreground() else [ending]
@@ -132,7 +135,7 @@ def run(simulation: Simulation, ending: int, period_s: float, say: Callable[[str
             received = os.read(STDIN, 4096)
         except OSError:
             received = b""
-        # the end of the input ends the commands but not the simulation
+        # at the end of the input, the commands end and the simulation continues
         typing = bool(received)
         *lines, typed = (typed + received).split(b"\n")
         for line in lines:
@@ -143,26 +146,31 @@ def run(simulation: Simulation, ending: int, period_s: float, say: Callable[[str
 
 
 def _in_foreground() -> bool:
-    """Whether this program may read its terminal: the system suspends a background program that does."""
+    """Return True if this program may read its terminal.
+
+    The system suspends a background program that reads its terminal.
+    """
     try:
         return os.tcgetpgrp(STDIN) == os.getpgrp()
     except OSError:
-        # no terminal
+        # standard input is not a terminal
         return True
 
 
 @contextmanager
 def signals_noted() -> Iterator[int]:
-    """Yield a descriptor that a signal makes readable; the signal does not end the program.
+    """Yield a file descriptor that becomes readable when a signal arrives.
 
-    A signal ends a wait for the descriptor at once, even a signal that comes just before the wait. A plain
-    sleep would continue after either signal.
+    The signal does not end the program.
+
+    A wait for the descriptor ends at once, even if the signal arrived just before the wait. A plain sleep
+    would continue after the signal.
     """
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     waked = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
     before = {number: signal.getsignal(number) for number in SIGNALS}
-    # nohup has SIGHUP ignored: leave it ignored
+    # under nohup, SIGHUP is ignored and must stay ignored
     if before[signal.SIGHUP] is signal.SIG_IGN:
         del before[signal.SIGHUP]
     try:

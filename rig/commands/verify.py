@@ -1,19 +1,24 @@
-"""Reading a run file to the last byte: what is there, what is damaged, what is missing."""
+"""Verify a run file: read every image, and report damaged, missing or contradictory content."""
 
+import hashlib
+import math
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import ValidationError
 
+from dic.runfile.lock import is_recorded
 from dic.runfile.reader import RunFile, RunInfo
 from rig.protocol.protocol import parse_protocol
 from rig.protocol.step import ProtocolStep
 
+_READINGS = {"load": "load_n", "displacement": "displacement_mm", "rotation": "angle_deg"}
+
 
 @dataclass(frozen=True)
 class CameraCheck:
-    """Images of one camera: those on file, those of finished steps, and the rows that cannot be read."""
+    """Number of a camera's images in the file and in finished steps, and the rows of its damaged images."""
 
     valid: int
     in_steps: int
@@ -22,17 +27,20 @@ class CameraCheck:
 
 @dataclass(frozen=True)
 class Verification:
-    """What a run file holds.
+    """The result of `rig verify` for one run file.
 
     Attributes
     ----------
     status, reason : str
-        As in the file; a run that was cut off still says "running".
+        Status and reason from the run file. The status of a run whose program was killed is still "running".
     steps, planned : int
-        Number of finished steps, and number of steps in the plan's worst case.
+        Number of finished steps, and number of steps in the longest possible run.
     cameras : dict of str to CameraCheck
     problems : list of str
-        One sentence each; empty for a completed run without damage.
+        One sentence for each problem; empty for a completed run without damage.
+    digest : str
+        Result of the check of the file's own digest, which covers everything but the images: "right" or
+        "wrong". "none" if the file has no digest, because an old program recorded it or it was not closed.
     """
 
     path: Path
@@ -42,54 +50,100 @@ class Verification:
     planned: int
     cameras: dict[str, CameraCheck]
     problems: list[str]
+    digest: str = "none"
 
 
 def verify_run(path: str | Path) -> Verification:
-    """Read every image of a run file and check it against its checksum.
+    """Read every image of a run file and check each image against its digest, and the file against its own.
 
-    Also reads a run that is being recorded and one whose program was killed.
+    Everything that `dic process` needs is checked too. The run may still be in progress, or its program may
+    have been killed.
 
     Raises
     ------
     RunFileError
-        If the file is missing, cut off before its tables, or not a run file.
+        If the file is missing, is too short to contain the tables, or is not a run file.
     """
     with RunFile(path) as run:
         planned = _planned(run.info.definition)
         status, done = run.info.status, len(run.steps)
-        problems = [] if status == "completed" else [_unfinished(run.info, done, len(planned))]
+        problems = [] if status == "completed" else [_unfinished(run, done, len(planned))]
         kinds = [step.kind for step in run.steps]
         problems += [
             f"step of kind {kind}: 1 expected, {kinds.count(kind)} on file"
             for kind in ("grid", "reference")
-            if kinds.count(kind) != 1
+            if kinds.count(kind) != 1 and run.continues is None
         ]
+        begun = run.continues is not None or kinds[:2] == ["grid", "reference"][: len(kinds)]
+        problems += [] if begun else ["the steps are out of order"]
+        problems += _check_steps(run) + _check_files(run.info, bool(planned))
         cameras = {name: _check_camera(run, name, problems) for name in run.cameras}
-        return Verification(run.path, status, run.info.status_reason, done, len(planned), cameras, problems)
+        matches = run.digest_matches()
+        if matches is False:
+            problems.append("the digest of the file is wrong: something was changed after the run")
+        digest = "none" if matches is None else "right" if matches else "wrong"
+        return Verification(
+            run.path, status, run.info.status_reason, done, len(planned), cameras, problems, digest
+        )
+
+
+def _check_steps(run: RunFile) -> list[str]:
+    """Return the problems of steps without images or readings, and of steps out of order."""
+    problems = []
+    before = -1
+    for step in run.steps:
+        if step.index <= before:
+            problems.append(f"step {step.index} follows step {before}")
+        before = step.index
+        reading = _READINGS.get(step.kind)
+        if reading is not None and not math.isfinite(getattr(step, reading)):
+            problems.append(f"step {step.index} of kind {step.kind} has no {reading}")
+        problems += [
+            f"step {step.index} has no image of {name}" for name in run.cameras if not run.rows(name, step)
+        ]
+    return problems
+
+
+def _check_files(info: RunInfo, planned: bool) -> list[str]:
+    """Compare the recorded protocol and rig file with the checksum in `run_id`. Some tests record no
+    protocol."""
+    problems = []
+    digest = hashlib.sha256((info.definition + info.configuration).encode()).hexdigest()
+    _, dash, short = info.run_id.rpartition("-")
+    if dash and info.definition and short != digest[: len(short)]:
+        problems.append("protocol and rig file in the run do not match the checksum in the run's id")
+    elif info.definition and not planned:
+        problems.append("the protocol in the run cannot be read")
+    return problems
 
 
 def _check_camera(run: RunFile, name: str, problems: list[str]) -> CameraCheck:
-    """Check the images of a camera; append each problem to `problems`."""
+    """Check the images of one camera, and append each problem to `problems`."""
     on_file, damaged = run.rows_on_file(name), run.damaged_rows(name)
-    in_steps = [row for step in run.steps for row in run.rows(name, step)]
+    rows_of_steps = {step.index: run.rows(name, step) for step in run.steps}
+    in_steps = [row for rows in rows_of_steps.values() for row in rows]
     missing = sorted(set(in_steps) - set(on_file))
     if damaged:
         problems.append(f"{name}: images {_listed(damaged)} cannot be read or fail their checksum")
     if missing:
         problems.append(f"{name}: images {_listed(missing)} of finished steps are missing")
+    if len(in_steps) != len(set(in_steps)):
+        problems.append(f"{name}: some images belong to two steps")
     return CameraCheck(len(on_file), len(in_steps), damaged)
 
 
 def _planned(definition: str) -> list[ProtocolStep]:
     try:
         return parse_protocol(tomllib.loads(definition)).steps()
-    except (tomllib.TOMLDecodeError, ValidationError):
+    except (tomllib.TOMLDecodeError, ValidationError, RecursionError):
         return []
 
 
-def _unfinished(info: RunInfo, done: int, planned: int) -> str:
-    running = info.status == "running"
-    how = "is running, or was cut off" if running else f"{info.status}: {info.status_reason}"
+def _unfinished(run: RunFile, done: int, planned: int) -> str:
+    info = run.info
+    how = f"{info.status}: {info.status_reason}"
+    if info.status == "running":
+        how = "is being recorded" if is_recorded(run.path) else "is running, or was cut off"
     return f"the run {how}; {done} of {planned} planned steps are on file"
 
 

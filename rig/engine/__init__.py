@@ -1,1 +1,1 @@
-"""How a test is executed and made safe."""
+"""Execute the steps of a test, and bring the rig to a safe state at the end."""

@@ -1,25 +1,36 @@
-"""The engine: executes the steps of a protocol, and makes the rig safe at the end of every run."""
+"""The engine executes the steps of a protocol and makes the rig safe at the end of every run."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 
 from dic.runfile.schema import Level, RunStatus
+from drivers.clock import SystemClock
 from drivers.errors import DeviceError
-from drivers.interfaces import LoadFrame, OperatorAction, RotationStage
+from drivers.interfaces import Frame, OperatorAction
 from rig.devices import Rig
-from rig.engine.imaging import take_image
-from rig.engine.listeners import Listeners
+from rig.engine.calls import Calls
+from rig.engine.devices import OnQuestion, called, unannounced
+from rig.engine.filing import Filing
+from rig.engine.imaging import StepImages, Surroundings
+from rig.engine.keep import Keeper
+from rig.engine.listeners import LEAVING_S, Listeners
+from rig.engine.look import look
 from rig.engine.monitor import Monitor
+from rig.engine.motion import begin
+from rig.engine.preparation import Actions, Preparation
+from rig.engine.requirements import require_devices
 from rig.engine.safety import SafeState
 from rig.engine.settle import settle
-from rig.engine.status import Outcome, State, Status
+from rig.engine.status import LogEntry, News, Outcome, State, Status
 from rig.engine.watch import Watch
-from rig.errors import Aborted, LimitViolation, ProtocolError, RigError
-from rig.protocol.protocol import Protocol, RotationProtocol, TensionProtocol
+from rig.errors import Aborted, RigError
+from rig.limits.run_limits import limits_on
+from rig.protocol.protocol import Protocol
 from rig.protocol.step import ProtocolStep, Reading
 from rig.recorder import Recorder, StepRecord
+from rig.recorder.records import OPERATOR_DONE, STEP_ON_FILE
 
 
 class Engine:
@@ -34,28 +45,46 @@ class Engine:
 
         any of these --abort, exception--> SAFING --> ABORTED | FAILED
 
-    PREPARING asks the operator, finds the stage's reference and zeroes the load frame. MOVING lasts until
-    the value has settled. IMAGING ends when the step is on file. SAFING first holds the load frame and
-    stops the stage, and then closes the run file.
+    In the state PREPARING, the engine brings the stage to 0 degrees, asks the operator to attach or remove
+    the grid, and zeroes the load frame. The state MOVING lasts until load, displacement or angle has settled.
+    The state IMAGING ends when the step is in the run file. In the state SAFING, the engine first holds the
+    load frame and stops the stage, and then closes the run file.
 
     Parameters
     ----------
-    protocol : TensionProtocol or RotationProtocol
+    protocol : Protocol
     rig : Rig
-        Opened devices; the caller closes them.
+        The opened devices. The caller closes the devices after the run.
     recorder : Recorder
-        An open run file; the engine closes it.
+        The open run file. The engine closes the run file at the end of the run.
     on_status : iterable of callable, optional
-        Each gets a `Status` at every reading and every change of state: SAFING when the devices have been
-        told to stop, COMPLETED, ABORTED and FAILED when the run file is closed.
+        Listeners that are called with a `Status` at every reading, every change of state and every finished
+        step. The state SAFING is reported after the engine has sent the stop commands. The states COMPLETED,
+        ABORTED and FAILED are reported after the run file is closed.
     on_step : iterable of callable, optional
-        Each gets a `StepRecord` when a step is on file.
+        Listeners that are called with a `StepRecord` when a step has been written to the run file.
+    on_news : iterable of callable, optional
+        Listeners that are called with every `Status`, `StepRecord` and `LogEntry`, in the order of the run.
+    earlier : mapping of int to Reading, optional
+        Settled readings of steps that an earlier run has finished. These steps are not executed again.
+    on_progress : callable, optional
+        Function that is called after each complete, valid reading of all devices, with True if a device may
+        be moving. The engine's own thread makes these calls, so they stop if the engine hangs. The function
+        must return at once. If it raises an exception, the run ends.
+    on_question : callable, optional
+        Called with an `OperatorAction` and a sentence of the operator's driver (or an empty text) before the
+        operator is asked, on the thread that asks. The returned context manager is left after the answer.
 
     Notes
     -----
-    Listeners are called on the thread of `run`, which reads no device meanwhile: they should return at once.
-    A listener that raises is not called again; the run and the other listeners go on, and the run file and
-    the outcome record the failure. A listener that wants to end the run calls `abort`.
+    The thread of `run` calls no driver and writes no output. So neither a driver nor a terminal that hangs
+    can stop the monitoring of load frame and stage. Each device is called on a thread of its own with a
+    deadline (`rig.engine.calls`).
+
+    Each listener is called on a thread of its own. If a listener is too slow, it misses some calls, and the
+    outcome says so. If a listener raises an exception, the engine does not call that listener again. The run
+    and the other listeners continue, and the run file and the outcome record the failure. To end the run, a
+    listener calls `abort`.
     """
 
     def __init__(
@@ -66,28 +95,58 @@ class Engine:
         *,
         on_status: Iterable[Callable[[Status], None]] = (),
         on_step: Iterable[Callable[[StepRecord], None]] = (),
+        on_news: Iterable[Callable[[News], None]] = (),
+        on_progress: Callable[[bool], None] = lambda _: None,
+        on_question: OnQuestion = unannounced,
+        earlier: Mapping[int, Reading] | None = None,
     ) -> None:
-        watch = Watch(protocol.limits, protocol.loading.increment_n) if protocol.kind == "tension" else None
+        self._watch = Watch(protocol, limits_on(protocol, rig))
         self._protocol = protocol
         self._rig = rig
         self._recorder = recorder
-        self._monitor = Monitor(rig, recorder, watch)
-        self._on_status = Listeners(on_status)
-        self._on_step = Listeners(on_step)
+        self._calls = Calls(rig.clock, self._check_abort, rig.lost)
+        self._devices = called(rig, self._calls, self._read, protocol.settle.poll_s, on_question)
+        self._filing = Filing(recorder, self._calls, self._read, protocol.settle.poll_s)
+        self._monitor = Monitor(self._devices, self._calls, rig.clock, recorder, self._watch)
+        self._preparation = Preparation(
+            protocol.conditions,
+            self._devices,
+            self._monitor,
+            self._watch,
+            Actions(
+                self._read, self._wait, self._ask, lambda text: self._event("info", text), self._note_motion
+            ),
+        )
+        around = Surroundings(self._read, self._settle_again, self._calls.pause, self._event)
+        self._images = StepImages(self._devices.cameras, protocol.images, rig.clock, self._filing, around)
+        self._on_status = Listeners(on_status, self.abort)
+        self._on_step = Listeners(on_step, self.abort)
+        self._on_news = Listeners[News](on_news, self.abort)
+        self._on_progress = on_progress
+        self._keeper: Keeper | None = None
+        self._earlier = dict(earlier or {})
+        self._goes_on = bool(earlier)
+        self._may_move = True  # A device may still be moving for an earlier program that was killed.
+        self._records: list[StepRecord] = []
         self._lost_listeners: list[str] = []
-        self._status = Status(State.IDLE, None, len(protocol.steps()), 0, None)
+        self._status = Status(State.IDLE, None, len(protocol.steps()), 0, None, rig.simulated)
         self._abort_reason: str | None = None
         self._waiting_for_operator = False
         self._safe_state = SafeState(rig)
 
     @property
     def status(self) -> Status:
-        """The latest snapshot; any thread may read it."""
+        """The latest snapshot of the run. Any thread may read this property."""
         return self._status
 
     @property
+    def newest_images(self) -> dict[str, Frame]:
+        """The newest good image of each camera. Any thread may read this property."""
+        return dict(self._images.newest)
+
+    @property
     def waiting_for_operator(self) -> bool:
-        """Whether the thread that runs the protocol waits for a person, who may never answer."""
+        """True while the run waits for an answer from the operator."""
         return self._waiting_for_operator
 
     def run(self) -> Outcome:
@@ -96,86 +155,60 @@ class Engine:
         Returns
         -------
         Outcome
-            Also returned after an abort and after a failure of known cause. An unknown exception is raised
-            again, once the rig is safe and the file is closed; a note on the exception names the devices
-            whose safe state is not confirmed.
+            The result of the run. An abort, a `RigError` or a `DeviceError` also gives an outcome. The engine
+            raises any other exception again after it has made the rig safe and closed the run file. A note on
+            that exception names the devices that did not confirm their safe state.
         """
-        try:
-            self._require_devices()
-            self._protocol.follow(self._execute)
-            self._end_well()
-        except BaseException as error:
-            outcome = self._end_badly(error)
-            if not isinstance(error, (RigError, DeviceError)):
-                if outcome.unsafe:
-                    error.add_note(outcome.reason)
-                raise
-            return outcome
-        return self._outcome("completed", "")
+        # Announce this thread before simulated time can pass, because other threads may wait for a reading.
+        with self._rig.clock.activity():
+            try:
+                require_devices(self._protocol, self._rig)
+                self._protocol.follow(self._execute)
+                self._end_well()
+            except BaseException as error:
+                outcome = self._end_badly(error)
+                if not isinstance(error, (RigError, DeviceError)):
+                    if outcome.unsafe:
+                        error.add_note(outcome.reason)
+                    raise
+                return outcome
+            return self._outcome("completed", "")
 
     def abort(self, reason: str) -> None:
-        """End the run without waiting; any thread or signal handler may call this at any time.
+        """Request the end of the run without waiting. Any thread may call this method, also repeatedly.
 
-        The safe state is commanded at once. The engine notices the abort within one poll and commands it
-        again.
+        The method commands the safe state at once: the load frame holds and the stage stops. `abort` also
+        ends every wait of the engine, and the engine then commands the safe state again. A signal handler
+        must not call this method, because the handler may have interrupted a thread that holds a lock.
         """
         if self._status.state in (State.COMPLETED, State.ABORTED, State.FAILED):
             return
         if self._abort_reason is None:
             self._abort_reason = reason
         self._safe_state.command()
+        self._calls.interrupt()
 
     def _execute(self, step: ProtocolStep) -> Reading:
-        if step.kind == "grid":
-            self._prepare_grid(step)
-        elif step.kind == "reference":
-            self._prepare_reference(step)
-        self._command(step)
-        settled = self._settle(step)
-        self._take(step, settled)
-        return settled
+        if step.index in self._earlier:
+            return self._earlier[step.index]
+        if self._goes_on or step.kind in ("grid", "reference"):
+            self._prepare(step)
+        reading = self._reach(step)
+        arrived_early = step.timed and not step.holds and not reading.moving and step.is_reached(reading)
+        return self._take(step, reading) if step.images and not arrived_early else reading
 
-    def _prepare_grid(self, step: ProtocolStep) -> None:
+    def _prepare(self, step: ProtocolStep) -> None:
         self._enter(State.PREPARING, step)
-        self._read()
-        if isinstance(self._protocol, RotationProtocol):
-            self._bring_to_zero(self._stage, self._protocol.settle.angle_tolerance_deg)
-        self._ask(OperatorAction.ATTACH_GRID)
+        if self._goes_on:
+            self._goes_on = False
+            self._preparation.to_go_on()
+        elif step.kind == "grid":
+            self._preparation.for_grid(step)
+        else:
+            self._preparation.for_reference(step)
 
-    def _prepare_reference(self, step: ProtocolStep) -> None:
-        self._enter(State.PREPARING, step)
-        self._ask(OperatorAction.REMOVE_GRID)
-        if isinstance(self._protocol, TensionProtocol):
-            self._zero_load_frame(self._protocol)
-
-    def _bring_to_zero(self, stage: RotationStage, tolerance_deg: float) -> None:
-        if not self._monitor.homed:
-            self._event("info", "stage: home")
-            stage.home()
-            self._wait("homing the stage", "the reference position", lambda _: self._monitor.homed)
-        stage.move_to(0.0)
-        self._wait("moving to 0 deg", "0 deg", lambda reading: abs(reading.angle_deg) <= tolerance_deg)
-
-    def _zero_load_frame(self, protocol: TensionProtocol) -> None:
-        reading = self._read()
-        if abs(reading.load_n) > protocol.loading.tare_max_n:
-            raise LimitViolation(
-                f"{self._status.step}, zeroing the load frame",
-                f"a load within {protocol.loading.tare_max_n:g} N",
-                f"{reading.load_n:.1f} N",
-                "unload the specimen, as a real load must not be zeroed; if the specimen is unloaded, raise "
-                f"loading.tare_max_n above {abs(reading.load_n):.1f}",
-            )
-        self._event("info", f"load frame: zero at {reading.load_n:.1f} N, {reading.displacement_mm:.4f} mm")
-        self._load_frame.tare()
-        self._wait(
-            "zeroing the load frame",
-            "load and displacement of zero",
-            lambda r: (
-                abs(r.load_n) <= protocol.settle.load_tolerance_n
-                and abs(r.displacement_mm) <= protocol.settle.displacement_tolerance_mm
-            ),
-        )
+    def _note_motion(self) -> None:
+        self._may_move = True
 
     def _ask(self, action: OperatorAction) -> None:
         self._stand_still()
@@ -183,74 +216,96 @@ class Engine:
         try:
             self._waiting_for_operator = True
             self._check_abort()
-            self._rig.operator.perform(action)
+            self._devices.operator.perform(action)
+            self._filing.mark(self._rig.clock.now_s(), OPERATOR_DONE)
         finally:
             self._waiting_for_operator = False
 
     def _stand_still(self) -> None:
-        """Make sure that nothing moves: a person comes near, and a killed program may have left a motion."""
-        if self._rig.load_frame is not None:
-            self._rig.load_frame.hold()
+        """Hold the load frame and wait until no device moves; then the operator may reach into the rig.
+
+        A device may still be moving for an earlier program that was killed.
+        """
+        if self._devices.load_frame is not None:
+            self._devices.load_frame.hold()
         self._wait("standing still for the operator", "standstill", lambda _: True)
 
-    def _command(self, step: ProtocolStep) -> None:
+    def _reach(self, step: ProtocolStep) -> Reading:
+        """Move to the target of a step and settle there, or wait until the time of the step's images."""
         self._enter(State.MOVING, step)
+        if step.begins:
+            if self._may_move:
+                # The step before took its images during this motion, which still continues.
+                self._stand_still()
+            self._command(step)
+        self._watch.expect(step.load_drop)
+        if not step.timed:
+            return self._settle(step)
+        if step.begins:
+            begun = self._settle(step) if step.holds else self._read()
+            times = self._protocol.settle
+            self._keeper = Keeper(
+                begun.time_s,
+                self._read,
+                self._calls.pause,
+                timeout_s=times.timeout_s,
+                poll_s=self._watch.poll_s(times.poll_s),
+            )
+        assert self._keeper is not None  # the first timed step has set it
+        return self._keeper.wait(step, correct=lambda: self._command(step))
+
+    def _command(self, step: ProtocolStep) -> None:
         self._check_abort()
-        if step.kind == "load":
-            self._load_frame.go_to_load(step.target, step.rate)
-        elif step.kind == "displacement":
-            self._load_frame.go_to_displacement(step.target, step.rate)
-        elif step.kind == "rotation":
-            self._stage.move_to(step.target)
+        self._watch.begin(step)
+        self._may_move = self._may_move or not math.isnan(step.target)
+        begin(step, self._devices)
 
     def _settle(self, step: ProtocolStep) -> Reading:
         if math.isnan(step.target):
             return self._wait("settling", "standstill", lambda _: True)
         expected = f"{step.target:.6g} ± {step.tolerance:g}"
-        return self._wait("settling", expected, lambda r: abs(step.value(r) - step.target) <= step.tolerance)
+        return self._wait("settling", expected, step.is_reached, step.motion_s)
 
-    def _wait(self, doing: str, expected: str, within: Callable[[Reading], bool]) -> Reading:
+    def _settle_again(self, step: ProtocolStep) -> Reading:
+        """Wait until the readings have settled again, before images are repeated. During a motion or hold, do
+        not wait."""
+        return self._read() if step.timed else self._settle(step)
+
+    def _wait(
+        self, doing: str, expected: str, within: Callable[[Reading], bool], motion_s: float = 0.0
+    ) -> Reading:
         times = self._protocol.settle
-        return settle(
+        reading = settle(
             self._read,
             lambda reading: not reading.moving and within(reading),
             dwell_s=times.dwell_s,
-            timeout_s=times.timeout_s,
-            poll_s=times.poll_s,
+            timeout_s=times.timeout_s + motion_s,
+            poll_s=self._watch.poll_s(times.poll_s),
             clock=self._rig.clock,
+            pause=self._calls.pause,
             step=f"{self._status.step}, {doing}",
             expected=expected,
         )
+        self._may_move = False
+        return reading
 
-    def _take(self, step: ProtocolStep, settled: Reading) -> None:
-        """Take and record the images of all cameras, then the step."""
+    def _take(self, step: ProtocolStep, settled: Reading) -> Reading:
+        """Take and record the images of all cameras, then record the step."""
         self._enter(State.IMAGING, step)
-        images = self._protocol.images
-        frames: dict[str, tuple[int, int]] = {}
-        for _ in range(images.per_step):
-            for name, camera in self._rig.cameras.items():
-                frame = take_image(
-                    name,
-                    camera,
-                    timeout_s=images.timeout_s,
-                    clock=self._rig.clock,
-                    step=str(step),
-                    warn=lambda message: self._event("warning", message),
-                )
-                row = self._recorder.frame(name, frame)
-                first, count = frames.get(name, (row, 0))
-                frames[name] = (first, count + 1)
-                # Read after every image: a slow camera must delay neither the watchdog nor the limits.
-                self._read()
+        frames, settled = self._images.take(step, settled)
         record = StepRecord(step, settled, frames)
-        self._recorder.step(record)
-        self._publish(replace(self._status, steps_done=self._status.steps_done + 1))
-        self._note_lost(self._on_step.tell(record, ending=False))
+        self._filing.step(record)
+        self._filing.mark(self._rig.clock.now_s(), STEP_ON_FILE)
+        self._records.append(record)
+        self._publish(replace(self._status, steps_done=len(self._records)))
+        self._note_lost(self._on_step.tell(record) + self._on_news.tell(record))
+        return settled
 
     def _read(self) -> Reading:
         self._check_abort()
         reading = self._monitor.read(str(self._status.step))
         self._publish(replace(self._status, reading=reading))
+        self._on_progress(self._may_move or reading.moving)
         self._check_abort()
         return reading
 
@@ -259,7 +314,7 @@ class Engine:
 
     def _publish(self, status: Status) -> None:
         self._status = status
-        self._note_lost(self._on_status.tell(status, ending=status.state.ending))
+        self._note_lost(self._on_status.tell(status) + self._on_news.tell(status))
 
     def _note_lost(self, listeners: list[str]) -> None:
         self._lost_listeners += listeners
@@ -267,12 +322,14 @@ class Engine:
             try:
                 self._event("warning", listener)
             except RigError:
-                # When a run ends, the run file may be closed, or may itself be the failure.
+                # The run file may be closed already, or an error of the run file may have ended the run.
                 if not self._status.state.ending:
                     raise
 
     def _event(self, level: Level, message: str) -> None:
-        self._recorder.event(self._rig.clock.now_s(), level, "engine", message)
+        entry = LogEntry(self._rig.clock.now_s(), level, message)
+        self._recorder.event(entry.time_s, level, "engine", message)
+        self._note_lost(self._on_news.tell(entry))
 
     def _check_abort(self) -> None:
         if self._abort_reason is not None:
@@ -286,29 +343,9 @@ class Engine:
             "the finished steps are on file",
         )
 
-    def _require_devices(self) -> None:
-        needed = "load_frame" if self._protocol.kind == "tension" else "stage"
-        if getattr(self._rig, needed) is None:
-            raise ProtocolError(
-                f"a {self._protocol.kind} protocol",
-                f"a [{needed}] in the rig file",
-                "none",
-                f"add a [{needed}], or run the protocol on a rig that has one",
-            )
-
-    @property
-    def _load_frame(self) -> LoadFrame:
-        assert self._rig.load_frame is not None  # _require_devices
-        return self._rig.load_frame
-
-    @property
-    def _stage(self) -> RotationStage:
-        assert self._rig.stage is not None  # _require_devices
-        return self._rig.stage
-
     def _end_well(self) -> None:
-        if self._rig.load_frame is not None:
-            self._rig.load_frame.hold()
+        if self._devices.load_frame is not None:
+            self._devices.load_frame.hold()
         self._event("info", "protocol completed")
         self._recorder.close("completed", "", self._rig.clock.utc())
         self._enter(State.COMPLETED, self._status.step)
@@ -319,11 +356,11 @@ class Engine:
         status: RunStatus = "failed" if self._abort_reason is None else "aborted"
         reason = str(error) or type(error).__name__
         if self._abort_reason is not None and not isinstance(error, Aborted):
-            # The driver's error may be a consequence of the stop that the abort commanded.
+            # The stop command of the abort may have caused the error of the driver.
             reason = f"{self._aborted()}; meanwhile: {reason}"
         if unsafe:
             reason = f"SAFE STATE NOT CONFIRMED, use the emergency stop ({'; '.join(unsafe)}). {reason}"
-        # A file that refuses the event may still accept its end; an error of closing is reported below.
+        # Even if this event cannot be written, the status of the run may still be written below.
         with suppress(RigError):
             self._event("error", reason)
         try:
@@ -334,4 +371,19 @@ class Engine:
         return self._outcome(status, reason, tuple(unsafe))
 
     def _outcome(self, status: RunStatus, reason: str, unsafe: tuple[str, ...] = ()) -> Outcome:
-        return Outcome(status, reason, self._status.steps_done, unsafe, tuple(self._lost_listeners))
+        at_end = look(self._devices, self._calls)
+        self._calls.close()
+        end_s = SystemClock().now_s() + LEAVING_S
+        listeners = (self._on_status, self._on_step, self._on_news)
+        self._note_lost([sentence for each in listeners for sentence in each.close(end_s)])
+        return Outcome(
+            status,
+            reason,
+            self._status.steps_done,
+            unsafe,
+            tuple(self._lost_listeners),
+            self._rig.lost_devices,
+            tuple(self._records),
+            self._recorder.failure is None,
+            at_end,
+        )

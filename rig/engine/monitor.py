@@ -1,60 +1,77 @@
-"""Read all devices together: every reading is recorded, and checked before it is used."""
+"""Read the stage and the load frame together, record every reading, and check it against the limits."""
 
 import math
 
+from drivers.clock import Clock
 from drivers.errors import DeviceFault
 from drivers.interfaces import LoadFrameState
-from rig.devices import Rig
+from rig.engine.calls import Calls
+from rig.engine.devices import Devices
 from rig.engine.watch import Watch
 from rig.protocol.step import Reading
 from rig.recorder import Recorder
 
 
 class Monitor:
-    """Takes readings of stage and load frame.
+    """Takes readings of the stage and the load frame.
 
     Parameters
     ----------
-    rig : Rig
+    devices : Devices
+    calls : Calls
+    clock : Clock
     recorder : Recorder
-    watch : Watch or None
-        The limits of the protocol, if it has any.
+    watch : Watch
+        Checks every reading against the limits of the run.
     """
 
-    def __init__(self, rig: Rig, recorder: Recorder, watch: Watch | None) -> None:
-        self._rig = rig
+    def __init__(
+        self, devices: Devices, calls: Calls, clock: Clock, recorder: Recorder, watch: Watch
+    ) -> None:
+        self._devices = devices
+        self._calls = calls
+        self._clock = clock
         self._recorder = recorder
         self._watch = watch
         self.homed = False
 
     def read(self, step: str) -> Reading:
-        """Read every device of the rig; this also feeds the watchdog of the load frame.
+        """Read the stage and the load frame. Each reading also feeds the watchdog of the load frame.
 
         Raises
         ------
         DeviceError
             If a device does not answer or reports a fault.
         LimitViolation, SpecimenBroken
-            If the reading is beyond what the protocol allows.
+            If the reading violates a limit of the run, or an interlock's value is out of bounds.
         """
         load_n = displacement_mm = angle_deg = math.nan
-        moving = False
-        if self._rig.load_frame is not None:
-            state = self._rig.load_frame.read()
+        time_s, moving = -math.inf, False
+        frame, stage = self._devices.load_frame, self._devices.stage
+        # Begin both readings before waiting, so that the load frame is read even if the stage hangs.
+        of_frame = None if frame is None else frame.begin_read()
+        of_stage = None if stage is None else stage.begin_read()
+        of_interlocks = [(each, each.begin_read()) for each in self._devices.interlocks]
+        if of_frame is not None:
+            state = self._calls.finish(of_frame)
             self._recorder.load_frame_state(state)
             _require_no_faults(state, step)
-            load_n, displacement_mm = state.load_n, state.displacement_mm
-            # A load frame that regulates at its target may report that as motion.
+            load_n, displacement_mm, time_s = state.load_n, state.displacement_mm, state.time_s
+            # At its target, a load frame may report small corrections by its controller as motion.
             moving = state.moving and not state.at_target
-        if self._rig.stage is not None:
-            stage = self._rig.stage.read()
-            self._recorder.stage_state(stage)
-            angle_deg = stage.angle_deg
-            moving = moving or stage.moving
-            self.homed = stage.homed
-        reading = Reading(self._rig.clock.now_s(), load_n, displacement_mm, angle_deg, moving)
-        if self._watch is not None:
-            self._watch.check(reading, step)
+        if of_stage is not None:
+            turned = self._calls.finish(of_stage)
+            self._recorder.stage_state(turned)
+            angle_deg, time_s = turned.angle_deg, max(time_s, turned.time_s)
+            moving = moving or turned.moving
+            self.homed = turned.homed
+        time_s = self._clock.now_s() if time_s == -math.inf else time_s
+        reading = Reading(time_s, load_n, displacement_mm, angle_deg, moving)
+        self._watch.check(reading, step)
+        # Read the interlocks after the limits were checked, because a slow interlock must not delay this
+        # check.
+        for interlock, call in of_interlocks:
+            interlock.finish(call, step)
         return reading
 
 

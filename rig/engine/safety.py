@@ -1,28 +1,34 @@
-"""The safe state: the load frame holds and the stage stands; both are commanded at once, with a deadline."""
+"""Command the safe state, in which the load frame holds its position and the stage stands still."""
 
-import threading
+import math
 from collections.abc import Callable
 
+from drivers.clock import Clock, Event, SystemClock
 from rig.devices import Rig
+from rig.threads import DeviceThread
 
 STOP_DEADLINE_S = 15.0
-"""Real time; longer than a driver repeats a command on a silent line before it gives up."""
+"""Time limit for the confirmation of the safe state, in s of real time.
+
+The limit is longer than the time for which a driver repeats a command without an answer."""
 
 
 class SafeState:
-    """Commands the safe state of a rig, each device on a thread of its own.
+    """Commands the safe state of a rig, with a separate thread for each command.
 
-    A device that never answers then delays neither the stop of the other device nor the end of the run. A
-    signal handler can command the safe state even if it interrupted a call that holds a device's lock.
+    Because of the threads, a device without an answer cannot block the stop of the other device or the end of
+    the run. A signal handler may interrupt a call that holds a device's lock, and the threads can then still
+    command the safe state.
 
     Parameters
     ----------
     rig : Rig
     deadline_s : float
-        Real time that each device has to confirm.
+        Time limit for the confirmation by each device, in real time.
     """
 
     def __init__(self, rig: Rig, deadline_s: float = STOP_DEADLINE_S) -> None:
+        self._clock = rig.clock
         self._deadline_s = deadline_s
         self._commands: dict[str, Callable[[], None]] = {}
         if rig.load_frame is not None:
@@ -32,48 +38,64 @@ class SafeState:
         self._commanded: list[_Attempt] = []
 
     def command(self) -> None:
-        """Command the safe state without waiting; skip a device whose previous command still runs."""
+        """Command the safe state without waiting. Skip a device whose previous command is still running."""
         for device, command in self._commands.items():
-            if not any(attempt.device == device and attempt.is_alive() for attempt in self._commanded):
-                attempt = _Attempt(device, command, self._deadline_s)
+            if all(attempt.device != device or attempt.done.is_set() for attempt in self._commanded):
+                attempt = _Attempt(device, command, self._deadline_s, self._clock)
                 self._commanded.append(attempt)
-                attempt.start()
+                attempt.begin()
 
     def confirm(self, meanwhile: Callable[[], None] = lambda: None) -> list[str]:
-        """Command the safe state again and wait; return one sentence for each device that did not confirm.
+        """Command the safe state and wait; return one sentence for each device that did not confirm.
 
         Parameters
         ----------
         meanwhile : callable
-            Called once everything is commanded, before the wait. It must not raise.
+            Function that is called after all commands have started and before the wait. This function must
+            not raise an exception.
         """
-        attempts = [_Attempt(device, command, self._deadline_s) for device, command in self._commands.items()]
+        attempts = [
+            _Attempt(device, command, self._deadline_s, self._clock)
+            for device, command in self._commands.items()
+        ]
         for attempt in attempts:
-            try:
-                attempt.start()
-            except RuntimeError:
-                # The system allows no more threads: command one device after the other.
-                attempt.run()
+            attempt.begin()
         meanwhile()
+        end_s = SystemClock().now_s() + self._deadline_s
         for attempt in attempts + self._commanded:
-            if attempt.is_alive():
-                attempt.join(self._deadline_s)
+            self._clock.wait(attempt.done, math.inf, max(0.0, end_s - SystemClock().now_s()))
+            attempt.give_up()
         return [attempt.failure for attempt in attempts if attempt.failure]
 
 
-class _Attempt(threading.Thread):
-    """One command to one device; `failure` says why it is not confirmed, and is empty once it is."""
+class _Attempt(DeviceThread):
+    """One command to one device. `failure` is the reason for a missing confirmation; empty if confirmed."""
 
-    def __init__(self, device: str, command: Callable[[], None], deadline_s: float) -> None:
-        super().__init__(name=f"safe state of {device}", daemon=True)
+    def __init__(self, device: str, command: Callable[[], None], deadline_s: float, clock: Clock) -> None:
+        super().__init__(f"safe state of {device}")
         self.device = device
         self.failure = f"{device}: no confirmation within {deadline_s:g} s"
+        self.done = Event()
         self._command = command
+        # On a simulated clock, no time passes until both devices have been commanded.
+        self._activity = clock.activity(at_once=True)
+
+    def begin(self) -> None:
+        try:
+            self.start()
+        except RuntimeError:
+            # The system cannot start more threads, so command one device after the other.
+            self.run()
+
+    def give_up(self) -> None:
+        self._activity.end()
 
     def run(self) -> None:
-        try:
-            self._command()
-        except BaseException as error:
-            self.failure = str(error) or type(error).__name__
-        else:
-            self.failure = ""
+        with self._activity:
+            try:
+                self._command()
+            except BaseException as error:
+                self.failure = str(error) or type(error).__name__
+            else:
+                self.failure = ""
+            self.done.set()

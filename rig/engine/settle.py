@@ -1,4 +1,4 @@
-"""Wait until a value has settled, always with a deadline."""
+"""Wait until load, displacement or angle has settled, with a deadline."""
 
 from collections.abc import Callable
 
@@ -15,47 +15,50 @@ def settle(
     timeout_s: float,
     poll_s: float,
     clock: Clock,
+    pause: Callable[[float], None],
     step: str,
     expected: str,
 ) -> Reading:
-    """Read until `within` has held at every reading for `dwell_s`, and return the last reading.
+    """Read until every reading was within tolerance for `dwell_s` seconds, and return the last reading.
 
     Parameters
     ----------
     read : callable
-        Takes a fresh reading; whatever it raises ends the wait at once.
+        Takes a new reading. An exception of this function ends the wait at once.
     within : callable
-        Whether a reading is within its tolerance.
+        Returns True if a reading is within its tolerance.
     dwell_s, timeout_s, poll_s : float
-        Length of the dwell, deadline for the whole wait, and time between two readings.
+        Length of the dwell, time limit for the whole wait, and time between two readings, in s.
     clock : Clock
+    pause : callable
+        Lets time pass between two readings.
     step, expected : str
-        For the message of the error.
+        Step and expected value, for the message of the error.
 
     Raises
     ------
     SettleTimeout
-        If the deadline passes first.
+        If the deadline passes before the readings have settled.
     """
     deadline_s = clock.now_s() + timeout_s
     entered_s: float | None = None
     while True:
         reading = read()
-        now_s = clock.now_s()
+        # Use the times of the readings and not the clock, so that a replay of the run decides the same.
         if not within(reading):
             entered_s = None
         elif entered_s is None:
-            entered_s = now_s
-        elif now_s - entered_s >= dwell_s:
+            entered_s = reading.time_s
+        elif reading.time_s - entered_s >= dwell_s:
             return reading
-        if now_s >= deadline_s:
+        if clock.now_s() >= deadline_s:
             raise SettleTimeout(
                 step,
                 f"{expected} for {dwell_s:g} s within {timeout_s:g} s",
                 _describe(reading),
                 f"check the device, or raise settle.timeout_s above {timeout_s:g} or the tolerance",
             )
-        clock.sleep(poll_s)
+        pause(poll_s)
 
 
 def _describe(reading: Reading) -> str:

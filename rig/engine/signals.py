@@ -1,41 +1,59 @@
-"""Signals end a run safely instead of killing it."""
+"""Let signals end a run safely; without this module, a signal would kill or suspend the program."""
 
+import os
 import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
-
-from rig.engine.engine import Engine
-from rig.errors import Aborted
+from typing import Protocol
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP)
-"""Signals that end or suspend a program; a suspended program would not watch the moving devices."""
+"""Signals that end or suspend a program. A suspended program would leave moving devices without a watch."""
+
+
+class Abortable(Protocol):
+    """Interface of an object that a signal can end: an `Engine` or a motion by hand."""
+
+    def abort(self, reason: str) -> None:
+        """Command hold and stop, and request the end of the run or motion without waiting."""
 
 
 @contextmanager
-def aborting_on_signals(engine: Engine) -> Iterator[None]:
-    """Turn `SIGNALS` into `Engine.abort`; Python allows this only in the main thread.
+def aborting_on_signals(engine: Abortable) -> Iterator[None]:
+    """Make `SIGNALS` call `Engine.abort`. Python permits this only in the main thread.
 
-    A signal that is ignored, such as SIGHUP under ``nohup``, stays ignored.
+    A separate thread receives the signals and calls `abort`. So the abort does not wait if the main thread
+    hangs in a call or holds a lock. A signal that is ignored, for example SIGHUP under ``nohup``, is still
+    ignored.
     """
-    interrupted = False
+    arriving, departing = os.pipe()
+    os.set_blocking(departing, False)
 
-    def handle(number: int, _: FrameType | None) -> None:
-        nonlocal interrupted
-        name = signal.Signals(number).name
-        engine.abort(name)
-        if engine.waiting_for_operator and not interrupted:
-            # Python resumes a read from the terminal after a signal; only an exception ends the read. Only
-            # the first signal raises: a second exception would interrupt the safe state.
-            interrupted = True
-            raise Aborted("waiting for the operator", "an answer", name, "start the run again")
+    def abort_on_arrival() -> None:
+        while numbers := os.read(arriving, 64):
+            for number in numbers:
+                # Other signals arrive here too, for example SIGWINCH of a terminal whose size changes.
+                if number in handled:
+                    engine.abort(signal.Signals(number).name)
 
     previous = {number: signal.getsignal(number) for number in SIGNALS}
+    handled = {number for number, handler in previous.items() if handler is not signal.SIG_IGN}
+    watching = threading.Thread(target=abort_on_arrival, name="signals", daemon=True)
+    watching.start()
+    previous_descriptor = signal.set_wakeup_fd(departing, warn_on_full_buffer=False)
     try:
-        for number, handler in previous.items():
-            if handler is not signal.SIG_IGN:
-                signal.signal(number, handle)
+        for number in handled:
+            signal.signal(number, _note)
         yield
     finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
+        for number in handled:
+            signal.signal(number, previous[number])
+        signal.set_wakeup_fd(previous_descriptor)
+        os.close(departing)
+        watching.join()
+        os.close(arriving)
+
+
+def _note(_: int, __: FrameType | None) -> None:
+    """Do nothing: Python has already written the signal's number to the descriptor."""

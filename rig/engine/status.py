@@ -1,14 +1,17 @@
 """The state of a run, a snapshot of a run, and the outcome of a run."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
+from typing import TypeAlias
 
-from dic.runfile.schema import RunStatus
+from dic.runfile.schema import Level, RunStatus
+from drivers.interfaces import LoadFrameState, StageState
 from rig.protocol.step import ProtocolStep, Reading
+from rig.recorder import StepRecord
 
 
 class State(Enum):
-    """The states of the engine; the transitions are drawn in `Engine`."""
+    """The states of the engine. The docstring of `Engine` shows the transitions between the states."""
 
     IDLE = "idle"
     PREPARING = "preparing"
@@ -21,34 +24,78 @@ class State(Enum):
 
     @property
     def ending(self) -> bool:
-        """Whether the run is ending or has ended."""
+        """True if the run is ending or has ended."""
         return self in (State.SAFING, State.COMPLETED, State.ABORTED, State.FAILED)
 
 
 @dataclass(frozen=True)
 class Status:
-    """A snapshot of a run."""
+    """A snapshot of a run: the state, the current step, the number of steps and the latest reading.
+
+    `simulated` is True if any device of the rig is simulated.
+    """
 
     state: State
     step: ProtocolStep | None
     steps_planned: int
     steps_done: int
     reading: Reading | None
+    simulated: bool = False
+
+
+@dataclass(frozen=True)
+class AtRest:
+    """The last readings of the load frame and the stage, for example after the end of a run.
+
+    Attributes
+    ----------
+    load_frame : LoadFrameState or None
+    stage : StageState or None
+        None if the rig has no such device, or if the device did not answer.
+    silent : dict of str to str
+        The devices that did not answer, with the reason.
+    """
+
+    load_frame: LoadFrameState | None = None
+    stage: StageState | None = None
+    silent: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class LogEntry:
+    """One event of the engine, as in the run file; `time_s` is in seconds on the rig's clock."""
+
+    time_s: float
+    level: Level
+    message: str
+
+
+News: TypeAlias = Status | StepRecord | LogEntry
+"""Type of the reports that a listener of `on_news` receives."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended.
+    """The result of a run.
 
     Attributes
     ----------
     status, reason : str
-        As in the run file.
+        The status and the reason, as in the run file.
     steps_done : int
     unsafe : tuple of str
-        The devices whose safe state was not confirmed, each with the cause.
+        The cause for each device whose safe state was not confirmed.
     lost_listeners : tuple of str
-        The listeners that raised, each with what it raised. The run went on without them.
+        One sentence for each listener that raised an exception or missed news; the run continued.
+    lost_devices : tuple of str
+        One sentence for each device in whose driver a call hangs. Such a device is not closed.
+    steps : tuple of StepRecord
+        The steps in the run file.
+    recorded : bool
+        True if everything was written into the run file. False if the run ended because the file could not be
+        written.
+    at_end : AtRest
+        The readings of load frame and stage after the end of the run.
     """
 
     status: RunStatus
@@ -56,3 +103,7 @@ class Outcome:
     steps_done: int
     unsafe: tuple[str, ...] = ()
     lost_listeners: tuple[str, ...] = ()
+    lost_devices: tuple[str, ...] = ()
+    steps: tuple[StepRecord, ...] = ()
+    recorded: bool = True
+    at_end: AtRest = field(default_factory=AtRest)

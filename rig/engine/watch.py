@@ -1,57 +1,124 @@
-"""The limits that a protocol declares, checked at every reading of the load frame."""
+"""Check every reading against the limits of the run, and check that load and displacement agree."""
 
-from rig.errors import LimitViolation, SpecimenBroken
-from rig.protocol.protocol import Limits
-from rig.protocol.step import Reading
+from rig.errors import SpecimenBroken
+from rig.limits.agreement import Agreement
+from rig.limits.in_force import commanded
+from rig.limits.run_limits import RunLimits
+from rig.limits.speed import SpeedCheck
+from rig.protocol.protocol import Protocol
+from rig.protocol.step import LoadDrop, ProtocolStep, Reading
+
+POLL_MIN_S = 0.02
+"""Shortest time between two readings in s; a load frame has a new sample every 10 to 20 ms."""
+_LOAD_POLL_SHARE, _POLL_SHARE = 0.003, 0.01
+_REST_READINGS = 20
 
 
 class Watch:
-    """Remembers the highest load and judges each reading against the declared limits.
+    """Checks each reading of a run, and determines how often the devices must be read.
 
     Parameters
     ----------
-    limits : Limits
-    carried_n : float
-        A break is judged only once the specimen has carried this load: below it the grips still seat.
+    protocol : TensionProtocol or RotationProtocol
+    limits : RunLimits
+        The limits of the run, merged from protocol, rig file and devices.
     """
 
-    def __init__(self, limits: Limits, carried_n: float) -> None:
-        self._limits = limits
-        self._carried_n = carried_n
+    def __init__(self, protocol: Protocol, limits: RunLimits) -> None:
+        self._settle = protocol.settle
+        self._conditions = protocol.conditions
+        self._load_drop: LoadDrop = "break"
+        self._table = limits.table
+        self._step: ProtocolStep | None = None
+        self._last: Reading | None = None
         self._highest_n = 0.0
+        self._agreement: Agreement | None = None
+        self._speed = SpeedCheck(limits)
+        conditions = self._conditions
+        if limits.string is not None and conditions.pull is not None and conditions.zeroing is not None:
+            self._agreement = Agreement(limits.string, conditions.pull, conditions.zeroing)
 
-    def check(self, reading: Reading, step: str) -> None:
-        """Judge one reading.
+    def expect(self, load_drop: LoadDrop) -> None:
+        """Set the meaning of a falling load for the next readings.
+
+        During a hold the load may fall slowly, so each reading is compared with the reading before. During
+        unloading, a falling load is no break; afterwards the highest load is determined anew.
+        """
+        self._load_drop = load_drop
+
+    def begin(self, step: ProtocolStep) -> None:
+        """Check the target and the rate of a step before its motion is commanded.
 
         Raises
         ------
         LimitViolation
-            If load or displacement is beyond its limit, in either direction.
-        SpecimenBroken
-            If the load fell by more than the declared fraction of the highest one.
+            If the target or the rate is beyond a limit, or if the load drifts.
         """
-        limits = self._limits
-        values = (
-            (reading.load_n, limits.load_max_n, "load", "N"),
-            (reading.displacement_mm, limits.displacement_max_mm, "displacement", "mm"),
-        )
-        for value, limit, name, unit in values:
-            # `not <=` instead of `>`, so that NaN is refused too.
-            if not abs(value) <= limit:
-                raise LimitViolation(
-                    step,
-                    f"a {name} within {limit:g} {unit}",
-                    f"{value:.6g} {unit}",
-                    "look at the specimen before anything moves again; only if it is sound, raise "
-                    f"limits.{name}_max_{unit.lower()} above {limit:g}",
-                )
+        for quantity, value in commanded(step):
+            self._table.check(quantity, value, f"{step}, before the motion")
+        if self._agreement is not None:
+            self._agreement.begin(step)
+        self._speed.begin(step)
+        self._step = step
+
+    def tared(self) -> None:
+        """Record that load and displacement were set to zero."""
+        self._highest_n = 0.0
+        if self._agreement is not None:
+            self._agreement.tared()
+
+    def poll_s(self, poll_s: float) -> float:
+        """Return the time between two readings in s, at most `poll_s`.
+
+        During an increment of load, a reading follows within a few thousandths of the increment, so that the
+        load frame is stopped before the crosshead moves far beyond a plausible displacement.
+        """
+        step, last = self._step, self._last
+        if self._agreement is None:
+            return poll_s
+        if step is not None and step.holds:
+            return poll_s
+        if step is None or last is None or not step.pulls:
+            wanted_s = self._settle.dwell_s / _REST_READINGS
+        else:
+            share = _LOAD_POLL_SHARE if step.quantity == "load" else _POLL_SHARE
+            wanted_s = share * abs(step.target - step.value(last)) / step.rate
+        return min(poll_s, max(POLL_MIN_S, wanted_s))
+
+    def check(self, reading: Reading, step: str) -> None:
+        """Check one reading.
+
+        Raises
+        ------
+        LimitViolation
+            If a value is beyond its limit, in tension or in compression, or if load and displacement do not
+            agree.
+        SpecimenBroken
+            If the load fell by more than the declared fraction of the highest load.
+        """
+        if self._step is not None and self._step.kind == "rotation":
+            self._table.check("angle", reading.angle_deg, step)
+        if self._conditions.limits is not None:
+            self._table.check("load", reading.load_n, step)
+            self._table.check("displacement", reading.displacement_mm, step)
+            self._check_break(reading, step, self._conditions.limits.break_load_drop)
+        if self._agreement is not None:
+            self._agreement.check(reading, step)
+            self._speed.check(reading, step)
+        self._last = reading
+
+    def _check_break(self, reading: Reading, step: str, drop: float) -> None:
+        if self._load_drop == "commanded":
+            self._highest_n = reading.load_n
         self._highest_n = max(self._highest_n, reading.load_n)
-        lowest_n = (1.0 - limits.break_load_drop) * self._highest_n
-        if self._highest_n >= self._carried_n and reading.load_n < lowest_n:
+        lowest_n = (1.0 - drop) * self._highest_n
+        if self._highest_n >= self._conditions.carried_n and reading.load_n < lowest_n:
             raise SpecimenBroken(
                 step,
                 f"a load above {lowest_n:.0f} N after {self._highest_n:.0f} N",
                 f"{reading.load_n:.0f} N",
-                "the specimen broke or slipped out of the grips: the images up to here are on file; "
-                f"if it did neither, raise limits.break_load_drop above {limits.break_load_drop:g}",
+                "the specimen broke or slipped out of the grips, or the load cell failed: the images up to "
+                f"here are on file; if neither did, raise limits.break_load_drop above {drop:g}",
             )
+        if self._load_drop == "slow":
+            self._highest_n = reading.load_n

@@ -1,1 +1,1 @@
-"""What a test does: the protocol file, its steps, and the criterion of plasticity."""
+"""The protocol of a test: the protocol file, the steps, and the criterion for plastic deformation."""

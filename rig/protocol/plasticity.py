@@ -1,4 +1,4 @@
-"""The declared criterion of plastic deformation, which ends the increments of load."""
+"""The criterion for plastic deformation. Plastic deformation ends the increments of load."""
 
 from collections.abc import Sequence
 
@@ -9,21 +9,22 @@ from rig.errors import ProtocolError
 
 
 class PlasticCriterion(Settings):
-    """Plastic deformation is evident when an increment is clearly softer than the stiffest one before it.
+    """Plastic deformation is evident if a load increment is clearly less stiff than the stiffest increment.
 
-    The stiffness of an increment is ΔF/Δu between two settled steps, u being the displacement of the grips.
-    Grips that seat and slip make the first increments soft, so each increment is compared with the *stiffest*
-    one so far and not with the first. Slip can also soften a later increment; `judged_above_n` is the load up
-    to which slip is expected: increments commanded to this load or less are not judged.
+    The stiffness of an increment is the change of load ΔF divided by the change of grip displacement Δu
+    between two settled steps. The first increments can have a low stiffness, because the grips settle and
+    slip. Therefore each increment is compared with the *stiffest* increment so far and not with the first
+    increment. Slip can also reduce the stiffness of a later increment. `judged_above_n` is the load up to
+    which slip is expected; increments to this load or less are not judged.
     """
 
     stiffness_fraction: float = Field(
-        gt=0.0, lt=1.0, description="plastic below this fraction of the stiffest"
+        gt=0.0, lt=1.0, description="plastic below this fraction of the highest stiffness"
     )
     judged_above_n: float = Field(ge=0.0, description="increments to this load or less are not judged")
 
     def is_evident(self, loads_n: Sequence[float], displacements_mm: Sequence[float]) -> bool:
-        """Judge the last increment.
+        """Return True if the last increment shows plastic deformation.
 
         Parameters
         ----------
@@ -33,7 +34,7 @@ class PlasticCriterion(Settings):
         Raises
         ------
         ProtocolError
-            If the grips did not move apart during an increment, so that its stiffness means nothing.
+            If the grips did not move apart during an increment, because its stiffness is then undefined.
         """
         stiffnesses = [
             _stiffness_n_mm(loads_n[i - 1 : i + 1], displacements_mm[i - 1 : i + 1])
@@ -52,3 +53,8 @@ def _stiffness_n_mm(loads_n: Sequence[float], displacements_mm: Sequence[float])
             "check the displacement transducer of the load frame",
         )
     return (loads_n[1] - loads_n[0]) / advance_mm
+
+
+def first_judged_n(criterion: PlasticCriterion, increment_n: float) -> float:
+    """Return the load of the first increment that can show plastic deformation."""
+    return max(2, int(criterion.judged_above_n // increment_n) + 1) * increment_n

@@ -3,22 +3,42 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 from dic.runfile.schema import StepKind
 
+Quantity: TypeAlias = Literal["load", "displacement", "rotation"]
+"""The quantity that a device changes or holds: the load, the displacement of the grips, or the angle."""
+
+LoadDrop: TypeAlias = Literal["break", "slow", "commanded"]
+"""Meaning of a falling load during a step: the specimen breaks, relaxes slowly, or is unloaded by a
+command."""
+
 UNITS: dict[StepKind, str] = {
     "grid": "",
-    "reference": "",
+    "reference": "N",
     "load": "N",
     "displacement": "mm",
     "rotation": "deg",
+    "creep": "N",
+    "relaxation": "mm",
+    "rest": "",
+}
+"""The unit of a step's target. A reference step has a target only under a preload."""
+
+_QUANTITIES: dict[StepKind, Quantity] = {
+    "load": "load",
+    "displacement": "displacement",
+    "rotation": "rotation",
+    "reference": "load",
+    "creep": "load",
+    "relaxation": "displacement",
 }
 
 
 @dataclass(frozen=True)
 class Reading:
-    """Readings of all devices at `time_s` of the rig's clock; NaN for a missing device."""
+    """Load, displacement and angle at `time_s` of the rig's clock. Values of a missing device are NaN."""
 
     time_s: float
     load_n: float = math.nan
@@ -27,27 +47,48 @@ class Reading:
     moving: bool = False
 
     def by_unit(self) -> dict[str, float]:
-        """Return load, displacement and angle by "N", "mm" and "deg", without missing devices."""
+        """Return load, displacement and angle under the keys "N", "mm" and "deg"; leave out NaN values."""
         values = {"N": self.load_n, "mm": self.displacement_mm, "deg": self.angle_deg}
         return {unit: value for unit, value in values.items() if not math.isnan(value)}
+
+    def of(self, quantity: Quantity) -> float:
+        """Return the value of a quantity: the load, the displacement or the angle."""
+        values = {"load": self.load_n, "displacement": self.displacement_mm, "rotation": self.angle_deg}
+        return values[quantity]
 
 
 @dataclass(frozen=True)
 class ProtocolStep:
-    """One step: a device moves to a target (or nothing moves), the value settles, and images are taken.
+    """One step of a protocol: a device moves to a target and settles, then the cameras take images.
+
+    The steps "grid", "reference" without a preload, and "rest" have no target.
 
     Attributes
     ----------
     index : int
-        Number in the plan, from 0.
+        Number of the step in the plan, from 0.
     kind : str
-        "grid", "reference", "load", "displacement" or "rotation".
+        "grid" or "reference"; a motion, "load", "displacement" or "rotation"; or a hold at a constant load,
+        "creep", at a constant displacement, "relaxation", or with no device at work, "rest".
     target, tolerance : float
-        N, mm or degrees by `kind`; NaN where nothing moves.
+        Target and settle tolerance, in N, mm or degrees depending on `kind`; NaN for a step without a target.
     rate : float
-        N/s or mm/s by `kind`; NaN where nothing moves and for the stage, whose driver knows its speed.
+        Load rate in N/s or speed in mm/s, depending on `kind`. NaN for a step without a target and for a
+        rotation, because the stage's driver sets the speed of a rotation.
     conditional : bool
-        Whether the specimen decides if the step is needed.
+        True if the behaviour of the specimen decides whether the step is needed.
+    at_s : float
+        Time of the images, in s after the motion or the hold began. NaN if the step first settles.
+    begins : bool
+        True if the step begins a motion or hold; False if it continues the motion or hold of the step before.
+    images : bool
+        False for a motion without images, such as a cycle between two cycles with images.
+    travel : float
+        Estimated distance to the target, in the unit of the target; NaN for a step without motion.
+    motion_s : float
+        Planned time of the motion in s, which is allowed in addition to `settle.timeout_s`.
+    load_drop : str
+        The meaning of a fall of the load during the step.
     """
 
     index: int
@@ -56,19 +97,51 @@ class ProtocolStep:
     tolerance: float = math.nan
     rate: float = math.nan
     conditional: bool = False
+    at_s: float = math.nan
+    begins: bool = True
+    images: bool = True
+    travel: float = math.nan
+    motion_s: float = 0.0
+    load_drop: LoadDrop = "break"
+
+    @property
+    def quantity(self) -> Quantity | None:
+        """The quantity that the step changes or holds; None for a step without a target."""
+        return None if math.isnan(self.target) else _QUANTITIES.get(self.kind)
+
+    @property
+    def unit(self) -> str:
+        """The unit of the target; empty for a step without a target."""
+        return "" if math.isnan(self.target) else UNITS[self.kind]
+
+    @property
+    def timed(self) -> bool:
+        """True if the step's images are taken at a fixed time, and not after settling."""
+        return not math.isnan(self.at_s)
+
+    @property
+    def holds(self) -> bool:
+        """True if the step is a hold, during which nothing moves except to keep a load constant."""
+        return self.kind in ("creep", "relaxation", "rest")
+
+    @property
+    def pulls(self) -> bool:
+        """True if the step moves the load frame to a load or to a displacement."""
+        return self.quantity in ("load", "displacement") and not self.holds
 
     def value(self, reading: Reading) -> float:
-        """Return the value of `reading` that this step moves; NaN where nothing moves."""
-        values = {
-            "load": reading.load_n,
-            "displacement": reading.displacement_mm,
-            "rotation": reading.angle_deg,
-        }
-        return values.get(self.kind, math.nan)
+        """Return from a reading the load, displacement or angle that the step's target is for; NaN without a
+        target."""
+        return math.nan if self.quantity is None else reading.of(self.quantity)
+
+    def is_reached(self, reading: Reading) -> bool:
+        """Return True if the reading is within the tolerance of the target."""
+        return self.quantity is None or abs(self.value(reading) - self.target) <= self.tolerance
 
     def __str__(self) -> str:
-        aim = "" if math.isnan(self.target) else f" {self.target:.6g} {UNITS[self.kind]}"
-        return f"step {self.index} ({self.kind}{aim})"
+        aim = "" if math.isnan(self.target) else f" {self.target:.6g} {self.unit}"
+        after = f" after {self.at_s:g} s" if self.timed else ""
+        return f"step {self.index} ({self.kind}{aim}{after})"
 
 
 Execute: TypeAlias = Callable[[ProtocolStep], Reading]

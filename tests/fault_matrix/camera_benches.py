@@ -13,9 +13,10 @@ from drivers.cameras.opencv.camera import OpencvCamera, OpencvCameraSettings
 from drivers.cameras.stream import FrameStream
 from drivers.cameras.v4l2.camera import open_camera as open_v4l2
 from drivers.cameras.v4l2.settings import V4l2Settings
-from drivers.errors import LinkLost
+from drivers.errors import DeviceFault, LinkLost
 from drivers.interfaces import Frame, OpenContext
-from rig.engine.imaging import take_image
+from rig.engine.image_checks import ImageChecks
+from rig.protocol.images import Images
 from simulators.rig.camera import SPEC
 from simulators.rig.virtual_rig import VirtualRig, VirtualRigSettings
 from simulators.wire.faults import CAMERA, FaultPanel
@@ -57,11 +58,16 @@ class CameraBench(Bench):
         self._image()
 
     def _image(self) -> None:
-        asked_s = self.clock.now_s()
-        frame = take_image(
-            "one", self.driver, timeout_s=IMAGE_S, clock=self.clock, step="step 1", warn=lambda _: None
-        )
-        self.judge(frame, asked_s)
+        checks, settings = ImageChecks(self.driver.info, Images()), Images()
+        for _ in range(settings.attempts):
+            asked_s = self.clock.now_s()
+            frame = self.driver.grab(IMAGE_S)
+            checks.require_format(frame, "one", "step 1")
+            stale = checks.not_fresh(frame, asked_s)
+            if stale is None:
+                self.judge(frame, asked_s)
+                return
+        raise DeviceFault("one", "step 1", *stale)
 
     @abstractmethod
     def judge(self, frame: Frame, asked_s: float) -> None:

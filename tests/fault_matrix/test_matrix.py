@@ -4,7 +4,7 @@ import pytest
 
 from simulators.wire.faults import DEVICES, FAULTS, names
 from tests.fault_matrix.columns import COLUMNS
-from tests.fault_matrix.matrix import documented, rows, try_all
+from tests.fault_matrix.matrix import LIES, documented, rows, try_all
 
 
 @pytest.fixture(scope="module")
@@ -16,7 +16,7 @@ def cells():
 def test_every_fault_is_tried_on_every_device_that_can_have_it():
     assert {column.device for column in COLUMNS} == set(DEVICES)
     for column in COLUMNS:
-        assert {form.partition(":")[0] for form in rows(column.device)} == set(names(column.device))
+        assert {form.partition(":")[0] for form in rows(column.device)} == set(names(column.device)) - LIES
     assert all(fault.summary and fault.devices for fault in FAULTS.values())
 
 

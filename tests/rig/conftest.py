@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-from drivers.clock import VirtualClock
+from drivers.clock import Clock, VirtualClock
 from drivers.interfaces import (
     CameraInfo,
     DeviceInfo,
@@ -22,7 +22,9 @@ from drivers.interfaces import (
 )
 from rig.devices import Rig
 from rig.engine.engine import Engine
-from rig.protocol.protocol import Protocol, RotationProtocol, TensionProtocol
+from rig.protocol.protocol import Protocol
+from rig.protocol.rotation import RotationProtocol
+from rig.protocol.tension import TensionProtocol
 from rig.recorder import Recorder, RunHeader
 from tests.command_line import Program
 from tests.places import example
@@ -39,7 +41,7 @@ CAMERA = CameraInfo("fakes", "camera", "3", simulated=True, width_px=8, height_p
 
 @dataclass
 class FakeLoadFrame:
-    clock: VirtualClock
+    clock: Clock
     calls: list[str]
     zero_n: float = 0.0
     displacement_mm: float = 0.0
@@ -76,7 +78,7 @@ class FakeLoadFrame:
         self.calls.append(f"load {load_n:g}")
         target_mm = float(np.interp(load_n, LOADS_N[1:], DISPLACEMENTS_MM[1:]))
         duration_s = abs(load_n - self.read().load_n) / rate_n_s
-        self._go(target_mm, abs(target_mm - self.displacement_mm) / duration_s)
+        self._go(target_mm, abs(target_mm - self.displacement_mm) / max(duration_s, 0.01))
 
     def go_to_displacement(self, displacement_mm: float, speed_mm_s: float) -> None:
         self.calls.append(f"displacement {displacement_mm:.6f}")
@@ -103,7 +105,7 @@ class FakeLoadFrame:
 
 @dataclass
 class FakeStage:
-    clock: VirtualClock
+    clock: Clock
     calls: list[str]
     homed: bool = False
     angle_deg: float = 77.0
@@ -138,7 +140,7 @@ class FakeStage:
 
 @dataclass
 class FakeCamera:
-    clock: VirtualClock
+    clock: Clock
     on_grab: Callable[[int, Frame], Frame] = lambda count, frame: frame
     grabs: int = 0
     info: CameraInfo = CAMERA
@@ -173,21 +175,22 @@ class FakeRig:
     path: Path
     calls: list[str] = field(default_factory=list)
     states: list[str] = field(default_factory=list)
+    definition: str = ""
+    clock: Clock = field(default_factory=VirtualClock)
 
     def __post_init__(self) -> None:
-        self.clock = VirtualClock()
         self.cameras = {"on_axis": FakeCamera(self.clock), "off_axis": FakeCamera(self.clock)}
         self.operator = FakeOperator(self.calls)
-        tension = self.protocol.kind == "tension"
-        self.load_frame = FakeLoadFrame(self.clock, self.calls) if tension else None
-        self.stage = None if tension else FakeStage(self.clock, self.calls)
+        devices = self.protocol.conditions.devices
+        self.load_frame = FakeLoadFrame(self.clock, self.calls) if "load_frame" in devices else None
+        self.stage = FakeStage(self.clock, self.calls) if "stage" in devices else None
 
-    def engine(self, *, on_status=(), on_step=()) -> Engine:
+    def engine(self, *, on_status=(), on_step=(), **options) -> Engine:
         rig = Rig(self.clock, self.operator, self.cameras, self.stage, self.load_frame, virtual=True)
         header = RunHeader(
             title=self.protocol.title,
             run_id="test",
-            definition="",
+            definition=self.definition,
             configuration="",
             start=self.clock.utc(),
             versions="",
@@ -202,7 +205,9 @@ class FakeRig:
             stage=self.stage.info if self.stage else None,
             load_frame=self.load_frame.info if self.load_frame else None,
         )
-        return Engine(self.protocol, rig, recorder, on_status=[self._note, *on_status], on_step=on_step)
+        return Engine(
+            self.protocol, rig, recorder, on_status=[self._note, *on_status], on_step=on_step, **options
+        )
 
     def events(self) -> list[str]:
         """What the run file says that happened."""

@@ -48,7 +48,7 @@ def test_tension_runs_from_protocol_to_a_verified_run_file(tmp_path):
             name = {"load": "load_n", "displacement": "displacement_mm"}[step["kind"]]
             assert step[name] == pytest.approx(step["target"], abs=tolerance)
     assert table["steps"][-1]["target"] == 5.0
-    assert done.out.count("\n") == len(table["steps"]) + 1
+    assert done.out.count("\n") == len(table["steps"]) + 2
 
     with h5py.File(run_file) as file:
         entry = file["entry"]

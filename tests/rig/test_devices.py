@@ -1,10 +1,12 @@
+import threading
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
 from drivers.clock import SystemClock, VirtualClock
-from drivers.errors import LinkLost
+from drivers.errors import DeviceTimeout, LinkLost
 from drivers.interfaces import OpenContext
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
@@ -16,9 +18,11 @@ from rig.rigfile import DeviceEntry, RigFile
 class Opened:
     name: str
     log: list[str]
+    hook: Callable[[str], None]
     clock: VirtualClock = field(default_factory=VirtualClock)
 
     def close(self) -> None:
+        self.hook(f"close {self.name}")
         self.log.append(f"close {self.name}")
 
 
@@ -28,14 +32,16 @@ def rig_file(
     broken: str = "",
     environment: bool = True,
     simulated: bool = False,
+    hook: Callable[[str], None] = lambda what: None,
 ) -> RigFile:
     def entry(name: str) -> DeviceEntry:
         def open_device(settings, context):
+            hook(f"open {name}")
             if name == broken:
                 raise LinkLost(name, "open", "an answer", "none", "check the cable")
             log.append(f"open {name}")
             contexts[name] = context
-            return Opened(name, log)
+            return Opened(name, log, hook)
 
         return DeviceEntry(name, "fake", DriverSpec("camera", Settings, open_device), Settings())
 
@@ -84,3 +90,73 @@ def test_device_that_does_not_open_closes_those_before_it():
     with pytest.raises(LinkLost), open_rig(rig_file(log, {}, broken="on_axis")):
         pass
     assert log == ["open simulation", "open stage", "close stage", "close simulation"]
+
+
+@pytest.fixture
+def hang_at() -> Iterator[Callable[[str], Callable[[str], None]]]:
+    """Let one opening or closing hang, until the test is over or `hang_at.over` is set."""
+    over = threading.Event()
+
+    def at(which: str) -> Callable[[str], None]:
+        return lambda what: over.wait() and None if what == which else None
+
+    at.over = over
+    yield at
+    over.set()
+
+
+def test_device_that_hangs_while_it_is_opened_closes_those_before_it(hang_at):
+    log = []
+    opening = open_rig(rig_file(log, {}, hook=hang_at("open on_axis")), opening_s=0.05)
+    with pytest.raises(DeviceTimeout) as error, opening:
+        pass
+    assert str(error.value).startswith(
+        "on_axis: open: expected an end within 0.05 s, got none: the call hangs"
+    )
+    assert log == ["open simulation", "open stage", "close stage", "close simulation"]
+
+
+def test_device_that_is_opened_too_late_is_closed_again(hang_at):
+    log = []
+    with (
+        pytest.raises(DeviceTimeout),
+        open_rig(rig_file(log, {}, hook=hang_at("open on_axis")), opening_s=0.05),
+    ):
+        pass
+    hang_at.over.set()
+    for thread in threading.enumerate():
+        if thread.name == "on_axis: open":
+            thread.join()
+    assert log[-2:] == ["open on_axis", "close on_axis"]
+
+
+def test_device_that_hangs_while_it_is_closed_is_said_and_those_before_it_are_closed(hang_at):
+    log = []
+    with open_rig(rig_file(log, {}, hook=hang_at("close on_axis")), closing_s=0.05) as rig:
+        pass
+    assert log[-3:] == ["close operator", "close stage", "close simulation"]
+    assert rig.lost_devices == (
+        "on_axis: its driver hangs in close, which has not returned for 0.05 s; the device is not closed",
+    )
+
+
+def test_lost_device_is_not_closed():
+    log = []
+    with open_rig(rig_file(log, {})) as rig:
+        rig.lost["stage"] = "read, which has not returned for 0.7 s"
+    assert log[-3:] == ["close operator", "close on_axis", "close simulation"]
+
+
+@pytest.mark.parametrize(
+    "error", [DeviceTimeout("on_axis", "close", "an answer", "none", "x"), ValueError("a bug")]
+)
+def test_error_of_a_closing_is_an_error_and_no_hang(error):
+    def fail(what: str) -> None:
+        if what == "close on_axis":
+            raise error
+
+    log = []
+    with pytest.raises(type(error)), open_rig(rig_file(log, {}, hook=fail)) as rig:
+        pass
+    assert rig.lost == {}
+    assert log[-2:] == ["close stage", "close simulation"]

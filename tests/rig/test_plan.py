@@ -1,3 +1,4 @@
+import resource
 import shutil
 from collections import namedtuple
 from pathlib import Path
@@ -8,7 +9,8 @@ from rig.commands.plan import plan_lines
 from rig.errors import ProtocolError
 from rig.facts import RigFacts
 from rig.plan import SECONDS_PER_IMAGE, make_plan, require_feasible
-from rig.protocol.protocol import RotationProtocol, TensionProtocol
+from rig.protocol.rotation import RotationProtocol
+from rig.protocol.tension import TensionProtocol
 
 
 @pytest.fixture
@@ -103,3 +105,15 @@ def test_disk_without_space_is_refused(tension_protocol, monkeypatch):
 def test_missing_folder_is_refused(rotation_protocol, tmp_path):
     with pytest.raises(ProtocolError, match="expected a folder for the run file"):
         require_feasible(make_plan(rotation_protocol), tmp_path / "nowhere")
+
+
+def test_file_larger_than_the_process_may_write_is_refused(rotation_protocol, tmp_path):
+    plan = make_plan(rotation_protocol, RigFacts(cameras=2, image_bytes=2_000_000))
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (5_000_000, before[1]))
+    try:
+        with pytest.raises(ProtocolError, match=r"no file above 5\.0 MB; raise the limit with `ulimit -f"):
+            require_feasible(plan, tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    require_feasible(plan, tmp_path)

@@ -32,6 +32,8 @@ def test_mistakes_of_all_tables_are_reported_together(tmp_path):
         driver = "no-such-driver"
         [load_frame]
         address = "@load_frame"
+        [recording]
+        queue_frames = 0
         """
     )
     with pytest.raises(ConfigurationError) as caught:
@@ -49,6 +51,7 @@ def test_mistakes_of_all_tables_are_reported_together(tmp_path):
     assert "stage.driver: no driver 'no-such-driver' is installed; there are " in mistakes
     assert 'load_frame: a table with driver = "NAME" is expected' in mistakes
     assert "operator: is missing; add it" in mistakes
+    assert "recording.queue_frames: input should be greater than or equal to 1, got 0" in mistakes
 
 
 def test_a_value_in_the_place_of_a_table_is_told_and_truth_is_no_number(tmp_path):

@@ -1,5 +1,6 @@
 """`rig check` on pictures whose speckles, light and focus are known, and on the virtual rig."""
 
+import cv2
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -90,6 +91,27 @@ def test_shows_devices_and_images_and_moves_nothing(check):
     assert camera["findings"] == []
     assert "cameras.off_axis" in out
     assert "  quality: speckle_x_px " in out
+
+
+def test_goes_on_after_devices_that_fail_and_keeps_the_pictures(tmp_path):
+    small = 'driver = "simulated-camera"\nwidth_px = 160\nheight_px = 120'
+    text = example("rig-virtual-rotation-30", ('driver = "simulated-camera"', small))
+    rig_file, folder = tmp_path / "rig.toml", tmp_path / "pictures"
+    rig_file.write_text(text.replace('"@stage"', f'"{tmp_path}/no-such-port"'))
+    arguments = ("check", rig_file, "-o", folder, "--json", tmp_path / "check.json")
+    done = run_rig(*arguments)
+    assert done.status == 2
+    assert done.err.startswith("rig: stage")
+    assert "no-such-port" in done.err
+    assert list(done.report["failed"]) == ["stage"]
+    assert set(done.report["devices"]) == {"cameras.on_axis", "cameras.off_axis"}
+    for name in ("on_axis", "off_axis"):
+        picture = cv2.imread(str(folder / f"{name}.png"), cv2.IMREAD_UNCHANGED)
+        state = done.report["devices"][f"cameras.{name}"]["state"]
+        assert picture.shape == (120, 160)
+        assert (picture.min(), picture.max()) == (state["minimum"], state["maximum"])
+    # earlier pictures are replaced only if the user says so
+    assert "--force" in run_rig(*arguments).err
 
 
 def test_says_when_an_image_is_saturated(check):

@@ -75,7 +75,7 @@ def test_a_rig_file_that_is_there_is_kept(tmp_path):
     path.write_text("mine")
     done = run_rig("devices", "-o", path)
     assert done.status == 2
-    assert "expected a new file" in done.err
+    assert "one that exists" in done.err
     assert path.read_text() == "mine"
 
 

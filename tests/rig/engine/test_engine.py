@@ -144,19 +144,21 @@ def test_unknown_exception_makes_safe_closes_the_file_and_is_raised_again(rotati
 
 
 def test_abort_from_another_thread_takes_effect_within_one_poll(tension):
-    engine = None
     readings_after = 0
 
-    def abort_in_step_3(status):
+    def abort_in_step_3(count, state):
         nonlocal readings_after
+        status = engine.status
         if status.step and status.step.index == 3 and status.state is State.MOVING:
             if readings_after == 0:
                 thread = threading.Thread(target=engine.abort, args=("the abort button",))
                 thread.start()
                 thread.join()
             readings_after += 1
+        return state
 
-    engine = tension.engine(on_status=[abort_in_step_3])
+    tension.load_frame.on_read = abort_in_step_3
+    engine = tension.engine()
     outcome = engine.run()
     assert outcome.status == "aborted"
     assert "the abort button" in outcome.reason
@@ -232,20 +234,23 @@ def test_limit_or_fault_at_any_reading_ends_the_run(tension, on_frame_state, cha
 
     assert outcome.status == "failed"
     assert said in outcome.reason
-    assert tension.load_frame.reads == 60
+    assert tension.load_frame.reads == 60 + 1  # and once more, to say what holds
     assert tension.calls[-1] == "hold"
 
 
 def test_broken_specimen_ends_the_run_and_keeps_its_steps(tension):
-    def tear(record):
-        if record.step.kind == "displacement":
+    def tear(count, frame):
+        if engine.status.step.kind == "displacement":
             tension.load_frame.load_scale = 0.1
+        return frame
 
-    outcome = tension.engine(on_step=[tear]).run()
+    tension.cameras["off_axis"].on_grab = tear
+    engine = tension.engine()
+    outcome = engine.run()
     assert outcome.status == "failed"
     assert "the specimen broke" in outcome.reason
     assert tension.calls[-1] == "hold"
-    assert read_run(tension.path)["kinds"][-1] == "displacement"
+    assert read_run(tension.path)["kinds"][-1] == "load"
 
 
 def test_soft_grips_at_small_loads_are_no_break(tension, on_frame_state):
@@ -311,7 +316,7 @@ def test_load_that_is_no_number_ends_the_run_at_once(tension, on_frame_state):
     tension.load_frame.on_read = on_frame_state(60, load_n=float("nan"))
     outcome = tension.engine().run()
     assert "expected a load within 13000 N, got nan N" in outcome.reason
-    assert tension.load_frame.reads == 60
+    assert tension.load_frame.reads == 60 + 1  # and once more, to say what holds
 
 
 def test_unknown_exception_carries_the_warning_that_the_machine_is_not_safe(tension):

@@ -87,12 +87,23 @@ def test_listener_that_raises_once_the_file_is_closed_is_told_of_in_the_outcome(
     assert "ZeroDivisionError: a bug" in outcome.lost_listeners[0]
 
 
-def test_interrupt_while_a_listener_shows_the_motion_ends_the_run_safely(rotation):
-    listener, _ = failing(State.MOVING, KeyboardInterrupt())
-    with pytest.raises(KeyboardInterrupt):
-        rotation.engine(on_status=[listener]).run()
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), SystemExit(3)])
+def test_listener_that_asks_for_the_end_of_the_program_ends_the_run_safely(rotation, error):
+    listener, _ = failing(State.PREPARING, error)
+    asked = threading.Event()
+    rotation.operator.on_perform = lambda action: asked.wait(10.0)
+    engine = rotation.engine(on_status=[listener])
+    abort = engine.abort
+
+    def note(reason: str) -> None:
+        abort(reason)
+        asked.set()
+
+    engine._on_status._listeners[1]._end_run = note
+    outcome = engine.run()
+    assert outcome.status == "aborted"
+    assert f"listener failing.<locals>.listener: {type(error).__name__}" in outcome.reason
     assert rotation.calls[-1] == "stop"
-    assert rotation.states[-2:] == ["SAFING", "FAILED"]
 
 
 def test_devices_are_told_to_stop_before_the_listeners_are_told_so(rotation):

@@ -1,9 +1,12 @@
+import math
+
 import pytest
 
 from drivers.clock import VirtualClock
+from rig.engine.keep import Keeper
 from rig.engine.settle import settle
 from rig.errors import SettleTimeout
-from rig.protocol.step import Reading
+from rig.protocol.step import ProtocolStep, Reading
 
 
 def wait(load_at, *, dwell_s=1.0, timeout_s=10.0):
@@ -15,6 +18,7 @@ def wait(load_at, *, dwell_s=1.0, timeout_s=10.0):
         timeout_s=timeout_s,
         poll_s=0.1,
         clock=clock,
+        pause=clock.sleep,
         step="step 2",
         expected="100 ± 5",
     )
@@ -44,3 +48,22 @@ def test_error_of_a_device_ends_the_wait_at_once():
 
     with pytest.raises(ConnectionError):
         wait(fail)
+
+
+def test_a_remainder_of_rounding_lets_time_pass_before_the_images_of_a_hold():
+    now_s, pauses = 0.0, []
+
+    def pause(duration_s: float) -> None:
+        nonlocal now_s
+        pauses.append(duration_s)
+        assert len(pauses) < 100, "no time passes"
+        now_s += duration_s
+
+    def read() -> Reading:
+        # The device's time is one bit early when the images are due.
+        return Reading(math.nextafter(1.0, 0.0) if 1.0 <= now_s < 1.0005 else now_s, load_n=100.0)
+
+    keeper = Keeper(0.0, read, pause, timeout_s=1.0, poll_s=0.3)
+    step = ProtocolStep(2, "creep", 100.0, 1.0, 10.0, at_s=1.0)
+    assert keeper.wait(step, correct=lambda: None).time_s == pytest.approx(1.0, abs=0.01)
+    assert len(pauses) == 5

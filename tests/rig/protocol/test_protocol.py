@@ -6,9 +6,11 @@ from pydantic import ValidationError
 
 from drivers.errors import ConfigurationError
 from rig.errors import ProtocolError
+from rig.protocol.course import increments
 from rig.protocol.plasticity import PlasticCriterion
-from rig.protocol.protocol import TensionProtocol, increments, read_protocol
+from rig.protocol.protocol import read_protocol
 from rig.protocol.step import Reading
+from rig.protocol.tension import TensionProtocol
 from tests.places import EXAMPLES, example
 
 
@@ -69,7 +71,7 @@ def test_unknown_kind_does_not_hide_other_mistakes(tmp_path):
     )
     with pytest.raises(ConfigurationError) as caught:
         read_protocol(path)
-    assert "kind: 'tension' or 'rotation' is expected, got 'rotate'" in caught.value.mistakes
+    assert "kind: 'tension', 'rotation' or 'phases' is expected, got 'rotate'" in caught.value.mistakes
     assert "rotation.increment_deg: input should be greater than 0, got 0" in caught.value.mistakes
 
 
@@ -186,7 +188,7 @@ def test_unknown_kind_is_told_both_that_are_known(tmp_path, example):
     path = edited(tmp_path, example, (f'kind = "{example}"', 'kind = "torsion"'))
     with pytest.raises(ConfigurationError) as caught:
         read_protocol(path)
-    assert caught.value.mistakes == ["kind: 'tension' or 'rotation' is expected, got 'torsion'"]
+    assert caught.value.mistakes == ["kind: 'tension', 'rotation' or 'phases' is expected, got 'torsion'"]
 
 
 def test_text_that_would_break_a_run_file_or_a_table_is_a_mistake(tmp_path):

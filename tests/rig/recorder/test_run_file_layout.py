@@ -12,7 +12,7 @@ from drivers.interfaces import CameraInfo, DeviceInfo, Frame, LoadFrameState, St
 from rig.protocol.step import ProtocolStep, Reading
 from rig.recorder import Recorder, StepRecord
 from tests.places import DOCS
-from tests.rig.test_recorder import HEADER, START
+from tests.rig.recorder.test_recorder import HEADER, START
 
 CAMERAS = {
     "front": CameraInfo("v", "m", "s", width_px=5, height_px=4, bits=12),
@@ -65,7 +65,8 @@ def kind_of(item: h5py.Group | h5py.Dataset, stated: str) -> str:
         assert item.dtype == (np.uint16 if camera.bits > 8 else np.uint8)
         assert item.shape == (FRAMES, camera.height_px, camera.width_px)
         assert item.chunks == (1, camera.height_px, camera.width_px)
-        assert item.fletcher32
+        assert item.compression is None
+        assert not item.fletcher32
         return "uint8 or uint16 (n, height, width)"
     name = item.dtype.name
     if item.dtype.kind == "S":

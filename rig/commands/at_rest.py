@@ -1,0 +1,49 @@
+"""The load, displacement and angle at which the machines stand, as a printed line and as a JSON table."""
+
+from dataclasses import asdict
+from typing import Any
+
+from drivers.interfaces import LoadFrameState, StageState
+from rig import AtRest
+
+
+def at_rest_line(at_rest: AtRest) -> str:
+    """Return one sentence with the load, displacement and angle at which load frame and stage stand."""
+    parts = []
+    if at_rest.load_frame is not None:
+        parts.append(_load_frame(at_rest.load_frame))
+    if at_rest.stage is not None:
+        parts.append(_stage(at_rest.stage))
+    parts += [
+        f"the {name.replace('_', ' ')} does not answer, so nobody knows whether it moves"
+        for name in at_rest.silent
+    ]
+    sentence = "; ".join(parts) or "the rig has no load frame and no stage"
+    return f"{sentence[0].upper()}{sentence[1:]}."
+
+
+def at_rest_dict(at_rest: AtRest) -> dict[str, Any]:
+    """Return the states as a table for JSON. A device that the rig does not have, or that does not answer, is
+    None."""
+    return {
+        "load_frame": None if at_rest.load_frame is None else asdict(at_rest.load_frame),
+        "stage": None if at_rest.stage is None else asdict(at_rest.stage),
+        "silent": dict(at_rest.silent),
+    }
+
+
+def _load_frame(state: LoadFrameState) -> str:
+    # at its target, a load frame may report small corrections by its controller as motion
+    if state.moving and not state.at_target:
+        does = "MOVES"
+    else:
+        does = "holds" if state.holding else "stands without holding"
+    faults = f", with the faults {', '.join(state.faults)}" if state.faults else ""
+    return f"the load frame {does} at {state.load_n:.1f} N and {state.displacement_mm:.4f} mm{faults}"
+
+
+def _stage(state: StageState) -> str:
+    does = "TURNS" if state.moving else "stands"
+    unhomed = "" if state.homed else ", without a reference position"
+    warnings = f", with the warnings {', '.join(state.warnings)}" if state.warnings and state.homed else ""
+    return f"the stage {does} at {state.angle_deg:.2f} deg{unhomed}{warnings}"

@@ -1,0 +1,290 @@
+"""Calls of drivers: each call runs on the thread of its device, with a deadline, and the engine continues.
+
+A driver may come from another package, and any call of a driver may hang. The engine's thread therefore never
+calls a driver itself.
+"""
+
+import math
+import queue
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from drivers.clock import Activity, Clock, Event, GivenUp, SystemClock
+from drivers.errors import DeviceError, DeviceTimeout, LinkLost
+from rig.threads import DeviceThread
+
+T = TypeVar("T")
+
+STOPPING_S = 6.0
+"""Deadline of a hold or stop when nothing should move. The drivers of offaxis raise their own error after 5
+s."""
+CAMERA_MARGIN_S = 2.0
+"""Time that a camera's call may take beyond the protocol's `timeout_s`, for copying the image."""
+PATIENCE_S = 30.0
+"""Real time added to each deadline on a virtual rig, whose devices compute while simulated time stands
+still."""
+LEAVING_S = 2.0
+"""Real time for which the end of a run waits for calls that have not ended, such as a long exposure."""
+_TICK_S = 1e-9
+"""Smaller differences between two times, in s, are rounding errors."""
+
+
+@dataclass(frozen=True)
+class Deadline:
+    """The longest time of a call, and the advice for the user if the call takes longer.
+
+    A machine continues to move during a call that hangs. So the deadline of the call and the following stop
+    together take less than 1 s.
+    """
+
+    duration_s: float
+    remedy: str = "check the device and its cable, and report the hanging call to the author of its driver"
+
+
+NEVER = Deadline(math.inf)
+
+
+class Call(Generic[T]):
+    """One call of a driver, or of another function that may take long.
+
+    `done` is set when the call has ended. A call that was `cancelled` before its beginning is never made.
+    """
+
+    def __init__(
+        self, device: str, action: str, function: Callable[[], T], deadline: Deadline, clock: Clock
+    ) -> None:
+        self.device = device
+        self.action = action
+        self.deadline = deadline
+        self.done = False
+        self.cancelled = False
+        self._function = function
+        self._value: list[T] = []
+        self._error: BaseException | None = None
+        self._clock = clock
+        self._due_s = clock.now_s() + deadline.duration_s
+        self._real_due_s = SystemClock().now_s() + deadline.duration_s + PATIENCE_S
+
+    def run(self) -> None:
+        """Call the function; this method runs on the device's thread."""
+        if self.cancelled:
+            return
+        try:
+            self.finish(self._function())
+        except GivenUp:
+            raise
+        except BaseException as error:
+            self.fail(error)
+
+    def finish(self, value: T) -> None:
+        """Record the result of the call."""
+        self._value.append(value)
+        self.done = True
+
+    def fail(self, error: BaseException) -> None:
+        """Record the exception that the call raised."""
+        self._error = error
+        self.done = True
+
+    def result(self) -> T:
+        """Return the result of the call, or raise its exception."""
+        if self._error is not None:
+            raise self._error
+        return self._value[0]
+
+    @property
+    def left_s(self) -> float:
+        """Time in s until the call's deadline, on the rig's clock."""
+        return self._due_s - self._clock.now_s()
+
+    @property
+    def real_left_s(self) -> float:
+        """Real time in s until the engine gives up the call, even if the rig's clock stands still."""
+        return self._real_due_s - SystemClock().now_s()
+
+
+class Calls:
+    """Runs calls on the threads of their devices, and waits for them on the engine's thread.
+
+    If a call exceeds its deadline, its device counts as lost. From then on only `SafeState` calls this
+    device.
+
+    Parameters
+    ----------
+    clock : Clock
+    check : callable
+        Function that is called whenever the engine wakes from a wait that may be interrupted. The function
+        raises an exception to end the run.
+    lost : dict of str to str
+        Receives for each lost device the name of the call that hangs.
+    """
+
+    def __init__(self, clock: Clock, check: Callable[[], None], lost: dict[str, str] | None = None) -> None:
+        self.lost = {} if lost is None else lost
+        self._clock = clock
+        self._check = check
+        self._news = Event()
+        self._workers: dict[str, _Worker] = {}
+
+    def interrupt(self) -> None:
+        """Wake the engine from a wait, so that it calls `check` at once; any thread may call this method."""
+        self._news.set()
+
+    def begin(self, device: str, action: str, function: Callable[[], T], deadline: Deadline) -> Call[T]:
+        """Begin a call on its device's thread; the calls of one device are made one after the other.
+
+        Raises
+        ------
+        LinkLost
+            If an earlier call of this device hangs.
+        """
+        if device in self.lost:
+            raise LinkLost(
+                device, action, "a device that answers", self.lost[device], "start the program again"
+            )
+        call = Call(device, action, function, deadline, self._clock)
+        if device not in self._workers:
+            self._workers[device] = _Worker(device, self._news)
+            self._workers[device].start()
+        self._workers[device].add(call, self._clock.activity())
+        return call
+
+    def do(self, device: str, action: str, function: Callable[[], T], deadline: Deadline) -> T:
+        """Call a driver, wait for the end of the call, and return its result."""
+        return self.finish(self.begin(device, action, function, deadline))
+
+    def follow(self, future: "Future[T]", device: str, action: str, deadline: Deadline) -> Call[T]:
+        """Return a `Call` for work that was begun elsewhere and that takes no simulated time."""
+        call: Call[T] = Call(device, action, future.result, deadline, self._clock)
+        activity = self._clock.activity(at_once=True)
+
+        def ended(_: object) -> None:
+            call.run()
+            self._news.set()
+            activity.end()
+
+        future.add_done_callback(ended)
+        return call
+
+    def finish(
+        self,
+        call: Call[T],
+        *,
+        meanwhile: Callable[[], object] | None = None,
+        every_s: float = math.inf,
+    ) -> T:
+        """Wait for the end of a call, and return its result.
+
+        Parameters
+        ----------
+        call : Call
+        meanwhile : callable, optional
+            Function that is called during the wait; an exception of this function or of `check` ends the wait
+            at once. Without the function, nothing interrupts the wait; use this for short calls only.
+        every_s : float
+            The time between two calls of `meanwhile`.
+
+        Raises
+        ------
+        DeviceTimeout
+            If the call exceeds its deadline. The device of the call then counts as lost.
+        """
+        try:
+            return self._wait_for(call, meanwhile, every_s)
+        finally:
+            call.cancelled = True
+            if not call.done and call.device in self._workers:
+                # The engine has given up the call, so simulated time may pass without it.
+                self._workers[call.device].give_up()
+
+    def pause(self, duration_s: float) -> None:
+        """Wait on the rig's clock; the wait ends early if the engine is interrupted."""
+        end_s = self._clock.now_s() + duration_s
+        while True:
+            self._news.clear()
+            self._check()
+            left_s = end_s - self._clock.now_s()
+            if left_s <= _TICK_S:
+                return
+            self._clock.wait(self._news, left_s)
+
+    def close(self) -> None:
+        """End the threads of all devices; a device whose call does not end in time counts as lost."""
+        end_s = SystemClock().now_s() + LEAVING_S
+        for device, worker in self._workers.items():
+            worker.leave()
+            if device in self.lost or worker.waits_for_a_person:
+                continue
+            worker.join(max(0.0, end_s - SystemClock().now_s()))
+            if worker.is_alive():
+                self.lost[device] = f"{worker.action}, which has not returned at the end of the run"
+
+    def _wait_for(self, call: Call[T], meanwhile: Callable[[], object] | None, every_s: float) -> T:
+        next_s = self._clock.now_s() + every_s
+        while True:
+            # Clear the flag before the conditions are checked, so that a change during the check sets it
+            # again.
+            self._news.clear()
+            if meanwhile is not None:
+                self._check()
+            if call.done:
+                return call.result()
+            if call.left_s <= _TICK_S or call.real_left_s <= 0.0:
+                raise self._overdue(call)
+            left_s = min(call.left_s, next_s - self._clock.now_s())
+            self._clock.wait(self._news, left_s, call.real_left_s)
+            if meanwhile is not None and not call.done and self._clock.now_s() >= next_s - _TICK_S:
+                meanwhile()
+                next_s = self._clock.now_s() + every_s
+
+    def _overdue(self, call: Call[Any]) -> DeviceError:
+        duration_s = call.deadline.duration_s
+        self.lost[call.device] = f"{call.action}, which has not returned for {duration_s:g} s"
+        if call.device in self._workers:
+            self._workers[call.device].give_up()
+        return DeviceTimeout(
+            call.device,
+            call.action,
+            f"the end of the call within {duration_s:g} s",
+            "none: the call hangs",
+            call.deadline.remedy,
+        )
+
+
+class _Worker(DeviceThread):
+    """The thread that makes all calls of one device."""
+
+    def __init__(self, device: str, news: Event) -> None:
+        super().__init__(f"calls of {device}")
+        self.action = ""
+        self.waits_for_a_person = False
+        self._news = news
+        self._waiting: queue.SimpleQueue[tuple[Call[Any], Activity] | None] = queue.SimpleQueue()
+        self._activities: list[Activity] = []
+
+    def add(self, call: Call[Any], activity: Activity) -> None:
+        self._activities.append(activity)
+        self._waiting.put((call, activity))
+
+    def give_up(self) -> None:
+        """Let simulated time pass although calls on this thread have not ended."""
+        for activity in tuple(self._activities):
+            activity.end()
+
+    def leave(self) -> None:
+        self.give_up()
+        self._waiting.put(None)
+
+    def run(self) -> None:
+        while (entry := self._waiting.get()) is not None:
+            call, activity = entry
+            self.action, self.waits_for_a_person = call.action, call.deadline.duration_s == math.inf
+            # A call of a simulated device that was given up may still sleep on the simulated clock.
+            with suppress(GivenUp), activity:
+                call.run()
+                self._news.set()
+            self._activities.remove(activity)
+            self.waits_for_a_person = False

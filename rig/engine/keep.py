@@ -1,0 +1,87 @@
+"""Wait for the time of the next images during a motion or a hold."""
+
+from collections.abc import Callable
+
+from rig.errors import SettleTimeout
+from rig.protocol.step import ProtocolStep, Reading
+
+_PAUSE_MIN_S = 0.001
+
+
+class Keeper:
+    """Waits for the image times of one motion or hold; times are counted from the beginning of the motion or
+    hold.
+
+    Parameters
+    ----------
+    begun_s : float
+        The time of the reading at which the motion or the hold began.
+    read : callable
+        Takes a new reading. An exception of this function ends the wait at once.
+    pause : callable
+        Lets time pass between two readings.
+    timeout_s : float
+        Longest time for which the held load or displacement may be outside its tolerance.
+    poll_s : float
+        Time between two readings.
+    """
+
+    def __init__(
+        self,
+        begun_s: float,
+        read: Callable[[], Reading],
+        pause: Callable[[float], None],
+        *,
+        timeout_s: float,
+        poll_s: float,
+    ) -> None:
+        self._begun_s = begun_s
+        self._read = read
+        self._pause = pause
+        self._timeout_s = timeout_s
+        self._poll_s = poll_s
+        self._kept_s = begun_s
+
+    def wait(self, step: ProtocolStep, correct: Callable[[], None]) -> Reading:
+        """Read until the image time of a step, and return the last reading. If the motion ends, the wait ends
+        too.
+
+        Parameters
+        ----------
+        step : ProtocolStep
+            A step with `at_s`.
+        correct : callable
+            Commands the target of a hold again. The function `correct` is called if the held value is outside
+            its tolerance and nothing moves.
+
+        Raises
+        ------
+        SettleTimeout
+            If the held value is outside its tolerance for longer than `timeout_s`.
+        """
+        due_s = self._begun_s + step.at_s
+        while True:
+            reading = self._read()
+            if step.is_reached(reading):
+                self._kept_s = reading.time_s
+                if not (step.holds or reading.moving):
+                    return reading
+            elif step.holds:
+                self._require_kept(step, reading)
+                if not reading.moving:
+                    correct()
+            left_s = due_s - reading.time_s
+            if left_s <= 0.0:
+                return reading
+            # A remainder by rounding would let no time pass.
+            self._pause(min(self._poll_s, max(left_s, _PAUSE_MIN_S)))
+
+    def _require_kept(self, step: ProtocolStep, reading: Reading) -> None:
+        if reading.time_s - self._kept_s > self._timeout_s:
+            raise SettleTimeout(
+                f"{step}, holding",
+                f"{step.target:.6g} ± {step.tolerance:g}",
+                f"{step.value(reading):.6g} for {self._timeout_s:g} s",
+                "look at the specimen and the load frame; if both are sound, raise the tolerance or "
+                f"settle.timeout_s above {self._timeout_s:g}",
+            )

@@ -1,0 +1,237 @@
+"""Move a rig by hand: every reading of the motion must stay between limits, and a signal stops it at once."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, cast
+
+from drivers.errors import DeviceError
+from rig.devices import Rig
+from rig.engine.calls import NEVER, Calls
+from rig.engine.devices import called
+from rig.engine.look import look
+from rig.engine.monitor import Monitor
+from rig.engine.safety import SafeState
+from rig.engine.settle import settle
+from rig.engine.status import AtRest
+from rig.engine.watch import Watch
+from rig.errors import Aborted, LimitViolation, RigError
+from rig.protocol.step import Reading
+from rig.recorder import Recorder
+
+POLL_S = 0.1
+DWELL_S = 0.5
+SPARE_S = 30.0
+"""A motion fails if it takes this time, in s, longer than twice its planned duration."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion commanded by a person, with the range of load and displacement that no reading may leave.
+
+    Attributes
+    ----------
+    doing : str
+        Description of the motion, such as ``unload to 0 N at 140 N/s``.
+    axis : str
+        "load", "displacement" or "angle".
+    target, tolerance : float
+        In N, mm or degrees.
+    rate : float
+        In N/s or mm/s; NaN for an angle, whose speed the rig file determines.
+    duration_s : float
+        Planned duration.
+    load_n, displacement_mm : tuple of float
+        Smallest and largest permitted reading.
+    """
+
+    doing: str
+    axis: str
+    target: float
+    tolerance: float
+    rate: float
+    duration_s: float
+    load_n: tuple[float, float] = (-math.inf, math.inf)
+    displacement_mm: tuple[float, float] = (-math.inf, math.inf)
+
+    def value(self, reading: Reading) -> float:
+        """Return from a reading the load, displacement or angle that this motion changes."""
+        values = {"load": reading.load_n, "displacement": reading.displacement_mm}
+        return values.get(self.axis, reading.angle_deg)
+
+    def check(self, reading: Reading) -> None:
+        """Raise `LimitViolation` if the load or displacement of a reading is outside the permitted range."""
+        for value, (low, high), name, unit in (
+            (reading.load_n, self.load_n, "load", "N"),
+            (reading.displacement_mm, self.displacement_mm, "displacement", "mm"),
+        ):
+            # Load and displacement are NaN only without a load frame; drivers refuse a reading that is NaN.
+            if math.isnan(value) or low <= value <= high:
+                continue
+            raise LimitViolation(
+                self.doing,
+                f"a {name} from {low:.6g} to {high:.6g} {unit}",
+                f"{value:.6g} {unit}",
+                "look at the machine and the specimen; if both are sound, move in smaller steps with rig jog",
+            )
+
+
+@dataclass(frozen=True)
+class Moved:
+    """The result of a motion by hand: "completed", "aborted" or "failed", the reason, and the last readings.
+
+    The attribute `begun` is True if the machine was told to move.
+    """
+
+    status: str
+    reason: str
+    unsafe: tuple[str, ...]
+    at_end: AtRest
+    begun: bool = False
+
+
+class Manual:
+    """Executes motions by hand on an opened rig. However a motion ends, load frame and stage are first
+    commanded to hold and stop.
+
+    Parameters
+    ----------
+    rig : Rig
+    on_reading : callable, optional
+        Called with each reading, on the thread that moves; must return at once.
+    on_progress : callable, optional
+        As for `Engine`.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        *,
+        on_reading: Callable[[Reading], None] = lambda _: None,
+        on_progress: Callable[[bool], None] = lambda _: None,
+    ) -> None:
+        self._rig = rig
+        self._on_reading = on_reading
+        self._on_progress = on_progress
+        self._calls = Calls(rig.clock, self._check_abort, rig.lost)
+        self._devices = called(rig, self._calls, self.read, POLL_S)
+        recorder = cast(Recorder, _Unrecorded())
+        # There is no protocol here; the permitted range of each motion replaces its limits.
+        watch = cast(Watch, _Unwatched())
+        self._monitor = Monitor(self._devices, self._calls, rig.clock, recorder, watch)
+        self._safe_state = SafeState(rig)
+        self._doing = "before the motion"
+        self._motion: Motion | None = None
+        self._abort_reason: str | None = None
+
+    def abort(self, reason: str) -> None:
+        """Hold the load frame and stop the stage at once, and end `move`; any thread may call this method."""
+        if self._abort_reason is None:
+            self._abort_reason = reason
+        self._safe_state.command()
+        self._calls.interrupt()
+
+    def read(self) -> Reading:
+        """Read all devices, and check the reading against the permitted range of the motion."""
+        self._check_abort()
+        reading = self._monitor.read(self._doing)
+        if self._motion is not None:
+            self._motion.check(reading)
+        self._on_reading(reading)
+        self._on_progress(self._motion is not None or reading.moving)
+        self._check_abort()
+        return reading
+
+    def move(self, plan: Callable[[Reading], Motion], confirm: Callable[[Motion, Reading], None]) -> Moved:
+        """Plan a motion from the present reading, ask for its confirmation, execute it, then hold.
+
+        Parameters
+        ----------
+        plan : callable
+            Returns the motion for a reading, or raises `RigError` if the motion is beyond a limit.
+        confirm : callable
+            Function that asks for the confirmation. `confirm` is called with the motion and the reading, on a
+            separate thread, while the devices are monitored. `confirm` raises `RigError` to refuse the
+            motion.
+        """
+        status, reason = "completed", ""
+        with self._rig.clock.activity():
+            try:
+                reading = self.read()
+                motion = plan(reading)
+                self._doing = motion.doing
+                question = self._calls.begin("operator", "confirm", lambda: confirm(motion, reading), NEVER)
+                self._calls.finish(question, meanwhile=self.read, every_s=POLL_S)
+                self._execute(motion)
+            except (RigError, DeviceError) as error:
+                status = "failed" if self._abort_reason is None else "aborted"
+                reason = str(error)
+                if self._abort_reason is not None and not isinstance(error, Aborted):
+                    # The hold command of an abort may have caused this error of the driver.
+                    reason = f"{self._aborted(self._abort_reason)}; meanwhile: {error}"
+            except BaseException:
+                self._safe_state.confirm()
+                self._calls.close()
+                raise
+            return self._end(status, reason)
+
+    def hold(self) -> Moved:
+        """Hold the load frame and stop the stage."""
+        with self._rig.clock.activity():
+            return self._end("completed", "")
+
+    def _execute(self, motion: Motion) -> None:
+        self._check_abort()
+        self._motion = motion
+        frame, stage = self._devices.load_frame, self._devices.stage
+        if motion.axis == "angle" and stage is not None:
+            stage.move_to(motion.target)
+        elif motion.axis == "load" and frame is not None:
+            frame.go_to_load(motion.target, motion.rate)
+        elif frame is not None:
+            frame.go_to_displacement(motion.target, motion.rate)
+        settle(
+            self.read,
+            lambda r: not r.moving and abs(motion.value(r) - motion.target) <= motion.tolerance,
+            dwell_s=DWELL_S,
+            timeout_s=2.0 * motion.duration_s + SPARE_S,
+            poll_s=POLL_S,
+            clock=self._rig.clock,
+            pause=self._calls.pause,
+            step=motion.doing,
+            expected=f"{motion.target:.6g} ± {motion.tolerance:g}",
+        )
+
+    def _end(self, status: str, reason: str) -> Moved:
+        unsafe = tuple(self._safe_state.confirm())
+        if unsafe:
+            status = "failed"
+            reason = f"SAFE STATE NOT CONFIRMED, use the emergency stop ({'; '.join(unsafe)}). {reason}"
+        at_end = look(self._devices, self._calls)
+        self._calls.close()
+        return Moved(status, reason.strip(), unsafe, at_end, begun=self._motion is not None)
+
+    def _check_abort(self) -> None:
+        if self._abort_reason is not None:
+            raise self._aborted(self._abort_reason)
+
+    def _aborted(self, reason: str) -> Aborted:
+        remedy = "start the command again to go on"
+        return Aborted(self._doing, "the end of the motion", reason, remedy)
+
+
+class _Unwatched:
+    """Replaces the `Watch` of a run, because a motion by hand has no protocol."""
+
+    def check(self, reading: Reading, step: str) -> None:
+        pass
+
+
+class _Unrecorded:
+    """Replaces the recorder of a run, because motions by hand are not recorded."""
+
+    def load_frame_state(self, state: Any) -> None:
+        pass
+
+    def stage_state(self, state: Any) -> None:
+        pass

@@ -1,0 +1,243 @@
+"""Start the guardian before anything moves, send it signs of progress, and check that it is alive."""
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+import drivers.errors
+from drivers.clock import SystemClock
+from drivers.errors import DeviceError
+from rig.errors import RigError
+from rig.guardian import messages
+from rig.guardian.machines import watched
+from rig.rigfile import RigFile
+
+# Option -P: do not import packages from the user's folder, which may have the name of an offaxis package.
+COMMAND = (sys.executable, "-P", "-m", "rig.guardian.process")
+START_S = 30.0
+END_S = 8.0
+PING_S = 0.1
+
+
+class Guardian:
+    """The run's connection to its guardian process; without a process if no machine needs a guardian.
+
+    Parameters
+    ----------
+    process : Popen or None
+    relays : dict of str to str
+        For each watched machine ``host:port`` of the guardian's relay, or an empty text.
+    silence_max_s : float
+        Time without an answer after which the guardian counts as dead.
+    """
+
+    def __init__(
+        self, process: "subprocess.Popen[bytes] | None", relays: dict[str, str], silence_max_s: float
+    ) -> None:
+        self.relays = relays
+        self.moved = False
+        self._process = process
+        self._silence_max_s = silence_max_s
+        self._clock = SystemClock()
+        self._closing = False
+        self._trouble = ""
+        self._answered_s = self._clock.now_s()
+        self._watcher: threading.Thread | None = None
+        if process is not None:
+            os.set_blocking(_pipe(process.stdin).fileno(), False)
+
+    @property
+    def pid(self) -> int | None:
+        """Number of the guardian's process, for tests and messages; None without a guardian."""
+        return None if self._process is None else self._process.pid
+
+    def progress(self, moving: bool) -> None:
+        """Tell the guardian that all devices were read without error, and whether anything may be moving."""
+        self._send(messages.MOVING if moving else messages.STANDING)
+
+    def about_to_move(self) -> None:
+        """Tell the guardian that a motion command will be sent now."""
+        self.moved = True
+        self._send(messages.MOVING)
+
+    def waiting_for_a_person(self) -> None:
+        """Tell the guardian that everything stands still and that the next reading may take long."""
+        self._send(messages.WAITING)
+
+    @contextmanager
+    def watched(self, on_trouble: Callable[[str], None]) -> Iterator[None]:
+        """Watch the guardian; call `on_trouble` once, on another thread, if the guardian dies, hangs or stops
+        a machine.
+
+        A guardian that does not answer is killed first, so that the run can use its lines for a stop.
+        """
+        if self._process is None:
+            yield
+            return
+        self._watcher = threading.Thread(
+            target=self._watch, args=(self._process, on_trouble), name="watch the guardian", daemon=True
+        )
+        self._answered_s = self._clock.now_s()
+        self._watcher.start()
+        yield
+
+    def done(self) -> None:
+        """End the guardian without a stop, because all machines are known to stand still."""
+        self._send(messages.DONE)
+        self.close()
+
+    def close(self) -> None:
+        """End the guardian. If `done` was not called, the guardian first stops every machine."""
+        self._closing = True
+        process, self._process = self._process, None
+        if process is None:
+            return
+        with contextlib.suppress(OSError):
+            _pipe(process.stdin).close()
+        try:
+            process.wait(END_S)
+        except subprocess.TimeoutExpired:
+            # the guardian still tries to stop a machine that has not confirmed
+            return
+        finally:
+            if self._watcher is not None:
+                self._watcher.join(END_S)
+            _pipe(process.stdout).close()
+
+    def _send(self, sign: bytes) -> None:
+        process = self._process
+        if process is not None:
+            # never wait for the guardian here; `_watch` notices a guardian that has ended or is frozen
+            with contextlib.suppress(OSError, ValueError):
+                os.write(_pipe(process.stdin).fileno(), sign)
+
+    def _watch(self, process: "subprocess.Popen[bytes]", on_trouble: Callable[[str], None]) -> None:
+        lines = messages.Lines(_pipe(process.stdout).fileno())
+        while not self._closing:
+            self._send(messages.PING)
+            try:
+                said = lines.next(PING_S)
+                silent_s = self._clock.now_s() - self._answered_s
+                if said is None and silent_s > self._silence_max_s:
+                    # this thread may have been delayed itself: check for an answer once more
+                    said = lines.next(0.0)
+            except (EOFError, OSError):
+                trouble = "the guardian died"
+            else:
+                trouble = self._judge(process, said)
+            if trouble and not self._closing:
+                on_trouble(f"{trouble}: the run is not guarded any more")
+                return
+
+    def _judge(self, process: "subprocess.Popen[bytes]", said: tuple[str, Any] | None) -> str:
+        """Return the problem that an answer of the guardian, or a missing answer, means; empty without a
+        problem."""
+        if said is None:
+            if self._clock.now_s() - self._answered_s <= self._silence_max_s:
+                return ""
+            process.kill()
+            return f"the guardian did not answer for {self._silence_max_s:g} s"
+        self._answered_s = self._clock.now_s()
+        word, value = said
+        if word == messages.LOST:
+            return f"the guardian cannot reach a machine any more ({value})"
+        return f"the guardian stopped the machines ({value})" if word == messages.STOPPED else ""
+
+
+@contextmanager
+def guarded(rig_file: RigFile, locks: Sequence[int], log: Path) -> Iterator[Guardian]:
+    """Start the guardian of a run, yield when the guardian has reached each machine, and end it afterwards.
+
+    If `Guardian.done` was not called in the block, the guardian stops the machines at the end, unless nothing
+    has moved.
+
+    Parameters
+    ----------
+    rig_file : RigFile
+    locks : sequence of int
+        Descriptors of the machines' locks, which the guardian shares.
+    log : Path
+        File to which the guardian writes what it has done.
+
+    Raises
+    ------
+    DeviceError
+        If the guardian cannot reach a machine.
+    RigError
+        If the guardian does not start.
+    """
+    guardian = _start(rig_file, locks, log)
+    try:
+        yield guardian
+    finally:
+        if guardian.moved:
+            guardian.close()
+        else:
+            guardian.done()
+
+
+def _start(rig_file: RigFile, locks: Sequence[int], log: Path) -> Guardian:
+    entries = watched(rig_file)
+    times = rig_file.guardian
+    if not entries:
+        return Guardian(None, {}, times.silence_max_s)
+    job = {
+        "machines": [
+            {
+                "name": entry.name,
+                "driver": entry.driver,
+                "settings": entry.settings.model_dump(mode="json", exclude_unset=True),
+            }
+            for entry in entries
+        ],
+        "patience_s": times.patience_s,
+        "standing_patience_s": times.standing_patience_s,
+        "log": str(log.absolute()),
+        "locks": list(locks),
+    }
+    pipe = subprocess.PIPE
+    process = subprocess.Popen(
+        COMMAND, stdin=pipe, stdout=pipe, bufsize=0, start_new_session=True, pass_fds=locks
+    )
+    try:
+        _pipe(process.stdin).write(json.dumps(job).encode() + b"\n")
+        return Guardian(process, _relays(process), times.silence_max_s)
+    except BaseException:
+        # nothing has moved, so the guardian need not stop anything
+        process.kill()
+        process.communicate()
+        raise
+
+
+def _relays(process: "subprocess.Popen[bytes]") -> dict[str, str]:
+    """Wait until the guardian has reached each machine, and return its relays."""
+    try:
+        said = messages.Lines(_pipe(process.stdout).fileno()).next(START_S)
+    except EOFError:
+        said = None
+    if said is None:
+        raise RigError(
+            "starting the guardian",
+            f"a guardian that has reached each machine within {START_S:g} s",
+            "none",
+            f"try it alone, to see why: {' '.join(COMMAND)} < /dev/null",
+        )
+    word, value = said
+    if word == messages.READY:
+        return dict(value)
+    kind, *texts = value
+    if kind:
+        raise getattr(drivers.errors, kind, DeviceError)(*texts)
+    raise RigError("starting the guardian", "each machine within reach", texts[0], "check the driver's guard")
+
+
+def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
+    assert pipe is not None  # pipes for both directions were requested
+    return pipe

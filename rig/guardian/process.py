@@ -1,0 +1,269 @@
+"""The process of the guardian: ``python -m rig.guardian.process``, started by `rig.guardian.guardian`.
+
+The guardian first connects to each machine over a line of its own; then the run continues. The guardian stops
+every machine at once if the process of the run has ended, or if no sign of progress comes for `patience_s`.
+"""
+
+import contextlib
+import json
+import os
+import select
+import signal
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from drivers.clock import SystemClock
+from drivers.errors import DeviceError
+from drivers.interfaces import OpenContext
+from drivers.registry import Guard, find_driver
+from rig.guardian import messages
+from rig.guardian.lock import note_holder
+
+STDIN, STDOUT, STDERR = 0, 1, 2
+IGNORED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP, signal.SIGPIPE)
+CHECK_PERIOD_S = 10.0
+# Time for which an unconfirmed stop is repeated, because a cable may be plugged in again.
+STOP_TRIES_S = 60.0
+PAUSE_S = 0.1
+SAY_S = 1.0
+NICENESS = -10
+
+
+@dataclass(frozen=True)
+class Job:
+    """The data that the guardian gets from the run at its start.
+
+    Attributes
+    ----------
+    machines : list of dict
+        ``name``, ``driver`` and ``settings`` of each machine.
+    patience_s, standing_patience_s : float
+    log : str
+        File to which the guardian writes what it has done.
+    locks : list of int
+        Inherited descriptors of the machines' locks.
+    """
+
+    machines: list[dict[str, Any]]
+    patience_s: float
+    standing_patience_s: float
+    log: str
+    locks: list[int]
+
+
+def main() -> None:
+    """Watch one run, and end with it."""
+    for number in IGNORED:
+        signal.signal(number, signal.SIG_IGN)
+    _go_first()
+    os.set_blocking(STDOUT, False)
+    job = Job(**json.loads(_first_line()))
+    guards = _reach(job)
+    if guards is not None:
+        _tell(messages.READY, {name: guard.relay for name, guard in guards.items()})
+        _check_regularly(guards)
+        if reason := watch(STDIN, job, lambda: _tell(messages.ALIVE), _parent()):
+            stop_and_say(guards, reason, job)
+        for guard in guards.values():
+            guard.close()
+    # a terminal that accepts no text must not keep this process alive, because it owns lines to the machines
+    os._exit(0)
+
+
+def watch(run: int, job: Job, answer: Callable[[], None], parent: int | None = None) -> str:
+    """Wait for the end of the run; return the reason to stop the machines, or an empty text after a safe end.
+
+    Parameters
+    ----------
+    run : int
+        Descriptor of the pipe from the run.
+    job : Job
+    answer : callable
+        Function that answers the run's question whether the guardian is alive.
+    parent : int, optional
+        A descriptor that becomes readable when the process of the run ends. The end of the pipe shows this
+        too, but not if a third process has inherited the run's end of the pipe.
+    """
+    clock = SystemClock()
+    waiting = select.poll()
+    waiting.register(run, select.POLLIN)
+    if parent is not None:
+        waiting.register(parent, select.POLLIN)
+    patience = {messages.MOVING[0]: job.patience_s, messages.STANDING[0]: job.standing_patience_s}
+    allowed_s, since_s = float("inf"), clock.now_s()
+    while True:
+        left_s = max(0.0, since_s + allowed_s - clock.now_s())
+        ready = [
+            descriptor for descriptor, _ in waiting.poll(None if left_s == float("inf") else left_s * 1000)
+        ]
+        if not ready:
+            if clock.now_s() - since_s >= allowed_s:
+                return f"the run made no progress for {allowed_s:g} s"
+            continue
+        received = os.read(run, messages.CHUNK) if run in ready else b""
+        if messages.DONE in received:
+            return ""
+        if not received:
+            return "the process of the run is gone"
+        if messages.PING in received:
+            answer()
+        for sign in received:
+            if sign in (*patience, messages.WAITING[0]):
+                allowed_s, since_s = patience.get(sign, float("inf")), clock.now_s()
+
+
+def stop_all(guards: Mapping[str, Guard], tries_s: float) -> dict[str, str]:
+    """Stop all machines at the same time; return for each machine an empty text, or why the stop is
+    unconfirmed.
+
+    Parameters
+    ----------
+    guards : mapping of str to Guard
+    tries_s : float
+        Time in s for which an unconfirmed stop is repeated.
+    """
+    left = dict.fromkeys(guards, "it did not confirm")
+    clock = SystemClock()
+    end_s = clock.now_s() + tries_s
+
+    def stop(name: str, guard: Guard) -> None:
+        while left[name]:
+            try:
+                guard.stop()
+                left[name] = ""
+            except Exception as error:
+                left[name] = str(error) or type(error).__name__
+                if clock.now_s() >= end_s:
+                    return
+                clock.sleep(PAUSE_S)
+
+    threads = [threading.Thread(target=stop, args=each, daemon=True) for each in guards.items()]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return left
+
+
+def _go_first() -> None:
+    """Give this process a higher priority if the system permits it, so that a busy computer delays no stop.
+
+    The guardian needs hardly any processor time, so it does not slow down other programs.
+    """
+    with contextlib.suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
+    with contextlib.suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(os.sched_get_priority_min(os.SCHED_RR)))
+
+
+def _first_line() -> bytes:
+    received = b""
+    while not received.endswith(b"\n"):
+        if not (byte := os.read(STDIN, 1)):
+            os._exit(0)
+        received += byte
+    return received
+
+
+def _reach(job: Job) -> dict[str, Guard] | None:
+    """Connect to each machine. If this fails, tell the run which machine cannot be reached, and return
+    None."""
+    guards: dict[str, Guard] = {}
+    for machine in job.machines:
+        try:
+            spec = find_driver(machine["driver"])
+            assert spec.guard is not None
+            settings = spec.settings.model_validate_json(json.dumps(machine["settings"]))
+            context = OpenContext(machine["name"], SystemClock())
+            guards[machine["name"]] = spec.guard.open(settings, context)
+        except DeviceError as error:
+            _tell(messages.REFUSED, [type(error).__name__, *error.args])
+            return None
+        except Exception as error:
+            # a third party's guard may raise any exception
+            _tell(messages.REFUSED, ["", f"{machine['name']}: {type(error).__name__}: {error}"])
+            return None
+    return guards
+
+
+def _check_regularly(guards: Mapping[str, Guard]) -> None:
+    clock = SystemClock()
+
+    def check(name: str, guard: Guard) -> None:
+        while True:
+            clock.sleep(CHECK_PERIOD_S)
+            try:
+                guard.check()
+            except Exception as error:
+                _tell(messages.LOST, f"{name}: {error}")
+
+    for each in guards.items():
+        threading.Thread(target=check, args=each, daemon=True).start()
+
+
+def stop_and_say(guards: Mapping[str, Guard], reason: str, job: Job) -> None:
+    """Stop all machines, report the result, and repeat each stop that was not confirmed."""
+    clock = SystemClock()
+    begun_s = clock.now_s()
+    left = stop_all(guards, 0.0)
+    for descriptor in job.locks:
+        note_holder(descriptor, "the guardian of a run that has ended")
+    tried_again = False
+    while True:
+        took_s = clock.now_s() - begun_s
+        sentence = f"{reason}: {_what_came_of_it(left, took_s)}"
+        _tell(messages.STOPPED, sentence)
+        _say(f"rig guardian: {sentence}", Path(job.log), clock.utc().isoformat(timespec="milliseconds"))
+        unconfirmed = {name: guard for name, guard in guards.items() if left[name]}
+        if not unconfirmed or tried_again:
+            return
+        tried_again = True
+        left |= stop_all(unconfirmed, STOP_TRIES_S)
+
+
+def _what_came_of_it(left: Mapping[str, str], took_s: float) -> str:
+    standing = " and ".join(name for name, error in left.items() if not error)
+    parts = [f"{standing} stopped, confirmed after {1000 * took_s:.0f} ms"] if standing else []
+    if unconfirmed := [f"{name}: {error}" for name, error in left.items() if error]:
+        parts.append(f"STOP NOT CONFIRMED, use the emergency stop ({'; '.join(unconfirmed)})")
+    return "; ".join(parts)
+
+
+def _say(sentence: str, log: Path, utc: str) -> None:
+    def write() -> None:
+        try:
+            with log.open("a", encoding="utf-8") as file:
+                file.write(f"{utc} {sentence}\n")
+        except OSError as error:
+            print(f"rig guardian: {log}: {error.strerror}", file=sys.stderr)
+        os.write(STDERR, f"{sentence}\n".encode())
+
+    # a terminal stopped by Ctrl-S accepts no text
+    writer = threading.Thread(target=write, daemon=True)
+    writer.start()
+    writer.join(SAY_S)
+
+
+def _tell(word: str, value: Any = None) -> None:
+    try:
+        os.write(STDOUT, messages.line(word, value))
+    except OSError:
+        # the run has ended or hangs, so it cannot receive this line
+        return
+
+
+def _parent() -> int | None:
+    """Return a descriptor that becomes readable when the process of the run ends; None if the system has
+    none."""
+    try:
+        return os.pidfd_open(os.getppid())
+    except OSError:
+        return None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,106 @@
+"""Merge the limits of protocol, rig file and opened devices; for each quantity the narrowest limit
+applies."""
+
+from collections.abc import Iterable
+
+from rig.facts import RigFacts
+from rig.limit_settings import RigLimits
+from rig.limits.stiffness import LoadString
+from rig.limits.table import Bound, Limit, LimitTable
+from rig.protocol.protocol import Protocol
+from rig.protocol.step import ProtocolStep
+
+
+def limit_table(protocol: Protocol, facts: RigFacts, rig: RigLimits, string: LoadString | None) -> LimitTable:
+    """Return the merged limits for a protocol on a rig.
+
+    Parameters
+    ----------
+    protocol : TensionProtocol or RotationProtocol
+    facts : RigFacts
+        The limits of load frame and stage, from the rig file or from the opened devices.
+    rig : RigLimits
+        The table [limits] of the rig file.
+    string : LoadString or None
+        The plausible behaviour of specimen, grips and load frame in a tension test.
+    """
+    both = [("load", "N", "load_max_n"), ("displacement", "mm", "displacement_max_mm")]
+    up = [("speed", "mm/s", "speed_max_mm_s"), ("load rate", "N/s", "load_rate_max_n_s")]
+    limits: list[Limit] = []
+    declared, devices = protocol.conditions.limits, protocol.conditions.devices
+    if declared is not None:
+        for quantity, unit, key in both:
+            limits.append(_both_ways(quantity, unit, getattr(declared, key), f"limits.{key}"))
+            limits.append(_both_ways(quantity, unit, getattr(rig, key), f"the rig's limits.{key}"))
+            limits.append(_up(quantity, unit, getattr(facts, key), f"the rig's load_frame.{key}"))
+        for quantity, unit, key in up:
+            limits.append(_up(quantity, unit, getattr(rig, key), f"the rig's limits.{key}"))
+            limits.append(_up(quantity, unit, getattr(facts, key), f"the rig's load_frame.{key}"))
+        if string is not None:
+            limits += _plausible(string)
+    if "stage" in devices:
+        ends = (
+            ("the rig's limits", rig.angle_min_deg, rig.angle_max_deg),
+            ("the rig's stage", facts.angle_min_deg, facts.angle_max_deg),
+        )
+        for where, least, greatest in ends:
+            limits.append(
+                Limit(
+                    "angle",
+                    "deg",
+                    _bound(least, f"{where}.angle_min_deg"),
+                    _bound(greatest, f"{where}.angle_max_deg"),
+                )
+            )
+    return LimitTable(limits)
+
+
+def table_objections(protocol: Protocol, table: LimitTable) -> list[str]:
+    """Return one sentence for each planned motion that exceeds a limit."""
+    steps = [step for step in protocol.steps() if step.begins]
+    wishes = [(*wish, str(step)) for step in steps for wish in commanded(step)]
+    if "stage" in protocol.conditions.devices:
+        wishes.append(("angle", 0.0, "the reference"))
+    found: dict[str, str] = {}
+    for quantity, value, name in wishes:
+        limit = table.get(quantity)
+        bound = None if limit is None else limit.beyond(value)
+        if limit is not None and bound is not None:
+            found.setdefault(
+                quantity,
+                f"{name} asks for a {quantity} of {value:g} {limit.unit}, but {bound.source} is "
+                f"{bound.value:g}; change one of them",
+            )
+    return list(found.values())
+
+
+def commanded(step: ProtocolStep) -> list[tuple[str, float]]:
+    """Return the quantities that a step commands, with their values."""
+    if step.quantity == "load":
+        return [("load", step.target), ("load rate", step.rate)]
+    if step.quantity == "displacement" and step.kind == "displacement":
+        return [("displacement", step.target), ("speed", step.rate)]
+    return [("angle", step.target)] if step.quantity == "rotation" else []
+
+
+def _plausible(string: LoadString) -> Iterable[Limit]:
+    yield Limit(
+        "stiffness",
+        "N/mm",
+        Bound(string.stiffness_min_n_mm, "plausible: modulus and machine stiffness"),
+        Bound(string.stiffness_max_n_mm, "plausible: modulus and machine stiffness"),
+    )
+    yield _up("speed in increments of load", "mm/s", string.speed_max_mm_s, "plausible.speed_max_mm_s")
+
+
+def _both_ways(quantity: str, unit: str, greatest: float | None, source: str) -> Limit:
+    least = None if greatest is None else -greatest
+    return Limit(quantity, unit, _bound(least, source), _bound(greatest, source))
+
+
+def _up(quantity: str, unit: str, greatest: float | None, source: str) -> Limit:
+    return Limit(quantity, unit, None, _bound(greatest, source))
+
+
+def _bound(value: float | None, source: str) -> Bound | None:
+    return None if value is None else Bound(value, source)

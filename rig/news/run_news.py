@@ -1,0 +1,243 @@
+"""All news of one run: files, the message at its end, and the HTTP interface."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from drivers.clock import SystemClock
+from drivers.interfaces import Frame
+from rig.devices import Rig
+from rig.engine.engine import Engine
+from rig.engine.status import LogEntry, News, Outcome, State, Status
+from rig.news import wording
+from rig.news.bulletin import Bulletin
+from rig.news.files import STALE_ENDING_S, STALE_S, EventFile, Heartbeat, events_path, heartbeat_path
+from rig.news.http_server import TOKEN_VARIABLE, HttpPlace, HttpServer
+from rig.news.message import Messenger, message_of_end, split_command
+from rig.news.wording import About
+from rig.notifying import NewsSettings
+from rig.protocol.step import Reading
+from rig.recorder import RunHeader
+
+_NO_STATUS = Status(State.IDLE, None, 0, 0, None)
+_FILES_S = 2.0
+"""Real time in s for writing the last lines of each news file."""
+
+
+@dataclass(frozen=True)
+class NewsOptions:
+    """Settings of the news of a run from the command line. A setting that is None is taken from the rig file.
+
+    Attributes
+    ----------
+    notify : str or None
+    http : int or None
+        As in `NewsSettings`.
+    say : callable
+        Called with each line about the HTTP interface before the run begins.
+    on_continue : callable
+        Function that is called before a continued run moves anything, with the `Earlier` run and the present
+        reading of the machine.
+    """
+
+    notify: str | None = None
+    http: int | None = None
+    say: Callable[[str], None] = lambda _: None
+    on_continue: Callable[[Any, Reading], None] = lambda earlier, start: None
+
+    def merged(self, settings: NewsSettings) -> NewsSettings:
+        """Return the settings of the rig file, replaced by those options that are not None."""
+        given = {"notify": self.notify, "http": self.http}
+        return settings.model_copy(update={name: value for name, value in given.items() if value is not None})
+
+
+class RunNews:
+    """The news of one run, as a context manager. `add` is the engine's listener for all reports.
+
+    Parameters
+    ----------
+    settings : NewsSettings
+    run_path : Path
+        The run file. The files of news are beside it.
+    say : callable
+        As in `NewsOptions`.
+
+    Raises
+    ------
+    ProtocolError
+        If the command of `notify` is not found, or the HTTP interface cannot be served.
+    RecordingError
+        If a file of news cannot be written.
+    """
+
+    def __init__(self, settings: NewsSettings, run_path: Path, say: Callable[[str], None]) -> None:
+        if settings.notify is not None:
+            split_command(settings.notify)
+        self._settings = settings
+        self._run_path = run_path
+        self._say = say
+        self._place = None if settings.http is None else HttpPlace(settings.http)
+        self._about: About | None = None
+        self._events: EventFile | None = None
+        self._shown: tuple[State, object] | None = None
+        self._told_s = 0.0
+        self._abort_reason: str | None = None
+        self._outcome: Outcome | None = None
+        self._server: HttpServer | None = None
+        self._messenger: Messenger | None = None
+        self._engine: Engine | None = None
+        self._bits: dict[str, int] = {}
+
+    def __enter__(self) -> "RunNews":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        """End the news; after an exception, the run counts as failed."""
+        if self._engine is not None and self._outcome is None:
+            status = self._engine.status
+            reason = "" if error is None else str(error) or type(error).__name__
+            self.end(Outcome("failed", reason, status.steps_done))
+        if self._engine is None:
+            self._forget()
+        if self._place is not None:
+            self._place.close()
+
+    def begin(self, rig: Rig, header: RunHeader, kind: str) -> None:
+        """Open the news files and the HTTP interface; call this method before the run file is created."""
+        about = About(
+            run_id=header.run_id,
+            run_file=str(self._run_path.absolute()),
+            title=header.title,
+            kind=kind,
+            simulated=header.simulated,
+            cameras=tuple(rig.cameras),
+        )
+        self._bits = {name: camera.info.bits for name, camera in rig.cameras.items()}
+        self._about = about
+        self._bulletin = Bulletin(about)
+        self._heartbeat = Heartbeat(heartbeat_path(self._run_path), self._heartbeat_table)
+        self._events = EventFile(events_path(self._run_path), self._bulletin)
+        if self._settings.notify is not None:
+            self._messenger = Messenger(self._settings, about)
+        if self._place is not None:
+            self._serve(self._place, about)
+
+    def connect(self, engine: Engine) -> None:
+        """Begin to publish the news of a run of `engine`."""
+        assert self._about is not None
+        self._engine = engine
+        if self._abort_reason is not None:
+            engine.abort(self._abort_reason)
+        self._told_s = SystemClock().now_s()
+        self._bulletin.add(wording.started(self._about, engine.status.steps_planned))
+        assert self._events is not None
+        self._events.start()
+        self._heartbeat.start()
+        self._heartbeat.beat()
+
+    def add(self, news: News) -> None:
+        """Publish one report of the engine; the engine calls this method on a separate thread."""
+        self._told_s = SystemClock().now_s()
+        if isinstance(news, Status):
+            self._heartbeat.beat()
+            if (news.state, news.step) != self._shown:
+                self._shown = (news.state, news.step)
+                self._bulletin.add(wording.state_changed(news))
+        elif isinstance(news, LogEntry):
+            self._bulletin.add(wording.logged(news))
+        else:
+            self._bulletin.add(wording.step_finished(news))
+
+    def end(self, outcome: Outcome) -> Outcome:
+        """Publish the end of the run; return the outcome with a sentence for each failure in sending news."""
+        assert self._about is not None
+        assert self._engine is not None
+        assert self._events is not None
+        self._outcome = outcome
+        self._bulletin.add(wording.ended(outcome))
+        self._bulletin.close()
+        self._heartbeat.end()
+        failures = self._events.finish(_FILES_S) + self._heartbeat.finish(_FILES_S)
+        if self._server is not None:
+            self._server.stop()
+        told = replace(outcome, lost_listeners=(*outcome.lost_listeners, *failures))
+        if self._messenger is not None:
+            planned = self._engine.status.steps_planned
+            failures = self._messenger.send(message_of_end(self._about, told, planned))
+            told = replace(told, lost_listeners=(*told.lost_listeners, *failures))
+        return told
+
+    def _forget(self) -> None:
+        """Close everything that `begin` has opened, because no run has begun."""
+        if self._server is not None:
+            self._server.stop()
+        if self._messenger is not None:
+            self._messenger.cancel()
+        if self._events is not None:
+            self._events.close()
+
+    def _serve(self, place: HttpPlace, about: About) -> None:
+        # Import only if needed, because the imports are slow. During the run an import would stop all
+        # threads.
+        from rig.news.http_api import RunView
+        from rig.news.thumbnail import Format, thumbnail
+
+        def picture(camera: str, width_px: int, kind: Format) -> bytes | None:
+            images: dict[str, Frame] = {} if self._engine is None else self._engine.newest_images
+            frame = images.get(camera)
+            if frame is None:
+                return None
+            return thumbnail(frame, self._bits[camera], width_px, kind, simulated=about.simulated)
+
+        view = RunView(about, self._bulletin, self._status, picture, self._abort, place.token, place.port)
+        self._server = HttpServer(place, view)
+        self._server.start()
+        self._say(f"{about.mark}HTTP: {place.url}status")
+        self._say(
+            f"to abort: curl -X POST -H 'Authorization: Bearer {place.token}' {place.url}abort "
+            f"(another token: {TOKEN_VARIABLE})"
+        )
+
+    def _status(self) -> dict[str, Any]:
+        """Return the present status for the HTTP interface, from any thread."""
+        assert self._about is not None
+        engine = self._engine
+        return {
+            **wording.status_table(_NO_STATUS if engine is None else engine.status),
+            "title": self._about.title,
+            "kind": self._about.kind,
+            "run_file": self._about.run_file,
+            "cameras": list(self._about.cameras),
+            "waiting_for_operator": engine is not None and engine.waiting_for_operator,
+            "abort_requested": self._abort_reason,
+            "age_s": round(SystemClock().now_s() - self._told_s, 3),
+            "last_event": self._bulletin.last,
+            "outcome": None if self._outcome is None else wording.ended(self._outcome),
+        }
+
+    def _heartbeat_table(self) -> dict[str, Any]:
+        assert self._engine is not None
+        assert self._about is not None
+        status = self._engine.status
+        ended = self._outcome is not None
+        return {
+            **wording.head(self._about),
+            "run_file": self._about.run_file,
+            "state": status.state.value,
+            "step": wording.step_table(status.step),
+            "steps_done": status.steps_done,
+            "steps_planned": status.steps_planned,
+            "ended": ended,
+            "status": self._outcome.status if self._outcome is not None else None,
+            "stale_after_s": None if ended else STALE_ENDING_S if status.state.ending else STALE_S,
+            "http": None if self._place is None else self._place.url,
+        }
+
+    def _abort(self, reason: str) -> None:
+        self._abort_reason = self._abort_reason or reason
+        if self._engine is not None:
+            self._engine.abort(reason)

@@ -1,0 +1,123 @@
+"""The news of a run as JSON objects. docs/news.md describes every key."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from rig.engine.status import LogEntry, Outcome, Status
+from rig.protocol.step import ProtocolStep, Reading
+from rig.recorder import StepRecord
+
+VERSION = 1
+"""Version of the events, the heartbeat and the HTTP interface. New keys do not change the version."""
+
+
+@dataclass(frozen=True)
+class About:
+    """The data about a run that stay the same during the run.
+
+    Attributes
+    ----------
+    run_id, run_file, title, kind : str
+        Identity of the run, path of the run file, title and kind of the protocol.
+    simulated : bool
+    cameras : tuple of str
+    """
+
+    run_id: str
+    run_file: str
+    title: str
+    kind: str
+    simulated: bool
+    cameras: tuple[str, ...]
+
+    @property
+    def mark(self) -> str:
+        """The word SIMULATED for messages about a simulated run, otherwise an empty text."""
+        return "SIMULATED " if self.simulated else ""
+
+
+def head(about: About) -> dict[str, Any]:
+    """Return the keys that every object begins with."""
+    return {"v": VERSION, "run": about.run_id, "simulated": about.simulated}
+
+
+def step_table(step: ProtocolStep | None) -> dict[str, Any] | None:
+    """Return a step of the protocol as a JSON object."""
+    if step is None:
+        return None
+    return {"index": step.index, "kind": step.kind, "target": number(step.target), "text": str(step)}
+
+
+def reading_table(reading: Reading | None) -> dict[str, Any] | None:
+    """Return a reading; a value that no device measures is null."""
+    if reading is None:
+        return None
+    return {
+        "time_s": reading.time_s,
+        "load_n": number(reading.load_n),
+        "displacement_mm": number(reading.displacement_mm),
+        "angle_deg": number(reading.angle_deg),
+        "moving": reading.moving,
+    }
+
+
+def status_table(status: Status) -> dict[str, Any]:
+    """Return a status of the run as a JSON object."""
+    return {
+        "state": status.state.value,
+        "step": step_table(status.step),
+        "steps_done": status.steps_done,
+        "steps_planned": status.steps_planned,
+        "reading": reading_table(status.reading),
+    }
+
+
+def started(about: About, steps_planned: int) -> dict[str, Any]:
+    """Return the event ``started`` of a run."""
+    return {
+        "event": "started",
+        "title": about.title,
+        "kind": about.kind,
+        "run_file": about.run_file,
+        "cameras": list(about.cameras),
+        "steps_planned": steps_planned,
+    }
+
+
+def state_changed(status: Status) -> dict[str, Any]:
+    """Return the event ``state``, for a new state of the engine or a new step."""
+    return {"event": "state", **status_table(status)}
+
+
+def step_finished(record: StepRecord) -> dict[str, Any]:
+    """Return the event ``step``, for a step that was written into the run file."""
+    return {
+        "event": "step",
+        "step": step_table(record.step),
+        "reading": reading_table(record.reading),
+        "images": {name: {"first_row": row, "count": count} for name, (row, count) in record.frames.items()},
+    }
+
+
+def logged(entry: LogEntry) -> dict[str, Any]:
+    """Return the event ``log``, for a log entry of the engine."""
+    return {"event": "log", "time_s": entry.time_s, "level": entry.level, "message": entry.message}
+
+
+def ended(outcome: Outcome) -> dict[str, Any]:
+    """Return the event ``ended``, which is the last event of a run."""
+    return {
+        "event": "ended",
+        "status": outcome.status,
+        "reason": outcome.reason,
+        "steps_done": outcome.steps_done,
+        "unsafe": list(outcome.unsafe),
+        "lost_devices": list(outcome.lost_devices),
+        "lost_listeners": list(outcome.lost_listeners),
+    }
+
+
+def number(value: float) -> float | None:
+    """Return a number that JSON can express; NaN and infinite values give None."""
+    return value if math.isfinite(value) else None

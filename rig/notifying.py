@@ -1,0 +1,23 @@
+"""Settings of the news of a run: the table ``[news]`` of a rig file."""
+
+from pydantic import Field
+
+from drivers.settings import Settings
+
+
+class NewsSettings(Settings):
+    """The message at the end of a run, and the HTTP interface; the two news files are always written.
+
+    Attributes
+    ----------
+    notify : str or None
+        Command that is called once at the end of a run, with the message on its standard input.
+    notify_timeout_s : float
+        Longest time for that command.
+    http : int or None
+        Port on this computer at which the HTTP interface answers during a run; 0 for any free port.
+    """
+
+    notify: str | None = Field(default=None, min_length=1, max_length=4000)
+    notify_timeout_s: float = Field(default=30.0, gt=0.0, le=600.0)
+    http: int | None = Field(default=None, ge=0, le=65535)

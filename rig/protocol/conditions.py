@@ -1,0 +1,127 @@
+"""The requirements of a protocol for the rig: devices, setting readings to zero, and allowed values."""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from rig.protocol.step import Reading
+from rig.protocol.tables import Limits
+
+TARE_PER_INCREMENT = 0.1
+"""Fraction of a load increment that the specimen may carry unnoticed, because `tare` set this load to
+zero."""
+
+DeviceName: TypeAlias = Literal["load_frame", "stage"]
+
+
+@dataclass(frozen=True)
+class Zeroing:
+    """Conditions for setting load and displacement to zero before the reference images.
+
+    Attributes
+    ----------
+    tare_max_n : float
+        Highest load in N that may be set to zero.
+    key : str
+        The key of `tare_max_n` in the protocol file.
+    load_tolerance_n, displacement_tolerance_mm : float
+        Largest readings after they were set to zero.
+    """
+
+    tare_max_n: float
+    key: str
+    load_tolerance_n: float
+    displacement_tolerance_mm: float
+
+    def is_zero(self, reading: Reading) -> bool:
+        """Return True if load and displacement are within their tolerances of zero."""
+        return (
+            abs(reading.load_n) <= self.load_tolerance_n
+            and abs(reading.displacement_mm) <= self.displacement_tolerance_mm
+        )
+
+
+@dataclass(frozen=True)
+class Demand:
+    """A value of the protocol that the rig's limits must allow.
+
+    Attributes
+    ----------
+    key : str
+        The key in the protocol file.
+    value : float
+    fact : str
+        Name of the rig's limit for this value, an attribute of `rig.facts.RigFacts`.
+    unit : str
+    is_lowest : bool
+        True if the rig's limit is a lower limit; False if it is an upper limit.
+    """
+
+    key: str
+    value: float
+    fact: str
+    unit: str
+    is_lowest: bool = False
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A turn of the stage within one step, which must end within `settle.timeout_s`."""
+
+    key: str
+    travel_deg: float
+
+
+@dataclass(frozen=True)
+class Pull:
+    """What a protocol tells about the loads of the test, for the agreement of load and displacement.
+
+    Attributes
+    ----------
+    increment_n : float
+        An increment of load. On the first loading the specimen is elastic up to this load.
+    rate_n_s : float or None
+        Highest rate of loading; None if no load is commanded.
+    assured_n : float
+        Load that the specimen carries in every test that ends as planned.
+    elastic_n : float
+        Load up to which the specimen is not expected to yield.
+    may_drop : bool
+        True if the protocol waits for a fall of the load while a load is approached.
+    """
+
+    increment_n: float
+    rate_n_s: float | None
+    assured_n: float
+    elastic_n: float = 0.0
+    may_drop: bool = False
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """The requirements of a protocol for the rig.
+
+    Attributes
+    ----------
+    devices : frozenset of str
+        The devices that the protocol moves.
+    limits : Limits or None
+        The limits of load and displacement; None without a load frame.
+    carried_n : float
+        Load in N that the specimen must have carried before a drop in load counts as a break.
+    zeroing : Zeroing or None
+    pull : Pull or None
+        The loads of the test; None without a load frame.
+    zero_tolerance_deg : float or None
+        Tolerance of the stage at 0 degrees before the images of the grid; None if the stage does not move.
+    demands : tuple of Demand
+    turns : tuple of Turn
+    """
+
+    devices: frozenset[DeviceName]
+    limits: Limits | None = None
+    carried_n: float = 0.0
+    zeroing: Zeroing | None = None
+    pull: Pull | None = None
+    zero_tolerance_deg: float | None = None
+    demands: tuple[Demand, ...] = ()
+    turns: tuple[Turn, ...] = ()

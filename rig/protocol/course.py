@@ -1,0 +1,176 @@
+"""The course of a test: parts that list their possible steps for the plan and execute them in the run.
+
+Every protocol is compiled to a course, and the engine executes the steps of this course.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+from rig.errors import ProtocolError
+from rig.protocol.step import Execute, ProtocolStep, Quantity, Reading
+
+
+@dataclass(frozen=True)
+class Span:
+    """The range of values that load, displacement or angle can have before a part of the course. `low` equals
+    `high` if the value was commanded."""
+
+    low: float
+    high: float
+
+    @property
+    def is_known(self) -> bool:
+        """True if the value is known, because it was commanded."""
+        return self.low == self.high
+
+    def farther(self, target: float) -> float:
+        """Return the end of the range that is farther from a target; the lower end if the distances are
+        equal."""
+        return self.low if abs(target - self.low) >= abs(target - self.high) else self.high
+
+
+@dataclass(frozen=True)
+class Place:
+    """The possible positions of the devices before a part of the course.
+
+    Attributes
+    ----------
+    spans : mapping of str to Span
+        The range of possible values for each quantity.
+    load_max_n, displacement_max_mm : float
+        The limits of load and displacement; an unknown value lies between them.
+    """
+
+    load: Span = Span(0.0, 0.0)
+    displacement: Span = Span(0.0, 0.0)
+    rotation: Span = Span(0.0, 0.0)
+    load_max_n: float = 0.0
+    displacement_max_mm: float = 0.0
+
+    def of(self, quantity: Quantity) -> Span:
+        """Return the range of possible values of a quantity."""
+        return {"load": self.load, "displacement": self.displacement, "rotation": self.rotation}[quantity]
+
+    def after(self, quantity: Quantity, value: float, *, early: bool = False) -> "Place":
+        """Return the place after a motion to `value`; if the motion can end early, any value on the way is
+        possible."""
+        before = self.of(quantity)
+        span = Span(min(before.low, value), max(before.high, value)) if early else Span(value, value)
+        if quantity == "rotation":
+            return replace(self, rotation=span)
+        if quantity == "load":
+            return replace(self, load=span, displacement=Span(0.0, self.displacement_max_mm))
+        return replace(self, displacement=span, load=Span(0.0, self.load_max_n))
+
+
+class Part(Protocol):
+    """Interface of a part of a course, such as the motion to a load. Its largest number of steps is known."""
+
+    def steps(self, index: int, place: Place) -> list[ProtocolStep]:
+        """Return all steps that this part may need; the first step has the number `index`."""
+
+    def follow(self, index: int, place: Place, reading: Reading | None, execute: Execute) -> Reading:
+        """Execute the steps that are needed according to the readings, and return the last reading."""
+
+    def end(self, place: Place) -> Place:
+        """Return the possible positions of the devices after this part."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """The parts of a test in their order.
+
+    Attributes
+    ----------
+    parts : tuple of Part
+    start : Place
+    """
+
+    parts: tuple[Part, ...]
+    start: Place
+
+    def steps(self) -> list[ProtocolStep]:
+        """Return the steps of the longest possible test."""
+        return [step for _, _, _, steps in self._walk() for step in steps]
+
+    def follow(self, execute: Execute) -> None:
+        """Call `execute` for each step in turn. The settled readings decide how many steps are executed.
+
+        Raises
+        ------
+        ProtocolError
+            If a phase reaches its target, but the event that should end it never happened.
+        """
+        reading: Reading | None = None
+        for part, index, place, steps in self._walk():
+            last = index + len(steps)
+
+            def execute_planned(step: ProtocolStep, last: int = last) -> Reading:
+                if step.index >= last:
+                    raise ProtocolError(
+                        str(step),
+                        f"at most the {last} steps of the plan up to this phase",
+                        "more increments than from zero to the target",
+                        "zero the load frame with the specimen at rest, then start the protocol again",
+                    )
+                return execute(step)
+
+            reading = part.follow(index, place, reading, execute_planned)
+
+    def _walk(self) -> Iterator[tuple[Part, int, Place, list[ProtocolStep]]]:
+        index, place = 0, self.start
+        for part in self.parts:
+            steps = part.steps(index, place)
+            yield part, index, place, steps
+            index, place = index + len(steps), part.end(place)
+
+
+def increments(
+    start: float, total: float, increment: float, tolerance: float, *, down: bool = False
+) -> list[float]:
+    """Return the targets from `start` in equal increments; the last target is `total` itself.
+
+    A remainder up to `tolerance` is added to the last increment. There is no target if `start` is already
+    beyond `total`.
+
+    Examples
+    --------
+    >>> increments(4.2, 5.0, 0.3, 0.002)
+    [4.5, 4.8, 5.0]
+    >>> increments(3.0, 1.0, 1.0, 0.1, down=True)
+    [2.0, 1.0]
+    """
+    sign = -1.0 if down else 1.0
+    count = math.ceil((sign * (total - start) - tolerance) / increment)
+    return [start + i * sign * increment for i in range(1, count)] + ([total] if count > 0 else [])
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """The first part of every course: images of the grid, and reference images, with or without a preload.
+
+    Attributes
+    ----------
+    reference : ProtocolStep
+        The step of the reference images; its index is replaced.
+    """
+
+    reference: ProtocolStep = field(default_factory=lambda: ProtocolStep(1, "reference"))
+
+    def steps(self, index: int, _: Place) -> list[ProtocolStep]:
+        """Return the step of the grid images and the step of the reference images."""
+        return [ProtocolStep(index, "grid"), replace(self.reference, index=index + 1)]
+
+    def follow(self, index: int, place: Place, _: Reading | None, execute: Execute) -> Reading:
+        """Execute the step of the grid images and the step of the reference images."""
+        grid, reference = self.steps(index, place)
+        execute(grid)
+        return execute(reference)
+
+    def end(self, place: Place) -> Place:
+        """Return the position of the devices under the preload."""
+        if self.reference.quantity is None:
+            return place
+        return place.after("load", self.reference.target)

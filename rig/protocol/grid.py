@@ -1,0 +1,84 @@
+"""The table `[grid]` of a protocol: the calibration target that the operator attaches to the specimen."""
+
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from drivers.settings import Settings
+
+
+class Grid(Settings):
+    """The calibration grid of lines. The default is the paper's grid, 10 mm x 10 mm."""
+
+    target: Literal["lines"] = "lines"
+    lines_x: int = Field(default=21, ge=4, le=1000, description="number of lines crossed on a path along X")
+    lines_y: int = Field(default=21, ge=4, le=1000, description="number of lines crossed on a path along Y")
+    pitch_mm: float = Field(default=0.5, gt=0.0, description="distance between neighbouring lines")
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Number of lines, squares or dots of the calibration target along X and along Y."""
+        return self.lines_x, self.lines_y
+
+
+class CheckerboardGrid(Settings):
+    """A checkerboard of dark and bright squares."""
+
+    target: Literal["checkerboard"]
+    squares_x: int = Field(ge=5, le=1000, description="number of whole squares along X")
+    squares_y: int = Field(ge=5, le=1000, description="number of whole squares along Y")
+    pitch_mm: float = Field(gt=0.0, description="length of the side of a square")
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Number of lines, squares or dots of the calibration target along X and along Y."""
+        return self.squares_x, self.squares_y
+
+
+class CharucoGrid(CheckerboardGrid):
+    """A checkerboard with ArUco markers in its bright squares."""
+
+    target: Literal["charuco"]  # type: ignore[assignment]
+    marker_mm: float = Field(gt=0.0, description="length of the side of a marker")
+    dictionary: str = Field(default="DICT_5X5_100", pattern=r"^DICT_[A-Z0-9_]+$")
+
+    @model_validator(mode="after")
+    def _markers_fit(self) -> "CharucoGrid":
+        if self.marker_mm >= self.pitch_mm:
+            raise ValueError(f"marker_mm must be below pitch_mm, {self.pitch_mm:g}, got {self.marker_mm:g}")
+        return self
+
+
+class DotGrid(Settings):
+    """Round dots on a square lattice."""
+
+    target: Literal["dots"]
+    dots_x: int = Field(ge=5, le=1000, description="number of dots along X")
+    dots_y: int = Field(ge=5, le=1000, description="number of dots along Y")
+    pitch_mm: float = Field(gt=0.0, description="distance between the centres of neighbouring dots")
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Number of lines, squares or dots of the calibration target along X and along Y."""
+        return self.dots_x, self.dots_y
+
+
+AnyGrid: TypeAlias = Grid | CheckerboardGrid | CharucoGrid | DotGrid
+
+
+def _target(table: Any) -> Any:
+    # A table without the key `target` is a line grid, as in all protocols of earlier programs.
+    return table.get("target", "lines") if isinstance(table, dict) else getattr(table, "target", None)
+
+
+GridTable: TypeAlias = Annotated[
+    Annotated[Grid, Tag("lines")]
+    | Annotated[CheckerboardGrid, Tag("checkerboard")]
+    | Annotated[CharucoGrid, Tag("charuco")]
+    | Annotated[DotGrid, Tag("dots")],
+    Discriminator(
+        _target,
+        custom_error_type="unknown_target",
+        custom_error_message="target: 'lines', 'checkerboard', 'charuco' or 'dots' is expected",
+    ),
+]

@@ -1,0 +1,34 @@
+"""Settings for the images of each step, and the limits for the checks of every image."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from drivers.settings import Settings
+
+
+class Images(Settings):
+    """The images that each camera takes per step, and the checks of each image.
+
+    With the default limits only gross failures are reported, such as a failed lamp or a lens out of focus.
+    The light, the sharpness and the blur of an image are compared with the image of the reference step.
+    """
+
+    per_step: int = Field(default=1, ge=1, le=1000)
+    timeout_s: float = Field(default=5.0, gt=0.0, le=60.0)
+    attempts: int = Field(default=3, ge=1, le=20, description="images taken until one of them passes")
+    on_bad_image: Literal["stop", "keep"] = Field(
+        default="keep", description="what follows if no image of a camera passed its checks"
+    )
+    saturated_max: float = Field(default=0.05, ge=0.0, le=1.0, description="fraction of saturated pixels")
+    light_change_max: float = Field(
+        default=0.3, gt=0.0, le=100.0, description="change of the mean grey level, as a fraction"
+    )
+    sharpness_min: float = Field(default=0.6, ge=0.0, le=1.0, description="fraction of the first sharpness")
+    blur_ratio_max: float = Field(
+        default=1.5, gt=1.0, le=100.0, description="change of sharpness in x divided by sharpness in y"
+    )
+    skew_max_s: float = Field(default=5.0, gt=0.0, le=3600.0, description="between images of all cameras")
+    camera_return_s: float = Field(
+        default=60.0, ge=0.0, le=3600.0, description="wait for the return of a camera that dropped out"
+    )

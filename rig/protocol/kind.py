@@ -1,0 +1,19 @@
+"""The key `kind`, which names the form of a protocol file."""
+
+from typing import Annotated, TypeAlias, TypeVar
+
+from pydantic import BeforeValidator
+
+KINDS = ("tension", "rotation", "phases")
+
+T = TypeVar("T")
+
+
+def _known_kind(kind: object) -> object:
+    # Without this function, the error message would name only one of the valid kinds.
+    if kind not in KINDS:
+        raise ValueError("'tension', 'rotation' or 'phases' is expected")
+    return kind
+
+
+KnownKind: TypeAlias = Annotated[T, BeforeValidator(_known_kind)]

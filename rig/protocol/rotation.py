@@ -1,0 +1,71 @@
+"""The rotation protocol of the paper: rigid rotation of the specimen in increments."""
+
+import math
+from functools import cached_property
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from drivers.settings import Settings
+from rig.protocol.conditions import Conditions, Demand, Turn
+from rig.protocol.course import Beginning, Course, Place
+from rig.protocol.grid import Grid, GridTable
+from rig.protocol.images import Images
+from rig.protocol.kind import KnownKind
+from rig.protocol.parts import Approach, Move
+from rig.protocol.step import Execute, ProtocolStep
+from rig.protocol.tables import RotationSettle, Sample, too_fine
+
+
+class Rotation(Settings):
+    """Settings for the increments of angle from the reference at 0 degrees to a total.
+
+    The last increment is smaller if the total is not a multiple of the increment.
+    """
+
+    increment_deg: float = Field(gt=0.0)
+    total_deg: float = Field(gt=0.0)
+
+
+class RotationProtocol(Settings):
+    """Protocol of a rotation test: rigid rotation of the specimen in increments."""
+
+    kind: KnownKind[Literal["rotation"]]
+    title: str = Field(min_length=1, max_length=200)
+    sample: Sample
+    rotation: Rotation
+    settle: RotationSettle
+    grid: GridTable = Grid()
+    images: Images = Images()
+
+    @model_validator(mode="after")
+    def _agrees_with_itself(self) -> "RotationProtocol":
+        tolerance_deg = self.settle.angle_tolerance_deg
+        if mistakes := too_fine("rotation.increment_deg", self.rotation.increment_deg, tolerance_deg):
+            raise ValueError("; ".join(mistakes))
+        return self
+
+    @cached_property
+    def course(self) -> Course:
+        """The course of the test: grid and reference images, then a turn to an angle in increments."""
+        turn = Move("rotation", math.nan, self.settle.angle_tolerance_deg, is_timed=False)
+        approach = Approach(turn, self.rotation.total_deg, self.rotation.increment_deg)
+        return Course((Beginning(), approach), Place())
+
+    def steps(self) -> list[ProtocolStep]:
+        """Return all steps of the test, which do not depend on the behaviour of the specimen."""
+        return self.course.steps()
+
+    def follow(self, execute: Execute) -> None:
+        """Call `execute` for each step in turn."""
+        self.course.follow(execute)
+
+    @property
+    def conditions(self) -> Conditions:
+        """The requirements of the protocol for the rig."""
+        return Conditions(
+            devices=frozenset({"stage"}),
+            zero_tolerance_deg=self.settle.angle_tolerance_deg,
+            demands=(Demand("rotation.total_deg", self.rotation.total_deg, "angle_max_deg", "deg"),),
+            turns=(Turn("a step", self.rotation.increment_deg),),
+        )

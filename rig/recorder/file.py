@@ -1,0 +1,209 @@
+"""The run file during recording: tables, disk space, synchronisation, closing and the file's digest."""
+
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import h5py
+
+from dic.runfile import lock, schema
+from dic.runfile.chunks import pixel_places
+from dic.runfile.digests import BLOCK_BYTES, UserBlock, file_digest
+from dic.runfile.superblock import SUPERBLOCK_BYTES, mark_closed
+from drivers.interfaces import CameraInfo, DeviceInfo, Frame
+from rig.recorder.records import RunHeader, StepRecord
+from rig.recorder.space import ReservedSpace
+from rig.recorder.tables import CameraTable, Table, create_entry, create_group, create_text, fit
+
+ROW_BYTES = 256 << 10
+"""Upper bound of the file's growth by one row of any table: new chunks of all columns, and HDF5's index of
+them."""
+
+_CACHE_BYTES = 64 << 10
+"""Size of HDF5's cache of each column. The default of 1 MiB would fill up slowly during a long run."""
+_NEVER_RELEASED: list[Any] = []
+"""HDF5 files that could not be closed. This list keeps them, because h5py may crash when it releases such a
+file."""
+
+
+class OpenRunFile:
+    """A new run file; only one thread may use it at a time.
+
+    Every method raises OSError or RuntimeError if the file cannot be written. After such an error of a method
+    other than `require_space`, call `abandon`.
+
+    Parameters
+    ----------
+    path : Path
+        The new file. An existing file is never overwritten.
+    header : RunHeader
+    cameras : mapping of str to CameraInfo
+    devices : mapping of str to DeviceInfo
+        The identities of ``stage`` and ``load_frame``, as far as the rig has them.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        header: RunHeader,
+        cameras: Mapping[str, CameraInfo],
+        devices: Mapping[str, DeviceInfo],
+    ) -> None:
+        self._path = path
+        # Mode "x" raises an error for an existing file and never overwrites that file.
+        self._hdf5 = h5py.File(
+            path, "x", libver="latest", userblock_size=BLOCK_BYTES, rdcc_nbytes=_CACHE_BYTES
+        )
+        self._descriptor = os.open(path, os.O_RDWR)
+        with suppress(OSError):  # this file system has no locks
+            lock.hold(self._descriptor)
+        try:
+            self._space = ReservedSpace(self._descriptor)
+            texts = [header.definition, header.configuration, header.provenance, *header.devices.values()]
+            self.require_space(len("".join(texts).encode()) + (len(cameras) + 4) * ROW_BYTES)
+            self._create(header, cameras, devices)
+            _synchronise_folder(path.parent)
+        except BaseException:
+            self.abandon()
+            with suppress(OSError):
+                path.unlink()
+            raise
+
+    def _create(
+        self, header: RunHeader, cameras: Mapping[str, CameraInfo], devices: Mapping[str, DeviceInfo]
+    ) -> None:
+        self._entry = create_entry(self._hdf5, header)
+        instrument = create_group(self._entry, "instrument", schema.INSTRUMENT)
+        self._cameras = {name: CameraTable(instrument, name, info) for name, info in cameras.items()}
+        layouts = {"stage": schema.STAGE, "load_frame": schema.LOAD_FRAME}
+        self._states = {
+            name: Table(create_group(instrument, name, layouts[name], info), layouts[name])
+            for name, info in devices.items()
+        }
+        for name in (*self._cameras, *self._states):
+            create_text(instrument[name], schema.SETTINGS, header.devices.get(name, "{}"))
+        steps = schema.steps(cameras)
+        self._steps = Table(create_group(self._entry, "steps", steps), steps)
+        self._events = Table(create_group(self._entry, "events", schema.EVENTS), schema.EVENTS)
+        # Readers in SWMR mode (single writer, multiple readers) cannot see datasets that are created
+        # later, so all datasets must exist before SWMR mode is switched on.
+        self._hdf5.swmr_mode = True
+        self._hdf5.flush()
+        # The flush has shortened the file to its data, so the reserved space behind them must be reserved
+        # again.
+        self._space = ReservedSpace(self._descriptor)
+        self.require_space(0)
+        self._superblock = os.pread(self._descriptor, SUPERBLOCK_BYTES, BLOCK_BYTES)
+        self._write_block(UserBlock(self._superblock))
+        self.synchronise()
+
+    def require_space(self, size: int) -> None:
+        """Reserve disk space for `size` more bytes and for closing the file; OSError if the space is not
+        available."""
+        self._space.require(self._hdf5.id.get_filesize(), size)
+
+    def add_frame(self, camera: str, frame: Frame, step: int, digest: str, order: int) -> None:
+        """Add an image to its camera's table; `step` is the row of the step that the image belongs to."""
+        self._cameras[camera].append(frame, step, digest, order)
+
+    def add_state(self, device: str, values: Mapping[str, float]) -> None:
+        """Add a reading of the stage or of the load frame."""
+        self._states[device].append(**values)
+
+    def add_step(self, record: StepRecord, order: int) -> None:
+        """Add a finished step; its images must have been added before."""
+        firsts = {schema.first_row(name): first for name, (first, _) in record.frames.items()}
+        counts = {schema.row_count(name): count for name, (_, count) in record.frames.items()}
+        self._steps.append(
+            index=record.step.index,
+            kind=record.step.kind,
+            target=record.step.target,
+            load_n=record.reading.load_n,
+            displacement_mm=record.reading.displacement_mm,
+            angle_deg=record.reading.angle_deg,
+            time_s=record.reading.time_s,
+            **firsts,
+            **counts,
+            order=order,
+            complete=1,
+        )
+
+    def add_event(self, time_s: float, level: schema.Level, source: str, message: str, order: int) -> None:
+        """Add an event to the table of events."""
+        self._events.append(level=level, source=source, message=message, order=order, time_s=time_s)
+
+    def commit(self) -> None:
+        """Write all added rows: pixels before the rows that mark them as valid, images before their step."""
+        for camera in self._cameras.values():
+            camera.write()
+            camera.table.acknowledge()
+        for table in (*self._states.values(), self._steps, self._events):
+            table.write()
+            table.acknowledge()
+
+    def synchronise(self) -> None:
+        """Synchronise the file with the disk (`fsync`)."""
+        os.fsync(self._descriptor)
+
+    def close(self, status: schema.RunStatus, reason: str, end: datetime) -> None:
+        """Write the status of the run, close the file, write the file's digest, and make the file
+        read-only."""
+        if not self._hdf5:
+            return
+        # Write the status last, so that a file with the status "completed" is complete.
+        for name, text in (("status_reason", reason), ("end_time", end.isoformat()), ("status", status)):
+            dataset = self._entry[name]
+            dataset[()] = fit(text, dataset.dtype.itemsize)
+            dataset.flush()
+        pixels = [place for camera in self._cameras.values() for place in pixel_places(camera.data).values()]
+        self.synchronise()
+        self._hdf5.close()
+        self._space.release(self._path.stat().st_size)
+        self._write_block(UserBlock(self._superblock, file_digest(self._path, pixels)))
+        self.synchronise()
+        with suppress(PermissionError):  # this file system has no permissions, for example FAT
+            os.fchmod(self._descriptor, self._path.stat().st_mode & ~0o222)
+        self._release_descriptor()
+        _synchronise_folder(self._path.parent)
+
+    def abandon(self) -> None:
+        """Release a file that cannot be written any more; data that are already on the disk stay there.
+
+        HDF5 writes when it closes a file, and h5py may crash when it releases a file whose close failed. So
+        HDF5's file descriptor is first replaced by one of a file in memory, where these last writes succeed
+        and have no effect. Then the file is marked as closed, so that every program can open it.
+        """
+        if self._hdf5:
+            try:
+                memory = os.memfd_create("abandoned run file")
+                os.dup2(memory, self._hdf5.id.get_vfd_handle())
+                os.close(memory)
+                self._hdf5.close()
+            except (OSError, RuntimeError, ValueError):
+                _NEVER_RELEASED.append(self.__dict__.copy())
+        with suppress(OSError, ValueError):
+            mark_closed(self._path)
+        with suppress(OSError):
+            self._release_descriptor()
+
+    def _write_block(self, block: UserBlock) -> None:
+        os.pwrite(self._descriptor, block.to_bytes(), 0)
+
+    def _release_descriptor(self) -> None:
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+
+def _synchronise_folder(folder: Path) -> None:
+    """Synchronise `folder` with the disk, so that a new file in it still exists after a power failure."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    except OSError:  # some network file systems cannot synchronise a folder
+        pass
+    finally:
+        os.close(descriptor)

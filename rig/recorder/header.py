@@ -1,0 +1,87 @@
+"""Data about a run that are known before it begins: protocol, rig file, versions, computer, devices."""
+
+import hashlib
+import json
+import os
+import platform
+import shlex
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
+from importlib.metadata import version
+from typing import Any
+
+import h5py
+
+from rig.devices import Rig
+from rig.protocol.protocol import Protocol
+from rig.recorder.records import RunHeader
+from rig.rigfile import DeviceEntry, RigFile
+
+_PACKAGES = ("offaxis", "numpy", "h5py", "pydantic")
+
+
+def make_header(
+    protocol: Protocol, definition: str, rig_file: RigFile, rig: Rig, continues: str = ""
+) -> RunHeader:
+    """Collect the data about a run on an opened rig; `definition` is the text of the protocol file."""
+    start = rig.clock.utc()
+    digest = hashlib.sha256((definition + rig_file.text).encode()).hexdigest()
+    return RunHeader(
+        title=protocol.title,
+        run_id=f"{start:%Y%m%dT%H%M%SZ}-{digest[:8]}",
+        definition=definition,
+        configuration=rig_file.text,
+        start=start,
+        versions=_versions(),
+        sample=protocol.sample,
+        grid=protocol.grid,
+        simulated=rig.simulated,
+        provenance=_json(_provenance()),
+        continues=continues,
+        devices=_devices(rig_file, rig),
+    )
+
+
+def _devices(rig_file: RigFile, rig: Rig) -> dict[str, str]:
+    opened: dict[str, tuple[DeviceEntry | None, Any]] = {
+        name: (rig_file.cameras.get(name), camera) for name, camera in rig.cameras.items()
+    }
+    if rig.stage is not None:
+        opened["stage"] = rig_file.stage, rig.stage
+    if rig.load_frame is not None:
+        opened["load_frame"] = rig_file.load_frame, rig.load_frame
+    return {name: _json(_device(*found)) for name, found in opened.items()}
+
+
+def _device(entry: DeviceEntry | None, device: Any) -> dict[str, Any]:
+    """Return a device's driver, its settings from the rig file, and the settings that the device reports."""
+    reported: dict[str, Any] = {}
+    if is_dataclass(limits := getattr(device, "limits", None)) and not isinstance(limits, type):
+        reported["limits"] = asdict(limits)
+    # A driver may have this method; see docs/drivers.md.
+    if callable(read_settings := getattr(device, "read_settings", None)):
+        reported.update(read_settings())
+    asked = {} if entry is None else entry.settings.model_dump(mode="json")
+    return {"driver": "" if entry is None else entry.driver, "asked": asked, "reported": reported}
+
+
+def _provenance() -> dict[str, Any]:
+    return {
+        "command": shlex.join(sys.argv),
+        "folder": os.getcwd(),  # noqa: PTH109
+        "host": platform.node(),
+        "system": platform.platform(),
+        "processors": os.cpu_count(),
+        "process": os.getpid(),
+    }
+
+
+def _versions() -> str:
+    packages = {name: version(name) for name in _PACKAGES}
+    programs = {"python": platform.python_version(), "hdf5": h5py.version.hdf5_version}
+    return "\n".join(f"{name} {number}" for name, number in (packages | programs).items())
+
+
+def _json(table: Mapping[str, Any]) -> str:
+    return json.dumps(table, ensure_ascii=False, default=str, indent=1)

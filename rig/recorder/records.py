@@ -1,0 +1,56 @@
+"""Records for the run file: the data about a run, and its finished steps."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+
+from rig.protocol.grid import AnyGrid
+from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.tables import Sample
+
+OPERATOR_DONE = "operator: done"
+STEP_ON_FILE = "the step is on file"
+"""Messages of events that end a wait during which the devices were read; a replay ends its waits there
+too."""
+
+
+@dataclass(frozen=True)
+class RunHeader:
+    """Data about a run that are known before the run begins.
+
+    Attributes
+    ----------
+    definition, configuration : str
+        The text of the protocol file and the text of the rig file.
+    provenance : str
+        The command line, the folder, the computer and the process of the program, as JSON.
+    devices : mapping of str to str
+        For each device of the run file (a camera's name, ``stage``, ``load_frame``) its settings, as JSON.
+    continues : str
+        The earlier run that this run continues, as JSON; empty if there is no earlier run.
+    """
+
+    title: str
+    run_id: str
+    definition: str
+    configuration: str
+    start: datetime
+    versions: str
+    sample: Sample
+    grid: AnyGrid
+    simulated: bool
+    provenance: str = "{}"
+    devices: Mapping[str, str] = field(default_factory=dict)
+    continues: str = ""
+
+
+@dataclass(frozen=True)
+class StepRecord:
+    """A finished step, its settled reading and its images.
+
+    `frames` gives for each camera the row of the step's first image in the run file and the number of images.
+    """
+
+    step: ProtocolStep
+    reading: Reading
+    frames: Mapping[str, tuple[int, int]]

@@ -1,0 +1,168 @@
+"""Create and fill the HDF5 groups, datasets and tables of a run file; `dic.runfile.schema` describes them."""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import h5py
+import numpy as np
+
+from dic.runfile import schema
+from drivers.interfaces import CameraInfo, Frame
+from rig.recorder.records import RunHeader
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+class Table:
+    """A table of the run file: an HDF5 group with one dataset for each column."""
+
+    def __init__(self, group: Any, layout: schema.Group) -> None:
+        self._length = 0
+        self._rows: list[Mapping[str, Any]] = []
+        *columns, last = (
+            (item.name, create_dataset(group, item, shape=(0,), maxshape=(None,), chunks=(256,)))
+            for item in layout.items
+        )
+        self._columns, self._last = dict(columns), last
+
+    def append(self, **values: Any) -> None:
+        """Keep a row in memory until `write` is called."""
+        self._rows.append(values)
+
+    def write(self) -> None:
+        """Write and flush all columns of the collected rows except the last column."""
+        for name, column in self._columns.items() if self._rows else ():
+            self._put(name, column)
+
+    def acknowledge(self) -> None:
+        """Write and flush the last column of the collected rows, which marks these rows as complete."""
+        if self._rows:
+            self._put(*self._last)
+            self._length += len(self._rows)
+            self._rows.clear()
+
+    def _put(self, name: str, column: Any) -> None:
+        end = self._length + len(self._rows)
+        values = [row[name] for row in self._rows]
+        if column.dtype.kind == "S":
+            values = [fit(text, column.dtype.itemsize) for text in values]
+        column.resize((end,))
+        column[self._length : end] = np.array(values, column.dtype)
+        column.flush()
+
+
+class CameraTable:
+    """The images of one camera, each in one HDF5 chunk, and the table with one row for each image."""
+
+    def __init__(self, instrument: Any, name: str, info: CameraInfo) -> None:
+        group = create_group(instrument, name, schema.DETECTOR, info)
+        shape = (info.height_px, info.width_px)
+        # Use no HDF5 filter, because HDF5's own checksum (fletcher32) takes five times as long as a SHA-256.
+        self.data = group.create_dataset(
+            schema.PIXELS,
+            shape=(0, *shape),
+            maxshape=(None, *shape),
+            chunks=(1, *shape),
+            dtype=np.uint8 if info.bits <= 8 else np.uint16,
+        )
+        self.data.attrs.update(schema.PIXELS_ATTRIBUTES)
+        self.group, self.table = group, Table(group, schema.DETECTOR)
+
+    def append(self, frame: Frame, step: int, digest: str, order: int) -> None:
+        """Write the pixels of an image, and keep the image's row in memory until `write` is called."""
+        row = self.data.shape[0]
+        image = np.ascontiguousarray(frame.image, self.data.dtype)
+        if image.shape != self.data.shape[1:]:
+            expected, got = self.data.shape[1:], image.shape
+            raise ValueError(f"an image of shape {got} where {expected} was announced")
+        self.data.resize(row + 1, axis=0)
+        self.data.id.write_direct_chunk((row, 0, 0), image)
+        self.table.append(
+            exposed_s=frame.exposed_s,
+            received_s=frame.received_s,
+            utc_ns=(frame.utc - _EPOCH) // timedelta(microseconds=1) * 1000,
+            sequence=frame.sequence,
+            flags=frame.flags,
+            exposure_us=frame.exposure_us,
+            gain=frame.gain,
+            step=step,
+            digest=digest,
+            order=order,
+            valid=1,
+        )
+
+    def write(self) -> None:
+        """Flush the pixels, then write and flush all columns of the rows except ``valid``."""
+        self.data.flush()
+        self.table.write()
+
+
+def create_entry(file: Any, header: RunHeader) -> Any:
+    """Create the group `/entry` of a run file with all data that are known before the run."""
+    file.attrs.update(schema.ROOT_ATTRIBUTES)
+    entry = create_group(file, "entry", schema.ENTRY, header)
+    texts = {
+        "title": header.title,
+        "run_id": header.run_id,
+        "definition": header.definition,
+        "configuration": header.configuration,
+        "start_time": header.start.isoformat(),
+        "versions": header.versions,
+        "provenance": header.provenance,
+        "continues": header.continues,
+        "end_time": "",
+        "status": "running",
+        "status_reason": "",
+    }
+    _fill(entry, schema.ENTRY, texts)
+    _fill(create_group(entry, "sample", schema.SAMPLE), schema.SAMPLE, header.sample.model_dump())
+    grid = {
+        "lines": header.grid.counts,
+        "pitch_mm": header.grid.pitch_mm,
+        "target": header.grid.target,
+        "marker_mm": getattr(header.grid, "marker_mm", np.nan),
+        "dictionary": getattr(header.grid, "dictionary", ""),
+    }
+    _fill(create_group(entry, "grid", schema.GRID), schema.GRID, grid)
+    return entry
+
+
+def create_group(parent: Any, name: str, layout: schema.Group, described: object = None) -> Any:
+    """Create a group, and copy its attributes from the attributes of `described` with the same names."""
+    group = parent.create_group(name)
+    group.attrs["NX_class"] = layout.nx_class
+    group.attrs.update({attribute: getattr(described, attribute) for attribute in layout.attributes})
+    return group
+
+
+def create_text(group: Any, item: schema.Item, text: str) -> None:
+    """Create a dataset that holds one text."""
+    content = fit(text, item.text_bytes or len(text.encode()))
+    create_dataset(group, item, text_bytes=len(content), data=content)
+
+
+def create_dataset(group: Any, item: schema.Item, text_bytes: int = 0, **options: Any) -> Any:
+    """Create a dataset of the declared type; `text_bytes` is the size of a text without a declared size."""
+    if item.text_bytes is None:
+        dataset = group.create_dataset(item.name, dtype=item.dtype, **options)
+        dataset.attrs["units"] = item.units
+        return dataset
+    # HDF5 texts must have at least one byte.
+    dtype = h5py.string_dtype("utf-8", max(item.text_bytes or text_bytes, 1))
+    return group.create_dataset(item.name, dtype=dtype, **options)
+
+
+def fit(text: str, size: int) -> bytes:
+    """Encode `text` in at most `size` bytes without splitting a character."""
+    return text.encode()[:size].decode(errors="ignore").encode()
+
+
+def _fill(group: Any, layout: schema.Group, values: Mapping[str, Any]) -> None:
+    """Create all datasets of a group, and write their values."""
+    for item in layout.items:
+        value = values[item.name]
+        if isinstance(value, str):
+            create_text(group, item, value)
+        else:
+            create_dataset(group, item, data=value)

@@ -1,0 +1,200 @@
+"""The thread that writes the run file: a queue of jobs, which are written in batches."""
+
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+
+from drivers.clock import Clock
+from rig.recorder.file import ROW_BYTES, OpenRunFile
+from rig.recording import RecordingSettings
+
+_JOBS_MAX = 100_000
+_BATCH = 8
+
+
+@dataclass
+class Job:
+    """One piece of data that is written into the run file, such as an image or a step.
+
+    Attributes
+    ----------
+    what : str
+        Description of the job, for error messages.
+    write : callable
+        Function that writes the data to the file.
+    camera : str or None
+        The camera whose image is written.
+    size : int
+        Bytes of the image.
+    wait_for_disk : bool
+        True if the job is done only after the file was synchronised with the disk.
+    done : Future
+        Future that is done when the data were written, or with an exception if writing failed.
+    """
+
+    what: str
+    write: Callable[[OpenRunFile], None]
+    camera: str | None = None
+    size: int = 0
+    wait_for_disk: bool = False
+    done: "Future[None]" = field(default_factory=Future)
+
+
+class Writer(threading.Thread):
+    """Thread that writes jobs in the order of their arrival, until a job fails or the last job is done.
+
+    Parameters
+    ----------
+    file : OpenRunFile
+        The run file; after `start`, only this thread uses it.
+    settings : RecordingSettings
+    clock : Clock
+        A clock in real time, also for a simulated run, because the disk is real.
+    failed : callable
+        Function that makes the error for a failed job, from the job's description and the exception.
+    """
+
+    def __init__(
+        self,
+        file: OpenRunFile,
+        settings: RecordingSettings,
+        clock: Clock,
+        failed: Callable[[str, BaseException], Exception],
+    ) -> None:
+        super().__init__(name="recorder", daemon=True)
+        self._file, self._settings, self._clock, self._failed = file, settings, clock, failed
+        self._jobs: deque[Job] = deque()
+        self._changed = threading.Condition()
+        self._waiting: Counter[str] = Counter()
+        self._last: Callable[[], None] | None = None
+        self._ended: Future[None] = Future()
+        self._unsynchronised = self._images = 0
+        self._synchronised_s = clock.now_s()
+        self._began_s: float | None = None
+        self.failure: Exception | None = None
+
+    def put(self, job: Job) -> bool:
+        """Append a job and return at once; return False if too many jobs, or images of this camera, wait."""
+        with self._changed:
+            full = len(self._jobs) >= _JOBS_MAX
+            if full or (job.camera and self._waiting[job.camera] >= self._settings.queue_frames):
+                return False
+            if job.camera:
+                self._waiting[job.camera] += 1
+            self._jobs.append(job)
+            self._changed.notify_all()
+            return True
+
+    def wait_for_room(self, camera: str, timeout_s: float) -> bool:
+        """Wait until the queue has room for an image of `camera`; return False after `timeout_s` seconds."""
+        with self._changed:
+            return self._changed.wait_for(
+                lambda: self._waiting[camera] < self._settings.queue_frames or self.failure is not None,
+                timeout_s,
+            )
+
+    def end(self, last: Callable[[], None]) -> "Future[None]":
+        """End the thread after the waiting jobs; before the end, the thread calls `last`, even if a job
+        fails."""
+        with self._changed:
+            self._last = last
+            self._changed.notify_all()
+        return self._ended
+
+    def busy_s(self) -> float:
+        """Return the time in s since the writing of the present jobs began."""
+        began_s = self._began_s
+        return 0.0 if began_s is None else self._clock.now_s() - began_s
+
+    def run(self) -> None:
+        """Write jobs until `end` is called; this method runs on the thread."""
+        while jobs := self._next_jobs():
+            self._began_s = self._clock.now_s()
+            if self.failure is None:
+                self._write(jobs)
+            self._began_s = None
+            self._forget(jobs)
+        assert self._last is not None
+        try:
+            self._last()
+        except BaseException as error:
+            self._ended.set_exception(error)
+        else:
+            self._ended.set_result(None)
+
+    def _next_jobs(self) -> list[Job]:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._jobs or self._last is not None, self._patience_s())
+                if self._jobs:
+                    return [self._jobs.popleft() for _ in range(min(_BATCH, len(self._jobs)))]
+                if self._last is not None:
+                    return []
+            self._synchronise_quietly()
+
+    def _patience_s(self) -> float | None:
+        return self._settings.sync_s if self._unsynchronised and self.failure is None else None
+
+    def _write(self, jobs: list[Job]) -> None:
+        written: list[Job] = []
+        doing = jobs[0]
+        try:
+            for doing in self._affordable(jobs):
+                doing.write(self._file)
+                written.append(doing)
+            self._file.commit()
+            self._synchronise_if_due(written)
+        except Exception as error:
+            self._fail(doing.what, error)
+            self._file.abandon()
+            return
+        for job in written:
+            job.done.set_result(None)
+
+    def _affordable(self, jobs: list[Job]) -> Iterator[Job]:
+        """Yield the jobs one after the other, each after disk space for it was reserved; end at a full
+        disk."""
+        for job in jobs:
+            try:
+                self._file.require_space(job.size + ROW_BYTES)
+            except OSError as error:
+                self._fail(job.what, error)
+                return
+            yield job
+
+    def _synchronise_if_due(self, written: list[Job]) -> None:
+        self._unsynchronised += len(written)
+        self._images += sum(job.camera is not None for job in written)
+        late = self._clock.now_s() - self._synchronised_s >= self._settings.sync_s
+        if late or self._images >= self._settings.sync_frames or any(job.wait_for_disk for job in written):
+            self._synchronise()
+
+    def _synchronise(self) -> None:
+        self._file.synchronise()
+        self._unsynchronised = self._images = 0
+        self._synchronised_s = self._clock.now_s()
+
+    def _synchronise_quietly(self) -> None:
+        try:
+            self._synchronise()
+        except OSError as error:
+            self._fail("synchronising the run file with the disk", error)
+
+    def _fail(self, what: str, error: BaseException) -> None:
+        with self._changed:
+            if self.failure is None:
+                self.failure = self._failed(what, error)
+            self._changed.notify_all()
+
+    def _forget(self, jobs: list[Job]) -> None:
+        """Remove jobs from the queue; the futures of jobs that were not written get an exception."""
+        with self._changed:
+            for job in jobs:
+                if job.camera:
+                    self._waiting[job.camera] -= 1
+            self._changed.notify_all()
+        for job in jobs:
+            if not job.done.done():
+                job.done.set_exception(self.failure or RuntimeError(job.what))

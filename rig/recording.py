@@ -1,0 +1,31 @@
+"""Settings of the recorder: the table ``[recording]`` of a rig file."""
+
+from pydantic import Field
+
+from drivers.settings import Settings
+
+
+class RecordingSettings(Settings):
+    """Number of images that may wait for the disk, and times of synchronisation with the disk.
+
+    With any settings, the run file is synchronised with the disk (`fsync`) after every finished step and at
+    the end of the run. Synchronised data survive a power failure. Data that are only written survive if the
+    program is killed.
+
+    Attributes
+    ----------
+    queue_frames : int
+        Largest number of images of each camera that may wait to be written. If more images arrive, the run
+        ends.
+    sync_frames : int
+        Number of images after which the file is synchronised; 1 synchronises after every image.
+    sync_s : float
+        Longest time in s between a write and the following synchronisation.
+    answer_s : float
+        The longest time that a write or a synchronisation may take. The run ends if the disk takes longer.
+    """
+
+    queue_frames: int = Field(default=48, ge=1, le=1000)
+    sync_frames: int = Field(default=32, ge=1, le=10000)
+    sync_s: float = Field(default=1.0, gt=0.0, le=3600.0)
+    answer_s: float = Field(default=30.0, gt=0.0, le=3600.0)

@@ -1,0 +1,1 @@
+"""Replay a recorded run through the engine, and compare the new run file with the old one."""

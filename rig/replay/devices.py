@@ -1,0 +1,166 @@
+"""Devices that return the recorded readings and images of a run at the recorded times. Commands to these
+devices have no effect."""
+
+import math
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+from drivers.clock import Clock
+from drivers.errors import DeviceError
+from drivers.interfaces import (
+    CameraInfo,
+    DeviceInfo,
+    Frame,
+    LoadFrameLimits,
+    LoadFrameState,
+    OperatorAction,
+    StageState,
+)
+from rig.replay.script import Script
+
+_LAG_S = 1e-9
+"""Time in s by which the replay's clock stays behind the record, to allow for rounding errors."""
+
+S = TypeVar("S", bound=StageState | LoadFrameState)
+
+
+class Readings(Generic[S]):
+    """Returns the recorded readings of one device, one after the other.
+
+    Parameters
+    ----------
+    device : str
+    state : callable
+        Function that returns the reading in a row; raises IndexError after the last row.
+    clock : Clock
+    ended : callable
+        Function that returns the error which ends the replay after the last reading; None if the run was
+        completed.
+    """
+
+    def __init__(
+        self,
+        device: str,
+        state: Callable[[int], S],
+        clock: Clock,
+        ended: Callable[[str], DeviceError | None],
+    ) -> None:
+        self.taken = 0
+        self._device = device
+        self._state = state
+        self._clock = clock
+        self._ended = ended
+
+    def next(self) -> S:
+        """Wait until the recorded time of the next reading, and return this reading."""
+        try:
+            state = self._state(self.taken)
+        except IndexError:
+            error = self._ended(self._device)
+            if error is not None:
+                raise error from None
+            # After a run the engine reads the machine once more, without recording; return the last reading
+            # again.
+            return self._state(self.taken - 1)
+        self.taken += 1
+        self._clock.sleep(state.time_s - self._clock.now_s() - _LAG_S)
+        return state
+
+
+class ReplayedStage:
+    """The stage of an archived run."""
+
+    def __init__(self, info: DeviceInfo, readings: Readings[StageState]) -> None:
+        self.info = info
+        self.readings = readings
+
+    def read(self) -> StageState:
+        """Return the next reading."""
+        return self.readings.next()
+
+    def home(self) -> None:
+        """Do nothing."""
+
+    def move_to(self, angle_deg: float) -> None:
+        """Do nothing."""
+
+    def stop(self) -> None:
+        """Do nothing."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class ReplayedLoadFrame:
+    """The load frame of an archived run."""
+
+    limits = LoadFrameLimits(-math.inf, math.inf, -math.inf, math.inf, math.inf, math.inf)
+
+    def __init__(self, info: DeviceInfo, readings: Readings[LoadFrameState]) -> None:
+        self.info = info
+        self.readings = readings
+
+    def read(self) -> LoadFrameState:
+        """Return the next reading."""
+        return self.readings.next()
+
+    def go_to_load(self, load_n: float, rate_n_s: float) -> None:
+        """Do nothing."""
+
+    def go_to_displacement(self, displacement_mm: float, speed_mm_s: float) -> None:
+        """Do nothing."""
+
+    def hold(self) -> None:
+        """Do nothing."""
+
+    def tare(self) -> None:
+        """Do nothing."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class ReplayedCamera:
+    """A camera of an archived run. If the engine refuses an image and requests another, the same image is
+    returned again.
+
+    Parameters
+    ----------
+    name : str
+    info : CameraInfo
+    script : Script
+    """
+
+    def __init__(self, name: str, info: CameraInfo, script: Script) -> None:
+        self.info = info
+        self.recorded = 0
+        self._name = name
+        self._script = script
+        self._columns = script.run.columns(f"instrument/{name}")
+
+    def grab(self, timeout_s: float) -> Frame:
+        """Return the image that was recorded next."""
+        del timeout_s
+        if self.recorded >= len(self._columns["valid"]):
+            raise DeviceError(
+                f"cameras.{self._name}", "replay", "one more image", "the end of the record", _REMEDY
+            )
+        return self._script.frame(self._name, self.recorded, self._columns)
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class ReplayedOperator:
+    """The operator of an archived run, whose actions have been done already."""
+
+    def perform(self, action: OperatorAction) -> None:
+        """Do nothing."""
+
+
+_REMEDY = "the run ended here; its reason is in the run file"
+
+
+def end_of_record(device: str, reason: str) -> DeviceError:
+    """Return the error that ends the replay of an unfinished run at the end of its record."""
+    return DeviceError(device, "replay", "one more reading", f"the end of the record ({reason})", _REMEDY)

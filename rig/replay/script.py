@@ -1,0 +1,129 @@
+"""The recorded readings and images of a run, in the order in which the engine received them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.runfile import schema
+from dic.runfile.reader import RunFile
+from drivers.interfaces import Frame, LoadFrameState, StageState
+from rig.errors import RigError
+from rig.recorder.records import OPERATOR_DONE, STEP_ON_FILE
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+Columns = Mapping[str, NDArray[Any]]
+
+
+class ReplayError(RigError):
+    """The run cannot be replayed, or there are no more recorded data."""
+
+
+@dataclass(frozen=True)
+class Script:
+    """The recorded data of a run that a replay needs.
+
+    Attributes
+    ----------
+    run : RunFile
+    stage, load_frame : mapping of str to ndarray
+        The columns of the readings; empty for a missing device.
+    readings_before : dict of str to list of int
+        Numbers of readings that were recorded before each image, keyed by the camera's name, and before each
+        event that ends a wait, keyed by the event's message.
+    """
+
+    run: RunFile
+    stage: Columns
+    load_frame: Columns
+    readings_before: dict[str, list[int]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, run: RunFile) -> "Script":
+        """Read the data of a run that a replay needs.
+
+        Raises
+        ------
+        ReplayError
+            If the run was recorded by an earlier program, which did not record the order of the rows.
+        """
+        tables = {name: run.columns(f"instrument/{name}") for name in ("stage", "load_frame")}
+        cameras = {name: run.columns(f"instrument/{name}") for name in run.cameras}
+        events = run.columns("events")
+        columns = [*filter(None, tables.values()), *cameras.values(), events]
+        order = schema.ORDER.name
+        if not any(tables.values()) or any(order not in found for found in columns):
+            raise ReplayError(
+                str(run.path),
+                "a run with the order of its readings",
+                "one that was recorded by an earlier version, or without any reading",
+                "evaluate it with dic process; only runs of this version can be replayed",
+            )
+        readings = (tables["load_frame"] or tables["stage"])[order]
+
+        def before(rows: NDArray[Any]) -> list[int]:
+            return [int(count) for count in np.searchsorted(readings, rows)]
+
+        counts = {name: before(found[order]) for name, found in cameras.items()}
+        for message in (OPERATOR_DONE, STEP_ON_FILE):
+            chosen = events["message"] == message.encode()
+            counts[message] = before(events[order][chosen])
+        return cls(run, tables["stage"], tables["load_frame"], counts)
+
+    @property
+    def cameras(self) -> list[str]:
+        """The cameras in the order of the rig file, in which they take their images."""
+        firsts = {name: self.run.columns(f"instrument/{name}")["order"][:1] for name in self.run.cameras}
+        return sorted(firsts, key=lambda name: firsts[name].tolist() or [np.inf])
+
+    @property
+    def starts_s(self) -> float:
+        """Time in s of the first reading, on the clock of the recorded run."""
+        return float(min(table["time_s"][0] for table in (self.stage, self.load_frame) if table))
+
+    @property
+    def started(self) -> datetime:
+        """The date and time of the start."""
+        return datetime.fromisoformat(self.run.info.start_time)
+
+    def stage_state(self, row: int) -> StageState:
+        """Return the stage's reading in a row; raise IndexError after the last row."""
+        table = self.stage
+        return StageState(
+            angle_deg=float(table["angle_deg"][row]),
+            moving=bool(table["moving"][row]),
+            homed=bool(table["homed"][row]),
+            warnings=(),
+            time_s=float(table["time_s"][row]),
+        )
+
+    def load_frame_state(self, row: int) -> LoadFrameState:
+        """Return the load frame's reading in a row; raise IndexError after the last row."""
+        table = self.load_frame
+        return LoadFrameState(
+            load_n=float(table["load_n"][row]),
+            displacement_mm=float(table["displacement_mm"][row]),
+            moving=bool(table["moving"][row]),
+            at_target=bool(table["at_target"][row]),
+            holding=bool(table["holding"][row]),
+            sample=int(table["sample"][row]),
+            faults=(),
+            time_s=float(table["time_s"][row]),
+        )
+
+    def frame(self, camera: str, row: int, columns: Columns) -> Frame:
+        """Return an image of a camera, with the columns of its table."""
+        utc = _EPOCH + timedelta(microseconds=int(columns["utc_ns"][row]) // 1000)
+        return Frame(
+            image=self.run.frame(camera, row),
+            exposed_s=float(columns["exposed_s"][row]),
+            received_s=float(columns["received_s"][row]),
+            utc=utc,
+            sequence=int(columns["sequence"][row]),
+            flags=int(columns["flags"][row]),
+            exposure_us=float(columns["exposure_us"][row]),
+            gain=float(columns["gain"][row]),
+        )

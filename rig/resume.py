@@ -1,0 +1,234 @@
+"""Continue a run that ended early, in a new run file that contains the digest of the earlier file.
+
+The engine follows the protocol from its beginning. Finished steps are not executed again. The protocol gets
+their recorded readings instead of new ones, so it makes the same decisions again.
+"""
+
+import json
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from dic.runfile import superblock
+from dic.runfile.joined import file_sha256
+from dic.runfile.lock import is_recorded
+from dic.runfile.reader import RunFile
+from rig.devices import Rig
+from rig.errors import ProtocolError, RigError
+from rig.protocol.protocol import Protocol
+from rig.protocol.step import ProtocolStep, Reading
+
+_TOLERANCES = 5.0
+"""Largest change of position since the end of the earlier run, in settling tolerances."""
+_LOAD_FRACTION = 0.1
+"""Additional allowed change of the load, as a fraction of the load, because a held specimen relaxes."""
+
+
+class ContinueError(RigError):
+    """The earlier run cannot be continued."""
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """The finished part of a run.
+
+    Attributes
+    ----------
+    path : Path
+    run_id, sha256 : str
+        The identity of the run, and the SHA-256 of its whole file.
+    readings : dict of int to Reading
+        The settled readings of the finished steps, by the step's number in the plan.
+    next : ProtocolStep
+        The first step that is not finished.
+    end : Reading
+        The last reading of the run.
+    identities : dict of str to dict
+        The identity of each device of the earlier run, such as its serial number.
+    """
+
+    path: Path
+    run_id: str
+    sha256: str
+    readings: dict[int, Reading]
+    next: ProtocolStep
+    end: Reading
+    identities: dict[str, dict[str, object]]
+
+    def record(self, start: Reading) -> str:
+        """Return the JSON about the earlier run for the new run file."""
+        names = ("load_n", "displacement_mm", "angle_deg")
+        readings = {"ended": asdict(self.end), "begins": asdict(start)}
+        return json.dumps(
+            {
+                "file": self.path.name,
+                "sha256": self.sha256,
+                "run_id": self.run_id,
+                "steps": sorted(self.readings),
+                **{
+                    when: {name: None if math.isnan(values[name]) else values[name] for name in names}
+                    for when, values in readings.items()
+                },
+            }
+        )
+
+
+def read_earlier(path: Path, protocol: Protocol, definition: str, configuration: str) -> Earlier:
+    """Read and verify the finished part of a run.
+
+    Parameters
+    ----------
+    path : Path
+        The file of the earlier run, which was aborted, failed, or was killed and repaired.
+    protocol : Protocol
+    definition, configuration : str
+        The text of the protocol file and of the rig file; both must be those of the earlier run.
+
+    Raises
+    ------
+    RunFileError
+        If the file cannot be read.
+    ContinueError
+        If the file is damaged, belongs to another protocol or rig file, or has no unfinished step that can be
+        continued.
+    """
+
+    def refuse(expected: str, got: str, remedy: str) -> ContinueError:
+        return ContinueError(f"going on with {path}", expected, got, remedy)
+
+    with RunFile(path) as run:
+        if is_recorded(path):
+            raise refuse("a run that has ended", "one that a program records now", "wait for its end")
+        if not superblock.is_closed(path):
+            raise refuse("a closed run file", "one whose program was killed", f"first use rig repair {path}")
+        if run.info.status == "completed":
+            raise refuse("a run that ended early", "a completed one", "start the protocol anew")
+        damaged = [name for name in run.cameras if run.damaged_rows(name)]
+        if damaged or run.digest_matches() is False:
+            got = f"damaged images of {', '.join(damaged)}" if damaged else "a file that was changed later"
+            raise refuse("a verified run file", got, f"look at it with rig verify {path}; start anew")
+        for what, ours, theirs in (
+            ("protocol", definition, run.info.definition),
+            ("rig file", configuration, run.info.configuration),
+        ):
+            if ours != theirs:
+                raise refuse(
+                    f"the {what} of the earlier run",
+                    "another text",
+                    f"give the {what} unchanged; the run file has a copy of its text",
+                )
+        readings = {
+            step.index: Reading(step.time_s, step.load_n, step.displacement_mm, step.angle_deg)
+            for step in run.steps
+        }
+        following = _following(protocol, readings)
+        if 1 not in readings or following is None:
+            got = "no reference" if following is not None else "no step that is left"
+            raise refuse("a grid, a reference, and a step that is left", got, "start the protocol anew")
+        if isinstance(following, str):
+            raise refuse("an interruption between two commanded steps", following, "start the protocol anew")
+        identities = {name: run.identity(name) for name in run.cameras}
+        end = {"load_n": math.nan, "displacement_mm": math.nan, "angle_deg": math.nan}
+        for device in ("stage", "load_frame"):
+            if table := run.columns(f"instrument/{device}"):
+                identities[device] = run.identity(device)
+                end |= {name: float(table[name][-1]) for name in end if name in table and len(table[name])}
+        digest = file_sha256(path)
+        last = Reading(0.0, end["load_n"], end["displacement_mm"], end["angle_deg"])
+        return Earlier(path, run.info.run_id, digest, readings, following, last, identities)
+
+
+def require_unchanged(earlier: Earlier, protocol: Protocol, rig: Rig) -> Reading:
+    """Check that devices and positions are those at the end of the earlier run; return the present reading.
+
+    Raises
+    ------
+    ContinueError
+        If a device was replaced, or if load, displacement or angle have changed since the end of the earlier
+        run.
+    """
+    devices = dict(rig.cameras) | {"stage": rig.stage, "load_frame": rig.load_frame}
+    for name, identity in earlier.identities.items():
+        info = getattr(devices.get(name), "info", None)
+        ours = (getattr(info, "vendor", ""), getattr(info, "model", ""), getattr(info, "serial", ""))
+        theirs = (identity.get("vendor"), identity.get("model"), identity.get("serial"))
+        if ours != theirs:
+            raise ContinueError(
+                f"going on with {earlier.path}, {name}",
+                " ".join(map(str, theirs)),
+                " ".join(map(str, ours)) if info else "no such device",
+                "connect the device of the earlier run, or start the protocol anew",
+            )
+    state = None if rig.load_frame is None else rig.load_frame.read()
+    stage = None if rig.stage is None else rig.stage.read()
+    start = Reading(
+        rig.clock.now_s(),
+        math.nan if state is None else state.load_n,
+        math.nan if state is None else state.displacement_mm,
+        math.nan if stage is None else stage.angle_deg,
+    )
+    zeroing = protocol.conditions.zeroing
+    if zeroing is not None:
+        end = earlier.end
+        load_n = max(_TOLERANCES * zeroing.load_tolerance_n, _LOAD_FRACTION * abs(end.load_n))
+        way_mm = _TOLERANCES * zeroing.displacement_tolerance_mm
+        for name, unit, now, then, most in (
+            ("load", "N", start.load_n, end.load_n, load_n),
+            ("displacement", "mm", start.displacement_mm, end.displacement_mm, way_mm),
+        ):
+            if not abs(now - then) <= most:
+                raise ContinueError(
+                    f"going on with {earlier.path}, {name}",
+                    f"{then:.6g} ± {most:.3g} {unit}, where the earlier run ended",
+                    f"{now:.6g} {unit}",
+                    "the specimen or the zero of the machine has changed meanwhile: start the protocol anew",
+                )
+    return start
+
+
+def _following(protocol: Protocol, readings: dict[int, Reading]) -> ProtocolStep | str | None:
+    """Return the first unfinished step; a reason if the run cannot continue there; None if all steps are
+    finished."""
+
+    class Found(Exception):
+        pass
+
+    found: list[ProtocolStep] = []
+    last = max(readings, default=-1)
+
+    def recall(step: ProtocolStep) -> Reading:
+        if step.index not in readings:
+            found.append(step)
+            raise Found
+        return readings[step.index]
+
+    try:
+        protocol.follow(recall)
+    except Found:
+        step = found[0]
+    except ProtocolError as error:
+        return str(error)
+    else:
+        return None
+    if not step.images and step.index < last:
+        return "cycles without images, whose readings are not known"
+    if not step.begins:
+        return f"the middle of a motion or a hold, before {step}"
+    return step
+
+
+def require_same_folder(earlier: Earlier, run_path: Path) -> None:
+    """Raise an error if the new run file is in another folder than the earlier one.
+
+    Raises
+    ------
+    ContinueError
+        If the folders differ; `dic process` looks for the earlier file beside the new one.
+    """
+    if run_path.resolve().parent != earlier.path.resolve().parent:
+        raise ContinueError(
+            f"going on with {earlier.path}",
+            f"a new run file in {earlier.path.resolve().parent}",
+            str(run_path),
+            "name another file with -o",
+        )

@@ -1,0 +1,141 @@
+"""Threads for driver calls, which may hang; the program can end although such a thread hangs."""
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Generic, TypeVar
+
+from drivers.clock import Event, SystemClock
+from drivers.errors import DeviceTimeout
+
+_LAST_S = 0.5
+"""Real time in s that the end of the program waits for threads that are just ending."""
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+T = TypeVar("T")
+
+
+class DeviceThread(threading.Thread):
+    """A daemon thread for driver calls: the program can end although such a call hangs."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name=name, daemon=True)
+
+
+class Bounded(DeviceThread, Generic[T]):
+    """One call on a separate thread, such as opening a device, with a deadline in real time.
+
+    Parameters
+    ----------
+    device, action : str
+        Names of the device and of the action, for error messages.
+    function : callable
+    undo : callable, optional
+        Function that is called with the result if `function` returns after its deadline, for example to close
+        a device.
+
+    Attributes
+    ----------
+    hangs : bool
+        True if `function` did not return before the deadline.
+    """
+
+    def __init__(
+        self, device: str, action: str, function: Callable[[], T], undo: Callable[[T], None] = lambda _: None
+    ) -> None:
+        super().__init__(f"{device}: {action}")
+        self._device, self._action = device, action
+        self._function = function
+        self._undo = undo
+        self._done = Event()
+        self._turn = threading.Lock()
+        self.hangs = False
+        self._error: BaseException | None = None
+        self._values: list[T] = []
+
+    def run(self) -> None:
+        """Call `function`; this method runs on the thread."""
+        try:
+            value = self._function()
+        except BaseException as error:
+            self._error = error
+        else:
+            with self._turn:
+                self._values.append(value)
+                late = self.hangs
+            if late:
+                self._undo(value)
+        self._done.set()
+
+    def result(self, deadline_s: float, remedy: str) -> T:
+        """Call `function` on the thread, wait, and return its result or raise its exception.
+
+        Raises
+        ------
+        DeviceTimeout
+            If the function does not return within `deadline_s`.
+        """
+        self.start()
+        try:
+            self._done.wait_really(deadline_s)
+        finally:
+            with self._turn:
+                self.hangs = not self._values and self._error is None
+        if self._error is not None:
+            raise self._error
+        if self.hangs:
+            raise DeviceTimeout(
+                self._device, self._action, f"an end within {deadline_s:g} s", "none: the call hangs", remedy
+            )
+        return self._values[0]
+
+
+@contextmanager
+def dying_of_signals() -> Iterator[None]:
+    """Let SIGINT, SIGTERM and SIGHUP end the program at once.
+
+    Use this function only at the end of a program, when no device is open any more. While a program waits for
+    a terminal to accept output, Python runs no signal handlers. So only the system's default action of these
+    signals can end the program.
+    """
+    previous = {number: signal.getsignal(number) for number in _ENDING}
+    changed = [number for number, handler in previous.items() if handler is not signal.SIG_IGN]
+    try:
+        for number in changed:
+            signal.signal(number, signal.SIG_DFL)
+        yield
+    finally:
+        for number in changed:
+            signal.signal(number, previous[number])
+
+
+def device_threads() -> set[threading.Thread]:
+    """Return the threads that are executing a driver's code now."""
+    return {thread for thread in threading.enumerate() if isinstance(thread, DeviceThread)}
+
+
+def leave(status: int, besides: Iterable[threading.Thread] = ()) -> None:
+    """End the program at once if a driver's call hangs, because a normal exit of Python could wait or crash.
+
+    If no call hangs, this function does nothing.
+
+    Parameters
+    ----------
+    status : int
+        The exit status.
+    besides : iterable of Thread
+        Threads that are ignored, because they existed before the command began.
+    """
+    end_s = SystemClock().now_s() + _LAST_S
+    hanging = device_threads().difference(besides)
+    for thread in hanging:
+        thread.join(max(0.0, end_s - SystemClock().now_s()))
+    if not any(thread.is_alive() for thread in hanging):
+        return
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(status)

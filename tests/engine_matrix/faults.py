@@ -1,0 +1,160 @@
+"""What can go wrong at a moment of a run: faults of devices, lines, drivers and disk, and a person."""
+
+import resource
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from drivers.errors import DeviceError
+from simulators.wire.faults import CAMERA, LOAD_FRAME, STAGE, names
+from simulators.wire.faults import FAULTS as SIMULATED
+from tests.engine_matrix.runs import Moment, Run
+from tests.fault_matrix.matrix import LIES, forms, rows
+
+FOREVER_S = 1e6
+
+
+@dataclass(frozen=True)
+class RunFault:
+    """A fault, and what must come of it.
+
+    Attributes
+    ----------
+    name : str
+    devices : tuple of str
+        The devices of which the rig needs one, so that this fault can happen; empty for any rig.
+    strike : callable
+    ends : bool
+        The run must not be completed: what follows cannot be trusted.
+    borne : bool
+        The run must be completed: nothing is lost.
+    only : tuple of str
+        The states in which the fault is tried, if not in all: this fault costs half a minute of real time.
+    """
+
+    name: str
+    devices: tuple[str, ...]
+    strike: Callable[[Run], None]
+    ends: bool = False
+    borne: bool = False
+    only: tuple[str, ...] = ()
+
+    def can_strike(self, moment: Moment) -> bool:
+        """Whether the rig of this moment can have the fault."""
+        device = {"tension": "load_frame", "rotation": "stage"}[moment.kind]
+        return (not self.devices or device in self.devices) and (not self.only or moment.state in self.only)
+
+
+_ENDS = {
+    "lose-request", "drop", "corrupt", "late", "wrong-unit", "exception:6", "reject:STATUSBUSY", "unplug",
+    "e-stop", "nan-load", "frozen-counter",
+}  # fmt: skip
+"""Lasting faults after which no reading can be had or believed."""
+_BORNE = {"split:1", "delay:0.02:1", "duplicate:1"}
+
+
+def _switched_on(form: str) -> Callable[[Run], None]:
+    return lambda run: run.virtual.faults.switch_on(form)
+
+
+_QUICK = {"delay": "delay:0.02:1", "delay:0.5:1": "delay:0.4:1"}
+"""Delays are real time: the shorter one is far below the reply timeout, the longer one beyond it."""
+_LASTING = {"split", "duplicate"}
+"""Lasting faults that a line bears, and which would slow down every message of a run."""
+
+
+def _of_device(device: str) -> list[RunFault]:
+    return [
+        RunFault(
+            f"{device}.{form}", (device,), _switched_on(f"{device}.{form}"), form in _ENDS, form in _BORNE
+        )
+        for form in (_QUICK.get(form, form) for form in rows(device) if form not in _LASTING)
+    ]
+
+
+def _raises(device: str, method: str, error: BaseException) -> Callable[[Run], None]:
+    def strike(run: Run) -> None:
+        def instead(call: Callable[..., Any], *arguments: Any) -> Any:
+            raise error
+
+        run.interfere[device, method] = instead
+
+    return strike
+
+
+def _hangs(device: str, *methods: str) -> Callable[[Run], None]:
+    def strike(run: Run) -> None:
+        def instead(call: Callable[..., Any], *arguments: Any) -> Any:
+            run.virtual.clock.sleep(FOREVER_S)
+
+        for method in methods:
+            run.interfere[device, method] = instead
+
+    return strike
+
+
+def _hangs_really(device: str, *methods: str) -> Callable[[Run], None]:
+    """Hang on the machine's own time, as a stop has a deadline on it."""
+
+    def strike(run: Run) -> None:
+        def instead(call: Callable[..., Any], *arguments: Any) -> Any:
+            run.over.wait(60.0)
+
+        for method in methods:
+            run.interfere[device, method] = instead
+
+    return strike
+
+
+def _disk_full(run: Run) -> None:
+    """Let the system refuse every further byte of the run file."""
+    _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (run.path.stat().st_size, hard))
+
+
+def _pressed_twice(run: Run) -> None:
+    run.engine.abort("a person pressed stop")
+    run.engine.abort("a person pressed stop again")
+
+
+_BUG = ValueError("a mistake in a driver")
+_REFUSED = DeviceError("operator", "attach", "a person", "no", "start again")
+
+FAULTS: tuple[RunFault, ...] = (
+    *_of_device(LOAD_FRAME),
+    *(
+        RunFault(f"load_frame.{form}", (LOAD_FRAME,), _switched_on(f"load_frame.{form}"))
+        for name in LIES
+        for form in forms(SIMULATED[name])
+    ),
+    *_of_device(STAGE),
+    *(
+        RunFault(f"{CAMERA}.{name}", (), _switched_on(f"{CAMERA}.{name}"), name in ("unplug", "stall"))
+        for name in names(CAMERA)
+        if name != "delay"
+    ),
+    RunFault("load_frame driver raises", (LOAD_FRAME,), _raises("load_frame", "read", _BUG), ends=True),
+    RunFault("load_frame driver hangs", (LOAD_FRAME,), _hangs("load_frame", "read"), ends=True),
+    RunFault(
+        "load_frame's hold hangs",
+        (LOAD_FRAME,),
+        _hangs_really("load_frame", "read", "hold"),
+        ends=True,
+        only=("loading again",),
+    ),
+    RunFault("stage driver raises", (STAGE,), _raises("stage", "read", _BUG), ends=True),
+    RunFault("stage driver hangs", (STAGE,), _hangs("stage", "read"), ends=True),
+    RunFault(
+        "stage's stop hangs",
+        (STAGE,),
+        _hangs_really("stage", "read", "stop"),
+        ends=True,
+        only=("turning",),
+    ),
+    RunFault("camera driver raises", (), _raises("side", "grab", _BUG)),
+    RunFault("camera driver hangs", (), _hangs("side", "grab")),
+    RunFault("operator refuses", (), _raises("operator", "perform", _REFUSED)),
+    RunFault("disk full", (), _disk_full),
+    RunFault("a person aborts", (), lambda run: run.engine.abort("a person pressed stop"), ends=True),
+    RunFault("a person aborts twice", (), _pressed_twice, ends=True),
+)

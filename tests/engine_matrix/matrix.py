@@ -1,0 +1,83 @@
+"""Every fault at every moment of a run: how the run ends, and whether every promise was kept.
+
+python -m tests.engine_matrix.matrix            prints the table
+python -m tests.engine_matrix.matrix --write    writes the table into docs/engine-matrix.md
+"""
+
+import multiprocessing
+import sys
+from concurrent.futures import ProcessPoolExecutor
+
+from tests.engine_matrix.cells import Cell, try_cell
+from tests.engine_matrix.faults import FAULTS
+from tests.engine_matrix.runs import MOMENTS
+from tests.places import DOCS
+
+DOCUMENT = DOCS / "engine-matrix.md"
+HEADING = "## The table\n"
+AT_A_TIME = 4
+"""Runs at a time: much of a run with a silent line is waiting for answers."""
+
+Place = tuple[int, int]
+"""Numbers of a fault and of a moment."""
+
+
+def places() -> list[Place]:
+    """Return all cells: every fault at every moment at which the rig can have it."""
+    return [
+        (row, column)
+        for row, fault in enumerate(FAULTS)
+        for column, moment in enumerate(MOMENTS)
+        if fault.can_strike(moment)
+    ]
+
+
+def try_all(cells: list[Place]) -> dict[Place, Cell]:
+    """Try the given cells, some at a time."""
+    with ProcessPoolExecutor(AT_A_TIME, multiprocessing.get_context("spawn")) as pool:
+        return dict(zip(cells, pool.map(_try, cells, chunksize=4), strict=True))
+
+
+def _try(place: Place) -> Cell:
+    return try_cell(MOMENTS[place[1]], FAULTS[place[0]])
+
+
+def table(cells: dict[Place, Cell]) -> str:
+    """Return the Markdown table, with a row for each fault and a column for each moment."""
+    heads = [f"{moment.kind}: {moment.state}" for moment in MOMENTS]
+    lines = ["| fault | " + " | ".join(heads) + " |", "| --- " * (len(heads) + 1) + "|"]
+    for row, fault in enumerate(FAULTS):
+        found = [cells.get((row, column), "") for column in range(len(MOMENTS))]
+        lines.append(f"| `{fault.name}` | " + " | ".join(map(str, found)) + " |")
+    return "\n".join(lines)
+
+
+def documented() -> str:
+    """Return the table as it stands in the documentation."""
+    return DOCUMENT.read_text(encoding="utf-8").partition(HEADING)[2].strip()
+
+
+def broken(cells: dict[Place, Cell]) -> list[str]:
+    """Return one sentence for each promise that was not kept."""
+    return [
+        f"{FAULTS[row].name} while {MOMENTS[column].state} ({MOMENTS[column].kind}): {mistake}"
+        for (row, column), cell in cells.items()
+        for mistake in cell.broken
+    ]
+
+
+def main() -> None:
+    """Try all cells, and print or write the table."""
+    cells = try_all(places())
+    if "--write" in sys.argv:
+        before, heading, _ = DOCUMENT.read_text(encoding="utf-8").partition(HEADING)
+        DOCUMENT.write_text(f"{before}{heading}\n{table(cells)}\n", "utf-8")
+    else:
+        print(table(cells))
+    for sentence in broken(cells):
+        print(sentence, file=sys.stderr)
+    sys.exit(bool(broken(cells)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,168 @@
+"""A program on a pseudo-terminal, whose screen a test reads as a person sees it."""
+
+import fcntl
+import os
+import pty
+import re
+import select
+import signal
+import struct
+import subprocess
+import termios
+from collections.abc import Sequence
+from pathlib import Path
+
+from drivers.clock import SystemClock
+
+ROWS = 24
+_CODE = re.compile(r"\x1b\[([?\d;]*)([A-Za-z])")
+
+
+class Screen:
+    """The text that a terminal shows after it has received `feed`; colours are ignored.
+
+    Parameters
+    ----------
+    columns : int
+    """
+
+    def __init__(self, columns: int) -> None:
+        self._columns = columns
+        self._lines: list[list[str]] = [[]]
+        self._row = self._column = 0
+        self._rest = ""
+
+    def feed(self, text: str) -> None:
+        """Show what a program writes."""
+        text = self._rest + text
+        self._rest = ""
+        position = 0
+        while position < len(text):
+            sign = text[position]
+            if sign == "\x1b":
+                code = _CODE.match(text, position)
+                if code is None:
+                    # the rest of the code comes with the next text
+                    self._rest = text[position:]
+                    return
+                self._control(code[1], code[2])
+                position = code.end()
+                continue
+            self._write(sign)
+            position += 1
+
+    @property
+    def lines(self) -> list[str]:
+        """The lines that the terminal shows now, the oldest scrolled away."""
+        return ["".join(line).rstrip() for line in self._lines[-ROWS:]]
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines).rstrip()
+
+    def _write(self, sign: str) -> None:
+        if sign == "\r":
+            self._column = 0
+        elif sign == "\n":
+            self._row += 1
+            self._reach_row()
+        elif sign == "\b":
+            self._column = max(0, self._column - 1)
+        elif sign >= " ":
+            if self._column >= self._columns:
+                self._row, self._column = self._row + 1, 0
+                self._reach_row()
+            line = self._lines[self._row]
+            line.extend(" " * (self._column + 1 - len(line)))
+            line[self._column] = sign
+            self._column += 1
+
+    def _reach_row(self) -> None:
+        while len(self._lines) <= self._row:
+            self._lines.append([])
+
+    def _control(self, numbers: str, letter: str) -> None:
+        count = int(numbers or 0) if numbers.isdecimal() or not numbers else 0
+        line = self._lines[self._row]
+        if letter == "A":
+            self._row = max(0, self._row - max(1, count))
+        elif letter == "B":
+            self._row += max(1, count)
+            self._reach_row()
+        elif letter == "K" and count == 2:
+            line.clear()
+        elif letter == "K":
+            del line[self._column :]
+        elif letter == "J":
+            del line[self._column :]
+            del self._lines[self._row + 1 :]
+        else:
+            assert letter in "mhl", f"this screen does not know the code {numbers}{letter}"
+
+
+class TerminalProgram:
+    """A program that runs on a terminal of its own, which a test reads and types on.
+
+    Parameters
+    ----------
+    command : sequence of str
+    columns : int
+    folder : Path
+        The working folder of the program.
+    """
+
+    def __init__(self, command: Sequence[str], columns: int, folder: Path) -> None:
+        self.screen = Screen(columns)
+        self.seen: list[str] = []
+        """Every screen, after each piece of output."""
+        self._ours, theirs = pty.openpty()
+        fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, columns, 0, 0))
+        self.process = subprocess.Popen(
+            command,
+            stdin=theirs,
+            stdout=theirs,
+            stderr=theirs,
+            cwd=folder,
+            # a session of its own, with this terminal as its controlling terminal
+            preexec_fn=lambda: (os.setsid(), fcntl.ioctl(0, termios.TIOCSCTTY, 0))[0],
+            env={**os.environ, "TERM": "xterm", "COLUMNS": "", "LINES": ""},
+        )
+        os.close(theirs)
+
+    def type(self, keys: str) -> None:
+        """Type on the terminal; ``\\x03`` is Ctrl-C."""
+        os.write(self._ours, keys.encode())
+
+    def wait_for(self, text: str, timeout_s: float = 30.0) -> str:
+        """Read until the screen shows a text, and return the screen."""
+        end_s = SystemClock().now_s() + timeout_s
+        while text not in str(self.screen):
+            left_s = end_s - SystemClock().now_s()
+            going_on = left_s > 0.0 and self._read(left_s)
+            assert going_on, f"{text!r} is not on the screen:\n{self.screen}"
+        return str(self.screen)
+
+    def end(self) -> int:
+        """Read to the end of the program, and return its exit status."""
+        while self._read(60.0):
+            pass
+        return self.process.wait(60.0)
+
+    def close(self) -> None:
+        """Kill the program if it has not ended, and close the terminal."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGKILL)
+            self.process.wait()
+        os.close(self._ours)
+
+    def _read(self, timeout_s: float) -> bool:
+        """Read what comes next; return False at the end."""
+        assert select.select([self._ours], [], [], timeout_s)[0], f"nothing comes any more:\n{self.screen}"
+        try:
+            received = os.read(self._ours, 10_000)
+        except OSError:
+            # the program has closed the terminal
+            return False
+        self.screen.feed(received.decode(errors="replace"))
+        if not self.seen or self.seen[-1] != str(self.screen):
+            self.seen.append(str(self.screen))
+        return bool(received)

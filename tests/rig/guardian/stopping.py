@@ -1,0 +1,288 @@
+"""How fast machines stand after something went wrong: `rig run` on `rig simulate`, judged by its log."""
+
+import json
+import os
+import random
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import median
+
+from rig.devices import open_rig
+from rig.rigfile import read_rig
+from tests.command_line import Program
+
+DEADLINE_S = 60.0
+PERIOD_S = 0.002
+# A stage brakes at 1000 deg/s² here: from 10 deg/s in 10 ms.
+RIG = """
+[rig]
+name = "stop times"
+[simulation]
+driver = "virtual-rig"
+[stage]
+driver = "zaber-ascii"
+port = "@{stage}"
+angle_min_deg = -5.0
+angle_max_deg = 365.0
+speed_deg_s = 10.0
+acceleration_deg_s2 = 1000.0
+reply_timeout_s = 60.0
+[load_frame]
+driver = "modbus-frame"
+address = "@{load_frame}"
+load_max_n = 14000.0
+displacement_max_mm = 6.0
+reply_timeout_s = 60.0
+[cameras.front]
+driver = "simulated-camera"
+width_px = 48
+height_px = 32
+[operator]
+driver = "simulated-operator"
+duration_s = 0.0
+"""
+COMMON = """
+title = "stop times"
+[sample]
+name = "plate"
+thickness_mm = 1.0
+width_mm = 25.0
+gauge_length_mm = 60.0
+"""
+TENSION = (
+    'kind = "tension"'
+    + COMMON
+    + """
+[loading]
+increment_n = 2000.0
+increments_max = 5
+rate_n_s = 200.0
+tare_max_n = 100.0
+plastic = { stiffness_fraction = 0.8, judged_above_n = 4000.0 }
+[stretching]
+increment_mm = 0.3
+total_mm = 5.0
+speed_mm_s = 0.02
+[settle]
+load_tolerance_n = 20.0
+displacement_tolerance_mm = 0.002
+dwell_s = 0.1
+timeout_s = 60.0
+poll_s = 0.1
+[limits]
+load_max_n = 13000.0
+displacement_max_mm = 5.2
+break_load_drop = 0.3
+"""
+)
+ROTATION = (
+    'kind = "rotation"'
+    + COMMON
+    + """
+[rotation]
+increment_deg = 90.0
+total_deg = 360.0
+[settle]
+angle_tolerance_deg = 0.01
+dwell_s = 0.1
+timeout_s = 60.0
+poll_s = 0.1
+"""
+)
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine, the protocol that moves it, and where the log has its motion."""
+
+    name: str
+    protocol: str
+    begins: str
+    value: str
+
+
+FRAME = Machine("load_frame", TENSION, "load ", "displacement_mm")
+STAGE = Machine("stage", ROTATION, "move 576000", "angle_deg")
+
+
+@dataclass
+class Times:
+    """From the event to standstill, in milliseconds."""
+
+    machine: str
+    event: str
+    ms: list[float] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        return (
+            f"{self.event} · {self.machine}: median {median(self.ms):.0f} ms, "
+            f"worst {max(self.ms):.0f} ms of {len(self.ms)}"
+        )
+
+
+class Bench:
+    """A simulation in a process of its own, and one run after the other on it."""
+
+    def __init__(self, folder: Path, stage: str, load_frame: str) -> None:
+        self.folder = folder
+        self._rng = random.Random(11)
+        (folder / "rig.toml").write_text(RIG.format(stage=stage, load_frame=load_frame))
+        for machine in (FRAME, STAGE):
+            (folder / f"{machine.name}.toml").write_text(machine.protocol)
+        options = ("-o", folder / "use.toml", "--log", folder / "log", "--period-s", PERIOD_S)
+        self.simulation = Program("simulate", folder / "rig.toml", *options)
+        self.simulation.wait_for("scene: ")
+        self._log = (folder / "log").open()
+
+    def close(self) -> None:
+        self._log.close()
+        self.simulation.close()
+
+    def entries(self) -> Iterator[dict]:
+        """Yield the entries of the log as they come; it is the truth."""
+        end_s, rest = time.monotonic() + DEADLINE_S, ""
+        while time.monotonic() < end_s:
+            rest += self._log.readline()
+            if not rest.endswith("\n"):
+                time.sleep(PERIOD_S)
+                continue
+            yield json.loads(rest)
+            rest = ""
+        raise AssertionError("the log shows nothing more")
+
+    def stand_after_ms(self, machine: Machine, event: Callable[[Program], float | None]) -> float:
+        """Return the time from an event in the middle of a motion until the machine stands for good.
+
+        `event` returns the time from which to count, or None for the time at which it was called.
+        """
+        self._unload()
+        run_file = self.folder / "run.h5"
+        run_file.unlink(missing_ok=True)
+        files = (self.folder / f"{machine.name}.toml", "--rig", self.folder / "use.toml", "-o", run_file)
+        with closing(Program("run", *files)) as run:
+            self.wait_for_motion(run, machine)
+            time.sleep(self._rng.uniform(0.3, 0.9))
+            self._log.seek(0, os.SEEK_END)
+            before_s = time.monotonic()
+            began_s = event(run) or before_s
+            stood_s = self._wait_for_standstill(machine, began_s)
+            self._end(run)
+        return 1000.0 * (stood_s - began_s)
+
+    def wait_for_motion(self, run: Program, machine: Machine) -> None:
+        """Return once the run has begun the motion that is to be stopped."""
+        self._log.seek(0, os.SEEK_END)
+        for entry in self.entries():
+            if entry["what"] == "command" and entry["command"].startswith(machine.begins):
+                return
+            assert run.process.poll() is None, run.process.stderr.read()
+
+    def _wait_for_standstill(self, machine: Machine, began_s: float) -> float:
+        """Return when the machine stood: when its value last changed, and not before it was told to stop.
+
+        The simulated crosshead moves in steps of 20 ms: it can stand still by chance before the hold arrives.
+        """
+        last, changed_s, told_s = None, began_s, None
+        for entry in self.entries():
+            if entry["time_s"] < began_s:
+                continue
+            if entry["what"] == "command" and entry["command"] in ("hold", "stop") and told_s is None:
+                told_s = entry["time_s"]
+            if entry["what"] != "sample":
+                continue
+            if entry[machine.value] != last:
+                last, changed_s = entry[machine.value], entry["time_s"]
+            if entry["time_s"] > changed_s + 1.0:
+                return max(changed_s, told_s or 0.0)
+        raise AssertionError("unreachable")
+
+    def stands(self, machine: Machine) -> bool:
+        """Whether a machine comes to rest within a second and a half."""
+        began_s = time.monotonic()
+        return self._wait_for_standstill(machine, began_s) < began_s + 1.5
+
+    def _end(self, run: Program) -> None:
+        for pid in (guardian_of(run), run.process.pid):
+            # either may have ended by itself meanwhile
+            if pid is not None:
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+        run.process.wait(DEADLINE_S)
+
+    def _unload(self) -> None:
+        self.simulation.type("clear")
+        self.simulation.wait_for("on: ")
+        with open_rig(read_rig(self.folder / "use.toml")) as rig:
+            rig.stage.stop()
+            rig.load_frame.hold()
+            rig.load_frame.go_to_displacement(0.0, 1.0)
+            while rig.load_frame.read().moving:
+                time.sleep(0.05)
+
+
+@contextmanager
+def bench(folder: Path, stage: str = "stage", load_frame: str = "load_frame") -> Iterator[Bench]:
+    with ExitStack() as stack:
+        yield stack.enter_context(closing(Bench(folder, stage, load_frame)))
+
+
+def guardian_of(run: Program) -> int | None:
+    """Return the process of a run's guardian."""
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            command = (folder / "cmdline").read_bytes()
+            parent = (folder / "stat").read_text().rpartition(")")[2].split()[1]
+        except OSError:
+            continue
+        if b"rig.guardian.process" in command and int(parent) == run.process.pid:
+            return int(folder.name)
+    return None
+
+
+def signals(bench: Bench, machine: Machine) -> Callable[[Program], None]:
+    chosen = iter([signal.SIGINT, signal.SIGTERM, signal.SIGHUP] * 100)
+    return lambda run: run.process.send_signal(next(chosen))
+
+
+def kill(bench: Bench, machine: Machine) -> Callable[[Program], None]:
+    return lambda run: run.process.kill()
+
+
+def hang(bench: Bench, machine: Machine) -> Callable[[Program], None]:
+    return lambda run: run.process.send_signal(signal.SIGSTOP)
+
+
+def hanging_call(bench: Bench, machine: Machine) -> Callable[[Program], None]:
+    """A request is lost, and its answer is waited for a minute."""
+    return lambda run: bench.simulation.type(f"fault {machine.name}.lose-request:1")
+
+
+def all_frozen(bench: Bench, machine: Machine) -> Callable[[Program], None]:
+    def freeze(run: Program) -> None:
+        os.kill(guardian_of(run), signal.SIGSTOP)
+        run.process.send_signal(signal.SIGSTOP)
+
+    return freeze
+
+
+EVENTS = {
+    "signal": (signals, 100.0),
+    "kill -9": (kill, 50.0),
+    "engine hangs": (hang, 1000.0),
+    "driver call hangs": (hanging_call, 1000.0),
+}
+FROZEN_MS = 2000.0 + 50.0
+"""The watchdog's time, and what the machine takes to notice: two and a half of its periods."""
+
+
+def measure(bench: Bench, machine: Machine, name: str, count: int) -> Times:
+    """Measure one event `count` times."""
+    make = all_frozen if name == "all frozen" else EVENTS[name][0]
+    event, times = make(bench, machine), Times(machine.name, name)
+    for _ in range(count):
+        times.ms.append(bench.stand_after_ms(machine, event))
+    return times

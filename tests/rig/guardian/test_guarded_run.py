@@ -1,0 +1,101 @@
+"""A run and its guardian: each notices the end of the other, and both leave the machines at rest."""
+
+import os
+import signal
+
+import pytest
+
+from tests.command_line import Program, run_rig
+from tests.rig.guardian.stopping import FRAME, STAGE, Bench, Machine, bench, guardian_of
+
+pytestmark = pytest.mark.realtime
+
+SHARED, RELAYED = ("stage", "load_frame"), ("stage_tcp", "load_frame_rtu_tcp")
+CASES = [
+    pytest.param(SHARED, FRAME, id="load frame on tcp"),
+    pytest.param(SHARED, STAGE, id="stage on a pty"),
+    pytest.param(RELAYED, FRAME, id="load frame on rtu", marks=pytest.mark.long),
+    pytest.param(RELAYED, STAGE, id="stage on tcp", marks=pytest.mark.long),
+]
+
+
+def started(measured: Bench, machine: Machine) -> Program:
+    folder = measured.folder
+    files = (folder / f"{machine.name}.toml", "--rig", folder / "use.toml", "-o", folder / "run.h5")
+    run = Program("run", *files)
+    measured.wait_for_motion(run, machine)
+    return run
+
+
+@pytest.mark.parametrize(("lines", "machine"), CASES)
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "frozen"])
+def test_a_run_without_its_guardian_ends_with_its_machine_at_rest(how, machine, lines, tmp_path):
+    with bench(tmp_path, *lines) as measured:
+        run = started(measured, machine)
+        os.kill(guardian_of(run), how)
+        status, said = run.end()
+        sentences = said.strip().splitlines()
+        # On a line that only the guardian has, the driver may hang, and a second sentence says so.
+        assert all("its driver hangs" in sentence for sentence in sentences[1:]), said
+        assert status == 1
+        expected = "the guardian died" if how is signal.SIGKILL else "the guardian did not answer for 0.51 s"
+        assert expected in said
+        assert "NOT CONFIRMED" not in said
+        assert measured.stands(machine)
+        assert not (tmp_path / "run.guardian.log").exists()
+
+
+@pytest.mark.parametrize(("lines", "machine"), CASES)
+def test_a_run_that_was_frozen_finds_its_machine_at_rest_and_ends(machine, lines, tmp_path):
+    """After the stop by the guardian nothing that the run had in mind may be executed."""
+    with bench(tmp_path, *lines) as measured:
+        run = started(measured, machine)
+        run.process.send_signal(signal.SIGSTOP)
+        assert measured.stands(machine)
+        run.process.send_signal(signal.SIGCONT)
+        status, said = run.end()
+        assert status == 1
+        assert "rig guardian: the run made no progress for 0.85 s" in said
+        assert "Traceback" not in said
+        assert measured.stands(machine)
+
+
+def test_a_dead_run_leaves_one_line_on_the_terminal_and_in_a_log_beside_the_run_file(tmp_path):
+    with bench(tmp_path) as measured:
+        run = started(measured, STAGE)
+        run.process.kill()
+        _, said = run.process.communicate(timeout=60)
+        (line,) = said.splitlines()
+        assert line.startswith("rig guardian: the process of the run is gone: load_frame and stage stopped, ")
+        (logged,) = (tmp_path / "run.guardian.log").read_text().splitlines()
+        assert logged.endswith(line)
+        assert measured.stands(STAGE)
+
+
+def test_the_machines_of_a_run_belong_to_it_alone(tmp_path):
+    with bench(tmp_path) as measured:
+        run = started(measured, STAGE)
+        for arguments in (
+            ("run", tmp_path / "stage.toml", "--rig", tmp_path / "use.toml", "-o", tmp_path / "second.h5"),
+            ("check", tmp_path / "use.toml"),
+        ):
+            refused = run_rig(*arguments)
+            assert refused.status == 2
+            assert f"pid {run.process.pid} (" in refused.err
+            assert len(refused.err.splitlines()) == 1
+        assert run.process.poll() is None
+        run.process.send_signal(signal.SIGINT)
+        assert run.end()[0] == 1
+
+
+def test_a_machine_that_the_guardian_cannot_reach_is_told_before_anything_moves(tmp_path):
+    with bench(tmp_path) as measured:
+        measured.simulation.type("fault load_frame.unplug")
+        measured.simulation.wait_for("on: ")
+        refused = run_rig(
+            "run", tmp_path / "stage.toml", "--rig", tmp_path / "use.toml", "-o", tmp_path / "run.h5"
+        )
+        assert refused.status == 2
+        assert "reach the machine for the guardian" in refused.err
+        assert len(refused.err.splitlines()) == 1
+        assert not (tmp_path / "run.h5").exists()

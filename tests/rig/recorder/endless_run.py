@@ -1,0 +1,63 @@
+"""Record a run that never ends, in one process per run, until somebody kills it; `test_kills` starts this.
+
+This program imports everything once. For each line of standard input, the path of a run file, it forks a
+child that records there, prints the child's number, and waits for the end of the child. The child prints a
+line for each step that the recorder has acknowledged.
+"""
+
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from drivers.interfaces import DeviceInfo, LoadFrameState
+from rig.protocol.step import ProtocolStep, Reading
+from rig.recorder import Recorder, StepRecord
+from rig.recording import RecordingSettings
+from tests.run_files import CAMERAS, HEADER, take
+
+FRAMES = 3
+STEPS_MAX = 100_000
+
+
+def number_of(index: int, camera: int, frame: int) -> int:
+    """Return the number that an image shows, by step, camera and place in the step."""
+    return (index * len(CAMERAS) + camera) * FRAMES + frame
+
+
+def record(path: Path) -> None:
+    """Record steps as fast as the disk acknowledges them."""
+    settings = RecordingSettings(sync_frames=2)
+    recorder = Recorder(path, HEADER, CAMERAS, load_frame=DeviceInfo("v", "m", "s"), settings=settings)
+    for index in range(STEPS_MAX):
+        frames = {}
+        for camera, (name, info) in enumerate(CAMERAS.items()):
+            rows = [recorder.frame(name, take(info, number_of(index, camera, k))) for k in range(FRAMES)]
+            frames[name] = (rows[0], FRAMES)
+            recorder.load_frame_state(
+                LoadFrameState(float(index), 0.1, False, True, True, index, (), float(index))
+            )
+        kind = ("grid", "reference", "load")[min(index, 2)]
+        target = 1000.0 * index if kind == "load" else np.nan
+        record = StepRecord(ProtocolStep(index, kind, target), Reading(float(index), 1000.0 * index), frames)
+        recorder.event(float(index), "info", "test", f"step {index}")
+        recorder.step(record).result(60)
+        # One write of a few bytes: the pipe takes it whole or not at all.
+        os.write(1, b"step %d\n" % index)
+
+
+def main() -> None:
+    """Fork a child for each path."""
+    for line in sys.stdin:
+        child = os.fork()
+        if child == 0:
+            record(Path(line.strip()))
+            os._exit(0)
+        os.write(1, b"child %d\n" % child)
+        os.waitpid(child, 0)
+        os.write(1, b"ended\n")
+
+
+if __name__ == "__main__":
+    main()

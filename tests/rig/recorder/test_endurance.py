@@ -1,0 +1,27 @@
+"""The two figures of the recorder that take real time; the benchmarks print more of them."""
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks.endurance import endure, is_good
+from benchmarks.recorder import LEAST_RATIO, compare
+
+
+def test_every_image_of_a_short_run_is_recorded_and_read_back(tmp_path):
+    figures = endure(tmp_path / "run.h5", minutes=0.05, recycle=False)
+    assert figures["images_checked"] == {"left": 15, "right": 15}
+    assert is_good(figures)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+def test_thirty_real_minutes_of_two_cameras(tmp_path):
+    figures = endure(tmp_path / "run.h5", minutes=30.0, recycle=True)
+    assert is_good(figures), figures
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+def test_recorder_is_nearly_as_fast_as_plain_writing(tmp_path: Path) -> None:
+    assert compare(tmp_path, rounds=9, count=200) >= LEAST_RATIO

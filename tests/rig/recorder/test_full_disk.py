@@ -1,0 +1,194 @@
+"""A disk that becomes full, or a limit on the size of files: one sentence, and a closed file."""
+
+import random
+import resource
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from rig.commands.verify import verify_run
+from rig.errors import RecordingError
+from rig.protocol.step import ProtocolStep, Reading
+from rig.recorder import Recorder, StepRecord
+from rig.recorder.space import CLOSING_BYTES
+from tests.run_files import CAMERAS, HEADER, START, take
+
+STEPS = 40
+PAGE_BYTES = 4096
+VOLUME_BYTES = 4 << 20
+LAST_BYTES = 64 << 10
+
+
+def record(path: Path) -> tuple[int, str]:
+    """Record until the end or the first error; return the number of acknowledged steps, and the error."""
+    try:
+        recorder = Recorder(path, HEADER, CAMERAS)
+    except RecordingError as error:
+        return 0, str(error)
+    steps, reason = 0, ""
+    try:
+        for index in range(STEPS):
+            frames = {name: (recorder.frame(name, take(info, index)), 1) for name, info in CAMERAS.items()}
+            kind = ("grid", "reference", "load")[min(index, 2)]
+            step = StepRecord(ProtocolStep(index, kind), Reading(float(index), 1.0), frames)
+            recorder.step(step).result(60)
+            steps += 1
+    except RecordingError as error:
+        reason = str(error)
+    recorder.close("failed" if reason else "completed", reason, START)
+    return steps, reason
+
+
+def check_recording(path: Path, steps: int, reason: str) -> None:
+    """The error is one sentence, and the file is closed with everything that was acknowledged."""
+    assert "\n" not in reason
+    assert bool(reason) == (steps < STEPS)
+    assert reason == "" or "check free space" in reason
+    if not path.exists():
+        assert steps == 0
+        return
+    with h5py.File(path) as file:
+        entry = file["entry"]
+        assert entry["status"][()] == (b"failed" if reason else b"completed")
+        assert entry["status_reason"][()].decode() == reason
+        assert list(entry["steps/complete"]) == [1] * steps
+        for name, info in CAMERAS.items():
+            images = entry[f"instrument/{name}/data"]
+            for index in range(steps):
+                np.testing.assert_array_equal(images[index], take(info, index).image)
+
+
+def check_digest(path: Path) -> None:
+    assert not path.exists() or verify_run(path).digest == "right"
+
+
+@contextmanager
+def no_file_larger_than(size: int) -> Iterator[None]:
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def check_limit(path: Path, size: int) -> None:
+    path.unlink(missing_ok=True)
+    with no_file_larger_than(size):
+        steps, reason = record(path)
+    check_recording(path, steps, reason)
+    if size % 64 == 0:
+        check_digest(path)
+
+
+@pytest.fixture(scope="module")
+def enough(tmp_path_factory) -> int:
+    """The least limit on the size of files with which the run is completed."""
+    folder = tmp_path_factory.mktemp("enough")
+    low, high = CLOSING_BYTES, 4 * CLOSING_BYTES
+    while low < high:
+        middle = (low + high) // 2
+        with no_file_larger_than(middle):
+            _, reason = record(folder / f"{middle}.h5")
+        low, high = (middle + 1, high) if reason else (low, middle)
+    return low
+
+
+def test_limit_on_the_size_of_files_is_one_sentence_wherever_it_is(enough, tmp_path):
+    rng = random.Random(1)
+    check_limit(tmp_path / "run.h5", enough)
+    check_limit(tmp_path / "run.h5", enough - 1)
+    for _ in range(12):
+        check_limit(tmp_path / "run.h5", enough - rng.randrange(LAST_BYTES))
+    for _ in range(8):
+        check_limit(tmp_path / "run.h5", rng.randrange(enough))
+
+
+@pytest.mark.long
+@pytest.mark.timeout(10 * 3600)
+def test_limit_at_every_byte_of_the_last_64_kb(enough, tmp_path):
+    rng = random.Random(2)
+    for size in [*range(enough - LAST_BYTES, enough), *(rng.randrange(enough) for _ in range(100))]:
+        check_limit(tmp_path / "run.h5", size)
+
+
+@pytest.fixture(scope="module")
+def volume(tmp_path_factory) -> Iterator[Path]:
+    """A volume of 4 MiB."""
+    folder = tmp_path_factory.mktemp("volume")
+    command = ["mount", "-t", "tmpfs", "-o", f"size={VOLUME_BYTES}", "tmpfs", str(folder)]
+    try:
+        mounted = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError as error:
+        pytest.skip(f"no volume can be mounted: {error}")
+    if mounted.returncode:
+        pytest.skip(f"no volume can be mounted: {mounted.stderr.strip()}")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+def check_free_space(volume: Path, pages: int) -> None:
+    for path in volume.iterdir():
+        path.unlink()
+    (volume / "filler").write_bytes(bytes(VOLUME_BYTES - pages * PAGE_BYTES))
+    path = volume / "run.h5"
+    steps, reason = record(path)
+    check_recording(path, steps, reason)
+    check_digest(path)
+
+
+@pytest.fixture(scope="module")
+def enough_pages(volume) -> int:
+    """The least number of free pages with which the run is completed."""
+    low, high = 1, VOLUME_BYTES // PAGE_BYTES
+    while low < high:
+        middle = (low + high) // 2
+        for path in volume.iterdir():
+            path.unlink()
+        (volume / "filler").write_bytes(bytes(VOLUME_BYTES - middle * PAGE_BYTES))
+        _, reason = record(volume / "run.h5")
+        low, high = (middle + 1, high) if reason else (low, middle)
+    return low
+
+
+def test_full_disk_is_one_sentence_wherever_it_is(volume, enough_pages):
+    rng = random.Random(3)
+    for pages in [
+        *range(enough_pages - 4, enough_pages + 1),
+        *(rng.randrange(enough_pages) for _ in range(8)),
+    ]:
+        check_free_space(volume, pages)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+def test_full_disk_at_every_page_of_the_last_64_kb_and_anywhere(volume, enough_pages):
+    rng = random.Random(4)
+    last = range(enough_pages - LAST_BYTES // PAGE_BYTES, enough_pages + 1)
+    for pages in [*last, *(rng.randrange(enough_pages) for _ in range(100))]:
+        check_free_space(volume, pages)
+
+
+def test_disk_that_becomes_full_during_a_run_ends_it_safely(volume, rotation):
+    for path in volume.iterdir():
+        path.unlink()
+    rotation.path = volume / "run.h5"
+    image = np.zeros((300, 400), np.uint8)  # 36 of them take more than the volume has
+    for camera in rotation.cameras.values():
+        camera.info = replace(camera.info, width_px=400, height_px=300)
+        camera.on_grab = lambda _, frame: replace(frame, image=image)
+    outcome = rotation.engine().run()
+    assert 3 < outcome.steps_done < 17
+    assert (outcome.status, outcome.recorded, outcome.lost_listeners) == ("failed", False, ())
+    assert "No space left on device; check free space" in outcome.reason
+    assert "\n" not in outcome.reason
+    assert rotation.calls[-1] == "stop"
+    found = verify_run(rotation.path)
+    assert (found.status, found.steps, found.digest) == ("failed", outcome.steps_done, "right")
+    assert found.reason == outcome.reason

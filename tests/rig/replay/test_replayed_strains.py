@@ -1,0 +1,41 @@
+"""A run on the virtual rig, its replay by the command, and the strains of both."""
+
+import json
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+from click.testing import CliRunner
+
+import dic
+from rig.cli import cli
+from rig.run import run_protocol
+from tests.places import EXAMPLES, example
+
+# Half a turn in one step, seen by cameras of a quarter of the usual pixels.
+SMALL = ('driver = "simulated-camera"', 'driver = "simulated-camera"\nwidth_px = 450\nheight_px = 450\n')
+FOCAL = ("height_px = 450\n", "height_px = 450\nfocal_px = 1400.0\n")
+
+
+def test_strains_of_a_replay_are_those_of_the_run(tmp_path: Path) -> None:
+    protocol, rig_path = tmp_path / "protocol.toml", tmp_path / "rig.toml"
+    protocol.write_text(example("rotation", ("increment_deg = 22.5", "increment_deg = 180.0")))
+    rig_text = (EXAMPLES / "rig-virtual-rotation-10.toml").read_text()
+    rig_path.write_text(rig_text.replace(*SMALL).replace(*FOCAL))
+    path, new, table = tmp_path / "run.h5", tmp_path / "new.h5", tmp_path / "replay.json"
+    assert run_protocol(protocol, rig_path, path).status == "completed"
+
+    done = CliRunner().invoke(cli, ["replay", str(path), "-o", str(new), "--json", str(table)])
+    assert done.exit_code == 0, done.output
+    assert "8 images" in done.output
+    assert json.loads(table.read_text())["identical"] is True
+
+    first, second = dic.process_run(path), dic.process_run(new)
+    for ours, theirs in zip(first.cameras, second.cameras, strict=True):
+        assert len(ours.measurements) == 2
+        for a, b in zip(ours.measurements, theirs.measurements, strict=True):
+            for mean, other in ((a.raw_mean, b.raw_mean), (a.mean, b.mean)):
+                assert [repr(getattr(mean, f.name)) for f in fields(mean)] == [
+                    repr(getattr(other, f.name)) for f in fields(other)
+                ]
+            np.testing.assert_array_equal(a.strain.eyy, b.strain.eyy)

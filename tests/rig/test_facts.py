@@ -1,0 +1,46 @@
+"""The narrower limits of rig and protocol, which the machine is given to keep by itself."""
+
+import tomllib
+
+import pytest
+
+from rig.devices import open_rig
+from rig.facts import narrowed
+from rig.protocol.protocol import RotationProtocol, TensionProtocol
+from rig.rigfile import read_rig
+from tests.places import example
+
+
+def tension(load_max_n: float, displacement_max_mm: float) -> TensionProtocol:
+    table = tomllib.loads(example("tension"))
+    table["limits"] |= {"load_max_n": load_max_n, "displacement_max_mm": displacement_max_mm}
+    return TensionProtocol.model_validate(table)
+
+
+@pytest.fixture
+def rig_file(tmp_path):
+    path = tmp_path / "rig.toml"
+    wide = "load_min_n = -20000.0\ndisplacement_min_mm = -0.5\nload_max_n = 14000.0"
+    path.write_text(example("rig-virtual-tension", ("load_max_n = 14000.0", wide)))
+    return read_rig(path)
+
+
+def test_the_machine_itself_keeps_the_narrower_limits_of_rig_and_protocol(rig_file):
+    with open_rig(narrowed(rig_file, tension(13000.0, 5.2))) as rig:
+        held = rig.load_frame.limits
+        machine = rig.load_frame._work.read(rig.load_frame._map.blocks.limits, "look")
+    # protocol, protocol (both directions), rig, protocol
+    assert (held.load_max_n, held.load_min_n) == (13000.0, -13000.0)
+    assert (held.displacement_min_mm, held.displacement_max_mm) == (-0.5, 5.2)
+    assert (machine["load_max"], machine["load_min"]) == (13000.0, -13000.0)
+    assert (machine["displacement_min"], machine["displacement_max"]) == (-0.5, pytest.approx(5.2, abs=1e-6))
+
+
+def test_a_wider_protocol_widens_nothing(rig_file):
+    narrow = narrowed(rig_file, tension(50000.0, 60.0))
+    assert narrow.load_frame.settings == rig_file.load_frame.settings
+
+
+def test_a_rotation_leaves_the_limits_of_the_rig(rig_file):
+    rotation = RotationProtocol.model_validate(tomllib.loads(example("rotation")))
+    assert narrowed(rig_file, rotation) == rig_file

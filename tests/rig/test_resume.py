@@ -1,0 +1,189 @@
+"""Going on with a run that ended early, in a new run file."""
+
+import json
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import dic
+from dic.errors import RunFileError
+from dic.runfile.joined import file_sha256, open_run
+from dic.runfile.reader import RunFile
+from drivers.interfaces import OperatorAction
+from rig.commands.continuing import next_segment
+from rig.commands.verify import verify_run
+from rig.news.run_news import NewsOptions
+from rig.protocol.protocol import read_protocol
+from rig.protocol.step import Reading
+from rig.resume import ContinueError, read_earlier, require_unchanged
+from rig.run import run_protocol
+from tests.places import EXAMPLES, example
+from tests.rig.conftest import FakeRig
+
+SMALL = ('driver = "simulated-camera"', 'driver = "simulated-camera"\nwidth_px = 450\nheight_px = 450\n')
+FOCAL = ("height_px = 450\n", "height_px = 450\nfocal_px = 1400.0\n")
+
+
+def files(tmp_path: Path) -> tuple[Path, Path]:
+    protocol, rig_path = tmp_path / "protocol.toml", tmp_path / "rig.toml"
+    protocol.write_text(example("rotation", ("increment_deg = 22.5", "increment_deg = 90.0")))
+    rig_text = (EXAMPLES / "rig-virtual-rotation-10.toml").read_text()
+    rig_path.write_text(rig_text.replace(*SMALL).replace(*FOCAL))
+    return protocol, rig_path
+
+
+def interrupted(tmp_path: Path, after: int) -> tuple[Path, Path, Path]:
+    protocol, rig_path = files(tmp_path)
+    path = tmp_path / "run.h5"
+
+    def interrupt(record) -> None:
+        if record.step.index == after:
+            signal.raise_signal(signal.SIGINT)
+
+    assert run_protocol(protocol, rig_path, path, on_step=[interrupt]).status == "aborted"
+    return protocol, rig_path, path
+
+
+def test_a_rotation_goes_on_from_its_finished_steps(tmp_path):
+    protocol, rig_path, path = interrupted(tmp_path, after=3)
+    digest = file_sha256(path)
+    with RunFile(path) as run:
+        finished = [step.index for step in run.steps]
+    assert finished[:4] == [0, 1, 2, 3]
+    assert len(finished) < 6
+    told: list[tuple[int, Reading]] = []
+    new = next_segment(path)
+    outcome = run_protocol(
+        protocol,
+        rig_path,
+        new,
+        continues=path,
+        news=NewsOptions(on_continue=lambda earlier, start: told.append((earlier.next.index, start))),
+    )
+    assert outcome.status == "completed", outcome.reason
+    assert told[0][0] == len(finished)
+    assert file_sha256(path) == digest
+    with RunFile(new) as run:
+        assert [step.index for step in run.steps] == list(range(len(finished), 6))
+        assert run.continues is not None
+        assert (run.continues["file"], run.continues["sha256"]) == ("run.h5", digest)
+        assert run.continues["steps"] == finished
+    assert verify_run(new).problems == []
+    with open_run(new) as joined:
+        assert [step.kind for step in joined.steps] == ["grid", "reference", *["rotation"] * 4]
+        assert joined.image("on_axis", joined.steps[2]).shape == (450, 450)
+    result = dic.process_run(new)
+    for camera in result.cameras:
+        assert [step.index for step in camera.steps] == [2, 3, 4, 5]
+        assert camera.failures == []
+        # a rotation strains nothing
+        assert all(abs(m.mean.exx) < 5e-3 for m in camera.measurements)
+
+
+def refusal(tmp_path: Path, change: Callable[[Path, Path, Path], None]) -> str:
+    protocol, rig_path, path = interrupted(tmp_path, after=2)
+    change(protocol, rig_path, path)
+    with pytest.raises((ContinueError, RunFileError)) as caught:
+        run_protocol(protocol, rig_path, tmp_path / "new.h5", continues=path)
+    assert not (tmp_path / "new.h5").exists()
+    return str(caught.value)
+
+
+def edit(path: Path, old: str, new: str) -> None:
+    path.chmod(0o644)
+    path.write_text(path.read_text().replace(old, new))
+
+
+def damage(path: Path) -> None:
+    path.chmod(0o644)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda protocol, rig, run: edit(protocol, "dwell_s = 0.5", "dwell_s = 0.6"), "the protocol of the"),
+        (lambda protocol, rig, run: edit(rig, "seed = 1", "seed = 2"), "the rig file of the earlier run"),
+        (lambda protocol, rig, run: damage(run), "expected a verified run file"),
+    ],
+)
+def test_another_protocol_another_rig_and_a_damaged_file_are_refused(tmp_path, change, said):
+    assert said in refusal(tmp_path, change)
+
+
+def test_a_completed_run_is_refused(tmp_path):
+    protocol, rig_path = files(tmp_path)
+    path = tmp_path / "run.h5"
+    assert run_protocol(protocol, rig_path, path).status == "completed"
+    with pytest.raises(ContinueError, match="got a completed one"):
+        run_protocol(protocol, rig_path, tmp_path / "new.h5", continues=path)
+
+
+@pytest.fixture
+def stopped(tmp_path) -> FakeRig:
+    """A tension test on fakes that was aborted after the second increment of load."""
+    definition = example("tension")
+    path = tmp_path / "protocol.toml"
+    path.write_text(definition)
+    rig = FakeRig(read_protocol(path), tmp_path / "run.h5", definition=definition)
+    engines = []
+
+    def abort(record) -> None:
+        if record.step.index == 3:
+            engines[0].abort("the abort button")
+
+    engines.append(rig.engine(on_step=[abort]))
+    assert engines[0].run().status == "aborted"
+    rig.calls.clear()
+    return rig
+
+
+def go_on(rig: FakeRig):
+    earlier = read_earlier(rig.path, rig.protocol, rig.definition, "")
+    rig.path = rig.path.with_name("run-2.h5")
+    engine = rig.engine(earlier=earlier.readings)
+    start = require_unchanged(earlier, rig.protocol, engine._rig)
+    return earlier, start, engine
+
+
+def test_tension_goes_on_only_at_the_operators_word_and_without_a_new_zero(stopped):
+    earlier, start, engine = go_on(stopped)
+    assert start.load_n == pytest.approx(earlier.end.load_n, abs=1.0)
+    outcome = engine.run()
+    assert outcome.status == "completed", outcome.reason
+    assert "tare" not in stopped.calls
+    assert "ATTACH_GRID" not in stopped.calls
+    asked = stopped.calls.index(OperatorAction.GO_ON.name)
+    assert not any(call.startswith(("load", "displacement")) for call in stopped.calls[:asked])
+    first = next(call for call in stopped.calls[asked:] if call.startswith("load"))
+    assert first == f"load {earlier.next.target:g}"
+    record = json.loads(earlier.record(start))
+    assert record["ended"]["load_n"] == earlier.end.load_n
+    assert record["begins"]["displacement_mm"] == start.displacement_mm
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [({"displacement_mm": 0.31}, "displacement: expected"), ({"zero_n": 2000.0}, "load: expected")],
+)
+def test_a_machine_that_stands_elsewhere_is_refused(stopped, changes, said):
+    for name, value in changes.items():
+        setattr(stopped.load_frame, name, value)
+    with pytest.raises(ContinueError, match=said):
+        go_on(stopped)
+
+
+def test_another_camera_is_refused(stopped):
+    for camera in stopped.cameras.values():
+        camera.info = type(camera.info)(**{**camera.info.__dict__, "serial": "another"})
+    with pytest.raises(ContinueError, match="connect the device of the earlier run"):
+        go_on(stopped)
+
+
+def test_segments_are_numbered():
+    assert next_segment(Path("a/run.h5")) == Path("a/run-2.h5")
+    assert next_segment(Path("run-2.h5")) == Path("run-3.h5")
