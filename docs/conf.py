@@ -27,17 +27,17 @@ exclude_patterns = ["_build"]
 
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3
-# What is indented in a page is a command, a file or a drawing as often as it is Python.
+# An indented block of a page may be a command, a file, a drawing or Python.
 highlight_language = "none"
 # Single backquotes in docstrings are code, as in the Markdown pages.
 default_role = "literal"
 
 napoleon_google_docstring = False
 napoleon_custom_sections = [("Attributes", "params_style")]
-# A type is a phrase with a shape, such as "ndarray, shape (rows, columns)", and no list of names.
+# In the docstrings a type is a phrase, such as "ndarray, shape (rows, columns)", and not a list of names.
 napoleon_use_param = False
 napoleon_use_rtype = False
-# Docstrings say types with shapes and units.
+# The docstrings give types with shapes and units.
 autodoc_typehints = "none"
 autodoc_default_options = {"exclude-members": "model_config"}
 autodoc_preserve_defaults = True
@@ -48,9 +48,9 @@ html_copy_source = False
 
 
 class PublicNames(SphinxDirective):
-    """Describes what a package names in `__all__`: its functions, its classes, or its errors.
+    """Describes the functions, the classes or the errors that a package lists in `__all__`.
 
-    Nothing is listed by hand, so that what is made public is described without further ado.
+    No name is listed by hand, so a new public name is described automatically.
     """
 
     required_arguments = 1
@@ -65,7 +65,7 @@ class PublicNames(SphinxDirective):
         for name in sorted(names, key=str.lower):
             lines += [f".. auto{self.options['kind']}:: {package}.{name}"]
             lines += ["   :members:"] if self.options["kind"] == "class" else []
-            # What belongs to another package is described there, and stands here for readers only.
+            # An object of another package is indexed on that package's page, and only shown here.
             lines += [] if getattr(module, name).__module__.startswith(package) else ["   :no-index:"]
             lines += [""]
         return self.parse_text_to_nodes("\n".join([*lines, "```"]))
@@ -78,9 +78,9 @@ def _kind(value: object) -> str:
 
 
 class NotebookParser(MystParser):
-    """Reads a notebook as a page: Markdown cells as they are, code cells as Python.
+    """Reads a notebook as a page: Markdown cells unchanged, code cells as Python.
 
-    Notebooks are kept without output, so that nothing but these two kinds has to be shown.
+    The notebooks are stored without output, so only these two kinds of cells are shown.
     """
 
     supported = ("notebook",)
@@ -97,12 +97,12 @@ def _as_markdown(cell: dict[str, Any]) -> str:
 
 
 def _signature(app: Sphinx, what: str, name: str, value: object, *_: object) -> tuple[str, str] | None:
-    """Nobody calls an interface: it is shown without the arguments that Python gives it."""
+    """Remove the arguments of an interface's signature, because nobody calls an interface."""
     return ("", "") if getattr(value, "_is_protocol", False) else None
 
 
 def setup(app: Sphinx) -> None:
-    """Teach Sphinx to read notebooks and to list what is public."""
+    """Make Sphinx read notebooks and list public names."""
     app.connect("autodoc-process-signature", _signature)
     app.add_directive("public", PublicNames)
     app.add_source_suffix(".ipynb", "notebook")

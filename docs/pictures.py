@@ -1,4 +1,4 @@
-"""Draws every picture of the documentation: runs the commands of gallery.md and keeps what they made.
+"""Draws every picture of the documentation: runs the commands of gallery.md and keeps their pictures.
 
 python docs/pictures.py    (or `make gallery`)
 """
@@ -22,7 +22,7 @@ MADE_BY_COMMANDS = {
     "plate-maps.png": "maps/loaded.png",
     "assessment.png": "assessment/overview.png",
 }
-"""Picture of the documentation, and the file that a command of the gallery leaves."""
+"""Maps each picture of the documentation to the file that a command of the gallery writes."""
 
 OUT_OF_THE_REPORT = {
     "rotation-raw.svg": "Raw mean strains against the angle of rotation",
@@ -32,7 +32,7 @@ OUT_OF_THE_REPORT = {
     "tension-motion.svg": "Motion of the specimen's plane against the load",
     "tension-heights.png": "Heights of the specimen's surface",
 }
-"""Picture of the documentation, and what the first such figure of the demo's report is called."""
+"""Maps each picture of the documentation to the title of a figure in the demo's report."""
 
 REPORT = "demo/report.html"
 
@@ -44,7 +44,7 @@ def commands(page: str) -> list[str]:
 
 
 def report_figure(report: str, title: str) -> bytes:
-    """Return the first figure of a report with this title."""
+    """Return the first figure of a report that has this title."""
     figures = re.findall(r'<img src="data:image/[a-z+]+;base64,([^"]+)" alt="([^"]*)"', report)
     return next(base64.b64decode(data) for data, alt in figures if html.unescape(alt) == title)
 
@@ -64,7 +64,7 @@ def draw(work: Path, images: Path) -> None:
 
 
 def _keep_small(drawn: Path, kept: Path) -> None:
-    """Keep a picture in 256 colours, which shows no difference in plots and maps."""
+    """Save a picture with 256 colours, which makes no visible difference in plots and maps."""
     from PIL import Image
 
     colours = (
