@@ -1,13 +1,13 @@
 """Off-axis two-dimensional digital image correlation: images in, calibrated fields and strains out.
 
-Everything that is public stands here and is loaded when it is first used:
+This package exports all public names. Each name is loaded from its module at its first use:
 
 >>> import dic
 >>> series = dic.measure_images("reference.tif", ["deformed.tif"], calibration="calibration.h5")
 >>> series.images[0].mean.exx
 
-Images are arrays of shape (height, width) or files; results are frozen dataclasses. What cannot be
-done raises a `MeasurementError`, whose message is one sentence that ends with what to do.
+Images are arrays of shape (height, width) or files. Results are frozen dataclasses. A measurement that fails
+raises a `MeasurementError`, whose message is one sentence that ends with a remedy.
 """
 
 from importlib import import_module
@@ -219,7 +219,7 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-if not TYPE_CHECKING:  # type checkers would otherwise allow any name
+if not TYPE_CHECKING:  # with this function in view, type checkers would accept any name
 
     def __getattr__(name: str) -> Any:
         """Load a public name from its module when it is first used (PEP 562)."""

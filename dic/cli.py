@@ -1,4 +1,4 @@
-"""The command `dic`: its subcommands are loaded when they are called, so that help comes at once."""
+"""The command `dic`. Each subcommand is loaded only when it is called, so that `dic --help` starts fast."""
 
 from importlib import import_module
 
@@ -15,7 +15,7 @@ _COMMANDS = {
 
 
 class _LazyGroup(click.Group):
-    """A group that knows its subcommands by module and attribute."""
+    """A command group of click that imports a subcommand's module when the subcommand is called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return sorted(_COMMANDS)
@@ -33,12 +33,12 @@ class _LazyGroup(click.Group):
 def dic() -> None:
     """Off-axis two-dimensional digital image correlation: calibrate, correlate, report.
 
-    Exits with 0, with 1 if the measurement was made but is not good, with 2 if it could not be made.
+    Exit status: 0 for a good measurement, 1 for a measurement of poor quality, 2 for a failed measurement.
     """
 
 
 def main() -> None:
-    """Run the command; an error that was foreseen becomes one sentence and status 2."""
+    """Run the command `dic`; a `MeasurementError` is printed as one sentence and gives exit status 2."""
     from dic.errors import MeasurementError
     from dic.shell.console import run
 

@@ -1,4 +1,4 @@
-"""Errors of a measurement: each is one sentence that ends with what to do."""
+"""Errors of a measurement. The message of each error is one sentence that ends with a remedy."""
 
 from collections.abc import Iterable, Sequence
 from numbers import Integral, Real
@@ -6,7 +6,7 @@ from typing import Any, get_args
 
 
 class MeasurementError(Exception):
-    """Images, grid or points could not give what was asked.
+    """A measurement failed because of its images, grid, points or settings.
 
     Parameters
     ----------
@@ -15,13 +15,13 @@ class MeasurementError(Exception):
     step : str
         The step that failed.
     expected, got : str
-        What the step needs, and what it found.
+        The input that the failed step needs, and the input that the step got.
     remedy : str
-        What the user can do, with the name of the setting or file and a value that works.
+        The remedy for the user, with the name of the setting or file and a value that works.
     """
 
     def __init__(self, source: str, step: str, expected: str, got: str, remedy: str) -> None:
-        # The arguments are kept as they are, so that pickle can pass an error on from another process.
+        # `Exception` gets all five arguments, so that pickle can pass the error on from another process.
         super().__init__(source, step, expected, got, remedy)
         self.source, self.step = source, step
         self.expected, self.got, self.remedy = expected, got, remedy
@@ -32,6 +32,10 @@ class MeasurementError(Exception):
 
 class ImageError(MeasurementError):
     """An image file is missing, damaged, or not an image that can be measured."""
+
+
+class ImageWarning(UserWarning):
+    """A warning that only a part of an image file's content is used, or that the image is turned."""
 
 
 class CalibrationError(MeasurementError):
@@ -51,7 +55,7 @@ class RunFileError(MeasurementError):
 
 
 Check = tuple[bool, str, str, object, str]
-"""Whether a value is good, the value's name, what is expected, what was got, and the remedy."""
+"""A checked setting: True if its value is good, its name, the expected value, its value, and the remedy."""
 
 
 def require_all(error: type[MeasurementError], source: str, checks: Iterable[Check]) -> None:
@@ -60,9 +64,9 @@ def require_all(error: type[MeasurementError], source: str, checks: Iterable[Che
     Parameters
     ----------
     error : type
-        Class of the error.
+        Class of the error to raise.
     source : str
-        What the checked values belong to, such as "settings".
+        The group of the checked values, such as "settings".
     checks : iterable of Check
     """
     failed = [
@@ -75,24 +79,24 @@ def require_all(error: type[MeasurementError], source: str, checks: Iterable[Che
 
 
 def joined(errors: Sequence[MeasurementError]) -> MeasurementError:
-    """Return one error, of the first one's class, whose message is the sentences of all errors."""
+    """Return one error of the first error's class; its message holds the messages of all errors."""
     first, *others = errors
     remedy = ". ".join([first.remedy, *(str(error) for error in others)])
     return type(first)(first.source, first.step, first.expected, first.got, remedy)
 
 
 def is_whole(value: object) -> bool:
-    """Tell whether a setting is a whole number, and neither text nor truth value."""
+    """Return True if the setting is a whole number; text, True and False are not numbers here."""
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
 def is_number(value: object) -> bool:
-    """Tell whether a setting is a number, and neither text nor truth value."""
+    """Return True if the setting is a real number; text, True and False are not numbers here."""
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def require_kind(name: str, value: object, kind: Any, remedy: str) -> None:
-    """Refuse an argument of a wrong type.
+    """Raise an error if an argument has a wrong type.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The arrays that dic works with, and what may stand for an image: one name each, for annotations."""
+"""Names for type annotations: the arrays that dic works with, paths, and images."""
 
 from pathlib import Path
 
@@ -6,16 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 Float = NDArray[np.float64]
-"""Coordinates, displacements, strains: anything that is computed."""
+"""Computed values, such as coordinates, displacements and strains."""
 
 Grey = NDArray[np.float32]
 """Grey levels of an image, shape (height, width)."""
 
 Mask = NDArray[np.bool_]
-"""Which pixels or points are meant."""
+"""A mask that is True at the selected pixels or points."""
 
 Indices = NDArray[np.int64]
-"""Whole pixels, rows and columns."""
+"""Integers: pixel coordinates, or numbers of rows and columns."""
 
 PathLike = str | Path
 

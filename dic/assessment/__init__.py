@@ -1,1 +1,1 @@
-"""Repeat the paper's numerical assessment of the calibration."""
+"""Repeat the numerical assessment of the calibration from the paper of Helm and Deaner."""

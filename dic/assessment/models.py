@@ -1,4 +1,4 @@
-"""Compare the bicubic map with the pinhole model: both are fitted to the same exact and noisy points."""
+"""Compare the bicubic map with the pinhole model. Both models are fitted to the same points."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from dic.targets.points import GridPoints
 from dic.typing import Float
 
 NOISE_PX = 0.01
-"""Standard deviation of one image coordinate of the noisy grid points."""
+"""Standard deviation of each image coordinate of the noisy grid points, px."""
 
 _REPETITIONS = 5
 _SHAPE = (1200, 1200)
@@ -21,14 +21,15 @@ _SHAPE = (1200, 1200)
 
 @dataclass(frozen=True)
 class ModelRow:
-    """Errors of both models for one camera: rms over the calibrated area, px.
+    """Errors of the bicubic map and of the pinhole model for one simulated camera, px.
 
     Attributes
     ----------
     camera : str
-        Name of the camera, for people.
+        Description of the camera, such as "pan 10°".
     exact_px, noisy_px : dict of str to float
-        Errors by model, "bicubic" and "pinhole", for exact and for noisy grid points.
+        Root mean square error over the calibrated area, for a fit to exact grid points and for a fit to grid
+        points with noise. The keys of the dictionaries are "bicubic" and "pinhole".
     """
 
     camera: str
@@ -37,10 +38,10 @@ class ModelRow:
 
 
 def compare_models() -> list[ModelRow]:
-    """Return the errors of both models for six cameras.
+    """Return the errors of the bicubic map and of the pinhole model for six simulated cameras.
 
-    Three are panned by 10°, 20° and 30°. Three are panned and tilted by 25°, without distortion and with
-    k1 = ±1e-7 px⁻².
+    Three cameras are panned by 10°, 20° and 30°. Three more cameras are panned and tilted by 25°, with the
+    distortion coefficients k1 = 0, 1e-7 and -1e-7 px⁻².
     """
     cameras = {f"pan {pan:g}°": Pinhole.swung(pan_deg=pan) for pan in (10.0, 20.0, 30.0)}
     for k1 in (0.0, 1e-7, -1e-7):
@@ -61,7 +62,7 @@ def _errors(camera: Pinhole, noise_px: float, repetitions: int) -> dict[str, flo
         uv_px = camera.project(xy_mm) + rng.normal(0.0, 1.0, xy_mm.shape) * noise_px
         grid = GridPoints(index, xy_mm, uv_px, (BASE.count, BASE.count), xy_mm[1, 0] - xy_mm[0, 0])
         bicubic = BicubicMap.fit(uv_px, xy_mm)
-        # as for a real camera, the standard deviation of the principal point is 1 % of the image's width
+        # 12 px is 1 % of the image's width, which is the default uncertainty for a real camera
         pinhole = fit_pinhole(grid, _SHAPE, KnownCamera(principal_px=(0.0, 0.0), principal_std_px=12.0))
         squares["bicubic"].append(_mean_square(camera, bicubic))
         squares["pinhole"].append(_mean_square(camera, pinhole))

@@ -1,9 +1,10 @@
-"""The paper's numerical assessment: how well a bicubic map corrects perspective and distortion.
+"""Helm and Deaner's numerical assessment of how well a bicubic map corrects perspective and distortion.
 
-A pinhole camera projects the grid points without noise, and the bicubic map is fitted to their image points.
-Then other points of the plane are projected, mapped back to the grid and projected again. The error is the
-distance between the two projections on the sensor (Helm and Deaner, *Off-Axis Two-Dimensional Digital Image
-Correlation*, "Calibration assessment").
+A simulated pinhole camera projects the grid points without noise. The bicubic map is fitted to the projected
+points. Then other points of the grid's plane are projected into the image, mapped back to the plane by the
+bicubic map, and projected again. The error is the distance on the sensor between the first and the second
+projection of a point (Helm and Deaner, *Off-Axis Two-Dimensional Digital Image Correlation*, "Calibration
+assessment").
 """
 
 from collections.abc import Callable
@@ -16,7 +17,7 @@ from dic.calibration.pinhole.camera import Pinhole
 from dic.typing import Float
 
 CLAIM_PX = 0.02
-"""The paper's claim: the errors on the base and the fine grid stay below this at all angles up to 30°."""
+"""The paper claims that errors on base and fine grid stay below this number of px at angles up to 30°."""
 
 _HALF_MM = 5.0
 _OVERSIZE = 1.4
@@ -24,30 +25,30 @@ _OVERSIZE = 1.4
 
 @dataclass(frozen=True)
 class PointSet:
-    """Points at which the error is computed: `count` × `count` points over ± `half_mm` in X and Y."""
+    """Points for which the error is computed: `count` × `count` points over ± `half_mm` in X and Y."""
 
     name: str
     half_mm: float
     count: int
 
     def points_mm(self) -> Float:
-        """Return the points, shape (count², 2), row by row."""
+        """Return the coordinates X and Y of the points in mm, row by row, shape (count², 2)."""
         line = np.linspace(-self.half_mm, self.half_mm, self.count)
         return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
 
 
 BASE = PointSet("base", _HALF_MM, 21)
-"""The points to which the map is fitted."""
+"""The grid points to which the bicubic map is fitted."""
 FINE = PointSet("fine", _HALF_MM, 101)
-"""The same area, with points between the grid's lines."""
+"""Points on the area of the base grid, also between its lines."""
 OVERSIZED = PointSet("oversized", _HALF_MM * _OVERSIZE, 141)
-"""An area 40 % larger than the grid."""
+"""Points on an area whose sides are 40 % longer than those of the base grid."""
 POINT_SETS = (BASE, FINE, OVERSIZED)
 
 
 @dataclass(frozen=True)
 class ErrorStatistics:
-    """Statistics of the back-projected error over a point set, px."""
+    """Mean, maximum and standard deviation, px, of the errors that `back_projected_error` returns."""
 
     mean_px: float
     maximum_px: float
@@ -56,20 +57,20 @@ class ErrorStatistics:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A series of cameras in which one value is varied.
+    """A series of simulated cameras in which one angle or distortion coefficient is varied.
 
     Attributes
     ----------
     name : str
-        For files and tables.
+        Name of the sweep in files and tables.
     title, axis : str
-        For people: the title, and the label of the axis of the varied value.
+        The title of plots, and the axis label of the varied value.
     values : tuple of float
         The varied angle in degrees, or the distortion coefficient k1 in 1/px².
     camera : callable
-        Takes a value and returns the camera.
+        A function that takes the varied value and returns the camera.
     first_figure : int
-        Number of the paper's figure for the base grid.
+        Number of the figure in Helm and Deaner's paper that shows this sweep on the base grid.
     """
 
     name: str
@@ -80,7 +81,7 @@ class Sweep:
     first_figure: int
 
     def figure(self, points: PointSet) -> int:
-        """Return the number of the paper's figure that shows `points`."""
+        """Return the number of the figure in Helm and Deaner's paper that shows this sweep for `points`."""
         return self.first_figure + POINT_SETS.index(points)
 
 
@@ -116,7 +117,12 @@ SWEEPS = (
 
 
 def back_projected_error(camera: Pinhole, points: PointSet) -> Float:
-    """Return the error on the sensor, px, shape (count, count); the first row is the bottom of the grid."""
+    """Return the error in px that the bicubic map of a camera causes at each point, shape (count, count).
+
+    Each point is projected into the image. The bicubic map then maps the image point back to the grid, and
+    this grid point is projected again. The error is the distance between the first and the second image
+    point. The first row of the result belongs to the bottom of the grid.
+    """
     grid_mm = BASE.points_mm()
     bicubic = BicubicMap.fit(camera.project(grid_mm), grid_mm)
     image_px = camera.project(points.points_mm())
@@ -126,14 +132,14 @@ def back_projected_error(camera: Pinhole, points: PointSet) -> Float:
 
 
 def statistics(camera: Pinhole, points: PointSet) -> ErrorStatistics:
-    """Return mean, maximum and standard deviation of `back_projected_error`."""
+    """Return the mean, the maximum and the standard deviation of the errors from `back_projected_error`."""
     error = back_projected_error(camera, points)
     return ErrorStatistics(float(error.mean()), float(error.max()), float(error.std()))
 
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the assessment's table."""
+    """The statistics of the error for one simulated camera of a sweep and one set of points."""
 
     sweep: Sweep
     value: float
@@ -142,7 +148,7 @@ class Row:
 
 
 def assess() -> list[Row]:
-    """Return the whole assessment: one row for each sweep, value and point set."""
+    """Return the error statistics of every simulated camera in `SWEEPS`, for each set in `POINT_SETS`."""
     return [
         Row(sweep, value, points, statistics(sweep.camera(value), points))
         for sweep in SWEEPS
@@ -152,9 +158,10 @@ def assess() -> list[Row]:
 
 
 def claim_limit(sweep: Sweep) -> float | None:
-    """Return the value of the sweep at which the maximum error on the base grid reaches the paper's 0.02 px.
+    """Return the angle or distortion coefficient of a sweep at which the largest error reaches 0.02 px.
 
-    None if the error stays below 0.02 px in the whole sweep.
+    Helm and Deaner claim smaller errors than 0.02 px. The largest error is taken over the points of the base
+    grid. Return None if the error stays below 0.02 px in the whole sweep.
     """
     from scipy.optimize import brentq
 

@@ -1,4 +1,4 @@
-"""The figures of the assessment, numbered as in the paper."""
+"""Plots of the numerical assessment of the calibration, numbered as in Helm and Deaner's paper."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +18,7 @@ from dic.assessment.paper import (
     back_projected_error,
 )
 from dic.calibration.pinhole.camera import Pinhole
+from dic.files.writing import write_figure
 from dic.typing import PathLike
 
 _CURVES = (("maximum_px", "maximum", "-o"), ("mean_px", "mean", "-s"), ("std_px", "standard deviation", "-^"))
@@ -34,7 +35,7 @@ def plot_assessment(assessment: Assessment, folder: PathLike) -> list[Path]:
     ----------
     assessment : Assessment
     folder : path
-        Must exist.
+        An existing folder, to which the PNG files are written.
     """
     from matplotlib.figure import Figure
 
@@ -45,11 +46,11 @@ def plot_assessment(assessment: Assessment, folder: PathLike) -> list[Path]:
             figure = Figure(figsize=(6, 4))
             _draw_sweep(figure.subplots(gridspec_kw=_MARGINS), rows, sweep, points)
             paths.append(folder / f"figure_{sweep.figure(points):02d}.png")
-            figure.savefig(paths[-1], dpi=120)
+            write_figure(figure, paths[-1], dpi=120)
     figure = Figure(figsize=(6, 5))
     _draw_map(figure, figure.subplots(gridspec_kw=_MARGINS))
     paths.append(folder / f"figure_{_MAP_FIGURE:02d}.png")
-    figure.savefig(paths[-1], dpi=120)
+    write_figure(figure, paths[-1], dpi=120)
 
     overview = Figure(figsize=(20, 16))
     spacing = {"left": 0.04, "right": 0.98, "bottom": 0.04, "top": 0.94, "wspace": 0.22, "hspace": 0.35}
@@ -62,7 +63,7 @@ def plot_assessment(assessment: Assessment, folder: PathLike) -> list[Path]:
     _draw_map(overview, axes[0, 3])
     overview.suptitle("Numerical assessment: 2800 px pinhole, 40 mm, 10 × 10 mm grid of 21 × 21 points")
     paths.append(folder / "overview.png")
-    overview.savefig(paths[-1], dpi=80)
+    write_figure(overview, paths[-1], dpi=80)
     return sorted(paths)
 
 

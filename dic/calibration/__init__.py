@@ -1,1 +1,1 @@
-"""A camera's calibration: from pixels to millimetres on the grid's plane."""
+"""Calibration of a camera: maps from pixels in the image to millimetres on the plane of a grid."""

@@ -1,4 +1,4 @@
-"""The paper's calibration function: a sixteen-parameter bicubic surface for X and one for Y."""
+"""The calibration function of Helm and Deaner: grid coordinates X and Y as bicubic polynomials of x and y."""
 
 from dataclasses import dataclass, field
 
@@ -12,20 +12,22 @@ from dic.typing import Float
 class BicubicMap:
     """The map from image px to grid mm: ``X = Σ a_ij ξ^i η^j``, ``Y = Σ b_ij ξ^i η^j``, i, j = 0 … 3.
 
-    ξ and η are the pixel coordinates, centred and scaled to about ±1. Scaling changes the coefficients but
-    not the surface. Without it the least-squares problem would be badly conditioned.
+    ξ and η are the pixel coordinates x and y, centred and scaled to ±1. Without centring and scaling, the
+    least-squares problem would be badly conditioned. Scaling does not change the fitted map.
 
     Attributes
     ----------
     coefficients : ndarray, shape (4, 4, 2)
-        mm; the first index is i (power of ξ), the second j (power of η), the last X or Y.
+        The coefficients a_ij and b_ij in mm. The three indices of the array are i (power of ξ), j (power of
+        η), and X or Y.
     centre_px : ndarray, shape (2,)
-        Pixel at ξ = η = 0.
+        Image point with ξ = η = 0, px.
     scale_px : float
-        Pixels per unit of ξ and η.
+        Number of pixels per unit of ξ and of η.
     coefficient_errors : ndarray, shape (16, 2, q)
-        E, mm: the errors of the coefficients are E·e, with q independent errors e of unit variance. q = 0 if
-        they are not known.
+        A matrix E, in mm, that gives the errors of the coefficients as E·e. The q elements of the vector e
+        are independent random numbers with variance 1. If the errors of the coefficients are unknown, the
+        array is empty (q = 0).
 
     References
     ----------
@@ -43,12 +45,12 @@ class BicubicMap:
 
     @classmethod
     def fit(cls, points_px: Float, points_mm: Float) -> "BicubicMap":
-        """Fit both surfaces by least squares.
+        """Fit the bicubic surfaces for X and for Y by least squares.
 
         Parameters
         ----------
         points_px, points_mm : ndarray, shape (n, 2)
-            The same points in the image and on the grid.
+            Image coordinates and grid coordinates of the same points.
 
         Raises
         ------
@@ -68,7 +70,7 @@ class BicubicMap:
         return cls(fitted.coefficients, centre_px, scale_px, errors)
 
     def map(self, px: Float) -> Float:
-        """Return the grid coordinates of image points.
+        """Return the grid coordinates X and Y of image points.
 
         Parameters
         ----------
@@ -77,13 +79,13 @@ class BicubicMap:
         Returns
         -------
         ndarray, shape (n, 2)
-            X and Y in mm; NaN where `px` is NaN.
+            X and Y in mm, or NaN for points whose image coordinates are NaN.
         """
         result: Float = _monomials(self._normalised(px)) @ self.coefficients.reshape(16, 2)
         return result
 
     def jacobian(self, px: Float) -> Float:
-        """Return ``∂(X, Y)/∂(x, y)`` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
+        """Return the Jacobian ``∂(X, Y)/∂(x, y)`` in mm/px at image points (n, 2), shape (n, 2, 2)."""
         powers = _powers(self._normalised(px))
         slopes = np.zeros_like(powers)
         slopes[:, :, 1:] = powers[:, :, :3] * np.arange(1, 4) / self.scale_px
@@ -92,21 +94,22 @@ class BicubicMap:
         return np.stack([by_x, by_y], axis=-1)
 
     def error_factors(self, px: Float) -> Float:
-        """Return F, shape (n, 2, q), mm: the errors of mapped points (n, 2) have the covariance F Fᵀ.
+        """Return a matrix F for each image point (n, 2); F Fᵀ is the error covariance of the mapped point.
 
-        F follows from the residuals of the fit. So a systematic misfit of the surfaces increases F, too.
+        The result has the shape (n, 2, q) and the unit mm. The matrix F is computed from the residuals of the
+        fitted map, so a systematic misfit of the map also increases F.
         """
         design = _monomials(self._normalised(px))
         return np.asarray(np.einsum("nk,kcq->ncq", design, self.coefficient_errors))
 
     def _coefficient_errors(self, design: Float, points_px: Float, points_mm: Float) -> Float:
-        """Return `coefficient_errors` for errors of the image points that are as large as the residuals."""
+        """Return `coefficient_errors`; the image points' errors are taken to be as large as the residuals."""
         jacobian = self.jacobian(points_px)
         residual_mm = self.map(points_px) - points_mm
         residual_px = np.linalg.solve(jacobian, residual_mm[:, :, None])
         freedom = residual_px.size - 32
         noise_px = np.sqrt((residual_px**2).sum() / freedom) if freedom else np.nan
-        # design = Q·R: errors e of the points in mm move the coefficients by R⁻¹·Qᵀ·e
+        # With design = Q·R, errors e of the points in mm change the coefficients by R⁻¹·Qᵀ·e.
         q, r = np.linalg.qr(design)
         along = np.einsum("nka,nla->nkl", jacobian, jacobian)
         covariance = np.einsum("nk,nl,ncd->kcld", q, q, along, optimize=True).reshape(32, 32)

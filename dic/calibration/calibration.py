@@ -1,4 +1,4 @@
-"""A camera's calibration: maps from image px to grid mm, valid within the area of the grid points."""
+"""Calibration of a camera: maps from image px to grid mm that hold within the area of the grid points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,30 +25,31 @@ _NEGLIGIBLE_PX = 1e-4
 
 @dataclass(frozen=True)
 class Calibration:
-    """A bicubic map and a pinhole model of one camera; `model` names the one in use.
+    """The calibration of one camera: a bicubic map and a pinhole model, one of which is in use.
 
     Attributes
     ----------
     bicubic : BicubicMap
-        The paper's map from image px to grid mm.
+        The bicubic map of Helm and Deaner, from image px to grid mm.
     grid : GridPoints
         The grid points of the first image, to which the bicubic map was fitted.
     image_shape : tuple of int
         Height and width of the grid image, px.
     source : str
-        The grid image's file, or the camera and the run that it came from.
+        The file of the grid image, or the camera and the run that recorded the grid image.
     pinhole : Pinhole or None
-        The pinhole model; None if it could not be fitted.
+        The pinhole model, or None if no pinhole model could be fitted.
     pinhole_problem : str
         The reason why `pinhole` is None.
     bicubic_cross_validation_px : float
-        Root mean square distance of left-out points from their prediction by the bicubic map; NaN if the grid
-        is too small for cross-validation. For the pinhole model see `Pinhole.cross_validation_px`.
+        Prediction error of the bicubic map: root mean square distance of left-out grid points from their
+        prediction. NaN if the grid is too small for cross-validation.
     images : int
-        Number of grid images. The first one defines the plane; the others serve only the pinhole model.
+        Number of grid images. The grid's plane in the first image is the plane of the coordinates X and Y.
+        Further images improve only the pinhole model.
     model : str
-        The model in use, "bicubic" or "pinhole". `map`, `jacobian`, residuals and scale are those of this
-        model.
+        The model in use, "bicubic" or "pinhole". The methods `map` and `jacobian` use this model, and so do
+        the properties for residuals and scale.
     """
 
     bicubic: BicubicMap
@@ -79,19 +80,19 @@ class Calibration:
         Parameters
         ----------
         grid : GridPoints or sequence of GridPoints
-            The points of the first image define the plane. More images, with the grid tilted, improve the
-            pinhole model.
+            Grid points of each image. The grid's plane in the first image is the plane of the coordinates X
+            and Y. Further images, in which the grid is tilted, improve the pinhole model.
         image_shape : tuple of int
             Height and width of the images, px.
         source : str
-            See `Calibration.source`.
+            The file of the grid image, or another text that names the origin of the calibration.
         known : KnownCamera, optional
-            Prior knowledge of the camera, for the pinhole model.
+            Prior knowledge of the camera, such as its focal length, for the fit of the pinhole model.
 
         Raises
         ------
         CalibrationError
-            If the points do not determine the bicubic map.
+            If the grid points do not determine the bicubic map.
         """
         grids = [grid] if isinstance(grid, GridPoints) else list(grid)
         first = grids[0]
@@ -113,12 +114,12 @@ class Calibration:
         )
 
     def using(self, model: Model) -> "Calibration":
-        """Return the same calibration with another model in use.
+        """Return the same calibration with the given model in use.
 
         Raises
         ------
         CalibrationError
-            If there is no such model, or the pinhole model could not be fitted.
+            If `model` is not "bicubic" or "pinhole", or if the pinhole model could not be fitted.
         """
         source = self.source or "calibration"
         if model not in get_args(Model):
@@ -137,53 +138,57 @@ class Calibration:
 
     @property
     def recommended(self) -> Model:
-        """The model with the better cross-validation; the bicubic map if the difference is not clear."""
+        """The model with the smaller cross-validation error; without a clear difference, the bicubic map."""
         if self.pinhole is None:
             return "bicubic"
-        # a map that could not be cross-validated is never recommended
+        # a bicubic map without cross-validation is not recommended if there is a pinhole model
         bicubic_px = np.nan_to_num(self.bicubic_cross_validation_px, nan=np.inf)
         limit_px = _CLEARLY_BETTER * bicubic_px - _NEGLIGIBLE_PX
         return "pinhole" if self.pinhole.cross_validation_px < limit_px else "bicubic"
 
     @property
     def recommendation(self) -> str:
-        """The recommended model and the reason, in one sentence."""
+        """One sentence that names the recommended model and the reason."""
         if self.pinhole is None:
             return f"bicubic: there is no pinhole model ({self.pinhole_problem})"
         bicubic, pinhole = self.bicubic_cross_validation_px, self.pinhole.cross_validation_px
         if np.isnan(bicubic):
-            return f"pinhole: predicts left-out points to {pinhole:.4f} px; bicubic needs more lines to tell"
+            return (
+                f"pinhole: predicts left-out points to {pinhole:.4f} px; the test of bicubic needs more lines"
+            )
         if self.recommended == "pinhole":
             return f"pinhole: predicts left-out points to {pinhole:.4f} px, bicubic to {bicubic:.4f} px"
         figures = f"bicubic: predicts left-out points to {bicubic:.4f} px, pinhole to {pinhole:.4f} px"
         clear = bicubic < _CLEARLY_BETTER * pinhole - _NEGLIGIBLE_PX
-        return figures if clear else f"{figures}: without a clear difference it is the paper's"
+        return figures if clear else f"{figures}: without a clear difference, use the paper's model"
 
     def map(self, px: Float) -> Float:
         """Return grid coordinates (n, 2) in mm of image points (n, 2) in px; NaN stays NaN.
 
-        The map holds only where `inside` is true.
+        The map is reliable only within the calibrated area; `inside` tells which points lie there.
         """
         return self._in_use.map(px)
 
     def jacobian(self, px: Float) -> Float:
-        """Return ``∂(X, Y)/∂(x, y)`` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
+        """Return the Jacobian ``∂(X, Y)/∂(x, y)`` in mm/px at image points (n, 2), shape (n, 2, 2)."""
         return self._in_use.jacobian(px)
 
     def error_factors(self, px: Float) -> Float:
-        """Return F, shape (n, 2, q), mm: the map's errors at image points (n, 2) have the covariance F Fᵀ.
+        """Return a matrix F for each image point (n, 2); F Fᵀ is the error covariance of the mapped point.
 
-        F follows from the scatter of the grid points in the image. Each column belongs to one source of error
-        that all points share. So the difference of two mapped points has the difference of their F.
+        The result has the shape (n, 2, q) and the unit mm. The matrix F follows from the scatter of the grid
+        points in the image. Each column of F is one source of error that all points share. So if two mapped
+        points have the matrices F₁ and F₂, their distance vector has the matrix F₂ - F₁.
         """
         return self._in_use.error_factors(px)
 
     def inside(self, px: Float) -> Mask:
-        """Tell which image points (n, 2) lie within the calibrated area; NaN is outside.
+        """Return True for image points (n, 2) within the calibrated area, and False outside and for NaN.
 
-        The area is the polygon of the outermost grid points, for both models. Outside it the bicubic map
-        "quickly deviates from the desired values" (Helm and Deaner), and no grid point tests the pinhole
-        model. So points outside are flagged wherever they occur.
+        The calibrated area is the polygon of the outermost grid points, for the bicubic map and for the
+        pinhole model. Outside this area the bicubic map "quickly deviates from the desired values" (Helm and
+        Deaner). Without grid points, the pinhole model cannot be tested outside the calibrated area. So every
+        result of a measurement marks the points that lie outside the calibrated area.
         """
         points = np.asarray(px, np.float64).reshape(-1, 2)
         outline = self.outline_px
@@ -198,12 +203,12 @@ class Calibration:
 
     @cached_property
     def outline_px(self) -> Float:
-        """Corners of the polygon around the calibrated area, in order, shape (m, 2), px."""
+        """Corners of the polygon around the calibrated area, in order along the edge, shape (m, 2), px."""
         return self.grid.outline_px()
 
     @cached_property
     def residuals(self) -> dict[Model, Residuals]:
-        """The residuals of each model at the grid points."""
+        """The residuals at the grid points, for each calibration model ("bicubic" and "pinhole")."""
         residuals: dict[Model, Residuals] = {"bicubic": Residuals.of(self.bicubic, self.grid)}
         if self.pinhole is not None:
             residuals["pinhole"] = Residuals.of(self.pinhole, self.grid)
@@ -216,7 +221,7 @@ class Calibration:
 
     @property
     def residual_px(self) -> Float:
-        """The same residuals in the image, shape (n, 2), px."""
+        """The residuals of the model in use, converted to image pixels, shape (n, 2), px."""
         return self.residuals[self.model].px
 
     @property
@@ -241,7 +246,7 @@ class Calibration:
 
     @property
     def mm_per_px(self) -> float:
-        """Scale at the middle of the grid: the square root of the area on the grid that one pixel covers."""
+        """Scale at the middle of the grid, mm/px: the square root of the grid area that one pixel covers."""
         middle = self.grid.uv_px.mean(axis=0, keepdims=True)
         return float(np.sqrt(abs(np.linalg.det(self.jacobian(middle)[0]))))
 

@@ -1,4 +1,4 @@
-"""Cross-validation on a grid: how well a map predicts points that were left out of its fit."""
+"""Cross-validation of a map: fit the map without some grid points, then predict these points."""
 
 from collections.abc import Callable, Iterator
 
@@ -11,10 +11,11 @@ FOLDS = 5
 
 
 def folds(grid: GridPoints) -> Iterator[Mask]:
-    """Yield boolean arrays (n,) that are True for the points to leave out, a fifth of all points at a time.
+    """Yield boolean arrays, shape (n,), one for each fit; True marks the points that this fit leaves out.
 
-    Each array leaves out every fifth point of each line, staggered from line to line. Each point is left out
-    once. Neighbours on a line are never left out together, so every prediction has points close by.
+    Each array leaves out every fifth point of each grid line. The position of the left-out points changes
+    from line to line. Every point is left out of exactly one fit. Neighbours on a line are never left out
+    together, so each left-out point keeps neighbours in the fit.
     """
     fold = (grid.index[:, 0] + 2 * grid.index[:, 1]) % FOLDS
     for number in range(FOLDS):
@@ -30,8 +31,8 @@ def cross_validation_rms(grid: GridPoints, prediction_errors: Callable[[Mask], F
     ----------
     grid : GridPoints
     prediction_errors : callable
-        Takes a boolean array (n,), fits without the points that are True there, and returns the prediction
-        errors of these points, shape (left out, 2).
+        A function that takes a boolean array, shape (n,), and fits the map without the points that are True
+        in the array. The function returns the prediction errors of these points, shape (left out, 2).
     """
     squares = np.concatenate([(prediction_errors(left_out) ** 2).sum(axis=1) for left_out in folds(grid)])
     return float(np.sqrt(squares.mean()))

@@ -1,6 +1,5 @@
-"""Calibrations as HDF5 files."""
+"""Write calibrations to HDF5 files, and read them."""
 
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
@@ -12,6 +11,8 @@ from dic.calibration.bicubic import BicubicMap
 from dic.calibration.calibration import Calibration, Model
 from dic.calibration.pinhole.camera import Pinhole
 from dic.errors import CalibrationError
+from dic.files.writing import reason, replacing
+from dic.hdf5.open import NotReadable, open_hdf5
 from dic.targets.points import GridPoints
 
 _FORMAT = "offaxis-calibration"
@@ -27,15 +28,15 @@ _PINHOLE_UNITS = {
     "noise_px": "px",
     "cross_validation_px": "px",
 }
-# Names in the file that differ from the attribute's name. They stay, so that older files can be read.
+# Names in the file that differ from the attribute's name. Older files use the same names.
 _KEYS = {"cross_validation_px": "left_out_px"}
 
 
 def save_calibration(calibration: Calibration, path: str | Path) -> None:
     """Write a calibration file.
 
-    The file is written under another name beside `path` and then renamed, so that a crash leaves no
-    incomplete file.
+    The data are first written to a temporary file beside `path`, which is then renamed to `path`. So a crash
+    leaves no incomplete file at `path`.
 
     Raises
     ------
@@ -43,18 +44,16 @@ def save_calibration(calibration: Calibration, path: str | Path) -> None:
         If the file cannot be written.
     """
     path = Path(path)
-    part = path.with_name(path.name + ".part")
     try:
-        with h5py.File(part, "w") as file:
+        with replacing(path) as partial, h5py.File(partial, "w") as file:
             file.attrs.update(file_format=_FORMAT, file_format_version=_VERSION)
             write_calibration(file, calibration)
-        part.replace(path)
     except OSError as error:
         raise CalibrationError(
             str(path),
             "write calibration",
             "a file that can be written",
-            os.strerror(error.errno) if error.errno else "an error of the file system",
+            reason(error),
             "choose another folder with -o, or free disk space",
         ) from error
 
@@ -65,22 +64,23 @@ def load_calibration(path: str | Path) -> Calibration:
     Raises
     ------
     CalibrationError
-        If the file is missing, truncated or not a calibration.
+        If the file is missing, truncated or not a calibration file.
     """
     path = Path(path)
-    if not path.is_file():
-        raise _refusal(path, "no such file")
     try:
-        with h5py.File(path, "r") as file:
+        with open_hdf5(path) as file:
             if file.attrs.get("file_format") != _FORMAT:
                 raise _refusal(path, "an HDF5 file of another kind")
             if file.attrs["file_format_version"] not in _READABLE:
                 raise _refusal(path, f"version {file.attrs['file_format_version']}, newer than this program")
             return read_calibration(file)
-    except KeyError as error:
-        raise _refusal(path, "a calibration that lacks some of its data") from error
-    except OSError as error:
-        raise _refusal(path, "a file that is truncated or not HDF5") from error
+    except NotReadable as error:
+        raise _refusal(path, str(error)) from error
+    except CalibrationError:
+        raise
+    except Exception as error:
+        # Whatever a damaged file makes fail here: the file was read, and nothing else happened.
+        raise _refusal(path, f"a calibration that lacks some of its data ({type(error).__name__})") from error
 
 
 def write_calibration(group: h5py.Group, calibration: Calibration) -> None:
@@ -121,7 +121,7 @@ def write_calibration(group: h5py.Group, calibration: Calibration) -> None:
 
 
 def read_calibration(group: h5py.Group) -> Calibration:
-    """Read a calibration from an open HDF5 group; raise `KeyError` if data are missing."""
+    """Read a calibration from an open HDF5 group, or raise `KeyError` if data are missing."""
     shape = group["image_shape"][:]
     image_shape = (int(shape[0]), int(shape[1]))
     bicubic = group["bicubic"]

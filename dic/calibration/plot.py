@@ -1,4 +1,4 @@
-"""A picture of a calibration: the grid points over the image, and the residuals of each model."""
+"""Draw a calibration: the grid points on the image, and the residuals of each model."""
 
 from typing import Any
 
@@ -6,14 +6,16 @@ import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.calibration.residuals import Residuals
+from dic.files.writing import write_figure
 from dic.image.given import grey_image
 from dic.typing import Grey, ImageLike, PathLike
 
 
 def draw_calibration(calibration: Calibration, image: Grey) -> Any:
-    """Return a matplotlib figure: first the grid points and the axes, then the residuals of each model.
+    """Return a matplotlib figure with the grid points and axes, and with the residuals of each model.
 
-    The arrows of each model have their own magnification. Their colours have one scale for all models.
+    The residuals are drawn as arrows. Each calibration model has its own magnification of the arrows. The
+    colours of the arrows have the same scale for all models.
 
     Parameters
     ----------
@@ -36,7 +38,7 @@ def draw_calibration(calibration: Calibration, image: Grey) -> Any:
     longest = max(residual.max_px for residual in residuals.values())
     arrows: Any = None
     for axes, (model, residual) in zip(others, residuals.items(), strict=True):
-        # a pale image, so that the arrows stand out
+        # draw the image pale, so that the arrows stand out
         _draw_image(axes, calibration, image, (low - 6 * (high - low), high))
         arrows = _draw_residual(axes, calibration, residual, longest)
         in_use = " (in use)" if model == calibration.model and len(residuals) > 1 else ""
@@ -46,8 +48,8 @@ def draw_calibration(calibration: Calibration, image: Grey) -> Any:
 
 
 def plot_calibration(calibration: Calibration, image: ImageLike, path: PathLike) -> None:
-    """Write `draw_calibration`'s figure as a PNG file."""
-    draw_calibration(calibration, grey_image(image, "grid image")).savefig(path, dpi=100, format="png")
+    """Write the figure of `draw_calibration` to a PNG file."""
+    write_figure(draw_calibration(calibration, grey_image(image, "grid image")), path, 100, "png")
 
 
 def _draw_image(axes: Any, calibration: Calibration, image: Grey, limits: tuple[float, float]) -> None:
@@ -94,6 +96,6 @@ def _spacing_px(calibration: Calibration) -> float:
 
 
 def _round_down(value: float) -> float:
-    """Return the largest of 1, 2, 5 × 10^n not above `value`."""
+    """Return the largest number of the series …, 0.1, 0.2, 0.5, 1, 2, 5, 10, … up to `value`."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(power * max(step for step in (1, 2, 5) if step * power <= value))

@@ -1,4 +1,4 @@
-"""Residuals of a map from image to grid, at the grid points that it was fitted to."""
+"""Residuals of a map from image px to grid mm, at the grid points to which the map was fitted."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -13,22 +13,23 @@ class PlaneMap(Protocol):
     """A map from image px to mm on the grid's plane."""
 
     def map(self, px: Float) -> Float:
-        """Return grid coordinates (n, 2) in mm of image points (n, 2) in px."""
+        """Return the grid coordinates (n, 2) in mm of image points (n, 2) in px."""
 
     def jacobian(self, px: Float) -> Float:
-        """Return ``∂(X, Y)/∂(x, y)`` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
+        """Return the Jacobian ``∂(X, Y)/∂(x, y)`` in mm/px at image points (n, 2), shape (n, 2, 2)."""
 
     def error_factors(self, px: Float) -> Float:
-        """Return F, shape (n, 2, q), mm: the errors of mapped points (n, 2) have the covariance F Fᵀ."""
+        """Return a matrix F (2, q), mm, for each of n image points; F Fᵀ is the mapped point's covariance."""
 
 
 @dataclass(frozen=True)
 class Residuals:
-    """Mapped minus true positions of points, on the grid in mm and in the image in px.
+    """Mapped minus true positions of grid points.
 
     Attributes
     ----------
     mm, px : ndarray, shape (n, 2)
+        The residuals on the grid in mm, and in the image in px.
     """
 
     mm: Float
@@ -39,7 +40,7 @@ class Residuals:
 
     @classmethod
     def of(cls, plane_map: PlaneMap, grid: GridPoints) -> "Residuals":
-        """Return the residuals of a map at grid points; the map's Jacobian converts mm to px."""
+        """Return the residuals of a map at grid points, in mm, and converted to px by the map's Jacobian."""
         mm = plane_map.map(grid.uv_px) - grid.xy_mm
         px = np.linalg.solve(plane_map.jacobian(grid.uv_px), mm[:, :, None])[:, :, 0]
         return cls(mm, px.astype(np.float64))

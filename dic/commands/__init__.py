@@ -1,1 +1,1 @@
-"""The subcommands of `dic`, one module each."""
+"""The subcommands of the command `dic`, one module for each."""

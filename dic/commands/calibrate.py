@@ -1,4 +1,4 @@
-"""`dic calibrate`: computes a calibration from images of a calibration target."""
+"""The command `dic calibrate`, which computes a calibration from images of a calibration target."""
 
 import json
 from dataclasses import dataclass
@@ -9,6 +9,8 @@ import click
 
 from dic.commands.option_groups import all_of, option_group
 from dic.commands.target_options import TargetOptions, target_options
+from dic.files.writing import write_text
+from dic.shell.output_paths import FORCE, require_places
 
 if TYPE_CHECKING:
     from dic import Calibration, KnownCamera
@@ -18,7 +20,7 @@ _FILE = click.Path(path_type=Path)
 
 @dataclass(frozen=True)
 class CameraOptions:
-    """Known properties of the camera."""
+    """Options that give known values of the camera."""
 
     focal_px: float | None
     focal_std_px: float
@@ -28,7 +30,7 @@ class CameraOptions:
     principal_std_px: float | None
 
     def read(self) -> "KnownCamera":
-        """Return the options as the library's type."""
+        """Return the options as a `KnownCamera`."""
         from dic import KnownCamera
 
         return KnownCamera(**vars(self))
@@ -36,7 +38,7 @@ class CameraOptions:
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """Output of the command."""
+    """Options that name the output files of `dic calibrate`."""
 
     output: Path | None
     points_file: Path | None
@@ -52,55 +54,74 @@ class OutputOptions:
     type=click.Choice(["bicubic", "pinhole", "recommended"]),
     default="bicubic",
     show_default=True,
-    help="Which map the calibration uses: the paper's bicubic one, the pinhole camera's, or the better one.",
+    help="Map that the calibration uses: the paper's bicubic map, the pinhole model, or the better of both.",
 )
 @option_group(
     "camera",
     CameraOptions,
-    click.option("--focal-px", type=float, help="Focal length, if known."),
-    click.option("--focal-std-px", type=float, default=0.0, help="Its standard deviation.  [default: exact]"),
-    click.option("--distance-mm", type=float, help="From the lens's pinhole to the grid's centre, if known."),
+    click.option("--focal-px", type=float, help="Focal length in px, if known."),
     click.option(
-        "--distance-std-mm", type=float, default=0.0, help="Its standard deviation.  [default: exact]"
+        "--focal-std-px",
+        type=float,
+        default=0.0,
+        help="Standard deviation of the focal length.  [default: 0, exact]",
+    ),
+    click.option(
+        "--distance-mm", type=float, help="Distance from the pinhole to the grid's centre, if known."
+    ),
+    click.option(
+        "--distance-std-mm",
+        type=float,
+        default=0.0,
+        help="Standard deviation of the distance.  [default: 0, exact]",
     ),
     click.option(
         "--principal-px",
         type=float,
         nargs=2,
-        help="X and Y where the optical axis meets the sensor.  [default: the middle, to 1 % of the width]",
+        help="Principal point x y, where the optical axis meets the sensor.  [default: the image's middle]",
     ),
-    click.option("--principal-std-px", type=float, help="Its standard deviation.  [default: exact if given]"),
+    click.option(
+        "--principal-std-px",
+        type=float,
+        help="Standard deviation of the principal point.  [default: 0 if given, else 1 % of the width]",
+    ),
 )
 @option_group(
     "outputs",
     OutputOptions,
     click.option("-o", "--output", type=_FILE, help="Calibration file, HDF5."),
-    click.option("--points", "points_file", type=_FILE, help="Grid points as CSV: X_mm, Y_mm, u_px, v_px."),
-    click.option("--plot", "plot_file", type=_FILE, help="Picture of the points and both residuals, PNG."),
-    click.option("--json", "json_file", type=_FILE, help="What is printed, for programs."),
+    click.option("--points", "points_file", type=_FILE, help="CSV file of the grid points, mm and px."),
+    click.option(
+        "--plot", "plot_file", type=_FILE, help="PNG file with the grid points and the models' residuals."
+    ),
+    click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results."),
 )
+@FORCE
 def calibrate(
     images: tuple[Path, ...],
     target: TargetOptions,
     model: Literal["bicubic", "pinhole", "recommended"],
     camera: CameraOptions,
     outputs: OutputOptions,
+    force: bool,
 ) -> None:
     """Find the calibration target in the first of IMAGES and fit the map from pixels to millimetres.
 
-    The camera may look at the target from anywhere. A mark on it or --x-axis says which way X points; without
-    either it is the direction closest to the image's right. The origin is the target's centre.
+    The camera may look at the target from any direction. The direction of X follows from a mark on the target
+    or from --x-axis. Without a mark and without --x-axis, X is the axis direction closest to the image's
+    right. The origin of X and Y is the target's centre.
 
-    Beside the paper's bicubic map a pinhole camera is fitted. More images by the same camera, with the grid
-    tilted otherwise, tell its focal length when it looks nearly straight; the first defines the plane.
+    A pinhole model is fitted in addition to Helm and Deaner's bicubic map. If the camera looks nearly
+    straight at the target, further images of the tilted target by the same camera determine the focal length.
+    The target's plane in the first image is the plane of the measurement.
     """
     from dic import calibrate_images, plot_calibration, save_calibration
     from dic.commands.calibration_text import summarise, text
-    from dic.shell.output_paths import require_places
 
     shown, known = all_of(target.read, camera.read)
     files = [outputs.output, outputs.points_file, outputs.plot_file, outputs.json_file]
-    require_places(images, files)
+    require_places(images, files, force=force)
     calibration = calibrate_images(
         images, shown, x_axis=target.x_axis, origin_px=target.origin_px, known=known, model=model
     )
@@ -113,17 +134,17 @@ def calibrate(
     summary = summarise(calibration)
     if outputs.json_file is not None:
         content = json.dumps(summary, indent=1, ensure_ascii=False)
-        outputs.json_file.write_text(content, encoding="utf-8")
+        write_text(outputs.json_file, content)
     click.echo(text(summary))
     for warning in calibration.grid.warnings:
         click.echo(f"warning: {images[0]}: {warning}", err=True)
 
 
 def write_points(path: Path, calibration: "Calibration") -> None:
-    """Write the grid points as CSV, in mm to 0.1 nm and px to 1e-5."""
+    """Write the grid points to a CSV file, rounded to 1e-7 mm and 1e-5 px."""
     grid = calibration.grid
     rows = ["X_mm,Y_mm,u_px,v_px"]
     rows += [
         f"{x:.7f},{y:.7f},{u:.5f},{v:.5f}" for (x, y), (u, v) in zip(grid.xy_mm, grid.uv_px, strict=True)
     ]
-    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(rows) + "\n")

@@ -12,7 +12,7 @@ _MOST_DIGITS = 4
 
 
 def summarise(calibration: "Calibration") -> dict[str, Any]:
-    """Return the printed values by name and unit; residuals and scale are those of the model in use."""
+    """Return a calibration's values as a dictionary; residuals and scale are those of the model in use."""
     grid, pinhole = calibration.grid, calibration.pinhole
     outline = calibration.outline_px
     x, y = outline[:, 0], outline[:, 1]
@@ -47,7 +47,7 @@ def summarise(calibration: "Calibration") -> dict[str, Any]:
 
 
 def text(summary: dict[str, Any]) -> str:
-    """Return the summary as lines for a terminal, both models side by side."""
+    """Return the summary of a calibration as lines for a terminal, with both models side by side."""
     share = summary["area_px2"] / (summary["width_px"] * summary["height_px"])
     more = f", camera from {summary['images']} images" if summary["images"] > 1 else ""
     said_by = {"mark": ", axes by the mark", "option": ", axes as given"}
@@ -118,19 +118,23 @@ def _camera_lines(camera: dict[str, Any] | None) -> list[str]:
     share = camera["focal_std_px"] / camera["focal_px"]
     if share > _OPEN_SHARE:
         lines.append(
-            f"                 the focal length is open by {share:.0%}: give it, the distance, "
-            "or images of the grid tilted"
+            f"                 the focal length is uncertain by {share:.0%}: give the focal length, "
+            "the distance, or images of the tilted grid"
         )
     return lines
 
 
 def _with_std(value: float, std: float) -> str:
-    """Return a value and its standard deviation, rounded to two digits but at most four decimals."""
+    """Return a value and its standard deviation as text.
+
+    The standard deviation has two significant digits, but at most four decimals. The value is rounded to as
+    many decimals as the standard deviation.
+    """
     digits = max(0, 1 - math.floor(math.log10(std))) if std > 0 else _MOST_DIGITS
     digits = min(digits, _MOST_DIGITS)
     return f"{value:.{digits}f} ± {std:.{digits}f}"
 
 
 def _finite(value: float) -> float | None:
-    """Replace NaN (an unknown value) by None, because JSON has no NaN."""
+    """Replace NaN, which marks an unknown value, by None, because JSON has no NaN."""
     return value if math.isfinite(value) else None

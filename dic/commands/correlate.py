@@ -1,4 +1,4 @@
-"""`dic correlate`: measures displacements and strains in image files."""
+"""The command `dic correlate`, which measures displacements and strains in image files."""
 
 import json
 from pathlib import Path
@@ -20,6 +20,8 @@ from dic.commands.series_options import (
     region_options,
     start_options,
 )
+from dic.files.writing import write_text
+from dic.shell.output_paths import require_places
 
 if TYPE_CHECKING:
     from dic import Alignment, Calibration, Motion
@@ -30,9 +32,7 @@ _FILE = click.Path(path_type=Path)
 @click.command()
 @click.argument("reference", type=_FILE)
 @click.argument("deformed", type=_FILE, nargs=-1, required=True)
-@click.option(
-    "--calibration", "calibration_file", type=_FILE, help="From `dic calibrate`; gives millimetres."
-)
+@click.option("--calibration", "calibration_file", type=_FILE, help="Calibration file, for results in mm.")
 @correlation_options
 @strain_options
 @region_options
@@ -52,15 +52,14 @@ def correlate(
 ) -> None:
     """Correlate DEFORMED images with the REFERENCE image.
 
-    An image that cannot be measured is named and left out; the others are measured and kept.
-    Ctrl-C ends the series after the image at hand, and what was measured is kept. Status: 0, 1 if an image
-    was measured badly, 2 if one could not be measured.
+    If an image cannot be measured, the command reports the image and continues with the next. Ctrl-C ends
+    the series after the current image and keeps its results. Exit status: 0 if all images are measured well,
+    1 if an image is measured poorly, 2 if an image cannot be measured.
     """
     from dic import Series, SeriesImage, gauge_text, load_calibration, measure_series, read_image
     from dic.commands.series_record import SeriesRecord
     from dic.pipeline.series_files import SeriesOutputs
     from dic.shell.console import fail, say, stopping_between
-    from dic.shell.output_paths import require_places
     from dic.shell.progress import progress
 
     settings, how, _, known, _ = all_of(
@@ -72,7 +71,7 @@ def correlate(
     )
     files = outputs.files(deformed)
     inputs = [reference, *deformed, calibration_file, *region.files(), motion.alignment_file]
-    require_places(inputs, [outputs.json_file, motion.save_alignment, *files.all()])
+    require_places(inputs, [outputs.json_file, motion.save_alignment, *files.all()], force=outputs.force)
     calibration = None if calibration_file is None else load_calibration(calibration_file)
     image = read_image(reference)
     hint = start.hint(image.shape)
@@ -100,7 +99,7 @@ def correlate(
     if outputs.json_file is not None:
         content = {"reference": str(reference), "settings": vars(settings), "images": record.summaries}
         content |= _set_up(calibration, known, alignment) | {"failures": record.failures}
-        outputs.json_file.write_text(json.dumps(content, indent=1), encoding="utf-8")
+        write_text(outputs.json_file, json.dumps(content, indent=1))
     motion.save(alignment)
     for sentence in record.bad:
         fail(sentence)
@@ -110,7 +109,7 @@ def correlate(
 def _set_up(
     calibration: "Calibration | None", motion: "Motion", alignment: "Alignment | None"
 ) -> dict[str, Any]:
-    """Return motion, alignment and sensitivity, JSON-ready."""
+    """Return the assumed motion, the rotation stage's alignment and the camera's sensitivity, for JSON."""
     from dic import Sensitivity
 
     if calibration is None:

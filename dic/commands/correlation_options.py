@@ -1,4 +1,4 @@
-"""The options for correlation and strain that several subcommands share."""
+"""Command-line options for correlation and strain that several subcommands share."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -11,28 +11,28 @@ if TYPE_CHECKING:
     from dic import StrainSettings
 
 subset_option = click.option("--subset", default=31, show_default=True, help="Width of the subsets, odd, px.")
-step_option = click.option("--step", default=10, show_default=True, help="Distance of the points, px.")
+step_option = click.option("--step", default=10, show_default=True, help="Spacing of the points, px.")
 incremental_option = click.option(
     "--incremental",
     default="auto",
     show_default=True,
-    help="New reference: auto (when the correlation drops), never, or always (each image before).",
+    help="When to take a new reference image: auto (when correlation drops), never, or always (each image).",
 )
 poisson_option = click.option(
-    "--poisson-ratio", default=0.33, show_default=True, help="Of the specimen, for its bending."
+    "--poisson-ratio", default=0.33, show_default=True, help="Poisson's ratio of the specimen, for bending."
 )
 
 
 @dataclass(frozen=True)
 class StrainOptions:
-    """The strain measure, and how it is computed."""
+    """Options for the strain measure and its computation."""
 
     strain_measure: str
     strain_window: int
     strain_from: str
 
     def settings(self) -> "StrainSettings":
-        """Return the options as the library's type."""
+        """Return the options as `StrainSettings`."""
         from dic import StrainSettings
 
         return StrainSettings(self.strain_measure, self.strain_window, self.strain_from)
@@ -46,13 +46,15 @@ strain_options = option_group(
         "strain_measure",
         default="green-lagrange",
         show_default=True,
-        help="green-lagrange, small or hencky.",
+        help="Strain measure: green-lagrange, small or hencky.",
     ),
-    click.option("--strain-window", default=5, show_default=True, help="Points across a local strain, odd."),
+    click.option(
+        "--strain-window", default=5, show_default=True, help="Width of the strain window in points, odd."
+    ),
     click.option(
         "--strain-from",
         default="fit",
         show_default=True,
-        help="Local strain: fit (of a plane to the window), quadratic-fit, or shape (function of a subset).",
+        help="Source of local strain: fit (plane in the strain window), quadratic-fit, or shape (function).",
     ),
 )

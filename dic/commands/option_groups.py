@@ -1,4 +1,4 @@
-"""Groups of options, passed to a command as one argument each."""
+"""Groups of command-line options; each group is passed to a command as one argument."""
 
 from collections.abc import Callable
 from dataclasses import fields
@@ -19,9 +19,9 @@ def option_group(name: str, kind: type, *options: Option) -> Callable[[Command],
     name : str
         Name of the argument.
     kind : type
-        A dataclass with one field per option.
+        A dataclass with one field for each option.
     *options
-        As from `click.option`, in the order of the help.
+        Results of `click.option`, in the order of the help text.
     """
     names = [field.name for field in fields(kind)]
 
@@ -40,7 +40,7 @@ def option_group(name: str, kind: type, *options: Option) -> Callable[[Command],
 
 
 def all_of(*parts: Callable[[], Any]) -> list[Any]:
-    """Call each part and return the results; if several raise, raise one error with all mistakes.
+    """Call the functions `parts` and return their results; raise all their errors as one error.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""`dic process`: evaluates run files; writes results and prints the paper's table."""
+"""The command `dic process`, which evaluates a run file and prints a table of the strains."""
 
 import json
 from dataclasses import dataclass
@@ -17,6 +17,8 @@ from dic.commands.correlation_options import (
     subset_option,
 )
 from dic.commands.option_groups import all_of, option_group
+from dic.files.writing import write_text
+from dic.shell.output_paths import FORCE, require_places
 
 if TYPE_CHECKING:
     from dic import Alignment, CorrectionSettings, CorrelationSettings, RunResult
@@ -26,7 +28,7 @@ _FILE = click.Path(path_type=Path)
 
 @dataclass(frozen=True)
 class CorrelationOptions:
-    """Settings of the correlation."""
+    """Correlation options of `dic process`."""
 
     subset: int
     step: int
@@ -34,13 +36,13 @@ class CorrelationOptions:
     incremental: str
 
     def settings(self) -> "CorrelationSettings":
-        """Return the options as the library's type."""
+        """Return the options as `CorrelationSettings`."""
         from dic import CorrelationSettings
 
         return CorrelationSettings(subset_px=self.subset, step_px=self.step, shape=self.shape)
 
     def check(self) -> None:
-        """Refuse an unknown way of taking new references."""
+        """Raise an error if the value of `--incremental` is unknown."""
         from dic import Series
 
         Series.require_incremental(self.incremental)
@@ -48,14 +50,14 @@ class CorrelationOptions:
 
 @dataclass(frozen=True)
 class MotionOptions:
-    """How to correct for motion out of the grid's plane."""
+    """Options for the correction of motion out of the grid's plane."""
 
     poisson_ratio: float
     alignments: tuple[str, ...]
     save_alignment: Path | None
 
     def settings(self) -> "CorrectionSettings":
-        """Return the options as the library's type."""
+        """Return the options as `CorrectionSettings`."""
         from dic import CorrectionSettings
 
         _, *alignments = all_of(
@@ -68,14 +70,14 @@ class MotionOptions:
 @click.command()
 @click.argument("run", type=_FILE)
 @click.option("-o", "--output", type=_FILE, help="Result file. Default: RUN with the ending .results.h5.")
-@click.option("--report", "report_file", type=_FILE, help="Also write the report, one HTML file.")
+@click.option("--report", "report_file", type=_FILE, help="HTML file for a report.")
 @option_group(
     "correlation",
     CorrelationOptions,
     subset_option,
     step_option,
     click.option(
-        "--shape", default="quadratic", show_default=True, help="Shape function, affine or quadratic."
+        "--shape", default="quadratic", show_default=True, help="Shape function: affine or quadratic."
     ),
     incremental_option,
 )
@@ -89,13 +91,14 @@ class MotionOptions:
         "alignments",
         multiple=True,
         metavar="CAMERA=FILE",
-        help="Correct a rotation by the alignment of an earlier one on the same fixture. May be repeated.",
+        help="Alignment file of a camera, from an earlier rotation on the same fixture. May be repeated.",
     ),
     click.option(
-        "--save-alignment", type=_FILE, help="Folder for the alignments that a rotation tells, JSON."
+        "--save-alignment", type=_FILE, help="Folder for JSON files of the alignments that a rotation gives."
     ),
 )
-@click.option("--json", "json_file", type=_FILE, help="What is printed, for programs.")
+@click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results.")
+@FORCE
 def process(
     run: Path,
     output: Path | None,
@@ -104,25 +107,27 @@ def process(
     strain: StrainOptions,
     motion: MotionOptions,
     json_file: Path | None,
+    force: bool,
 ) -> None:
-    """Calibrate every camera of a RUN file, correlate every step, and give its strains.
+    """Calibrate every camera of a RUN file, correlate the images of every step, and print the strains.
 
-    Raw, calibrated, and corrected for a specimen that left the grid's plane. Tension that two cameras saw is
-    corrected by both together, too.
+    The strains are raw, calibrated, and corrected for motion of the specimen out of the grid's plane. If two
+    cameras recorded a tension test, a further correction uses both cameras together.
 
-    Status: 0, 1 if a step was measured badly, 2 if one could not be measured.
+    Exit status: 0 if all steps are measured well, 1 if a step is measured poorly, 2 if a step cannot be
+    measured.
     """
     from dic import process_run, save_run_result, write_report
     from dic.commands.run_table import as_dict, table
     from dic.shell.console import fail, say
-    from dic.shell.output_paths import require_places
     from dic.shell.progress import progress
 
     settings, _, how, correcting = all_of(
         correlation.settings, correlation.check, strain.settings, motion.settings
     )
     output = output or run.with_suffix(".results.h5")
-    require_places([run], [output, report_file, json_file])
+    alignments = [] if motion.save_alignment is None else motion.save_alignment.glob("*.alignment.json")
+    require_places([run], [output, report_file, json_file, *alignments], force=force)
     if motion.save_alignment is not None:
         _make_folder(motion.save_alignment)
     with progress("correlating") as bar:
@@ -144,7 +149,7 @@ def process(
         write_report([result], report_file)
         say(f"report: {report_file}")
     if json_file is not None:
-        json_file.write_text(json.dumps(as_dict(result), indent=1), encoding="utf-8")
+        write_text(json_file, json.dumps(as_dict(result), indent=1))
     failures = [failure for camera in result.cameras for failure in camera.failures]
     bad = [
         f"{run}: {camera.camera}, {measurement.label}: measured, but {measurement.objection}"

@@ -1,4 +1,4 @@
-"""`dic quality`: judges whether an image is suitable for measurement."""
+"""The command `dic quality`, which checks whether an image is suitable for measurement."""
 
 import json
 from pathlib import Path
@@ -8,6 +8,8 @@ import click
 
 from dic.commands.correlation_options import subset_option
 from dic.commands.option_groups import all_of
+from dic.files.writing import write_text
+from dic.shell.output_paths import FORCE, require_places
 
 _FILE = click.Path(path_type=Path)
 
@@ -15,14 +17,15 @@ _FILE = click.Path(path_type=Path)
 @click.command()
 @click.argument("image", type=_FILE)
 @click.option(
-    "--roi", type=_FILE, help="Mask image, white where to look. Default: wherever there is texture."
+    "--roi", type=_FILE, help="Mask image, white in the region to check. Default: the area with texture."
 )
-@click.option("--second", type=_FILE, help="Another image of the specimen at rest; tells the noise better.")
+@click.option("--second", type=_FILE, help="Second image of the specimen at rest, for a better noise value.")
 @subset_option
 @click.option("--shape", default="affine", show_default=True, help="Shape function: affine or quadratic.")
-@click.option("--wanted-px", default=0.01, show_default=True, help="Displacement to be resolved.")
-@click.option("--plot", "plot_file", type=_FILE, help="Picture of noise floor, focus and pattern, PNG.")
-@click.option("--json", "json_file", type=_FILE, help="What is printed, for programs.")
+@click.option("--wanted-px", default=0.01, show_default=True, help="Displacement to be resolved, px.")
+@click.option("--plot", "plot_file", type=_FILE, help="PNG file with noise floor, focus and pattern.")
+@click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results.")
+@FORCE
 def quality(
     image: Path,
     roi: Path | None,
@@ -32,10 +35,11 @@ def quality(
     wanted_px: float,
     plot_file: Path | None,
     json_file: Path | None,
+    force: bool,
 ) -> None:
-    """Judge IMAGE before it is measured: its speckles, light, focus and noise, and what they resolve.
+    """Check the speckles, light, focus and noise of IMAGE, and print the expected noise of displacements.
 
-    Status: 0, 1 if something is not good, 2 if the image cannot be judged.
+    Exit status: 0 for a good image, 1 for an image with a fault, 2 if the image cannot be checked.
     """
     from dic import (
         CorrelationSettings,
@@ -45,19 +49,18 @@ def quality(
         quality_findings,
     )
     from dic.shell.console import fail, say
-    from dic.shell.output_paths import require_places
 
     settings, _ = all_of(
         lambda: CorrelationSettings(subset_px=subset, shape=shape), lambda: Quality.require_wanted(wanted_px)
     )
-    require_places([image, roi, second], [plot_file, json_file])
+    require_places([image, roi, second], [plot_file, json_file], force=force)
     judged = assess_quality(image, roi, settings, second=second, wanted_px=wanted_px)
     sentences, figures = quality_findings(judged), judged.as_dict()
     if plot_file is not None:
         plot_quality(judged, image, plot_file)
     if json_file is not None:
         content = {"image": str(image), **figures, "good": not sentences, "findings": sentences}
-        json_file.write_text(json.dumps(content, indent=1, ensure_ascii=False), encoding="utf-8")
+        write_text(json_file, json.dumps(content, indent=1, ensure_ascii=False))
     say(f"{image}: {'not good' if sentences else 'good'}\n{text(figures)}")
     for sentence in sentences:
         fail(f"{image}: {sentence}")

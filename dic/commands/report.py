@@ -1,8 +1,10 @@
-"""`dic report`: writes one HTML page from result files."""
+"""The command `dic report`, which writes one HTML page from result files."""
 
 from pathlib import Path
 
 import click
+
+from dic.shell.output_paths import FORCE, require_places
 
 _FILE = click.Path(path_type=Path)
 
@@ -10,11 +12,24 @@ _FILE = click.Path(path_type=Path)
 @click.command()
 @click.argument("results", type=_FILE, nargs=-1, required=True)
 @click.option("-o", "--output", type=_FILE, default=Path("report.html"), show_default=True)
-def report(results: tuple[Path, ...], output: Path) -> None:
-    """Write one self-contained HTML report of the RESULTS of one or more runs, from `dic process`."""
-    from dic import load_run_result, write_report
-    from dic.shell.output_paths import require_places
+@FORCE
+def report(results: tuple[Path, ...], output: Path, force: bool) -> None:
+    """Write one self-contained HTML report from RESULTS, the result files of one or more runs."""
+    from dic import MeasurementError, RunFileError, load_run_result, write_report
 
-    require_places(results, [output])
-    write_report([load_run_result(path) for path in results], output)
+    require_places(results, [output], force=force)
+    read = [load_run_result(path) for path in results]
+    try:
+        write_report(read, output)
+    except (MeasurementError, OSError):
+        raise
+    except Exception as error:
+        # A file can be read and still contradict itself, for example with maps of different sizes.
+        raise RunFileError(
+            ", ".join(map(str, results)),
+            "write report",
+            "results that fit together",
+            f"some that do not ({type(error).__name__}: {' '.join(str(error).split())[:200]})",
+            "make them again with `dic process RUN.h5`",
+        ) from error
     click.echo(f"report: {output}")

@@ -1,4 +1,4 @@
-"""The table that `dic process` prints: the paper's table with a column of corrected strains."""
+"""The table that `dic process` prints: raw, calibrated and corrected strains of each step."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ _STRAINS = ("exx", "eyy", "exy")
 
 
 def table(result: "RunResult") -> str:
-    """Return the strains of every step and camera as the paper tabulates them, in µε."""
+    """Return the strains of every step and camera as the text of a table, in microstrain (µε)."""
     lines = [f"{result.info.title} ({result.info.status})"]
     if result.info.simulated:
         lines[0] += " – SIMULATED"
@@ -68,7 +68,11 @@ def _joint_lines(result: "RunResult", joint: "JointCorrections") -> list[str]:
 
 
 def _updates(measurement: "Measurement") -> str:
-    """Return the number of new references up to a step, and the error accumulated over them, if any."""
+    """Return a text about new reference images up to a step: their number, and the errors they cause.
+
+    Each new reference increases the standard deviations of the displacements u and v, which the text gives in
+    mpx. The text is empty if the first reference is still in use.
+    """
     field = measurement.field
     if not field.updates or not field.converged.any():
         return ""
@@ -104,7 +108,7 @@ def _cell(value: float, width: int, unit: str) -> str:
 
 
 def as_dict(result: "RunResult") -> dict[str, Any]:
-    """Return a run's strains, JSON-ready; the layout is in `docs/results.md`."""
+    """Return a run's strains as a dictionary for JSON; `docs/results.md` describes the keys."""
     cameras = {}
     for camera in result.cameras:
         steps = []

@@ -1,4 +1,4 @@
-"""The options of `dic correlate`, in groups."""
+"""The command-line options of `dic correlate`, in groups."""
 
 from dataclasses import dataclass
 from math import isfinite
@@ -14,6 +14,7 @@ from dic.commands.correlation_options import (
     subset_option,
 )
 from dic.commands.option_groups import all_of, option_group
+from dic.shell.output_paths import FORCE
 
 if TYPE_CHECKING:
     from dic import Alignment, CorrelationSettings, Motion
@@ -25,7 +26,7 @@ _FILE = click.Path(path_type=Path)
 
 @dataclass(frozen=True)
 class CorrelationOptions:
-    """Settings of the correlation."""
+    """Correlation options of `dic correlate`."""
 
     subset: int
     step: int
@@ -34,7 +35,10 @@ class CorrelationOptions:
     min_zncc: float
 
     def settings(self, motion: str) -> "CorrelationSettings":
-        """Return the options as the library's type; the shape function may depend on the motion."""
+        """Return the options as `CorrelationSettings`.
+
+        For `--shape auto` the shape function is quadratic if the motion is "rigid", else affine.
+        """
         from dic import CorrelationSettings
 
         shape = self.shape
@@ -51,32 +55,34 @@ correlation_options = option_group(
     CorrelationOptions,
     subset_option,
     step_option,
-    click.option("--spline", default=5, show_default=True, help="Order of the interpolation, 3 or 5."),
+    click.option(
+        "--spline", default=5, show_default=True, help="Degree of the interpolating spline, 3 or 5."
+    ),
     click.option(
         "--shape",
         default="auto",
         show_default=True,
-        help="Shape function: affine, quadratic, or auto (quadratic with --motion rigid, affine else).",
+        help="Shape function: affine, quadratic, or auto (quadratic with --motion rigid, otherwise affine).",
     ),
     click.option(
-        "--min-zncc", default=0.8, show_default=True, help="Points that correlate less are left out."
+        "--min-zncc", default=0.8, show_default=True, help="Smallest correlation (ZNCC) of a good point."
     ),
 )
 
 
 @dataclass(frozen=True)
 class RegionOptions:
-    """The region to measure."""
+    """Options for the region to measure."""
 
     roi: Path | None
     polygons: tuple[str, ...]
 
     def files(self) -> list[Path | None]:
-        """Return the files that `read` reads; None stands for an option that was not given."""
+        """Return the paths of the mask image (or None) and of the polygon files that `read` reads."""
         return [self.roi, *(path for path in map(Path, self.polygons) if path.is_file())]
 
     def read(self, shape: tuple[int, int]) -> "Mask | None":
-        """Return the region for images of this height and width, or None if no region was given."""
+        """Return the region to measure for images of `shape` (height, width); None without these options."""
         from dic import read_region
 
         return read_region(self.roi, self.polygons, shape)
@@ -86,33 +92,35 @@ region_options = option_group(
     "region",
     RegionOptions,
     click.option(
-        "--roi", type=_FILE, help="Mask image, white where to measure. Default: wherever there is texture."
+        "--roi",
+        type=_FILE,
+        help="Mask image, white in the region to measure. Default: the area with texture.",
     ),
     click.option(
         "--polygon",
         "polygons",
         multiple=True,
-        help='Region as a polygon: "x,y x,y x,y ..." in pixels, or a TOML, JSON or CSV file. May be repeated:'
-        " one inside another is a hole. With --roi, what lies in both.",
+        help='Polygon of the region: "x,y x,y x,y ..." in px, or a TOML, JSON or CSV file. May be repeated.'
+        " A polygon inside another is a hole. With --roi, the region is the intersection.",
     ),
 )
 
 
 @dataclass(frozen=True)
 class StartOptions:
-    """Where the search for the pattern starts."""
+    """Options for the first guess of each image: when to take a new reference, and an expected motion."""
 
     incremental: str
     hint_text: str | None
 
     def check(self) -> None:
-        """Refuse unusable values before any image is read."""
+        """Raise an error for invalid values, before any image is read."""
         from dic import Series
 
         all_of(lambda: Series.require_incremental(self.incremental), self._motion)
 
     def hint(self, shape: tuple[int, int]) -> "Float | None":
-        """Return the expected homography of every image of this height and width, if there is a hint."""
+        """Return the expected motion from `--hint` as a homography, or None if the option was not given."""
         from dic import rigid_motion
 
         motion = self._motion()
@@ -144,7 +152,7 @@ start_options = option_group(
     click.option(
         "--hint",
         "hint_text",
-        help="Expected rigid motion of every image: degrees, counter-clockwise, about the image's centre;"
+        help="Expected rigid motion of every image: degrees counter-clockwise about the image's centre,"
         ' or "degrees,right,down" with a shift in px.',
     ),
 )
@@ -152,7 +160,7 @@ start_options = option_group(
 
 @dataclass(frozen=True)
 class MotionOptions:
-    """Assumed motion of the specimen, used to correct calibrated strain."""
+    """Options for the assumed motion of the specimen, which is used to correct calibrated strain."""
 
     motion: str
     poisson_ratio: float
@@ -160,14 +168,18 @@ class MotionOptions:
     save_alignment: Path | None
 
     def read(self) -> "Motion":
-        """Return the options as the library's type."""
+        """Return the options as a `Motion`."""
         from dic import Motion, load_alignment
 
         known = None if self.alignment_file is None else load_alignment(self.alignment_file)
         return Motion(self.motion, self.poisson_ratio, known)
 
     def require_rotation(self) -> None:
-        """Refuse to save an alignment when the motion is not a rotation: only a rotation determines one."""
+        """Raise an error if an alignment is to be saved but the motion is not a rotation.
+
+        The alignment (tilt of specimen and stage axis relative to the grid) can only be determined from a
+        rotation of the specimen.
+        """
         from dic import CorrelationError
 
         if self.save_alignment is not None and self.motion != "rigid":
@@ -176,11 +188,11 @@ class MotionOptions:
                 "save alignment",
                 "--motion rigid",
                 self.motion,
-                "leave --save-alignment out: only a rotation tells an alignment",
+                "leave --save-alignment out, because only a rotation determines an alignment",
             )
 
     def save(self, alignment: "Alignment | None") -> None:
-        """Write the alignment if the user asked for it."""
+        """Write the rotation stage's alignment to the file of `--save-alignment`, if this option is given."""
         from dic import CorrelationError, save_alignment
 
         if self.save_alignment is None:
@@ -189,7 +201,7 @@ class MotionOptions:
             raise CorrelationError(
                 str(self.save_alignment),
                 "save alignment",
-                "one that --motion rigid has solved",
+                "an alignment that --motion rigid has solved",
                 "none: see why the images were not corrected",
                 "correlate a rotation of at least 5° with a calibration",
             )
@@ -203,26 +215,34 @@ motion_options = option_group(
         "--motion",
         default="free",
         show_default=True,
-        help="What the specimen does, to correct calibrated strain for motion out of the grid's plane:"
-        " rigid (a rotation), tension, or free (unknown: no correction).",
+        help="Motion of the specimen, to correct calibrated strain for motion out of the grid's plane:"
+        " rigid (a rotation), tension, or free (unknown, no correction).",
     ),
     poisson_option,
-    click.option("--alignment", "alignment_file", type=_FILE, help="Of an earlier rotation on this fixture."),
-    click.option("--save-alignment", type=_FILE, help="Keep the alignment that --motion rigid solves, JSON."),
+    click.option(
+        "--alignment",
+        "alignment_file",
+        type=_FILE,
+        help="Alignment file from an earlier rotation on this fixture.",
+    ),
+    click.option(
+        "--save-alignment", type=_FILE, help="JSON file for the alignment that --motion rigid solves."
+    ),
 )
 
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """Output files of the command."""
+    """Options that name the output files of `dic correlate`."""
 
     output: Path | None
     csv_folder: Path | None
     maps_folder: Path | None
     json_file: Path | None
+    force: bool
 
     def files(self, deformed: tuple[Path, ...]) -> "SeriesFiles":
-        """Return the output files for these images, without the file of --json."""
+        """Return the paths of the output files for the deformed images, except the file of `--json`."""
         from dic.pipeline.series_files import SeriesFiles
 
         return SeriesFiles(self.output, self.csv_folder, self.maps_folder, deformed)
@@ -232,7 +252,8 @@ output_options = option_group(
     "outputs",
     OutputOptions,
     click.option("-o", "--output", type=_FILE, help="Result file, HDF5."),
-    click.option("--csv", "csv_folder", type=_FILE, help="Folder for one CSV per image."),
-    click.option("--maps", "maps_folder", type=_FILE, help="Folder for one PNG with maps per image."),
-    click.option("--json", "json_file", type=_FILE, help="What is printed, for programs."),
+    click.option("--csv", "csv_folder", type=_FILE, help="Folder for one CSV file per image."),
+    click.option("--maps", "maps_folder", type=_FILE, help="Folder for one PNG file of maps per image."),
+    click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results."),
+    FORCE,
 )

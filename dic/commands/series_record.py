@@ -1,4 +1,4 @@
-"""The record of a series: `dic correlate` prints each image, and a summary at the end."""
+"""The record of a series of images: `dic correlate` prints each result and keeps it for the output files."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,21 +11,21 @@ if TYPE_CHECKING:
 
 
 class SeriesRecord:
-    """Prints each measured image, and keeps the values that are written at the end.
+    """Print the result of each measured image, and keep the values for the output files.
 
     Parameters
     ----------
     keep_corrections : bool
-        Whether to keep the corrections for a result file. They take much memory.
+        True to keep the corrections for a result file. Corrections take much memory.
 
     Attributes
     ----------
     summaries : list of dict
-        Summaries of the measured images, JSON-ready.
+        Summaries of the measured images, as dictionaries for JSON.
     failures : list of dict
-        Images that could not be measured: `file` and `error`.
+        Images that could not be measured. Each dictionary has the keys `file` and `error`.
     bad : list of str
-        One sentence per image that was measured badly.
+        One sentence for each image that was measured poorly.
     corrections : list of Correction
         Corrections of the measured images, if `keep_corrections` is true.
     """
@@ -39,7 +39,10 @@ class SeriesRecord:
         self._waiting: list[MeasuredImage] = []
 
     def add(self, image: "MeasuredImage", *, rotation: bool) -> None:
-        """Add a measured image. Images of a rotation are kept, because their correction needs all images."""
+        """Add a measured image to the record, and print its result.
+
+        If the motion is a rotation, keep the image, because the correction of a rotation needs all images.
+        """
         measurement = image.measurement
         if measurement is None:
             self.fail(image.label, f"{image.failure}")
@@ -55,12 +58,16 @@ class SeriesRecord:
             self.bad.append(f"{image.label}: measured, but {measurement.objection}")
 
     def fail(self, label: str, error: str, consequence: str = "") -> None:
-        """Add an image that could not be measured, with the reason."""
+        """Add an image that could not be measured to the record, and print the reason."""
         self.failures.append({"file": label, "error": error})
         fail((error if label in error else f"{label}: {error}") + consequence)
 
     def finish(self, calibration: "Calibration | None", motion: "Motion") -> "Alignment | None":
-        """Correct the images of a rotation; return the alignment in use."""
+        """Correct the images of a rotating specimen, and return the alignment of the rotation stage.
+
+        If the motion is not a rotation, no image is corrected here, and the result is the given alignment or
+        None.
+        """
         from dic import corrected_rotation
 
         if calibration is None or not self._waiting:

@@ -1,16 +1,17 @@
-"""The text that `dic correlate` prints for an image: points, strains and correction."""
+"""The text that `dic correlate` prints for each image: points, strains and correction."""
 
 from pathlib import Path
 from typing import Any
 
 
 def image_text(summary: dict[str, Any]) -> str:
-    """Return the printed line for an image.
+    """Return the line that `dic correlate` prints for an image.
 
     Parameters
     ----------
     summary : dict
-        From `Measurement.summary`, with the correction under "corrected" if there is one.
+        The result of `Measurement.summary`. If the strain of the image was corrected, the key "corrected"
+        holds the corrected values.
     """
     share = 100.0 * summary["converged"] / max(1, summary["points"])
     parts = [
@@ -28,12 +29,12 @@ def image_text(summary: dict[str, Any]) -> str:
 
 
 def corrected_text(corrected: dict[str, Any]) -> str:
-    """Return a correction as one line, or the reason why there is no correction.
+    """Return a line with the corrected strains, or with the reason why there is no correction.
 
     Parameters
     ----------
     corrected : dict
-        From `Correction.as_dict`.
+        The result of `Correction.as_dict`.
     """
     if not corrected["applied"]:
         return f"not corrected: {corrected['reason']}"

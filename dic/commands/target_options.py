@@ -1,4 +1,4 @@
-"""The options that describe the target in a calibration image."""
+"""Command-line options that describe the target in a calibration image."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class _Count(click.ParamType[tuple[int, int]]):
-    """A number along X and along Y, such as 21x21."""
+    """An option with a number along X and a number along Y, such as 21x21."""
 
     name = "NxM"
 
@@ -28,7 +28,7 @@ class _Count(click.ParamType[tuple[int, int]]):
 
 
 class _Direction(click.ParamType[str | float]):
-    """A direction in the image: a word or an angle in degrees."""
+    """An option with a direction in the image: right, up, left, down, or an angle in degrees."""
 
     name = "right|up|left|down|DEGREES"
 
@@ -36,13 +36,13 @@ class _Direction(click.ParamType[str | float]):
         try:
             return float(value)
         except ValueError:
-            # the word is checked later, by the code that knows the directions
+            # `dic.targets` checks the word later
             return str(value)
 
 
 @dataclass(frozen=True)
 class TargetOptions:
-    """The target in the image, and the directions of its axes."""
+    """Options for the target in the image, and for the direction of its axes."""
 
     lines: tuple[int, int] | None
     squares: tuple[int, int] | None
@@ -54,12 +54,12 @@ class TargetOptions:
     origin_px: tuple[float, float] | None
 
     def read(self) -> "Target":
-        """Return the target.
+        """Return the target that the options describe.
 
         Raises
         ------
         CalibrationError
-            If the options name several.
+            If the options name several kinds of target, or if `--marker-mm` is given without `--squares`.
         """
         from dic import CalibrationError, CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget
 
@@ -82,26 +82,30 @@ class TargetOptions:
 target_options = option_group(
     "target",
     TargetOptions,
-    click.option("--lines", type=_Count(), help="Lines along X and Y of a line grid.  [default: 21x21]"),
-    click.option("--squares", type=_Count(), help="Instead: squares of a checkerboard, or a ChArUco board."),
-    click.option("--dots", type=_Count(), help="Instead: dots of a lattice."),
+    click.option("--lines", type=_Count(), help="Numbers of lines of a line grid.  [default: 21x21]"),
     click.option(
-        "--pitch-mm", type=float, default=0.5, show_default=True, help="Distance of lines, corners or dots."
+        "--squares", type=_Count(), help="Numbers of squares of a checkerboard or ChArUco board, if used."
     ),
-    click.option("--marker-mm", type=float, help="Side of the markers: the squares are a ChArUco board's."),
+    click.option("--dots", type=_Count(), help="Numbers of dots of a dot target, if used."),
+    click.option(
+        "--pitch-mm", type=float, default=0.5, show_default=True, help="Spacing of lines, corners or dots."
+    ),
+    click.option("--marker-mm", type=float, help="Side of the markers, only for a ChArUco board."),
     click.option(
         "--dictionary",
         default="DICT_5X5_100",
         show_default=True,
-        help="The markers' dictionary, as OpenCV names it.",
+        help="OpenCV's name for the dictionary of the markers.",
     ),
     click.option(
-        "--x-axis", type=_Direction(), help="Which way X points in the first image; degrees from right."
+        "--x-axis",
+        type=_Direction(),
+        help="Direction of X in the first image, as a word or in degrees from right.",
     ),
     click.option(
         "--origin-px",
         type=float,
         nargs=2,
-        help="About where a line grid's middle is in the first image, if an outer line is hidden.",
+        help="Rough image point x y of a line grid's centre in the first image, if an outer line is hidden.",
     ),
 )

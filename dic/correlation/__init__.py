@@ -1,1 +1,1 @@
-"""Correlation: displacements between a reference and deformed images."""
+"""Correlation of images: displacements between a reference image and deformed images."""

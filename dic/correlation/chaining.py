@@ -1,4 +1,4 @@
-"""Chain displacement fields: from a first reference over later ones to an image."""
+"""Chain displacement fields: add the motion up to a later reference and the motion from there to an image."""
 
 from typing import NamedTuple
 
@@ -10,27 +10,34 @@ from dic.correlation.status import Status
 from dic.typing import Float, Indices, Mask
 
 _CELL_REACH = 0.7
-"""Steps around a point that move with it: half a step, and a little more for sheared grids."""
+"""Pixels within this distance of a point, in units of the grid's spacing, are taken to move with the point.
+
+Half a step would be enough for a square grid, but a sheared grid needs a little more.
+"""
 
 _EXTRAPOLATION_REACH = 1.5
-"""Steps over which the nearest point's motion is extrapolated if one of the four around is missing."""
+"""Largest distance, in steps of the grid, over which the motion of a single point is extrapolated.
+
+Extrapolation replaces interpolation where one of the four surrounding points failed.
+"""
 
 
 def chain(first: Field, second: Field) -> Field:
-    """Return the displacements of the first field's points after both motions.
+    """Return the displacements from the first reference, over a later reference, to an image.
 
     Parameters
     ----------
     first : Field
-        From the first reference to a later one.
+        The field from the first reference to a later reference.
     second : Field
-        From that later reference onwards, on a grid of its own.
+        The field from the later reference to an image, on a grid of its own.
 
     Returns
     -------
     Field
-        On the grid of `first`, with affine warps. Gradients are those of F₂F₁; standard deviations are the
-        roots of summed variances. A point that failed in either field has failed.
+        A field on the grid of `first`, with affine warps. The gradients are those of F₂F₁, the product of
+        both deformation gradients. The variances of both fields are added. A point that failed in either
+        field also fails in the result.
     """
     rows, columns = np.nonzero(first.converged)
     x, y = first.x_px[columns] + first.u_px[rows, columns], first.y_px[rows] + first.v_px[rows, columns]
@@ -53,7 +60,7 @@ def chain(first: Field, second: Field) -> Field:
 
 
 class _Interpolated(NamedTuple):
-    """A field's values at places between its points; warps are NaN where there are none."""
+    """Values of a displacement field between its points; warps are NaN where the field has no value."""
 
     warps: Float
     std: Float
@@ -63,10 +70,12 @@ class _Interpolated(NamedTuple):
 
 
 def _interpolated(field: Field, place: Float) -> _Interpolated:
-    """Return the field's values at `place` (n, 2), between its points.
+    """Return the field's values at places (n, 2) between its points.
 
-    Four points around the place, at distances d, have values f and slopes ∇f. The bilinear mean of f + ∇f·d/2
-    is exact for every quadratic function: the errors of interpolation and of extrapolation cancel.
+    Each place lies between four points of the field. Each of these points has the value f, the gradient ∇f
+    and the distance vector d to the place. The result is the bilinear mean of the four values f + ∇f·d/2. The
+    mean is exact for every quadratic function f. For a quadratic function, the error of bilinear
+    interpolation and the error of linear extrapolation cancel.
     """
     step = _step(field)
     at = (place - [field.x_px[0], field.y_px[0]]) / step
@@ -82,7 +91,7 @@ def _interpolated(field: Field, place: Float) -> _Interpolated:
         corner = _extrapolated(field, row, column, place, 0.5)
         warps += weight[:, None] * np.where(np.isfinite(corner), corner, 0.0)
         variance = np.square(field.std[row, column])
-        # A point whose texture is all noise has an infinite variance, which 0 would turn into NaN.
+        # A point with only noise has an infinite variance, and 0 times infinity would be NaN.
         std += np.multiply(weight[:, None], variance, out=np.zeros_like(variance), where=weight[:, None] > 0)
     std = np.sqrt(std)
     row, column = _nearest_converged(field, at)
@@ -98,7 +107,7 @@ def _interpolated(field: Field, place: Float) -> _Interpolated:
 
 
 def _extrapolated(field: Field, row: Indices, column: Indices, place: Float, share: float) -> Float:
-    """Return warps (n, 6) at `place` (n, 2), from points at row, column and a `share` of their slopes."""
+    """Return warps (n, 6) at places (n, 2), extrapolated from points with `share` times their gradient."""
     warps: Float = field.warps[row, column, :6].copy()
     dx, dy = place[:, 0] - field.x_px[column], place[:, 1] - field.y_px[row]
     warps[:, 0] += share * (warps[:, 1] * dx + warps[:, 2] * dy)
@@ -107,7 +116,7 @@ def _extrapolated(field: Field, row: Indices, column: Indices, place: Float, sha
 
 
 def _nearest_converged(field: Field, at: Float) -> tuple[Indices, Indices]:
-    """Return row and column of the converged points nearest to `at` (n, 2), given in steps of the grid."""
+    """Return row and column of the converged points nearest to places `at` (n, 2), in steps of the grid."""
     from scipy.spatial import cKDTree
 
     rows, columns = np.nonzero(field.converged)
@@ -116,7 +125,7 @@ def _nearest_converged(field: Field, at: Float) -> tuple[Indices, Indices]:
 
 
 def _composed(first: Float, second: Float) -> Float:
-    """Return the warps (n, 6) of `second` after `first`."""
+    """Return the affine warps (n, 6) that apply the warps `first` and then the warps `second`."""
     one, other = (w[:, [1, 2, 4, 5]].reshape(-1, 2, 2) + np.eye(2) for w in (first, second))
     gradient = (other @ one - np.eye(2)).reshape(-1, 4)
     u, v = first[:, 0] + second[:, 0], first[:, 3] + second[:, 3]
@@ -124,20 +133,23 @@ def _composed(first: Float, second: Float) -> Float:
 
 
 def moved_region(region: Mask, field: Field) -> Mask:
-    """Return where a region of the reference is in the deformed image, as far as points converged.
+    """Return where the pixels of a region of the reference lie in the deformed image, as a mask.
 
-    A pixel of the deformed image moves with the point that is nearest to it there. It belongs to the region
-    if the motion of that point takes it back to a pixel of the region near the point. Pixels between the
-    lips of an open crack are taken back too far from their point.
+    For each pixel of the deformed image, the inverse motion of the nearest converged point gives a place in
+    the reference. The pixel belongs to the moved region if this place is in the reference's region and close
+    to the point. For a pixel inside an open crack the place is far from the point, so the pixel is excluded.
 
     Parameters
     ----------
     region : ndarray of bool, shape (height, width)
+        The region in the reference.
     field : Field
+        The field from the reference to the deformed image.
 
     Returns
     -------
     ndarray of bool, shape (height, width)
+        The region in the deformed image.
     """
     import cv2
 
@@ -171,7 +183,7 @@ def moved_region(region: Mask, field: Field) -> Mask:
 
 
 def _step(field: Field) -> int:
-    """Return the distance of the field's points, px; 1 if there is a single one."""
+    """Return the spacing of the field's points in px, or 1 if the field has a single point."""
     for along in (field.x_px, field.y_px):
         if len(along) > 1:
             return int(along[1] - along[0])

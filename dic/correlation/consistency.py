@@ -1,8 +1,9 @@
 """Consistency check: a correlated point is kept only if a neighbour predicts its displacement.
 
-A subset with few speckles can match a wrong place with a good ZNCC, but neighbours do not match wrong places
-consistently. A warp is also rejected if it shrinks the surface to less than half, stretches it to more than
-twice, or mirrors it: real surfaces do not.
+A subset with few speckles can match a wrong place with a good correlation coefficient (ZNCC), but neighbours
+do not match wrong places consistently. Real surfaces do not shrink to less than half of their length, do not
+stretch to more than twice their length, and are not mirrored. So a warp that describes such a deformation is
+also rejected.
 """
 
 import numpy as np
@@ -10,28 +11,30 @@ import numpy as np
 from dic.typing import Float, Indices, Mask
 
 _TOLERANCE_PX, _TOLERANCE = 1.0, 0.1
-"""Largest error of a prediction: so many pixels, plus this share of the distance to the neighbour."""
+"""Largest error of a prediction: the first number in px, plus the second times the neighbour's distance."""
 
 _LARGEST_STRETCH, _SMALLEST_STRETCH = 2.0, 0.5
 
 _NEAREST_SEEDS = 4
 
 _NEIGHBOURS = ((0, 1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1))
-"""Rows and columns to the neighbours on a grid except the left one, in the order in which they are tried."""
+"""Offsets (row, column) of the neighbours on a grid without the left one, in the order of the checks."""
 
 
 def consistent_seeds(points: Indices, warps: Float) -> Mask:
-    """Return which scattered points are predicted by one of their four nearest neighbours.
+    """Return True for scattered points whose displacement one of the four nearest points predicts.
 
     Parameters
     ----------
     points : ndarray of int, shape (n, 2)
+        Coordinates (x, y) of the points, px.
     warps : ndarray, shape (n, 6)
 
     Returns
     -------
     ndarray of bool, shape (n,)
-        With fewer than three plausible warps there is no neighbour to ask: then all plausible ones.
+        True for consistent points. If fewer than three points have a warp that a real surface can have,
+        neighbours are not compared, and the result is True for these points.
     """
     plausible = _plausible(warps.T)
     if plausible.sum() < 3:
@@ -51,7 +54,7 @@ def consistent_seeds(points: Indices, warps: Float) -> Mask:
 
 
 def consistent_field(x_px: Indices, y_px: Indices, warps: Float, converged: Mask) -> Mask:
-    """Return which converged points of a grid are predicted by one of their eight neighbours.
+    """Return True for converged points whose displacement is predicted by one of their eight neighbours.
 
     Parameters
     ----------
@@ -62,10 +65,11 @@ def consistent_field(x_px: Indices, y_px: Indices, warps: Float, converged: Mask
     Returns
     -------
     ndarray of bool, shape (rows, columns)
-        A single plausible point has no neighbour to ask and is kept.
+        True for consistent points. If only one point has a warp that a real surface can have, this point
+        counts as consistent.
     """
     planes = np.ascontiguousarray(np.moveaxis(warps[..., :6], -1, 0))
-    # Points that failed still hold the last step of IC-GN, which may be infinite.
+    # Failed points still hold the warp of the last IC-GN iteration, which may be infinite.
     with np.errstate(invalid="ignore", over="ignore"):
         known = converged & _plausible(planes)
         if known.sum() == 1:
@@ -73,7 +77,7 @@ def consistent_field(x_px: Indices, y_px: Indices, warps: Float, converged: Mask
         consistent = np.zeros(converged.shape, np.bool_)
         right, left = planes[:, :, 1:], planes[:, :, :-1]
         consistent[:, 1:] = known[:, 1:] & known[:, :-1] & _predicts(left, right, np.diff(x_px), 0)
-    # Nearly all points are consistent with their left neighbour: only the rest asks the others.
+    # Nearly all points are consistent with their left neighbour. Check only the rest with other neighbours.
     for down, aside in _NEIGHBOURS:
         rows, columns = np.nonzero(known & ~consistent)
         from_rows, from_columns = rows + down, columns + aside
@@ -86,7 +90,7 @@ def consistent_field(x_px: Indices, y_px: Indices, warps: Float, converged: Mask
 
 
 def _predicts(p: Float, other: Float, dx: Indices, dy: Indices | int) -> Mask:
-    """Return which warps `p`, shape (6, …), predict the displacements of the `other` points (dx, dy) away."""
+    """Return True where the warp `p` predicts the displacement of `other` at the distance (dx, dy)."""
     off_x = other[0] - p[0] - p[1] * dx - p[2] * dy
     off_y = other[3] - p[3] - p[4] * dx - p[5] * dy
     limit = _TOLERANCE_PX + _TOLERANCE * np.hypot(dx, dy)
@@ -94,8 +98,8 @@ def _predicts(p: Float, other: Float, dx: Indices, dy: Indices | int) -> Mask:
 
 
 def _plausible(planes: Float) -> Mask:
-    """Return which warps, shape (6, …), have a deformation gradient that a real surface can have."""
+    """Return True for warps, shape (6, …), with a deformation gradient that a real surface can have."""
     a, b, c, d = 1 + planes[1], planes[2], planes[4], 1 + planes[5]
-    # Singular values of a 2 x 2 matrix in closed form; the smaller is negative if the matrix mirrors.
+    # Singular values of a 2 x 2 matrix in closed form; the smaller one is negative if the matrix mirrors.
     mean, half = np.sqrt((a + d) ** 2 + (c - b) ** 2) / 2, np.sqrt((a - d) ** 2 + (b + c) ** 2) / 2
     return np.asarray((mean + half < _LARGEST_STRETCH) & (mean - half > _SMALLEST_STRETCH))

@@ -1,4 +1,4 @@
-"""Correlate deformed images with their reference: fields of displacements in pixels."""
+"""Correlate deformed images with their reference, and return fields of displacements in pixels."""
 
 import numpy as np
 
@@ -21,34 +21,34 @@ from dic.image.threads import processors
 from dic.typing import Float, Grey, ImageLike, Mask, PathLike
 
 _LOST_SHARE = 0.05
-"""Share of the points that must have failed before new seeds are searched among them."""
+"""New seeds are searched among failed points only if at least this fraction of all points failed."""
 
 
 class Correlator:
-    """Correlates deformed images with one reference, which is prepared once.
+    """Correlate deformed images with one reference image, which is prepared once.
 
     Parameters
     ----------
     reference : ndarray, shape (height, width), or path
         Grey levels, or an image file.
     region : ndarray of bool, shape (height, width), or path, optional
-        Region of interest, where points may lie. Without one, points are put wherever the reference has
+        Region of interest, in which points are measured. The default is the area where the reference has
         texture.
     settings : CorrelationSettings, optional
     clip : bool
-        Whether subsets use only pixels of the region, as they must where the surface ends at its edge.
+        True if subsets use only pixels of the region. Give True if the surface ends at the region's edge.
     threads : int
-        How many to work with; 0 for as many as there are processors.
+        Number of threads. 0 means one thread for each processor.
 
     Attributes
     ----------
     region : ndarray of bool, shape (height, width)
-        Where points may lie, as given or as found.
+        The region of interest, either the given region or the area with texture.
 
     Raises
     ------
     CorrelationError
-        If the image cannot be used or the region holds no point.
+        If the image cannot be used, or if no point fits in the region.
     """
 
     def __init__(
@@ -81,21 +81,22 @@ class Correlator:
     def correlate(
         self, deformed: ImageLike, *, previous: Field | None = None, hint: Float | None = None
     ) -> Field:
-        """Return the displacement field from the reference to `deformed`.
+        """Return the displacement field from the reference to the image `deformed`.
 
         Parameters
         ----------
         deformed : ndarray, of the reference's shape, or path
         previous : Field, optional
-            The field of the step before, a good start if little has happened since.
+            The field of the previous image. The field is a good first guess if the specimen has moved little
+            since the previous image.
         hint : ndarray, shape (3, 3), optional
-            Expected homography from the reference to the deformed image, for instance from the stage's angle:
-            see `dic.rigid_motion`.
+            Expected homography from the reference to the deformed image. For a known rotation, such as the
+            angle of a stage, `dic.rigid_motion` returns the homography.
 
         Raises
         ------
         CorrelationError
-            If the image cannot be used, or does not show the reference's pattern.
+            If the image cannot be used, or if it does not show the reference's pattern.
         """
         require_kind("previous", previous, Field | None, "give the field of the image before")
         hint = None if hint is None else checked_homography(hint)
@@ -117,7 +118,7 @@ class Correlator:
         )  # fmt: skip
 
     def _checked_deformed(self, deformed: ImageLike) -> Grey:
-        """Return the image as float32, or raise `CorrelationError` if its size is not the reference's."""
+        """Return the image as float32; raise `CorrelationError` if its size differs from the reference's."""
         grey, shape = grey_image(deformed, "deformed image"), self._reference.usable.shape
         if grey.shape != shape:
             raise CorrelationError(
@@ -130,7 +131,7 @@ class Correlator:
         return grey
 
     def _first_seeds(self, image: TurnableImage, previous: Field | None, hint: Float | None) -> Seeds:
-        """Return seeds spread over the whole grid."""
+        """Return seeds, which are the start points of propagation, spread over the whole grid."""
         indices = scattered(self._reference.grid.active)
         before = None if previous is None else previous.warps
         seeds = self._seed_finder.find(image, indices, previous=before, hint=hint)
@@ -149,7 +150,11 @@ class Correlator:
         return seeds
 
     def _solve_from_seeds(self, solver: Solver, solution: kernel.Solution, seeds: Seeds) -> None:
-        """Solve every point that propagation reaches from the seeds, and islands from their nearest point."""
+        """Solve all points by propagation from the seeds, which are already solved.
+
+        Points that propagation does not reach, for example behind a gap in the region, start from a guess
+        that is extrapolated from the nearest converged point.
+        """
         grid = self._reference.grid
         whole = grid.active & ~grid.cut
         indices, solved, in_bands = seeds.indices, seeds.solution, True
@@ -166,10 +171,11 @@ class Correlator:
     def _solve_lost_points(
         self, image: TurnableImage, quarters: int, solution: kernel.Solution, previous: Field | None
     ) -> bool:
-        """Search new seeds among lost points, which may lie on a body with a motion of its own.
+        """Search new start points among failed points, which may lie on a second body that moves differently.
 
-        Only points that the step before had are searched, so that points lost for good do not cost a search
-        in every image of a series. Returns whether there were seeds.
+        New start points ("seeds") are searched only among points that converged in the previous image. So
+        points that have failed in many images of a series are not searched again in every image. Return True
+        if new seeds were found.
         """
         grid = self._reference.grid
         lost = grid.active & ~solution.converged & (solution.status != Status.OUT_OF_VIEW)
@@ -184,7 +190,10 @@ class Correlator:
         return True
 
     def _reject_inconsistent(self, solver: Solver, solution: kernel.Solution) -> None:
-        """Reject the points that no neighbour predicts, after one more try from consistent neighbours."""
+        """Reject points whose displacement no neighbour predicts, after a second try to correlate them.
+
+        In the second try the points start from the warps of consistent neighbours.
+        """
         grid = self._reference.grid
         for last_try in (False, True):
             converged = grid.active & solution.converged
@@ -198,7 +207,7 @@ class Correlator:
 
 
 def _checked_reference(reference: ImageLike, subset_px: int) -> Grey:
-    """Return the image as float32, or raise `CorrelationError` if it holds no subset."""
+    """Return the image as float32; raise `CorrelationError` if the image is smaller than a subset."""
     grey = grey_image(reference, "reference image")
     if min(grey.shape) < subset_px:
         raise CorrelationError(

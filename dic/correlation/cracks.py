@@ -1,4 +1,4 @@
-"""Points beside cracks: a crack cuts their subset into parts, and only the part around the point counts."""
+"""Points beside cracks: of a subset that a crack cuts into parts, only the part around the point is used."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,16 +10,16 @@ from dic.image.point_grid import PointGrid, connected_part
 from dic.typing import Mask
 
 _NEIGHBOUR_REACH = 3
-"""Largest distance, in steps of the grid, of a neighbour from which a point beside a crack is tried."""
+"""Largest distance, in steps of the grid, of a neighbour that gives a first guess beside a crack."""
 
 
 class CutReference:
-    """A reference image of which the pixels beyond a crack can be hidden, one subset at a time.
+    """A reference image in which the pixels beyond a crack can be hidden, for one subset at a time.
 
     Parameters
     ----------
     reference : Reference
-        Is not changed: its planes are copied.
+        The reference image, which is copied and not changed.
     """
 
     def __init__(self, reference: Reference) -> None:
@@ -31,7 +31,10 @@ class CutReference:
 
     @contextmanager
     def limited_to(self, x: int, y: int, usable: Mask, radius: int) -> Iterator[Reference]:
-        """Give the reference without those pixels of a subset that are not connected with its centre."""
+        """Provide the reference with a part of a subset hidden.
+
+        Pixels of the subset are hidden if a crack separates them from the subset's centre (x, y).
+        """
         width = 2 * radius + 1
         first = self._reference.origin + (y - radius) * self._reference.pitch + x - radius
         elements = first + self._reference.pitch * np.arange(width)[:, None] + np.arange(width)
@@ -49,21 +52,22 @@ class CutReference:
 def visible_neighbours(
     grid: PointGrid, usable: Mask, row: int, column: int, known: Mask
 ) -> Iterator[tuple[int, int]]:
-    """Yield known points (row, column) near a point from which a straight line leads to it within the region.
+    """Yield points of `known` near a given point, if the line between the two points is in the region.
 
     Parameters
     ----------
     grid : PointGrid
     usable : ndarray of bool, shape (height, width)
-        The region.
+        True for pixels of the region.
     row, column : int
+        The given point.
     known : ndarray of bool, shape (rows, columns)
-        Points to choose from.
+        True for points that may be chosen.
 
     Yields
     ------
     (int, int)
-        The nearest first.
+        Row and column of a known point; the nearest point comes first.
     """
     reach = _NEIGHBOUR_REACH
     top, left = max(0, row - reach), max(0, column - reach)
@@ -76,7 +80,7 @@ def visible_neighbours(
 
 
 def _line_is_inside(grid: PointGrid, usable: Mask, one: tuple[int, int], other: tuple[int, int]) -> bool:
-    """Tell whether the straight line between two points stays in the region."""
+    """Return True if the straight line between two points stays in the region."""
     (x0, y0), (x1, y1) = (grid.x[one[1]], grid.y[one[0]]), (grid.x[other[1]], grid.y[other[0]])
     samples = 2 * max(abs(int(x1 - x0)), abs(int(y1 - y0))) + 1
     x, y = np.rint(np.linspace(x0, x1, samples)), np.rint(np.linspace(y0, y1, samples))

@@ -1,10 +1,10 @@
-"""The first guess for large motion: features of the pattern that are recognised after any rotation.
+"""First guesses for large motion, from features of the pattern that are recognised after any rotation.
 
 Scale-invariant features (SIFT; D. Lowe, International Journal of Computer Vision 60 (2004) 91-110) of the
-reference are matched with those of the deformed image. A match gives the displacement of a feature, its
-rotation and its scale, so it predicts where neighbouring features are. The prediction that most neighbours
-confirm gives the guess at a point. This assumes no common motion of the whole image: two bodies may move
-apart.
+reference are matched with features of the deformed image. A match gives the displacement, the rotation and
+the scale of a feature. So each match predicts the positions of neighbouring features. The first guess at a
+point follows from the prediction that most neighbours confirm. Different parts of the image may move
+differently.
 """
 
 from collections.abc import Iterator
@@ -16,35 +16,35 @@ from numpy.typing import NDArray
 from dic.typing import Float, Grey, Indices, Mask
 
 Descriptors = NDArray[np.float32]
-"""What features look like, (n, 128)."""
+"""SIFT descriptors of n features, shape (n, 128)."""
 
 _AREA_PX = 400_000
-"""Features are first searched in images shrunk to this size, which usually suffices."""
+"""Features are first searched in images that are shrunk to this area, which is usually large enough."""
 
 _FEATURES = 2000
 _CONTRAST = 0.02
 
 _RATIO = 0.8
-"""A match must differ less than this share of what the second best match differs (Lowe's ratio test)."""
+"""Largest ratio of the best match's distance to that of the second best (Lowe's ratio test)."""
 
 _FEWEST_MATCHES = 12
 
 _NEIGHBOURS = 24
 _FEWEST_SUPPORTERS = 5
 _TOLERANCE_PX, _TOLERANCE = 2.0, 0.15
-"""Largest error of a prediction: so many pixels, plus this share of the distance to the neighbour."""
+"""Largest error of a prediction: the first number in px, plus the second times the neighbour's distance."""
 
 
 @dataclass(frozen=True)
 class Matches:
-    """Features of the reference with their matches in the deformed image, some of which are wrong.
+    """Features of the reference, and the matching features of the deformed image; some matches are wrong.
 
     Attributes
     ----------
     here, there : ndarray, shape (n, 2)
-        Positions (x, y) in the reference and in the deformed image.
+        Positions (x, y) of the features in the reference and in the deformed image, px.
     gradient : ndarray, shape (n, 2, 2)
-        Deformation gradients from rotations and scales of the features.
+        Deformation gradients, computed from the rotations and scales of the features.
     """
 
     here: Float
@@ -52,7 +52,7 @@ class Matches:
     gradient: Float
 
     def warps_at(self, points: Float) -> Float:
-        """Return affine warps (n, 6) by local fits at `points` (n, 2); NaN if too few matches fit."""
+        """Return affine warps (n, 6) at `points` (n, 2), fitted to nearby matches; NaN if too few agree."""
         from scipy.spatial import cKDTree
 
         count = min(_NEIGHBOURS, len(self.here))
@@ -62,7 +62,7 @@ class Matches:
         return np.array(warps).reshape(-1, 6)
 
     def _local_warp(self, point: Float, near: Indices) -> Float:
-        """Fit a warp at a point to those of its neighbours that the best of them predicts."""
+        """Fit a warp at a point to the neighbouring matches that agree with the best of these matches."""
         here, there = self.here[near], self.there[near]
         offset = here[None, :, :] - here[:, None, :]
         predicted = there[:, None, :] + np.einsum("iab,ijb->ija", self.gradient[near], offset)
@@ -81,13 +81,13 @@ class Matches:
 
 
 class FeatureFinder:
-    """Finds features of one reference in deformed images.
+    """Find the features of one reference in deformed images.
 
     Parameters
     ----------
     reference : ndarray of float32, shape (height, width)
     usable : ndarray of bool, shape (height, width)
-        Where features of the reference may lie.
+        True at pixels where features of the reference may lie.
     """
 
     def __init__(self, reference: Grey, usable: Mask) -> None:
@@ -95,7 +95,7 @@ class FeatureFinder:
         self._known: dict[float, tuple[Float, Descriptors]] = {}
 
     def find(self, deformed: Grey) -> Iterator[Matches]:
-        """Yield matches in shrunk images first, then in larger ones up to the full size."""
+        """Yield the matches of shrunk images first, then those of larger images, up to the full size."""
         shrink = max(1.0, float(np.sqrt(deformed.size / _AREA_PX)))
         while True:
             if shrink not in self._known:
@@ -109,7 +109,7 @@ class FeatureFinder:
 
 
 def _features(grey: Grey, shrink: float, usable: Mask | None = None) -> tuple[Float, Descriptors]:
-    """Return features: x, y, size and angle in radians, (n, 4), and their descriptors."""
+    """Return the x, y, size and angle (radians) of features, shape (n, 4), and the SIFT descriptors."""
     import cv2
 
     small, mask = _to_8_bit(grey), None if usable is None else usable.astype(np.uint8)
@@ -128,7 +128,7 @@ def _features(grey: Grey, shrink: float, usable: Mask | None = None) -> tuple[Fl
 
 
 def _match(here: tuple[Float, Descriptors], there: tuple[Float, Descriptors]) -> Matches | None:
-    """Return the pairs of features that pass the ratio test, or None if there are too few."""
+    """Return the pairs of features that pass Lowe's ratio test, or None if there are too few pairs."""
     import cv2
 
     if min(len(here[0]), len(there[0])) < _FEWEST_MATCHES:
@@ -146,7 +146,7 @@ def _match(here: tuple[Float, Descriptors], there: tuple[Float, Descriptors]) ->
 
 
 def _to_8_bit(grey: Grey) -> NDArray[np.uint8]:
-    """Return the image for SIFT: stretched to 0..255 between its 0.5 and 99.5 percentiles."""
+    """Return the image for SIFT, stretched so that its 0.5 and 99.5 percentiles become 0 and 255."""
     low, high = np.percentile(grey[:: max(1, len(grey) // 1000)], (0.5, 99.5))
     stretched = np.clip((grey - low) * (255.0 / max(float(high - low), 1e-9)), 0, 255)
     return np.asarray(stretched, np.uint8)

@@ -1,4 +1,4 @@
-"""What correlation gives: displacements on a grid of points, each with the reason if it failed."""
+"""The result of correlation: displacements on a grid of points, and a status for each point."""
 
 from dataclasses import dataclass
 
@@ -17,24 +17,28 @@ class Field:
     Attributes
     ----------
     x_px, y_px : ndarray of int, shapes (columns,) and (rows,)
-        Where the points are in the reference.
+        Coordinates of the columns and of the rows of points in the reference.
     warps : ndarray, shape (rows, columns, 6 or 12)
-        (u, u_x, u_y, v, v_x, v_y) per point, followed by (u_xx, u_xy, u_yy, v_xx, v_xy, v_yy) if the shape
-        function is quadratic; NaN where the point failed.
+        The warp of each point: the displacements u and v with their first derivatives, in the order (u, u_x,
+        u_y, v, v_x, v_y). A quadratic shape function adds (u_xx, u_xy, u_yy, v_xx, v_xy, v_yy). The warp of a
+        failed point is NaN.
     std : ndarray, shape (rows, columns, 6)
-        Standard deviations of the first six, from the noise of the images and the Hessian.
+        Standard deviations of the first six warp parameters, from the noise of the images and the Hessian.
     zncc : ndarray, shape (rows, columns)
+        Correlation coefficient of each point (zero-mean normalised cross-correlation).
     iterations : ndarray of int, shape (rows, columns)
+        Number of iterations at each point.
     status : ndarray of int8, shape (rows, columns)
-        Values of `Status`.
+        Status of each point, a value of `Status`.
     active : ndarray of bool, shape (rows, columns)
-        Which points lie in the region of interest; the others were not tried.
+        True for points in the region of interest. Other points were not correlated.
     start : str
-        Where the first guess came from: "previous", "hint", "search" or "features".
+        Source of the first guess: "previous", "hint", "search" or "features".
     settings : CorrelationSettings
-        How the images were correlated.
+        Settings of the correlation.
     updates : int
-        How many times the reference was updated on the way; each update adds to `std`.
+        Number of new references between the first reference and this image. Each new reference increases
+        `std`.
     """
 
     x_px: Indices
@@ -56,50 +60,50 @@ class Field:
 
     @property
     def u_px(self) -> Float:
-        """Displacement to the right, (rows, columns)."""
+        """Displacement to the right, px, shape (rows, columns)."""
         return self.warps[..., 0]
 
     @property
     def v_px(self) -> Float:
-        """Displacement downwards, (rows, columns)."""
+        """Displacement downwards, px, shape (rows, columns)."""
         return self.warps[..., 3]
 
     @property
     def gradient(self) -> Float:
-        """Derivatives u_x, u_y, v_x, v_y at the points, (rows, columns, 4)."""
+        """Displacement gradient u_x, u_y, v_x, v_y at the points, shape (rows, columns, 4)."""
         return self.warps[..., [1, 2, 4, 5]]
 
     @property
     def std_u_px(self) -> Float:
-        """Standard deviation of `u_px`, (rows, columns)."""
+        """Standard deviation of `u_px`, shape (rows, columns)."""
         return self.std[..., 0]
 
     @property
     def std_v_px(self) -> Float:
-        """Standard deviation of `v_px`, (rows, columns)."""
+        """Standard deviation of `v_px`, shape (rows, columns)."""
         return self.std[..., 3]
 
     @property
     def std_gradient(self) -> Float:
-        """Standard deviations of `gradient`, (rows, columns, 4)."""
+        """Standard deviations of `gradient`, shape (rows, columns, 4)."""
         return self.std[..., [1, 2, 4, 5]]
 
     @property
     def converged(self) -> Mask:
-        """Which points have a value, (rows, columns)."""
+        """A mask that is True for converged points, shape (rows, columns)."""
         return np.asarray(self.active & (self.status == Status.CONVERGED), np.bool_)
 
     @property
     def points(self) -> Float:
-        """All points (x, y) of the grid in the reference, (rows * columns, 2)."""
+        """Coordinates (x, y) of all points of the grid in the reference, shape (rows * columns, 2)."""
         x, y = np.meshgrid(self.x_px, self.y_px)
         return np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
 
     def count(self, status: Status) -> int:
-        """Return how many points of the region have this status."""
+        """Return the number of points in the region of interest that have the given status."""
         return int(np.count_nonzero(self.active & (self.status == status)))
 
     @property
     def in_view(self) -> int:
-        """Points of the region whose subset stays in the deformed image."""
+        """Number of points in the region of interest whose subset stays inside the deformed image."""
         return int(np.count_nonzero(self.active)) - self.count(Status.OUT_OF_VIEW)

@@ -1,9 +1,10 @@
-"""The first guess: where a few subsets of the reference are in the deformed image.
+"""First guesses of the displacements of a few subsets.
 
-`guesses` yields likely and cheap guesses first. `search` compares templates at whole pixels, after it has
-moved the deformed image back by an expected motion: none, the shift of the whole image, or the stage's angle.
-Large rotations and displacements are found by features (`dic.correlation.features`). Every guess is a warp,
-and only IC-GN decides whether it is right.
+`guesses` yields the most likely and cheapest guesses first. `search` compares templates at whole pixels. If a
+motion is expected, such as a shift of the whole image or the rotation of a stage, `search` first moves the
+deformed image back by this motion. For large rotations and displacements, guesses follow from features
+(`dic.correlation.features`). Every guess is a warp. The IC-GN iteration then decides whether the guess is
+right.
 """
 
 from collections.abc import Iterator
@@ -16,15 +17,15 @@ from dic.image.threads import bands_of, in_parallel
 from dic.typing import Float, Grey, Indices
 
 SEARCH_RADII_PX = (24, 80, 200)
-"""Search radii, tried in this order until enough seeds converge."""
+"""Search radii, which are tried in this order until enough seed points converge."""
 
 _TEMPLATES_PER_TASK = 4
-"""Templates that a thread searches before it takes the next ones."""
+"""Number of templates that one call of a thread searches."""
 
 _SMALLEST_TEMPLATE_RADIUS_PX = 3
 
 _SHIFT_SIDE_PX = 512
-"""The shift of the whole image is measured in images shrunk to this width or height."""
+"""Images are shrunk to this width or height before the shift of the whole image is measured."""
 
 
 def guesses(
@@ -38,18 +39,21 @@ def guesses(
     hint: Float | None = None,
     threads: int = 1,
 ) -> Iterator[tuple[str, Float]]:
-    """Yield named guesses, warps (n, 6) at `points` (n, 2), the most likely and cheapest first.
+    """Yield first guesses one by one; each has a name and the warps (n, 6) at `points` (n, 2).
+
+    The most likely and cheapest guesses come first.
 
     Parameters
     ----------
     reference, deformed : ndarray, shape (height, width)
     features : FeatureFinder
-        Of the reference.
+        The feature finder of the reference.
     points : ndarray of int, shape (n, 2)
+        Coordinates (x, y) of the points in the reference.
     half_px : int
-        Templates are 2 * half_px + 1 wide.
+        Half of the template width. The width is 2 * half_px + 1 pixels.
     previous : ndarray, shape (n, 6), optional
-        The warps of the step before.
+        The warps of the points in the previous image.
     hint : ndarray, shape (3, 3), optional
         Expected homography from the reference to the deformed image.
     threads : int
@@ -86,7 +90,7 @@ def whole_shift(reference: Grey, deformed: Grey) -> Float:
     shrink = max(1.0, max(height, width) / _SHIFT_SIDE_PX)
     size = (round(width / shrink), round(height / shrink))
     here, there = (cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in (reference, deformed))
-    # Without a window the edges of the image, which do not move, would determine the shift.
+    # Without a window function, the fixed edges of the image would dominate the measured shift.
     (x, y), _ = cv2.phaseCorrelate(here, there, cv2.createHanningWindow(size, cv2.CV_32F))
     return np.array(
         [[1.0, 0.0, round(x * width / size[0])], [0.0, 1.0, round(y * height / size[1])], [0, 0, 1]]
@@ -94,16 +98,16 @@ def whole_shift(reference: Grey, deformed: Grey) -> Float:
 
 
 def rigid_motion(angle_deg: float, shift_px: tuple[float, float], centre_px: tuple[float, float]) -> Float:
-    """Return the homography of a rotation about a centre followed by a shift.
+    """Return the homography (3, 3) of a rotation about a centre, followed by a shift.
 
     Parameters
     ----------
     angle_deg : float
-        Positive from x, to the right, towards y, **up**, as rotations are reported.
+        Rotation angle, positive counter-clockwise as seen in the image.
     shift_px : (float, float)
-        To the right and down.
+        Shift to the right and downwards.
     centre_px : (float, float)
-        Column and row.
+        Column and row of the centre of rotation.
     """
     c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
     rotation = np.array([[c, s], [-s, c]])
@@ -114,12 +118,12 @@ def rigid_motion(angle_deg: float, shift_px: tuple[float, float], centre_px: tup
 
 
 def checked_homography(hint: object) -> Float:
-    """Return an expected motion as an array (3, 3).
+    """Return the homography of an expected motion as an array (3, 3).
 
     Raises
     ------
     CorrelationError
-        If it is not one of finite numbers.
+        If `hint` is not a 3 x 3 array of finite numbers, or if its last element is 0.
     """
     try:
         motion = np.array(hint, np.float64)
@@ -145,7 +149,7 @@ def homography_warps(homography: Float, points: Float) -> Float:
     Parameters
     ----------
     homography : ndarray, shape (3, 3)
-        Takes (x, y, 1) of the reference to the deformed image, in pixels.
+        The matrix that maps pixel coordinates (x, y, 1) of the reference to the deformed image.
     points : ndarray, shape (n, 2)
     """
     x, y = points[:, 0], points[:, 1]
@@ -165,7 +169,7 @@ def search(
     motion: Float,
     threads: int = 1,
 ) -> Float:
-    """Find subsets at whole pixels by normalised cross-correlation around an expected motion.
+    """Find subsets by normalised cross-correlation at whole pixels around their expected positions.
 
     Parameters
     ----------
@@ -173,16 +177,18 @@ def search(
     points : ndarray of int, shape (n, 2)
         Centres (x, y) of the templates in the reference.
     half_px : int
-        A template is 2 * half_px + 1 wide.
+        Half of the template width. The width is 2 * half_px + 1 pixels.
     radius_px : int
-        Largest distance of the displacements from those of `motion`.
+        Largest difference between a displacement and the displacement that `motion` predicts.
     motion : ndarray, shape (3, 3)
-        Expected homography from the reference to the deformed image; the identity if no motion is expected.
+        Expected homography from the reference to the deformed image. If no motion is expected, give the
+        identity matrix.
 
     Returns
     -------
     ndarray, shape (n, 6)
-        Warps; NaN where the template is too close to the edge, or has no contrast.
+        The warps of the points. A warp is NaN if the template is too close to the image's edge or has no
+        contrast.
     """
     import cv2
 
@@ -201,7 +207,8 @@ def search(
 
     in_parallel(work, bands_of(len(points), _TEMPLATES_PER_TASK), threads)
     shift = found - points
-    # The template at a point p looks like the moved-back image at p + shift, which shows motion(p + shift).
+    # The template at a point p matches the moved-back image at p + shift. In the deformed image this place is
+    # motion(p + shift).
     warps = homography_warps(motion, found)
     warps[:, 0] += shift[:, 0]
     warps[:, 3] += shift[:, 1]
@@ -211,7 +218,7 @@ def search(
 def _whole_pixel(
     reference: Grey, moved_back: Grey, x: int, y: int, half_px: int, radius_px: int
 ) -> tuple[float, float]:
-    """Return the pixel (x, y) that fits the template around a point best, or NaN without a template."""
+    """Return the pixel (x, y) at which the image matches a point's template best; NaN without a template."""
     import cv2
 
     height, width = reference.shape

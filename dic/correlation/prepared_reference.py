@@ -1,4 +1,4 @@
-"""What is prepared of a reference once, for all deformed images that are correlated with it."""
+"""Data of a reference that are prepared once for all deformed images."""
 
 from dataclasses import dataclass, field
 
@@ -8,14 +8,18 @@ from dic.image.point_grid import PointGrid
 from dic.typing import Mask
 
 _LARGEST = 4.25
-"""Most memory for prepared subsets, in images of float32: enough for quadratic ones at a step of 5 px."""
+"""Largest memory for prepared subsets, as a multiple of the memory of a float32 image.
+
+The limit is high enough for quadratic shape functions at a step of 5 px.
+"""
 
 
 class SubsetMemory:
-    """What IC-GN has prepared of a reference's subsets, kept for the later images of a series.
+    """Memory for data of the reference's subsets that IC-GN prepares and uses again for later images.
 
-    Nothing is kept of a pair, because only a second image can use it; nor if it would take more than
-    `_LARGEST` times the memory of the reference image. Results are the same with and without.
+    No data are kept for the first image, because often there is no second image. No data are kept if they
+    would need more than `_LARGEST` times the memory of the reference image. The results of the correlation do
+    not depend on the kept data.
     """
 
     def __init__(self) -> None:
@@ -23,7 +27,10 @@ class SubsetMemory:
         self._prepared: kernel.Prepared | None = None
 
     def for_next_image(self, grid: PointGrid, image_px: int, parameters: int) -> kernel.Prepared | None:
-        """Return what the next image may use and shall fill; None for the first image of a reference."""
+        """Return the memory for subset data that the next image may read and fill; None for the first image.
+
+        The result is also None if the data would need too much memory.
+        """
         self._images += 1
         if self._images == 2:
             size = 4 * kernel.record_length(parameters) * grid.active.size
@@ -33,13 +40,13 @@ class SubsetMemory:
 
     @property
     def kept_bytes(self) -> int:
-        """How much memory is set aside."""
+        """Size of the kept data in bytes."""
         return 0 if self._prepared is None else sum(part.nbytes for part in self._prepared)
 
 
 @dataclass(frozen=True)
 class PreparedReference:
-    """All of a reference that does not depend on the deformed image.
+    """All data of a reference that do not depend on the deformed image.
 
     Attributes
     ----------
@@ -47,7 +54,7 @@ class PreparedReference:
     mean : float
         Mean grey level of the reference, which the kernel subtracts from all images.
     usable : ndarray of bool, shape (height, width)
-        Pixels that subsets may use.
+        True for pixels that subsets may use.
     grid : PointGrid
     settings : CorrelationSettings
     threads : int

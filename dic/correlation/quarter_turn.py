@@ -1,7 +1,7 @@
-"""Exact quarter turns of a deformed image, so that at most 45° of rotation are left to correlate.
+"""Exact turns of a deformed image by 90°, so that the remaining rotation is at most 45°.
 
-The kernel is fast if neighbouring pixels of a subset are neighbours in the deformed image, too. `numpy.rot90`
-turns an image without interpolation. Warps are turned with the image, and turned back afterwards.
+The kernel is fast if neighbouring pixels of a subset are also neighbours in the deformed image. `numpy.rot90`
+turns an image by 90° without interpolation. The warps are turned with the image, and turned back afterwards.
 """
 
 import numpy as np
@@ -10,39 +10,40 @@ from dic.typing import Float, Indices
 
 
 def quarters_of(warps: Float) -> int:
-    """Return by how many quarters `numpy.rot90` must turn the deformed image to undo most of its rotation.
+    """Return the number of quarter turns by `numpy.rot90` that undo most of the deformed image's rotation.
 
     Parameters
     ----------
     warps : ndarray, shape (n, 6 or 12)
-        Guesses; those with NaN are ignored.
+        Guesses of the warps. Guesses with NaN are ignored.
 
     Returns
     -------
     int
-        0 to 3; 0 without a guess.
+        Number of quarter turns, from 0 to 3. The number is 0 without a guess.
     """
     known = warps[np.isfinite(warps[:, :6]).all(axis=1)]
-    # Nearest rotation to a gradient F: its angle is atan2(F21 - F12, F11 + F22). y points down.
+    # The rotation nearest to a gradient F has the angle atan2(F21 - F12, F11 + F22); the y axis points down.
     along, across = (2 + known[:, 1] + known[:, 5]).sum(), (known[:, 4] - known[:, 2]).sum()
     return int(np.rint(np.arctan2(across, along) / (np.pi / 2))) % 4
 
 
 def turn_warps(warps: Float, x: Indices, y: Indices, shape: tuple[int, int], quarters: int) -> Float:
-    """Return warps from the reference to the deformed image after `numpy.rot90`.
+    """Return the warps from the reference to the deformed image after `numpy.rot90` has turned this image.
 
-    One quarter takes the pixel (X, Y) of an image of width W to (Y, W - 1 - X).
+    A quarter turn moves the pixel (X, Y) of an image of width W to (Y, W - 1 - X).
 
     Parameters
     ----------
     warps : ndarray, shape (…, 6 or 12)
-        To the image before it is turned.
+        Warps from the reference to the image before the turn.
     x, y : ndarray of int
-        Points of the reference, which is not turned; broadcast with `warps[..., 0]`.
+        Coordinates of the points in the reference, which is not turned. The arrays are broadcast with
+        `warps[..., 0]`.
     shape : (int, int)
-        Height and width of the image before it is turned.
+        Height and width of the image before the turn.
     quarters : int
-        Negative numbers turn the other way.
+        Number of quarter turns. Negative numbers turn in the opposite direction.
     """
     turned = warps.copy()
     for k in range(quarters % 4):
@@ -61,7 +62,7 @@ def turn_warps(warps: Float, x: Indices, y: Indices, shape: tuple[int, int], qua
 
 
 def turn_std(std: Float, quarters: int) -> Float:
-    """Return standard deviations (…, 6) of turned warps: an odd number of quarters exchanges u and v."""
+    """Return standard deviations (…, 6) of turned warps; odd numbers of quarter turns exchange u and v."""
     if quarters % 2 == 0:
         return std
     return np.concatenate([std[..., 3:], std[..., :3]], axis=-1)

@@ -1,7 +1,8 @@
-"""IC-GN for one point in plain NumPy: slow and short. Read this before the compiled kernel.
+"""A short but slow version of the IC-GN method for one point in plain NumPy.
 
-The method is that of `dic.correlation.kernel.icgn`, written as in the papers, with one array per symbol and
-double precision throughout. Tests compare the kernel with it.
+Read this module before the compiled kernel. The method is the same as in `dic.correlation.kernel.icgn`, but
+written as in the papers, with one array for each symbol and in double precision. Tests compare the kernel
+with this module.
 """
 
 import numpy as np
@@ -11,7 +12,7 @@ from dic.typing import Float, Mask
 
 
 def shape_functions(x: Float, y: Float, parameters: int) -> Float:
-    """Return the monomials that the parameters of u, or of v, multiply at offsets (n,): (n, 3) or (n, 6)."""
+    """Return the polynomial terms of u (or of v) at n offsets (x, y) from the point, (n, 3) or (n, 6)."""
     columns = [np.ones_like(x), x, y]
     if parameters == 12:
         columns += [x**2 / 2, x * y, y**2 / 2]
@@ -19,7 +20,7 @@ def shape_functions(x: Float, y: Float, parameters: int) -> Float:
 
 
 def interpolate(spline: SplineImage, x: Float, y: Float) -> Float:
-    """Return the spline's grey levels at positions (n,) inside the image."""
+    """Return the grey levels of a spline image at n positions (x, y) inside the image, shape (n,)."""
     from scipy.interpolate import BSpline
 
     half = (spline.order + 1) // 2
@@ -34,7 +35,7 @@ def interpolate(spline: SplineImage, x: Float, y: Float) -> Float:
 
 
 def split(p: Float) -> tuple[Float, Float]:
-    """Return the parameters of u and of v, in the order of `shape_functions`."""
+    """Split a warp into the parameters of u and the parameters of v, in the order of `shape_functions`."""
     u, v = p[0:3], p[3:6]
     return (np.r_[u, p[6:9]], np.r_[v, p[9:12]]) if len(p) == 12 else (u, v)
 
@@ -48,19 +49,21 @@ def icgn(
     start: Float,
     iterations: int = 60,
 ) -> tuple[Float, float]:
-    """Return the warp of one point and its ZNCC, after so many iterations that the warp no longer changes.
+    """Return the warp of one point and its ZNCC after the given number of iterations.
+
+    The default number of iterations is so large that the warp no longer changes in the last ones.
 
     Parameters
     ----------
     reference, deformed : SplineImage
     region : ndarray of bool, shape (height, width)
-        Pixels that may be used.
+        True at pixels that the subset may use.
     point : tuple of int
-        x and y in the reference, px.
+        Coordinates x and y of the point in the reference, px.
     radius : int
         Half of the subset's width.
     start : ndarray, shape (6,) or (12,)
-        The first guess, in the order of `dic.correlation.kernel.warps`.
+        First guess of the warp, in the order of `dic.correlation.kernel.warps`.
     """
     dy, dx = np.mgrid[-radius : radius + 1, -radius : radius + 1]
     inside = region[point[1] + dy, point[0] + dx]
@@ -86,10 +89,11 @@ def icgn(
 
 
 def compose_inverse(p: Float, step: Float, radius: int) -> Float:
-    """Return the warp p ∘ W(step)⁻¹, fitted to points of the subset.
+    """Return the composition of the warp `p` with the inverse of the warp `step`.
 
-    `step` has the parameters of u, then those of v. The composition takes W(step)(x) to W(p)(x) for every
-    offset x; its parameters are fitted to such pairs of points.
+    The array `step` holds the parameters of u, then those of v. At every offset x, the composed warp maps
+    W(step)(x) to W(p)(x), where W is the warp function. The parameters of the composed warp are fitted to
+    such pairs of points.
     """
     half = len(step) // 2
     side = np.linspace(-radius, radius, 7)

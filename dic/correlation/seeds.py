@@ -1,4 +1,4 @@
-"""Seeds: a few points, spread over the region, whose guesses IC-GN and their neighbours confirm."""
+"""Seeds: a few points spread over the region, whose guesses are confirmed by IC-GN and by neighbours."""
 
 from typing import NamedTuple
 
@@ -15,30 +15,34 @@ from dic.correlation.turned_image import TurnableImage
 from dic.typing import Float, Grey, Indices, Mask
 
 FEWEST_SEEDS = 3
-"""Fewer consistent seeds are no start, unless there are not that many points."""
+"""Smallest number of consistent seeds with which propagation begins.
+
+In a region with fewer points, all points must be consistent.
+"""
 
 _SEEDS = 48
-"""Points that are tried."""
+"""Approximate number of points that are tried as seeds."""
 
 _ENOUGH_SEEDS = 0.3
-"""Share of the seeds in view that must be consistent before no other guess is tried."""
+"""If this fraction of the tried points in view become seeds, no further guess is tried."""
 
 _SMALLEST_TEMPLATE_RADIUS_PX = 15
 
 
 class Seeds(NamedTuple):
-    """Points from which propagation starts.
+    """Seeds, which are the points from which propagation starts.
 
     Attributes
     ----------
     start : str
-        Name of the guess that led to them.
+        Name of the first guess from which the seeds converged, such as "previous", "hint", "search" or
+        "features".
     quarters : int
-        Quarters by which the deformed image was turned for them.
+        Number of quarter turns by which the deformed image was turned.
     indices : ndarray of int, shape (n, 2)
-        Row and column on the grid.
+        Row and column of the seeds on the grid of points.
     solution : Solution
-        In the turned image.
+        Warps and other results of the seeds in the turned image.
     """
 
     start: str
@@ -48,7 +52,7 @@ class Seeds(NamedTuple):
 
 
 class SeedFinder:
-    """Finds seeds of a reference in deformed images.
+    """Find seeds (start points of the propagation) for deformed images with one reference.
 
     Parameters
     ----------
@@ -70,24 +74,25 @@ class SeedFinder:
         hint: Float | None = None,
         quarters: int | None = None,
     ) -> Seeds:
-        """Return the seeds of the guess that most of the points at `indices` confirm.
+        """Try first guesses, and return the seeds from the guess that gives the most consistent points.
 
         Parameters
         ----------
         image : TurnableImage
         indices : ndarray of int, shape (n, 2)
-            Row and column of the points on the grid.
+            Row and column of the points to try.
         previous : ndarray, shape (rows, columns, 6 or 12), optional
-            Warps of the step before.
+            Warps of all points in the previous image.
         hint : ndarray, shape (3, 3), optional
             Expected homography from the reference to the deformed image.
         quarters : int, optional
-            Quarters by which the image is turned; if not given, each guess decides.
+            Number of quarter turns of the image. By default the number of quarter turns follows from each
+            first guess.
 
         Returns
         -------
         Seeds
-            Perhaps none.
+            The seeds; their number may be 0.
         """
         settings, points = self._reference.settings, self._reference.grid.points_at(indices)
         before = None if previous is None else previous[indices[:, 0], indices[:, 1], :6]
@@ -110,7 +115,7 @@ class SeedFinder:
 
 
 def scattered(points: Mask) -> Indices:
-    """Return up to about 48 indices (row, column), spread evenly over the true ones of a grid."""
+    """Return about 48 indices (row, column) or fewer, spread evenly over the True elements of a mask."""
     rows, columns = np.nonzero(points)
     stride = max(1, round(np.sqrt(rows.size / _SEEDS)))
     while True:

@@ -1,8 +1,9 @@
-"""A series of images measured against its first image, by way of later references if necessary.
+"""Correlation of a series of images with a first reference, with later references if necessary.
 
-Large deformation and changing patterns make subsets look different from those of the reference. Then the
-image before becomes the reference, and the displacements from there on are chained to those before. Every
-update of the reference adds its error, so it is updated only when the correlation drops.
+After a large deformation or a change of the pattern, subsets look different from those of the reference. For
+this reason, an earlier image of the series then becomes the new reference. The displacements from the new
+reference are added to the displacements up to the new reference. Every new reference adds an error, so the
+reference changes only when the correlation drops.
 """
 
 from dataclasses import dataclass, replace
@@ -20,12 +21,12 @@ from dic.typing import Float, Grey, ImageLike, Mask, PathLike
 INCREMENTAL = ("auto", "never", "always")
 
 _KEPT_SHARE = 0.98
-"""Share of the converged points that must still converge for a reference to be kept."""
+"""A reference is kept while the fraction of converged points is at least this multiple of its first value."""
 
 
 @dataclass(frozen=True)
 class _LastImage:
-    """The last image, and its fields from the current reference and from the first one."""
+    """The last image, with its fields from the current reference and from the first reference."""
 
     image: Grey
     from_current: Field
@@ -40,11 +41,12 @@ class _CurrentReference:
     ----------
     correlator : Correlator
     before : Field or None
-        From the first reference to this one; None if this is the first.
+        The field from the first reference to the current reference. None for the first reference.
     updates : int
-        How many references there were before.
+        Number of earlier references.
     quality : (float, float) or None
-        Share of converged points and median ZNCC of the first image that was correlated with it.
+        Fraction of converged points and median ZNCC of the first image that was correlated with the current
+        reference.
     last : _LastImage or None
     """
 
@@ -55,16 +57,17 @@ class _CurrentReference:
     last: _LastImage | None = None
 
     def correlate(self, deformed: Grey, hint: Float | None) -> Field:
-        """Return the field from this reference."""
+        """Return the field from the current reference to the image `deformed`."""
         previous = None if self.last is None else self.last.from_current
         return self.correlator.correlate(
             deformed, previous=previous, hint=hint if self.before is None else None
         )
 
     def has_dropped(self, field: Field) -> bool:
-        """Tell whether the correlation has dropped since the reference was new.
+        """Return True if the correlation has dropped since the first image with the current reference.
 
-        It has if more than 2 % of the points are lost, or half of the margin between ZNCC and its limit.
+        The correlation has dropped if the fraction of converged points has fallen by more than 2 %, or if the
+        median ZNCC has lost more than half of its margin above `min_zncc`.
         """
         if self.quality is None:
             return False
@@ -74,29 +77,30 @@ class _CurrentReference:
 
 
 class Series:
-    """Correlates images, in their order, with the first reference.
+    """Correlate the images of a series, in their order, with a first reference.
 
-    The memory it takes does not grow with the number of images.
+    The required memory does not grow with the number of images.
 
     Parameters
     ----------
     reference : ndarray, shape (height, width), or path
         Grey levels, or an image file.
     region : ndarray of bool, shape (height, width), or path, optional
-        Where to measure. Without one, points are put wherever the reference has texture.
+        The region to measure. The default is the area where the reference has texture.
     settings : CorrelationSettings, optional
     incremental : str
-        "never" compares every image with the reference itself; "always" with the image before; "auto" with
-        the reference until correlation drops, then with the last image that was well correlated.
+        Rule for new references. With "never", every image is correlated with the first reference. With
+        "always", every image is correlated with the image before it. With "auto", a new reference is taken
+        when the correlation drops; the new reference is the last image before the drop.
     clip : bool, optional
-        Whether subsets use only pixels of the region. By default they do if a region is given.
+        True if subsets use only pixels of the region. The default is True if a region is given.
     threads : int
-        How many to work with; 0 for as many as there are processors.
+        Number of threads. 0 means one thread for each processor.
 
     Raises
     ------
     CorrelationError
-        If the image cannot be used, the region holds no point, or a setting is unknown.
+        If the image cannot be used, if no point fits in the region, or if a setting is unknown.
     """
 
     def __init__(
@@ -117,7 +121,7 @@ class Series:
 
     @staticmethod
     def require_incremental(incremental: str) -> None:
-        """Refuse a way of taking new references that there is not.
+        """Raise an error if `incremental` is not "auto", "never" or "always".
 
         Raises
         ------
@@ -134,7 +138,7 @@ class Series:
 
     @property
     def settings(self) -> CorrelationSettings:
-        """How the images are correlated."""
+        """Settings of the correlation."""
         return self._current.correlator.settings
 
     @property
@@ -145,25 +149,27 @@ class Series:
 
     @property
     def updates(self) -> int:
-        """How many times the reference has been replaced so far."""
+        """Number of times that the reference has been replaced so far."""
         return self._current.updates
 
     def correlate(self, deformed: ImageLike, *, hint: Float | None = None) -> Field:
-        """Return the displacement field from the first reference to `deformed`.
+        """Return the displacement field from the first reference to the image `deformed`.
 
-        After an update of the reference, standard deviations are the roots of the summed variances of all
-        parts. They are rather too large, because the noise of the images in between largely cancels.
+        If the reference has been replaced, the variances of all partial displacements are added. The
+        resulting standard deviations are somewhat too large, because the noise of the intermediate images
+        largely cancels.
 
         Parameters
         ----------
         deformed : ndarray, of the reference's shape, or path
         hint : ndarray, shape (3, 3), optional
-            Expected homography from the first reference to this image; not used after an update.
+            Expected homography from the first reference to this image. The hint is ignored after the
+            reference has been replaced.
 
         Raises
         ------
         CorrelationError
-            If the image cannot be used, or does not show the pattern.
+            If the image cannot be used, or if it does not show the reference's pattern.
         """
         deformed = grey_image(deformed, "deformed image")
         reference, field = self._best_reference(deformed, hint)
@@ -173,7 +179,7 @@ class Series:
         return chained
 
     def _best_reference(self, deformed: Grey, hint: Float | None) -> tuple[_CurrentReference, Field]:
-        """Return the reference to use for an image, and the field from it."""
+        """Return the reference to use for an image, and the field from this reference to the image."""
         current, last = self._current, self._current.last
         if self._incremental == "never" or last is None:
             return current, current.correlate(deformed, hint)
@@ -195,14 +201,14 @@ class Series:
         return (updated, other) if _quality(other) > _quality(field) else (current, field)
 
     def _updated(self, last: _LastImage) -> _CurrentReference:
-        """Return the last image as the reference."""
+        """Return the last image as a new reference."""
         region = moved_region(self._first_region, last.from_first)
         correlator = Correlator(last.image, region, self.settings, clip=self._clip, threads=self._threads)
         return _CurrentReference(correlator, last.from_first, self._current.updates + 1)
 
 
 def _quality(field: Field) -> tuple[float, float]:
-    """Return the share of points in view that converged, and their median ZNCC."""
+    """Return the fraction of points in view that converged, and the median ZNCC of the converged points."""
     converged = field.converged
     if not converged.any():
         return 0.0, 0.0

@@ -1,4 +1,4 @@
-"""How to correlate, checked before anything is read."""
+"""Settings of the correlation, which are checked before any image is read."""
 
 from dataclasses import dataclass
 
@@ -11,24 +11,26 @@ SHAPES = {"affine": 6, "quadratic": 12}
 
 @dataclass(frozen=True)
 class CorrelationSettings:
-    """How to correlate.
+    """Settings of the correlation.
 
     Attributes
     ----------
     subset_px : int
-        Width of the square subset, odd.
+        Width of the square subset, an odd number.
     step_px : int
-        Distance of the points of interest.
+        Spacing of the points of interest.
     shape : str
-        Shape function, "affine" or "quadratic". Quadratic ones follow strain that changes within a subset, at
-        about twice the noise.
+        Shape function, "affine" or "quadratic". A quadratic shape function follows strain that changes within
+        a subset, but the displacements have about twice as much noise as with an affine shape function.
     order : int
-        B-spline order of the interpolation, 3 or 5.
+        Degree of the B-spline that interpolates the images, 3 or 5.
     min_zncc : float
-        Below it a point is not trusted.
+        Smallest ZNCC (zero-mean normalised cross-correlation) of a converged point.
     tolerance_px : float
-        Iterations end when a step moves no pixel of the subset's edge by more than this.
+        Iterations end when a step moves the subset's edge by less than `tolerance_px`. Iterations also end
+        when all further steps together are predicted to move the edge by less than `tolerance_px`.
     max_iterations : int
+        Largest number of iterations for each attempt at a point.
     """
 
     subset_px: int = 31
@@ -95,10 +97,10 @@ class CorrelationSettings:
 
     @property
     def parameters(self) -> int:
-        """Parameters of a warp: 6 or 12."""
+        """Number of parameters of a warp: 6 for affine, 12 for quadratic."""
         return SHAPES[self.shape]
 
     @property
     def radius_px(self) -> int:
-        """Pixels of the subset on either side of its centre."""
+        """Number of pixels of the subset on either side of its centre."""
         return self.subset_px // 2

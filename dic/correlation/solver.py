@@ -1,4 +1,4 @@
-"""Solve points of interest of one reference in one deformed image: from guesses, and from point to point."""
+"""Correlate the points of one reference with one deformed image, from guesses and by propagation."""
 
 import numpy as np
 
@@ -12,14 +12,14 @@ from dic.image.threads import balanced_bands, in_parallel
 from dic.typing import Float, Indices, Mask
 
 _TRIES = 3
-"""Neighbours from which a point beside a crack is tried."""
+"""Largest number of neighbours that are tried as the first guess for a point beside a crack."""
 
 _BANDS = 16
-"""Bands of rows that are solved in parallel: enough to keep several processors busy to the end."""
+"""Number of bands of rows that are solved in parallel, large enough to keep several processors busy."""
 
 
 def method_of(settings: CorrelationSettings) -> kernel.Method:
-    """Return the settings as the kernel takes them."""
+    """Return the correlation settings in the form that the kernel needs."""
     return kernel.Method(
         (0.0,) * (settings.order + 1),
         (0.0,) * settings.parameters,
@@ -33,13 +33,13 @@ def method_of(settings: CorrelationSettings) -> kernel.Method:
 
 
 class Solver:
-    """Solves the points of a reference in one deformed image.
+    """Correlate the points of a reference with one deformed image.
 
     Parameters
     ----------
     reference : PreparedReference
     deformed : kernel.Deformed
-        From `kernel.lay_coefficients`; its shape may differ from the reference's.
+        Result of `kernel.lay_coefficients`. The deformed image may differ in shape from the reference.
     """
 
     def __init__(self, reference: PreparedReference, deformed: kernel.Deformed) -> None:
@@ -51,8 +51,8 @@ class Solver:
     def solve(self, indices: Indices, warps: Float) -> kernel.Solution:
         """Run IC-GN at grid `indices` (n, 2) from guesses `warps` (n, 6 or 12).
 
-        Parameters that a guess lacks start at 0. A point whose guess has NaN is not tried and stays "not
-        reached".
+        Warp parameters that a guess does not give start at 0. A point whose guess has NaN is not tried and
+        keeps the status "not reached".
         """
         grid, radius = self._reference.grid, self._method.radius
         solution = kernel.Solution.empty((len(indices),), self._reference.settings.parameters)
@@ -72,7 +72,10 @@ class Solver:
     def _correlate(
         self, image: kernel.Reference, indices: Indices, chosen: Indices, solution: kernel.Solution
     ) -> None:
-        """Run the kernel at the chosen ones of `indices`, on a grid of their rows and columns only."""
+        """Correlate the `chosen` points, and put the results into `solution`.
+
+        The kernel receives a smaller grid of points: only the rows and columns in which chosen points lie.
+        """
         grid = self._reference.grid
         rows, row = np.unique(indices[chosen, 0], return_inverse=True)
         columns, column = np.unique(indices[chosen, 1], return_inverse=True)
@@ -84,14 +87,14 @@ class Solver:
         solution.put((chosen,), small.part((row, column)))
 
     def propagate(self, solution: kernel.Solution, pending: Mask, *, in_bands: bool) -> None:
-        """Continue from the converged points over those `pending`, always from the highest ZNCC.
+        """Solve pending points by propagation from converged points, in the order of decreasing ZNCC.
 
-        In bands, the grid is first cut into bands of rows, which are solved in parallel without knowing of
-        one another; the points that they leave at their borders are solved afterwards. The number of bands
-        does not depend on the number of threads, so results do not depend on the machine.
+        If `in_bands` is True, the grid is first cut into bands of rows. The bands are solved in parallel and
+        independently. Points that remain unsolved at the borders of bands are solved afterwards. The number
+        of bands does not depend on the number of threads, so the results do not depend on the machine.
         """
         if not self._counted:
-            # Count images here: a solver for a quarter turn that did not help only tries seeds.
+            # Count images here, because several solvers may try seeds but only one of them propagates.
             size, parameters = self._reference.usable.size, self._reference.settings.parameters
             self._prepared = self._reference.memory.for_next_image(self._reference.grid, size, parameters)
             self._counted = True
@@ -113,7 +116,7 @@ class Solver:
         solution.status[tried] = status[tried]
 
     def _propagate_rows(self, part: kernel.Solution, pending: Mask, rows: slice) -> None:
-        """Run the kernel from the converged points of some rows of the grid over those pending there."""
+        """Run the kernel in some rows of the grid, from their converged points to their pending points."""
         grid, prepared = self._reference.grid, self._prepared
         if prepared is not None:
             prepared = kernel.Prepared(prepared.known[rows], prepared.records[rows])
@@ -121,7 +124,7 @@ class Solver:
         kernel.propagate(self._reference.image, self._deformed, self._method, band, part, pending, prepared)
 
     def _seeded_bands(self, solution: kernel.Solution, pending: Mask) -> list[slice]:
-        """Cut the grid into bands with about equally much to do, and solve seeds in those without any."""
+        """Cut the grid into bands of about equal work; solve a few points of bands without solved points."""
         bands = balanced_bands(pending.sum(axis=1), _BANDS)
         converged = solution.converged
         seeds = []
@@ -141,15 +144,15 @@ class Solver:
         from scipy.spatial import cKDTree
 
         converged = solution.converged
-        # The nearest converged point has a neighbour without a value, or that neighbour would be nearer.
+        # The nearest converged point always has a neighbour without a value. So search only such points.
         borders = np.argwhere(converged & next_to(~converged))
-        # To build a balanced tree would take longer than these few queries.
+        # Building a balanced tree would take longer than these few queries.
         _, nearest = cKDTree(borders, balanced_tree=False, compact_nodes=False).query(indices)
         origins = np.asarray(borders[nearest], np.int64)
         return self._extrapolated(solution, origins, indices)
 
     def _extrapolated(self, solution: kernel.Solution, origins: Indices, indices: Indices) -> Float:
-        """Return guesses (n, 6) at grid `indices` from the warps of as many points at `origins`."""
+        """Return guesses (n, 6) at n grid `indices`, extrapolated from the warps of n points at `origins`."""
         guess: Float = solution.warps[origins[:, 0], origins[:, 1], :6].copy()
         grid = self._reference.grid
         dx, dy = (grid.points_at(indices) - grid.points_at(origins)).T
@@ -158,7 +161,7 @@ class Solver:
         return guess
 
     def solve_beside_cracks(self, solution: kernel.Solution) -> None:
-        """Solve points whose subset a crack cuts into parts, from neighbours on their own side of it."""
+        """Solve points whose subset is cut by a crack, from neighbours on the same side of the crack."""
         grid = self._reference.grid
         tried: dict[tuple[int, int], list[tuple[int, int]]] = {}
         for row, column in np.argwhere(grid.cut & ~solution.converged):
@@ -181,7 +184,7 @@ class Solver:
 
 
 def next_to(mask: Mask) -> Mask:
-    """Return which elements have a true one right above, below, to the left or to the right of them."""
+    """Return True for elements next to a True element above, below, to the left or to the right."""
     near = np.zeros_like(mask)
     near[1:] |= mask[:-1]
     near[:-1] |= mask[1:]

@@ -1,10 +1,14 @@
-"""Why a point of interest has a value, or none; compiled into the kernel, and written to files."""
+"""The status of a point of interest: converged, or the reason why the point failed."""
 
 from enum import IntEnum
 
 
 class Status(IntEnum):
-    """Why a point has a value, or none."""
+    """The status of a point: CONVERGED, or the reason why the point has no value.
+
+    The numbers of the status values are compiled into the kernel and stored in result files, so they must not
+    change.
+    """
 
     CONVERGED = 0
     NOT_REACHED = 1
@@ -16,5 +20,5 @@ class Status(IntEnum):
 
     @property
     def text(self) -> str:
-        """The status as files and tables say it."""
+        """The status as text for files and tables, such as "not reached"."""
         return self.name.lower().replace("_", " ")

@@ -1,4 +1,4 @@
-"""A deformed image, correlated as it is or after an exact quarter turn that brings it near upright."""
+"""A deformed image that can be turned exactly by 90°, 180° or 270° before it is correlated."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from dic.typing import Float, Grey, Indices
 
 
 class TurnableImage:
-    """A deformed image and its solvers, one for each quarter turn, prepared when first asked for.
+    """A deformed image that can be turned by 90°, 180° or 270° before it is correlated.
 
     Parameters
     ----------
@@ -25,9 +25,9 @@ class TurnableImage:
         self._solvers: dict[int, Solver] = {}
 
     def solver(self, quarters: int) -> Solver:
-        """Return the solver in the image as `numpy.rot90` turns it."""
+        """Return the solver for the image that `numpy.rot90` has turned by `quarters` quarter turns."""
         if quarters not in self._solvers:
-            # Keep one at a time: each holds a whole image, and more than one is seldom needed.
+            # Keep one solver at a time, because a solver holds a whole image and a second is seldom needed.
             self._solvers.clear()
             order, threads = self._reference.settings.order, self._reference.threads
             spline = spline_image(np.rot90(self.grey, quarters), order, threads)
@@ -36,12 +36,12 @@ class TurnableImage:
         return self._solvers[quarters]
 
     def turned(self, warps: Float, points: Indices, quarters: int) -> Float:
-        """Return guesses (n, 6) at `points` (n, 2) as they are in the turned image."""
+        """Return the guesses (n, 6) at `points` (n, 2), converted to the turned image."""
         height, width = self.grey.shape
         return turn_warps(warps, points[:, 0], points[:, 1], (height, width), quarters)
 
     def turned_back(self, solution: kernel.Solution, quarters: int) -> kernel.Solution:
-        """Convert the grid's solution from the turned image to the image that is not turned."""
+        """Convert a solution from the turned image to the original image."""
         if quarters == 0:
             return solution
         height, width = np.rot90(self.grey, quarters).shape

@@ -1,1 +1,1 @@
-"""Images: read, judged as files, interpolated; regions of interest."""
+"""Read, check and interpolate images, and read regions of interest."""

@@ -1,4 +1,4 @@
-"""Images and regions as callers give them: arrays, or the files that hold them."""
+"""Check and convert images and regions of interest that callers give as arrays or as files."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -15,19 +15,19 @@ Item = TypeVar("Item")
 
 
 def grey_image(image: object, name: str) -> Grey:
-    """Return an image's grey levels, (height, width), float32.
+    """Return an image's grey levels as float32, shape (height, width).
 
     Parameters
     ----------
     image : ndarray, shape (height, width), or path
         Grey levels as integers or floating-point numbers, or a file for `read_image`.
     name : str
-        What the image is, for messages, such as "reference image".
+        Name of the image in error messages, such as "reference image".
 
     Raises
     ------
     MeasurementError
-        If the file cannot be read, or the argument is no grey image with finite values.
+        If the file cannot be read, or if the argument is not a grey image with finite values.
     """
     if isinstance(image, str | Path):
         return read_image(image)
@@ -52,7 +52,7 @@ def grey_image(image: object, name: str) -> Grey:
 
 
 def name_of(image: ImageLike, otherwise: str) -> str:
-    """Return the path of an image file, or what an array is called otherwise."""
+    """Return the path of an image file; for an array return the text `otherwise`."""
     return str(image) if isinstance(image, str | Path) else otherwise
 
 
@@ -64,19 +64,19 @@ def one_by_one(images: ImageLike | Iterable[Item]) -> Iterable[ImageLike | Item]
 
 
 def checked_region(region: object, shape: tuple[int, ...]) -> Mask:
-    """Return a region of interest as a mask of an image's shape.
+    """Return a region of interest as a mask that has the shape of the image.
 
     Parameters
     ----------
     region : ndarray of bool, shape (height, width), or path
-        Mask that is True where to measure, or the path of a mask image (see `read_mask`).
+        A mask that is True at the pixels to measure, or the path of a mask image (see `read_mask`).
     shape : (int, int)
         Height and width of the image.
 
     Raises
     ------
     MeasurementError
-        If the file cannot be read, or the region is not as large as the image.
+        If the file cannot be read, or if the region differs in size from the image.
     """
     if isinstance(region, str | Path):
         region = read_mask(region)
@@ -97,12 +97,14 @@ def checked_region(region: object, shape: tuple[int, ...]) -> Mask:
 
 
 def read_mask(path: PathLike) -> Mask:
-    """Return a mask image as booleans, (height, width): brighter than half of its brightest grey level.
+    """Return a mask image as booleans, shape (height, width).
+
+    The mask is True where the image is brighter than half of its brightest grey level.
 
     Raises
     ------
     MeasurementError
-        If it cannot be read, or is all of one grey.
+        If the file cannot be read, or if all its pixels have the same grey level.
     """
     mask = read_image(path)
     if mask.max() <= mask.min():
@@ -117,21 +119,25 @@ def read_mask(path: PathLike) -> Mask:
 
 
 def read_region(roi: PathLike | None, polygons: Sequence[str], shape: tuple[int, ...]) -> Mask | None:
-    """Return what lies both in a mask image and in polygons, (height, width), or None without either.
+    """Return the region of interest that a mask image and polygons describe, shape (height, width).
+
+    If a mask and polygons are given, the region is their intersection. If neither a mask nor a polygon is
+    given, the result is None.
 
     Parameters
     ----------
     roi : path or None
-        A mask image, white where to measure.
+        A mask image that is white at the pixels to measure.
     polygons : sequence of str
-        Each "x,y x,y x,y …" in pixels, or a file that holds polygons.
+        Each text holds the corners of a polygon, "x,y x,y x,y …" in px, or names a file of polygons.
     shape : (int, int)
         Height and width of the image.
 
     Raises
     ------
     MeasurementError
-        If a file cannot be read, holds no mask or no polygon, or the mask is not as large as the image.
+        If a file cannot be read, if a file holds no mask or no polygon, or if the mask differs in size from
+        the image.
     """
     region = None if roi is None else checked_region(roi, shape)
     if polygons:

@@ -1,4 +1,4 @@
-"""The grid of points of interest, and the pixels that their subsets may use."""
+"""The grid of points of interest, and the pixels that the subset of each point may use."""
 
 from dataclasses import dataclass
 
@@ -8,27 +8,30 @@ from dic.errors import CorrelationError
 from dic.typing import Indices, Mask
 
 MIN_PIXEL_FRACTION = 0.4
-"""Share of a subset's pixels that must lie in the region: less than half, which the lip of a crack leaves."""
+"""Fraction of a subset's pixels that must lie in the region.
+
+A subset at the edge of a crack has about half of its pixels in the region, so the fraction is below one half.
+"""
 
 EDGE_PX = 4
-"""Distance of subsets from the edge of the reference: a small motion must not take them out of view."""
+"""Smallest distance of a subset from the image's edge, so that a small motion keeps the subset in view."""
 
 
 @dataclass(frozen=True)
 class PointGrid:
-    """The grid of points of interest laid over a region.
+    """The grid of points of interest that covers a region.
 
     Attributes
     ----------
     x, y : ndarray of int, shapes (columns,) and (rows,)
-        Coordinates, px.
+        Coordinates of the columns and of the rows of points, px.
     active : ndarray of bool, shape (rows, columns)
-        Which points are to be measured.
+        True for points to be measured.
     pixels : ndarray of int, shape (rows, columns)
-        How many pixels of each point's subset may be used.
+        Number of usable pixels in the subset of each point.
     cut : ndarray of bool, shape (rows, columns)
-        Which points have a subset that the region's edge cuts into parts. Only the part around the point may
-        be used.
+        True for points whose subset is cut into parts by the region's edge. Only the part of the subset
+        around the point may be used.
     """
 
     x: Indices
@@ -38,19 +41,19 @@ class PointGrid:
     cut: Mask
 
     def points_at(self, indices: Indices) -> Indices:
-        """Return the points (x, y), shape (n, 2), at `indices` (row, column)."""
+        """Return the coordinates (x, y) in px of the points at `indices` (row, column), shape (n, 2)."""
         return np.stack([self.x[indices[:, 1]], self.y[indices[:, 0]]], axis=1)
 
 
 def place_points(centres: Mask, usable: Mask, subset_px: int, step_px: int) -> PointGrid:
-    """Lay the grid of points of interest over a region.
+    """Cover a region with a grid of points of interest.
 
     Parameters
     ----------
     centres : ndarray of bool, shape (height, width)
-        Where a point may be.
+        True at pixels that may be points of interest.
     usable : ndarray of bool, shape (height, width)
-        Which pixels subsets may use.
+        True at pixels that subsets may use.
     subset_px, step_px : int
 
     Raises
@@ -87,7 +90,7 @@ def place_points(centres: Mask, usable: Mask, subset_px: int, step_px: int) -> P
 
 
 def _pixels_around(usable: Mask, subset_px: int, y: Indices, x: Indices) -> Indices:
-    """Return how many usable pixels the subsets at rows y and columns x have, (rows, columns)."""
+    """Return the number of usable pixels in the subset around each point (x, y), shape (rows, columns)."""
     import cv2
 
     if usable.all():
@@ -99,9 +102,9 @@ def _pixels_around(usable: Mask, subset_px: int, y: Indices, x: Indices) -> Indi
 
 
 def connected_part(usable: Mask, x: int, y: int, radius_px: int) -> Mask:
-    """Return which pixels of the subset around (x, y) are connected with its centre, (width, width).
+    """Return a mask of the pixels of a subset that are connected with its centre (x, y), (width, width).
 
-    Beyond a crack or a slit the surface moves differently.
+    Only connected pixels are used, because the surface beyond a crack or a slit moves differently.
     """
     import cv2
 
@@ -117,7 +120,8 @@ def _fewest_pixels(subset_px: int) -> float:
 def _centred(first: int, last: int, step: int) -> Indices:
     """Return coordinates `step` apart, centred between `first` and `last`.
 
-    A mean strain belongs to the middle of its points, so this should be the middle of the region.
+    The mean strain of a region is the strain at the middle of its points. Because the points are centred,
+    their middle is the middle of the region.
     """
     spare = max(0, last - first) % step
     return np.arange(first + spare // 2, last + 1, step, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Regions of interest drawn as polygons: typed, or from a TOML, JSON or CSV file."""
+"""Regions of interest given as polygons, on the command line or in a TOML, JSON or CSV file."""
 
 import csv
 import json
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dic.errors import CorrelationError
+from dic.files.reading import read_text
 from dic.typing import Float, Mask
 
 _PAIR = r"[-+.\deE]+\s*,\s*[-+.\deE]+"
@@ -23,22 +24,22 @@ _REMEDY = 'give at least 3 corners, for example "10,10 200,10 200,150"'
 
 
 def read_polygons(source: str) -> list[Float]:
-    """Return the polygons that are typed on the command line or stored in a file.
+    """Return the polygons that a text of the command line gives, or that a file holds.
 
     Parameters
     ----------
     source : str
-        "x,y x,y x,y …" in pixels, or the path of a file.
+        The corners of a polygon, "x,y x,y x,y …" in px, or the path of a file.
 
     Returns
     -------
     list of ndarray, shape (corners, 2)
-        Corners (x, y), px; at least three each.
+        The corners (x, y) of each polygon, at least three, px.
 
     Raises
     ------
     CorrelationError
-        If the file is missing, or does not hold polygons.
+        If the file is missing or does not hold polygons.
     """
     if _TYPED.fullmatch(source):
         found: Any = [[pair.split(",") for pair in re.sub(r"\s*,\s*", ",", source).split()]]
@@ -57,7 +58,9 @@ def read_polygons(source: str) -> list[Float]:
 
 
 def polygon_mask(polygons: Sequence[Float], shape: tuple[int, ...]) -> Mask:
-    """Return the pixels whose centre lies inside an odd number of polygons: a polygon in another is a hole.
+    """Return a mask that is True at pixels whose centre lies inside an odd number of polygons.
+
+    So a polygon inside another polygon is a hole.
 
     Parameters
     ----------
@@ -71,7 +74,7 @@ def polygon_mask(polygons: Sequence[Float], shape: tuple[int, ...]) -> Mask:
     pixels = np.arange(width)
     mask = np.zeros((height, width), np.bool_)
     for y in range(height):
-        # An end on the row counts only for the edge below it, so that a corner counts once.
+        # A corner exactly on this row belongs only to the edge below the row, so that no corner counts twice.
         crossed = (starts[:, 1] <= y) != (ends[:, 1] <= y)
         (x0, y0), (x1, y1) = starts[crossed].T, ends[crossed].T
         crossings = np.sort(x0 + (y - y0) / (y1 - y0) * (x1 - x0))
@@ -81,13 +84,13 @@ def polygon_mask(polygons: Sequence[Float], shape: tuple[int, ...]) -> Mask:
 
 def _polygons_in(path: Path) -> Any:
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_text(path)
         if path.suffix == ".csv":
             return _csv_polygons(text)
         content = tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
     except OSError as error:
         raise _refusal(str(path), error.strerror or str(error)) from error
-    except (ValueError, KeyError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError, csv.Error) as error:
         raise _refusal(str(path), f"a file that cannot be understood ({error})") from error
     if isinstance(content, dict) and len(content) == 1:
         name, value = content.popitem()

@@ -1,8 +1,9 @@
-"""B-spline images: coefficients and exact derivatives at the pixels.
+"""Interpolate images by B-splines, and compute the exact derivatives of the splines at the pixels.
 
-A spline of odd order n interpolates the grey levels exactly; its coefficients come from the image by a
-recursive filter (M. Unser, "Splines: a perfect fit for signal and image processing", IEEE Signal Processing
-Magazine 16(6), 1999), here applied as its truncated impulse response: one separable convolution.
+A spline of odd degree interpolates the grey levels exactly. The spline's coefficients follow from the image
+by a recursive filter (M. Unser, "Splines: a perfect fit for signal and image processing", IEEE Signal
+Processing Magazine 16(6), 1999). This module applies the filter's truncated impulse response as a separable
+convolution.
 """
 
 from dataclasses import dataclass
@@ -15,24 +16,25 @@ from dic.image.threads import bands_of, in_parallel
 
 ORDERS = (3, 5)
 MARGIN = 3
-"""Coefficients beyond each edge, so that every position in the image has all taps of the widest spline."""
+"""Number of coefficients beyond each image edge; the quintic spline needs so many at the edge."""
 
 _BAND_PX = 256
-"""Height of the bands in which images are filtered."""
+"""Height of the bands of rows in which images are filtered, px."""
 
 _TAPS = {3: 12, 5: 18}
-"""Half-lengths at which the impulse response has fallen below 1e-7 of its centre."""
+"""Half-length of the impulse response for each degree; values farther out are below 1e-7 of the centre's."""
 
 
 @dataclass(frozen=True)
 class SplineImage:
-    """An image as a B-spline.
+    """An image that is interpolated by a B-spline.
 
     Attributes
     ----------
     order : int
-        3 (cubic) or 5 (quintic).
+        Degree of the spline: 3 (cubic) or 5 (quintic).
     grey : ndarray of float32, shape (height, width)
+        Grey levels at the pixels.
     coefficients : ndarray of float32, shape (height + 2 * MARGIN, width + 2 * MARGIN)
         The coefficient of pixel (row, column) is at ``[row + MARGIN, column + MARGIN]``.
     """
@@ -42,7 +44,7 @@ class SplineImage:
     coefficients: NDArray[np.float32]
 
     def gradient(self, threads: int = 1) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return the spline's derivatives along x and y at every pixel, grey levels per pixel."""
+        """Return the spline's derivatives along x and along y at every pixel, in grey levels per px."""
         import cv2
 
         samples, slopes = _samples(self.order), _slopes(self.order)
@@ -58,7 +60,7 @@ class SplineImage:
 
 
 def spline_image(grey: NDArray[np.float32], order: int, threads: int = 1) -> SplineImage:
-    """Return the B-spline of `order` that passes through `grey`, mirrored at the edges."""
+    """Return the B-spline of degree `order` through the grey levels; the image is mirrored at its edges."""
     import cv2
 
     taps = _inverse_filter(order).astype(np.float32)
@@ -68,7 +70,7 @@ def spline_image(grey: NDArray[np.float32], order: int, threads: int = 1) -> Spl
     reach = len(taps) // 2
 
     def work(band: slice) -> None:
-        # Filter with `reach` more rows on either side, and drop them: their own neighbours were missing.
+        # Filter `reach` extra rows on either side and drop them, because they lack neighbours themselves.
         first = max(0, band.start - reach)
         rows = grey[first : min(height, band.stop + reach)]
         filtered = cv2.sepFilter2D(rows, cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REFLECT_101)
@@ -85,7 +87,7 @@ def spline_image(grey: NDArray[np.float32], order: int, threads: int = 1) -> Spl
 
 @cache
 def _samples(order: int) -> NDArray[np.float64]:
-    """Return the B-spline of `order` at the integers of its support."""
+    """Return the values of the B-spline of degree `order` at the integers of its support."""
     from scipy.interpolate import BSpline
 
     half = (order + 1) // 2
@@ -97,7 +99,8 @@ def _samples(order: int) -> NDArray[np.float64]:
 def halfway_noise_gain(order: int) -> float:
     """Return the factor by which interpolation half-way between pixels changes the variance of white noise.
 
-    It is the sum of the squared weights of the pixels of a row; at a pixel it is 1.
+    The factor is the sum of the squared weights of the pixels in a row. For a position at a pixel the factor
+    would be 1.
     """
     from scipy.interpolate import BSpline
 
@@ -109,15 +112,16 @@ def halfway_noise_gain(order: int) -> float:
 
 @cache
 def slope_noise_gain(order: int) -> float:
-    """Return the variance that white noise of variance 1 has in the spline's derivative at the pixels."""
+    """Return the variance of the spline's derivative at a pixel, if the pixels have noise of variance 1."""
     return float(np.sum(np.convolve(_inverse_filter(order), _slopes(order)) ** 2))
 
 
 @cache
 def _slopes(order: int) -> NDArray[np.float64]:
-    """Return the taps that, correlated with coefficients, give the spline's derivative at the integers.
+    """Return the weights with which the coefficients of a spline give its derivative at a pixel.
 
-    The value at 0 of Σ c_k β(x - k) has the derivative Σ c_k β'(-k), hence the reversed sign.
+    The spline Σ c_k β(x - k) with coefficients c_k has the derivative Σ c_k β'(-k) at x = 0. Since β'(-k) is
+    -β'(k), the sign is reversed.
     """
     from scipy.interpolate import BSpline
 
@@ -128,7 +132,7 @@ def _slopes(order: int) -> NDArray[np.float64]:
 
 @cache
 def _inverse_filter(order: int) -> NDArray[np.float64]:
-    """Return the impulse response that turns samples into coefficients of the B-spline of `order`."""
+    """Return the impulse response of the filter that computes B-spline coefficients from grey levels."""
     if order not in ORDERS:
         raise ValueError(f"spline order: expected one of {ORDERS}, got {order}")
     length = 512

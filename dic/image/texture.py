@@ -1,4 +1,4 @@
-"""Where a reference has texture: points lie there if no region of interest is given."""
+"""Find the textured part of the reference, which is measured if no region of interest is given."""
 
 from collections.abc import Callable
 from typing import Any
@@ -10,28 +10,30 @@ from dic.image.threads import bands_of, in_parallel
 from dic.typing import Grey, Mask
 
 Bits = NDArray[np.uint8]
-"""A mask as OpenCV has it: 0 or 1."""
+"""A mask for OpenCV, with the values 0 and 1."""
 
 _WEAK = 0.02
-"""Texture below this share of the image's strong texture (its 90th percentile) is background."""
+"""Texture weaker than this fraction of the image's strong texture (its 90th percentile) is background."""
 
 _LONE_EDGE = 0.5
-"""If so much fewer pixels than usual hold a subset's gradients, the subset shows an edge, not a pattern."""
+"""A subset shows a lone edge if the spread of its gradients is below this fraction of the median spread."""
 
 _BAND_PX = 128
-"""Height of the bands in which texture is judged."""
+"""Height of the bands of rows in which texture is computed, px."""
 
 _SAMPLE = 1000
-"""Values that suffice for a median."""
+"""Number of values that is enough for a median."""
 
 
 def textured(fx: Grey, fy: Grey, subset_px: int, threads: int = 1) -> Mask:
     """Return the largest part of the image in which whole subsets have texture in every direction.
 
-    Two measures tell texture. The smaller eigenvalue of the summed gradient products is compared with its
-    upper range over the image: dark background has only the sensor's noise, far below. And the squared
-    gradients g must be spread over many pixels: (∑g)² / (n∑g²) is 1/2 for a Gaussian texture, and far less if
-    a few edges, of the specimen or beside it, hold them all.
+    A subset has texture if it passes two tests. The first test uses the 2 × 2 matrix of the sums ∑fx², ∑fx fy
+    and ∑fy² over the subset. The smaller eigenvalue of this matrix must exceed a fraction of the 90th
+    percentile of all subsets' smaller eigenvalues. A dark background, which shows only the sensor's noise,
+    fails this test. The second test uses the squared gradient g = fx² + fy² of the n pixels of the subset.
+    The spread (∑g)² / (n∑g²) must not be much smaller than in most subsets. The spread is 1/2 for a Gaussian
+    texture, and much smaller if only a few edges in the subset have strong gradients.
 
     Parameters
     ----------
@@ -43,7 +45,7 @@ def textured(fx: Grey, fy: Grey, subset_px: int, threads: int = 1) -> Mask:
     Returns
     -------
     ndarray of bool, shape (height, width)
-        Possible centres of subsets.
+        True at pixels that may be the centre of a subset.
     """
     import cv2
 
@@ -57,7 +59,8 @@ def textured(fx: Grey, fy: Grey, subset_px: int, threads: int = 1) -> Mask:
 
     in_parallel(judge, bands, threads)
     strong = (weakest > _WEAK * np.percentile(weakest[::4, ::4], 90)).view(np.uint8)
-    # A sum over a subset reaches one radius beyond the texture; another radius keeps whole subsets on it.
+    # The sums of a subset include texture up to one subset radius away. So erode the mask by twice the
+    # radius, to keep whole subsets on texture.
     found = _in_bands(cv2.erode, strong, 2 * subset_px - 1, threads)
     if found.any():
         found &= spread > np.sqrt(_LONE_EDGE) * _median_of(spread, found)
@@ -74,7 +77,10 @@ def textured(fx: Grey, fy: Grey, subset_px: int, threads: int = 1) -> Mask:
 
 
 def _texture(fx: Grey, fy: Grey, subset_px: int) -> tuple[Grey, Grey]:
-    """Return the texture of each subset in its weakest direction, and the root of (∑g)² / (n∑g²)."""
+    """Return the two values of each subset that the two tests of `textured` use.
+
+    The first value is proportional to the smaller eigenvalue, the second is the square root of the spread.
+    """
     import cv2
 
     def mean(of: Grey) -> Grey:
@@ -89,14 +95,14 @@ def _texture(fx: Grey, fy: Grey, subset_px: int) -> tuple[Grey, Grey]:
 
 
 def _with_rows_around(band: slice, radius: int, height: int) -> tuple[slice, slice]:
-    """Return the rows that a filter of this radius needs for a band, and the place of the band in them."""
+    """Return the rows that a filter needs for a band of rows, and the place of the band in these rows."""
     first = max(0, band.start - radius)
     rows = slice(first, min(height, band.stop + radius))
     return rows, slice(band.start - first, band.stop - first)
 
 
 def _in_bands(morphology: Callable[..., Any], mask: Bits, width: int, threads: int) -> Bits:
-    """Return the mask after `cv2.erode` or `cv2.dilate` by a square."""
+    """Return the mask after `cv2.erode` or `cv2.dilate` with a square of side `width`."""
     square, out = np.ones((width, width), np.uint8), np.empty_like(mask)
 
     def work(band: slice) -> None:
@@ -108,6 +114,6 @@ def _in_bands(morphology: Callable[..., Any], mask: Bits, width: int, threads: i
 
 
 def _median_of(values: Grey, where: Bits) -> float:
-    """Return the median of the values in a mask, of every fourth in every fourth row if these suffice."""
+    """Return the median of the values in a mask; use only every fourth row and column if these are enough."""
     sample = values[::4, ::4][where[::4, ::4] > 0]
     return float(np.median(sample if sample.size >= _SAMPLE else values[where > 0]))

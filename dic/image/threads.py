@@ -1,6 +1,7 @@
-"""Threads: how many to use, and work on bands of rows in parallel.
+"""Work on bands of rows in parallel threads.
 
-How an image or a grid is cut never depends on the number of threads, so results do not either.
+The division into bands never depends on the number of threads. So the results are the same for any number of
+threads.
 """
 
 import itertools
@@ -14,39 +15,39 @@ from dic.typing import Indices
 
 
 def processors() -> int:
-    """Return how many processors this program may use."""
+    """Return the number of processors that this program may use."""
     try:
         return len(os.sched_getaffinity(0))
-    except AttributeError:  # only Linux has it
+    except AttributeError:  # only Linux has `sched_getaffinity`
         return os.cpu_count() or 1
 
 
 def in_parallel(work: Callable[[slice], None], bands: Sequence[slice], threads: int) -> None:
-    """Call `work` with every band on up to `threads` threads, and wait until all are done.
+    """Call `work` for every band on up to `threads` threads, and wait until all calls are done.
 
-    Worth it for work without the interpreter's lock: compiled code, OpenCV's, NumPy's.
+    Threads save time only in work that releases Python's global lock, such as compiled code, OpenCV or NumPy.
     """
     if threads < 2 or len(bands) < 2:
         for band in bands:
             work(band)
         return
     with ThreadPoolExecutor(min(threads, len(bands))) as pool:
-        # Reading the results raises the errors of the threads.
+        # reading the results raises any errors that occurred in the threads
         list(pool.map(work, bands))
 
 
 def bands_of(rows: int, height: int) -> list[slice]:
-    """Cut so many rows into bands of `height`; the last may be lower."""
+    """Cut `rows` rows into bands of `height` rows; the last band may have fewer rows."""
     return [slice(first, min(first + height, rows)) for first in range(0, rows, height)]
 
 
 def balanced_bands(weights: Indices, count: int) -> list[slice]:
-    """Cut rows into at most `count` bands of about equal weight; bands without weight are left out.
+    """Cut rows into at most `count` bands of about equal weight, and leave out bands without weight.
 
     Parameters
     ----------
     weights : ndarray of int, shape (rows,)
-        The work in each row.
+        The amount of work in each row.
     count : int
     """
     sums = np.cumsum(weights)

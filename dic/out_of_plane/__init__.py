@@ -1,1 +1,1 @@
-"""Corrections for the false strain of a specimen that left the grid's plane."""
+"""Corrections for the false strain that appears when a specimen moves out of the grid's plane."""

@@ -1,4 +1,4 @@
-"""The alignment of a rotation set-up: slopes of the specimen and of the stage's axis against the grid."""
+"""The alignment of a rotation stage: tilts of the specimen and of the stage's axis relative to the grid."""
 
 import json
 from dataclasses import dataclass
@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from dic.errors import CalibrationError
+from dic.files.reading import read_text
+from dic.files.writing import write_text
 from dic.out_of_plane.plane import Plane, turned
 from dic.typing import Float, PathLike
 
@@ -18,16 +20,20 @@ _SMALL = 1e-6
 
 @dataclass(frozen=True)
 class Alignment:
-    """Slopes of specimen and stage axis against the grid. They belong to a fixture and can serve other runs.
+    """The alignment of a rotation stage: slopes of the specimen and of the stage's axis.
+
+    The slopes are relative to the calibration grid. The slopes belong to the fixture of a specimen, so they
+    can be used for other runs with the same fixture.
 
     Attributes
     ----------
     slopes : ndarray, shape (4,)
-        Slopes x and y of the specimen's plane in the reference, then those of the stage's axis, which runs
-        along (slope x, slope y, 1).
+        Slopes x and y of the specimen's plane in the reference, then slopes x and y of the stage's axis. The
+        axis has the direction (slope x, slope y, 1).
     covariance : ndarray, shape (4, 4)
+        Covariance of the slopes.
     pivot_mm : ndarray, shape (2,)
-        X and Y at which the axis passes through the specimen.
+        X and Y at which the stage's axis passes through the specimen.
     """
 
     slopes: Float
@@ -41,11 +47,11 @@ class Alignment:
 
     @property
     def before(self) -> Plane:
-        """The specimen's plane in the reference; its height at the grid's centre counts as 0."""
+        """The specimen's plane in the reference image, with the height 0 at the grid's centre."""
         return Plane(float(self.slopes[0]), float(self.slopes[1]))
 
     def after(self, angle_deg: float) -> Plane:
-        """Return the specimen's plane after a turn by `angle_deg`, positive from X to Y."""
+        """Return the specimen's plane after a rotation of the stage by `angle_deg`, positive from X to Y."""
         before = self.before
         axis = np.array([*self.slopes[2:], 1.0])
         x, y = self.pivot_mm
@@ -57,7 +63,7 @@ class Alignment:
         return Plane.across(normal, on_axis)
 
     def after_std(self, angle_deg: float) -> Float:
-        """Return the standard deviations of the slopes of `after`, shape (2,)."""
+        """Return the standard deviations of the specimen's two slopes after a rotation, shape (2,)."""
         columns = []
         for step in _SMALL * np.eye(4):
             ahead, behind = (
@@ -70,7 +76,7 @@ class Alignment:
 
     @property
     def wobble_deg(self) -> Float:
-        """Slopes x and y of the axis against the specimen's normal, degrees, shape (2,)."""
+        """Wobble in degrees: slopes x and y of the stage's axis relative to the specimen's normal, (2,)."""
         # The normal of a plane with slopes (a, b) is tilted by (-a, -b).
         return np.asarray(np.degrees(np.arctan(self.slopes[2:] + self.slopes[:2])))
 
@@ -81,7 +87,7 @@ class Alignment:
         return np.asarray(np.degrees(np.sqrt(np.diag(both @ self.covariance @ both.T))))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the values as JSON-ready data, in degrees and mm: see `docs/results.md`."""
+        """Return the alignment in degrees and mm, as a dictionary for JSON; see `docs/results.md`."""
         degrees = np.degrees(np.arctan(self.slopes))
         std = np.degrees(np.sqrt(np.diag(self.covariance)))
         names = ("specimen_slope_x_deg", "specimen_slope_y_deg", "axis_slope_x_deg", "axis_slope_y_deg")
@@ -94,16 +100,16 @@ class Alignment:
 
 
 def _is_possible(slopes: Float, covariance: Float) -> bool:
-    """Return whether slopes and pivot are finite and small enough, and the covariance is valid."""
+    """Return True if no slope is above 45°, and `covariance` is symmetric without negative eigenvalues."""
     rounding = 1e-9 * np.abs(covariance).max()
     symmetric = np.abs(covariance - covariance.T).max() <= rounding
     return bool(np.abs(slopes).max() <= 1.0 and symmetric and np.linalg.eigvalsh(covariance)[0] >= -rounding)
 
 
 def save_alignment(alignment: Alignment, path: PathLike) -> None:
-    """Write an alignment as JSON, for other runs on the same fixture."""
+    """Write an alignment to a JSON file, for other runs on the same fixture."""
     content = {"file_format": _FORMAT} | {k: np.asarray(v).tolist() for k, v in vars(alignment).items()}
-    Path(path).write_text(json.dumps(content, indent=1), encoding="utf-8")
+    write_text(path, json.dumps(content, indent=1))
 
 
 def load_alignment(path: PathLike) -> Alignment:
@@ -112,24 +118,27 @@ def load_alignment(path: PathLike) -> Alignment:
     Raises
     ------
     CalibrationError
-        If the file is missing or holds no alignment.
+        If the file is missing, does not hold an alignment, or holds impossible values, such as slopes above
+        45°.
     """
     path = Path(path)
     shapes = {"slopes": (4,), "covariance": (4, 4), "pivot_mm": (2,)}
-    got = "no such file"
-    if path.is_file():
-        try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-            values = {name: np.array(content[name], np.float64) for name in shapes}
-            sound = all(values[n].shape == s and np.isfinite(values[n]).all() for n, s in shapes.items())
-            if content.get("file_format") != _FORMAT or not sound:
-                got = "a file of another kind"
-            elif not _is_possible(values["slopes"], values["covariance"]):
-                got = "slopes over 45° or a covariance that is none"
-            else:
-                return Alignment(**values)
-        except (ValueError, KeyError, TypeError, AttributeError):
-            got = "a file that is no alignment or was cut off"
+    try:
+        content = json.loads(read_text(path))
+        values = {name: np.array(content[name], np.float64) for name in shapes}
+        sound = all(values[n].shape == s and np.isfinite(values[n]).all() for n, s in shapes.items())
+        if content.get("file_format") != _FORMAT or not sound:
+            got = "a file of another kind"
+        elif not _is_possible(values["slopes"], values["covariance"]):
+            got = "slopes over 45° or a covariance that is none"
+        else:
+            return Alignment(**values)
+    except FileNotFoundError:
+        got = "no such file"
+    except OSError as error:
+        got = error.strerror or str(error)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        got = "a file that is no alignment or was cut off"
     raise CalibrationError(
         str(path),
         "read alignment",

@@ -1,4 +1,4 @@
-"""The choice of the correction that fits the motion of the specimen."""
+"""Choose and apply the method that corrects strain for the motion of the specimen out of the grid's plane."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from dic.out_of_plane.tension import correct_tilt
 from dic.strain.measurement import Measurement
 
 MOTIONS = ("free", "rigid", "tension")
-"""Kinds of motion: unknown; rotation without strain; uniform tension with some bending."""
+"""Kinds of motion: unknown motion, rotation without strain, and uniform tension with some bending."""
 
 POISSON_RATIO = 0.33
 
@@ -24,17 +24,19 @@ class Motion:
     Attributes
     ----------
     kind : str
-        "free" (unknown motion: no correction), "rigid" (rotation without strain) or "tension" (uniform
+        "free" (unknown motion, no correction), "rigid" (rotation without strain) or "tension" (uniform
         stretching with some bending).
     poisson_ratio : float
-        Poisson's ratio of the specimen, for the shape of its bending in tension.
+        Poisson's ratio of the specimen, which determines the shape of a bent specimen in tension.
     alignment : Alignment, optional
-        An alignment solved before on the same fixture, for rotations. The specimen need not be rigid then.
+        Alignment from an earlier rotation on the same fixture, for the motion "rigid". If an alignment is
+        given, the rotated specimen need not be free of strain.
 
     Raises
     ------
     CorrelationError
-        If a value cannot be used.
+        If `kind` is none of the three motions, if Poisson's ratio is not between 0 and 0.5, or if an
+        alignment is given for another motion than "rigid".
     """
 
     kind: str = "free"
@@ -63,7 +65,7 @@ class Motion:
 
 
 def poisson_check(poisson_ratio: float) -> Check:
-    """Return the check of a Poisson's ratio, for `require_all`."""
+    """Return the check of a Poisson's ratio in the form that `require_all` takes."""
     return (
         is_number(poisson_ratio) and 0.0 <= poisson_ratio <= 0.5,
         "Poisson's ratio",
@@ -75,7 +77,7 @@ def poisson_check(poisson_ratio: float) -> Check:
 
 @dataclass(frozen=True)
 class Corrections:
-    """The corrections of one camera's images, in order, and the alignment that was used, if any."""
+    """The corrections of one camera's images, in order, and the rotation stage's alignment, or None."""
 
     images: list[Correction]
     alignment: Alignment | None = None
@@ -86,14 +88,14 @@ class Corrections:
 
 
 def correct(measurements: Sequence[Measurement], calibration: Calibration, motion: Motion) -> Corrections:
-    """Correct one camera's images for motion out of the grid's plane by the method that fits the motion.
+    """Correct one camera's images for motion out of the grid's plane; `motion` decides the method.
 
     Parameters
     ----------
     measurements : sequence of Measurement
-        Calibrated, all of the same reference.
+        Calibrated measurements with the same reference.
     calibration : Calibration
-        Of their camera.
+        Calibration of the camera.
     motion : Motion
     """
     if motion.kind == "rigid":
@@ -101,5 +103,5 @@ def correct(measurements: Sequence[Measurement], calibration: Calibration, motio
         return Corrections(rotation.corrections, rotation.alignment)
     if motion.kind == "tension":
         return Corrections([correct_tilt(m, calibration, motion.poisson_ratio) for m in measurements])
-    reason = "nothing is known of the specimen's motion"
+    reason = "the specimen's motion is unknown"
     return Corrections([Correction.refused("none", m, reason) for m in measurements])

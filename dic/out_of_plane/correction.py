@@ -1,4 +1,4 @@
-"""The result of a correction for motion out of the grid's plane, by any method."""
+"""The result of a correction for motion out of the grid's plane, for all correction methods."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,33 +19,36 @@ _CLEARLY_BETTER = 0.95
 """The bicubic map is used only if its cross-validation error is below this fraction of the pinhole's."""
 
 _STEP = 1e-3
-"""Step for numerical derivatives by the camera's centre, as a fraction of the camera's distance."""
+"""Step of numerical derivatives by the position of the camera's centre, as a fraction of its distance."""
 
 
 @dataclass(frozen=True)
 class Correction:
-    """The strain of one image without the false strain of its motion out of the grid's plane.
+    """The strain of one image after correction for motion out of the grid's plane.
 
     Attributes
     ----------
     method : str
-        "tilt" (one camera, by the projective signature), "rigidity" (one camera, all steps of a rotation),
-        "alignment" (one camera, by an alignment solved before) or "two cameras"; "none" if no correction was
-        requested.
+        Method of the correction. "tilt" uses one image of one camera. "rigidity" uses all steps of a rotation
+        of a rigid specimen. "alignment" uses an alignment from an earlier rotation. "two cameras" uses both
+        cameras. "none" means that no correction was requested.
     mean : MeanStrain
-        Corrected mean strain; as calibrated where the correction was declined.
+        Corrected mean strain, or the calibrated mean strain if the image was not corrected.
     displacement : Displacement
-        Displacement within the specimen's plane; as calibrated where the correction was declined.
+        Displacement within the specimen's plane, or the calibrated displacement if the image was not
+        corrected.
     strain_settings : StrainSettings
         Settings of local strain.
     after : Plane or None
-        Plane of the surface in this image.
+        Plane of the specimen's surface in this image. None if the plane was not measured.
     after_std : ndarray, shape (3,), or None
-        Standard deviations of slope x, slope y and shift (mm) of `after`; NaN for unmeasured values.
+        Standard deviations of slope x, slope y and shift (mm) of `after`. NaN for values that were not
+        measured.
     declined : str or None
-        Why no correction was made; None if it was.
+        The reason why there is no correction, or None if the image was corrected.
     stored_strain : StrainField or None
-        Local strain read from a result file. If None, `strain` is computed at its first use.
+        Local strain that was read from a result file. If the attribute is None, `strain` is computed at its
+        first use.
     """
 
     method: str
@@ -63,7 +66,7 @@ class Correction:
 
     @classmethod
     def refused(cls, method: str, measurement: Measurement, reason: str) -> "Correction":
-        """Return the correction of a measurement that stays as calibrated, with the reason."""
+        """Return the result if a measurement cannot be corrected: its calibrated values and the reason."""
         if measurement.calibrated is None or measurement.calibrated_mean is None:
             raise ValueError("only calibrated measurements can be corrected")
         return cls(
@@ -77,11 +80,11 @@ class Correction:
 
     @cached_property
     def strain(self) -> StrainField:
-        """Local strain of the displacement."""
+        """Local strain, computed from `displacement` or read from a result file."""
         return self.stored_strain or strain_field(self.displacement, self.strain_settings)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the values as JSON-ready data: see `docs/results.md`."""
+        """Return the corrected strain and the plane as a dictionary for JSON; see `docs/results.md`."""
         summary = self.mean.as_dict() | {
             "applied": self.declined is None,
             "method": self.method,
@@ -99,10 +102,11 @@ class Correction:
 
 
 def points_of(measurement: Measurement, calibration: Calibration) -> Points:
-    """Return the valid points of a measurement, mapped by the pinhole unless bicubic is clearly better.
+    """Return the points of a measurement inside the calibrated area, mapped by the better calibration model.
 
-    The two maps differ by up to 0.01 px, which matters where points move far. Only the map of the pinhole
-    model is consistent with the camera centre of that model.
+    The pinhole model is used unless the bicubic map is clearly better. The maps of the two models differ by
+    up to 0.01 px, which matters if points move far. The corrections also use the camera's centre, which comes
+    from the pinhole model and agrees only with the pinhole model's map.
     """
     best, field = calibration.using(_mapped_by(calibration)), measurement.field
     displacement = calibrated_displacement(field, best)
@@ -120,7 +124,7 @@ def _mapped_by(calibration: Calibration) -> Model:
 
 
 def by_centre(estimate: Callable[[Float], Float], centre_mm: Float) -> Float:
-    """Return the derivative (p, 3), per mm, of an estimate (p,) by the camera's centre."""
+    """Return the derivative of estimates (p,) by the camera's centre (X, Y, Z), per mm, shape (p, 3)."""
     step = _STEP * centre_mm[2]
     columns = []
     for shift in step * np.eye(3):

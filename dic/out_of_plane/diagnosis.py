@@ -1,4 +1,4 @@
-"""Diagnosis of a set-up from its false strain: sensitivity, misalignments and remedies."""
+"""Diagnosis of a test set-up from its false strain: sensitivity of cameras, misalignments and remedies."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from dic.typing import Float
 
 _HARMONICS = 5
 _CLEAR = 3.0
-"""A misalignment is reported if it exceeds this many standard deviations."""
+"""A misalignment of more than this many standard deviations is reported."""
 
 _WORTH_DEG = 0.01
 _MICRO = 1e6
@@ -20,16 +20,18 @@ _MICRO = 1e6
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """How much false strain a camera sees for motion out of the grid's plane.
+    """The false strain that a camera measures when a specimen moves out of the grid's plane.
 
     Attributes
     ----------
     off_axis_deg : float
-        Angle of the line from the camera's centre to the grid's middle with the grid's normal.
+        Angle between the grid's normal and the line from the grid's centre to the camera's centre.
     per_mdeg : float
-        Strain in the direction of the camera's tilt for a slope of a thousandth of a degree in it.
+        False strain in the direction in which the camera is tilted, if the specimen tilts by 0.001° in this
+        direction.
     per_um, per_um_std : float
-        Isotropic strain for a shift of one micrometre towards the camera, and its standard deviation.
+        False isotropic strain for a shift of 1 µm towards the camera, and the standard deviation of this
+        strain.
     """
 
     off_axis_deg: float
@@ -39,7 +41,7 @@ class Sensitivity:
 
     @classmethod
     def of(cls, calibration: Calibration) -> "Sensitivity | None":
-        """Return the sensitivity of a calibrated camera; None if the camera's centre is not known."""
+        """Return the sensitivity of a calibrated camera, or None if the camera's centre is unknown."""
         if calibration.pinhole is None:
             return None
         x, y, z = calibration.pinhole.centre_mm
@@ -50,7 +52,7 @@ class Sensitivity:
 
     @property
     def text(self) -> str:
-        """The sensitivity in one sentence."""
+        """The sensitivity of the camera to out-of-plane motion, as one line of text."""
         return (
             f"{self.off_axis_deg:.1f}° off-axis: {_MICRO * self.per_mdeg:.1f} µε per millidegree of tilt, "
             f"{_MICRO * self.per_um:.1f} ± {_MICRO * self.per_um_std:.1f} µε per µm towards the camera"
@@ -59,29 +61,29 @@ class Sensitivity:
 
 @dataclass(frozen=True)
 class Harmonics:
-    """Strain against the angle of rotation φ, as c₀ + c₁ cos φ + s₁ sin φ + c₂ cos 2φ + s₂ sin 2φ.
+    """Strain as a function of the rotation angle φ: c₀ + c₁ cos φ + s₁ sin φ + c₂ cos 2φ + s₂ sin 2φ.
 
-    Strain is given in the grid's axes, which do not rotate. A wobble then appears once per turn; a grid
-    tilted against the specimen appears twice per turn.
+    The strain is given in the grid's axes, which do not rotate. A wobble of the specimen changes the strain
+    once per turn. A grid that is tilted relative to the specimen changes the strain twice per turn.
 
     Attributes
     ----------
     coefficients : ndarray, shape (5, 3)
-        Rows in the order of the formula; columns exx, eyy, exy.
+        The coefficients c₀, c₁, s₁, c₂, s₂ in the rows, for exx, eyy and exy in the columns.
     """
 
     coefficients: Float
 
     @classmethod
     def of(cls, angles_deg: Float, strains: Float) -> "Harmonics | None":
-        """Fit the coefficients by least squares; None if the angles do not determine them.
+        """Fit the harmonics by least squares; return None if the angles do not determine the coefficients.
 
         Parameters
         ----------
         angles_deg : ndarray, shape (n,)
-            Rotation of the specimen since the reference.
+            Rotation of the specimen since the reference image.
         strains : ndarray, shape (n, 3)
-            exx, eyy, exy in the axes of the undeformed specimen, which turn with it; NaN where unknown.
+            Strains exx, eyy and exy in axes that rotate with the specimen. NaN for unknown strains.
         """
         known = np.isfinite(strains).all(axis=1) & np.isfinite(angles_deg)
         phi, standing = np.radians(angles_deg[known]), in_grid_axes(angles_deg[known], strains[known])
@@ -93,7 +95,7 @@ class Harmonics:
 
     @property
     def amplitudes(self) -> Float:
-        """Amplitudes (2, 3) of the first and the second harmonic of exx, eyy, exy."""
+        """Amplitudes of the first and of the second harmonic, for exx, eyy and exy, shape (2, 3)."""
         c1, s1, c2, s2 = self.coefficients[1:]
         return np.array([np.hypot(c1, s1), np.hypot(c2, s2)])
 
@@ -105,7 +107,7 @@ def in_grid_axes(angles_deg: Float, strains: Float) -> Float:
     ----------
     angles_deg : ndarray, shape (k,)
     strains : ndarray, shape (k, 3)
-        εxx, εyy, εxy in any unit.
+        Strains εxx, εyy and εxy in any unit.
     """
     c, s = np.cos(np.radians(angles_deg)), np.sin(np.radians(angles_deg))
     turns = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
@@ -116,7 +118,7 @@ def in_grid_axes(angles_deg: Float, strains: Float) -> Float:
 
 
 def rotation_findings(harmonics: Harmonics | None, alignment: Alignment | None) -> list[str]:
-    """Return sentences on the alignment of stage, specimen and grid, with remedies."""
+    """Return sentences about the alignment of stage, specimen and grid, with remedies."""
     findings = []
     if harmonics is not None:
         first, second = _MICRO * harmonics.amplitudes.max(axis=1)
@@ -150,7 +152,7 @@ def rotation_findings(harmonics: Harmonics | None, alignment: Alignment | None) 
 
 
 def tension_findings(corrections: Sequence[Correction], loads_n: Float) -> list[str]:
-    """Return sentences on the specimen's tilt and shift under load, with remedies."""
+    """Return sentences about the specimen's tilt and shift under load, with remedies."""
     applied = [
         (load_n, c.after, c.after_std)
         for load_n, c in zip(loads_n, corrections, strict=True)
@@ -162,7 +164,7 @@ def tension_findings(corrections: Sequence[Correction], loads_n: Float) -> list[
     stds = np.degrees([std[:2] for _, _, std in applied])
     clear = [k for k in range(len(applied)) if _is_clear(slopes[k], stds[k])]
     if not clear:
-        return ["the specimen kept its plane while it was loaded, as far as can be told"]
+        return ["no clear tilt of the specimen was found while it was loaded"]
     at = max(clear, key=lambda k: float(np.hypot(*slopes[k])))
     finding = (
         f"the specimen tilted by {_slopes_text(slopes[at], stds[at])} (largest, at {applied[at][0]:.0f} N): "
@@ -173,7 +175,10 @@ def tension_findings(corrections: Sequence[Correction], loads_n: Float) -> list[
 
 
 def _shift_text(shifts_um: Sequence[tuple[float, float]]) -> str:
-    """Return a text on the specimen's motion towards the camera, from each step's shift and its std."""
+    """Return a text about the shift of the specimen towards the camera.
+
+    Each element of `shifts_um` holds the shift of a step and its standard deviation, µm.
+    """
     if all(abs(shift) <= _CLEAR * std for shift, std in shifts_um):
         return f"it kept its distance from the camera to ± {max(std for _, std in shifts_um):.1f} µm"
     moved = [shift for shift, _ in shifts_um]

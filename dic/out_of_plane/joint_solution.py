@@ -1,4 +1,4 @@
-"""The joint solution of two cameras, whose calibrations are adjusted until both measure the same strain."""
+"""The joint solution of two cameras: both calibrations are adjusted until the measured strains are equal."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from dic.strain.fit import gradient_weights, slopes_of
 from dic.typing import Float
 
 _SYSTEMATIC = 2e-6
-"""Standard deviation of the unmodelled part of the strain difference between the cameras."""
+"""Standard deviation of unmodelled errors in the difference of the strains from both cameras."""
 
 _STEPS = 3
 _SMALL = 1e-6
@@ -20,20 +20,23 @@ _SMALL = 1e-6
 
 @dataclass(frozen=True)
 class JointSystem:
-    """Both cameras of a step, and the propagation of errors to corrected gradients and plane.
+    """Both cameras in one step of a test: eleven estimated values, and the errors of these estimates.
 
-    The eleven estimates are: four gradient elements of the first camera, four of the second camera (both of
-    the points that both cameras see), then slope x, slope y and shift of the plane.
+    The eleven estimates are the four elements of the displacement gradient for the first camera, the four
+    elements for the second camera, and the slope x, slope y and shift of the specimen's plane. The gradients
+    belong to the points that both cameras see.
 
-    The calibration of a camera that looks straight at the grid hardly determines its distance. A wrong
-    distance gives the cameras different strains for the same points. So both calibrations (maps and centres)
-    are adjusted within their own uncertainty until the strains are equal.
+    For a camera that looks straight at the grid, the calibration hardly determines the distance to the grid.
+    With a wrong distance, the two cameras measure different strains at the same points. So both calibrations
+    are adjusted within their uncertainty until the strains are equal. The adjustment changes the map to the
+    grid's plane and the camera's centre.
 
     Attributes
     ----------
     pairs : Pairs
+        Points that both cameras see.
     centres_mm : tuple of ndarray, shape (3,)
-        The cameras' centres, as adjusted.
+        The adjusted centres of both cameras.
     """
 
     pairs: Pairs
@@ -41,13 +44,13 @@ class JointSystem:
 
     @classmethod
     def of(cls, pairs: Pairs) -> "JointSystem":
-        """Return the system with the centres as calibrated."""
+        """Return the system before the adjustment, with the camera centres from the calibrations."""
         calibrations = pairs.first.calibration, pairs.second.calibration
         first, second = (c.pinhole.centre_mm for c in calibrations if c.pinhole is not None)
         return cls(pairs, (first, second))
 
     def estimates(self, centres_mm: tuple[Float, Float]) -> Float:
-        """Return all estimates (11,) for cameras at these centres."""
+        """Return the eleven estimates, shape (11,), for the given camera centres."""
         plane, _ = Heights.of(self.pairs, centres_mm).plane()
         start = self.pairs.first.before_mm[self.pairs.chosen]
         gradients = [
@@ -57,7 +60,10 @@ class JointSystem:
         return np.array([*np.ravel(gradients), plane.slope_x, plane.slope_y, plane.shift_mm])
 
     def weights(self) -> tuple[Float, Float]:
-        """Return for each camera the weights of its displacements in the estimates, (points, 2, 11)."""
+        """Return the derivatives of the eleven estimates by the measured displacements, for each camera.
+
+        The docstring of the class names the estimates. Both arrays have the shape (points, 2, 11).
+        """
         plane, of_plane = Heights.of(self.pairs, self.centres_mm).plane()
         weights = gradient_weights(self.pairs.first.before_mm[self.pairs.chosen])
         by_plane = [
@@ -74,7 +80,7 @@ class JointSystem:
         return to_first, to_second.reshape(-1, 2, 11)
 
     def by_centres(self) -> Float:
-        """Return the derivative (11, 6) of the estimates by both centres, per mm."""
+        """Return the derivative of the eleven estimates by both camera centres, per mm, shape (11, 6)."""
         first, second = self.centres_mm
         return np.hstack(
             [
@@ -84,15 +90,16 @@ class JointSystem:
         )
 
     def noise_and_calibrations(self) -> tuple[Float, Float, Float]:
-        """Return the estimates' errors without the part of the centres, and the errors of the centres.
+        """Return the errors of the eleven estimates for exact camera centres, and the errors of the centres.
 
         Returns
         -------
         noise : ndarray, shape (11, 11)
-            Covariance from noise and interpolation.
+            The part of the estimates' covariance that image noise and interpolation cause.
         of_maps, of_centres : ndarray, shapes (11, q) and (6, q)
-            Effect of calibration errors of unit variance on the estimates through the maps, and on the
-            centres.
+            Effect of q independent calibration errors with variance 1. The matrix `of_maps` gives the effect
+            on the estimates through the maps from px to mm. The matrix `of_centres` gives the effect on the
+            camera centres.
         """
         noise, of_maps, of_centres = np.zeros((11, 11)), [], []
         for points, weights in zip((self.pairs.first, self.pairs.second), self.weights(), strict=True):
@@ -105,7 +112,8 @@ class JointSystem:
     def solve(self) -> "JointSolution":
         """Adjust the calibrations until both cameras measure the same strain.
 
-        The adjustment minimises calibration errors in units of their standard deviations.
+        The adjustment is the smallest one that explains the difference between the two strains. The size of
+        the adjustment is measured in standard deviations of the calibrations.
         """
         noise, of_maps, of_centres = self.noise_and_calibrations()
         apart = np.hstack([np.eye(4), -np.eye(4), np.zeros((4, 3))])
@@ -119,7 +127,8 @@ class JointSystem:
             first, second = (np.concatenate(self.centres_mm) + of_centres @ shift).reshape(2, 3)
             current = JointSystem(self.pairs, (first, second))
             estimates = current.estimates(current.centres_mm) + of_maps @ shift
-        # Errors act directly and through the adjustment, which determines the calibrations only in part.
+        # Errors affect the estimates directly, and also through the adjustment. The adjustment removes only a
+        # part of the calibration errors.
         gain = by_shift @ left @ slopes.T @ certain
         direct, still_open = np.eye(11) - gain @ apart, by_shift @ left
         total = direct @ noise @ direct.T + still_open @ still_open.T + _SYSTEMATIC**2 * gain @ gain.T
@@ -128,15 +137,18 @@ class JointSystem:
 
 @dataclass(frozen=True)
 class JointSolution:
-    """Both cameras with adjusted calibrations, and the estimates of the adjusted system.
+    """The solution for both cameras together, with adjusted calibrations.
 
     Attributes
     ----------
     system : JointSystem
+        Both cameras with adjusted centres.
     estimates : ndarray, shape (11,)
+        The eleven estimates of `JointSystem`.
     covariance : ndarray, shape (11, 11)
+        Covariance of the estimates.
     shift_needed : float
-        Norm of the adjustment, in standard deviations of the calibrations.
+        Size of the adjustment, in standard deviations of the calibrations.
     """
 
     system: JointSystem
@@ -146,7 +158,7 @@ class JointSolution:
 
 
 def _by_plane(after_mm: Float, centre_mm: Float, plane: Plane) -> Float:
-    """Return the derivative (n, 2, 3) of positions on the plane by slope x, slope y and shift (mm)."""
+    """Return the derivative of positions on a plane by slope x, slope y and shift (mm), shape (n, 2, 3)."""
     at = np.array([plane.slope_x, plane.slope_y, plane.shift_mm])
     sides = [
         (Plane(*(at + step)).within(after_mm, centre_mm) - Plane(*(at - step)).within(after_mm, centre_mm))

@@ -1,11 +1,13 @@
-"""Heights from two cameras, by the difference of their calibrated positions of a material point.
+"""Heights of material points above the grid's plane, from the positions that two cameras measure.
 
-Both cameras are calibrated on the same grid. A point at the height z over it is mapped by the camera with the
-centre C to m = P + (m - C) z/Cz, P being the point itself (X, Y). So two cameras differ by
+Both cameras are calibrated on the same grid. Take a point at X, Y = P with the height z above the grid. A
+camera with the centre C maps this point to the calibrated position m = P + (m - C) z/Cz. So the calibrated
+positions from two cameras differ exactly by
 
-    m₁ - m₂ = z e,    e = (m₁ - C₁)/C₁z - (m₂ - C₂)/C₂z,
+    m₁ - m₂ = z e,    e = (m₁ - C₁)/C₁z - (m₂ - C₂)/C₂z.
 
-exactly. The component along e gives the height; the component across e must vanish.
+The vector e is the parallax per height. The component of m₁ - m₂ along e gives the height z. The component of
+m₁ - m₂ perpendicular to e must be zero.
 """
 
 from dataclasses import dataclass
@@ -24,18 +26,20 @@ from dic.typing import Float, Indices
 class Pairs:
     """Material points that both cameras see.
 
-    A material point is identified by its calibrated position in the reference image. This assumes that the
-    specimen lay in the grid's plane then. A gap g shifts the position by about g tan θ, which matters only
-    where strain varies.
+    Points of the two cameras with the same calibrated position in the reference image are taken as the same
+    material point. This assumption is exact if the specimen lies in the grid's plane in the reference image.
+    A gap g between the specimen and this plane shifts a calibrated position by about g tan θ, where θ is the
+    off-axis angle of the camera. The shift of a calibrated position matters only where strain varies.
 
     Attributes
     ----------
     first, second : Points
         The points of the two cameras.
     chosen : ndarray of int, shape (n,)
-        Which points of the first camera have a partner.
+        Indices of the first camera's points that the second camera also sees.
     partner : sparse array, shape (n, points of the second)
-        Bilinear interpolation from the second camera's points to the partners of the first camera's points.
+        Matrix that interpolates from the second camera's points (bilinearly) to the chosen points of the
+        first camera.
     """
 
     first: Points
@@ -45,7 +49,10 @@ class Pairs:
 
     @classmethod
     def of(cls, first: Points, second: Points, field: Field) -> "Pairs":
-        """Find the partners; `field` is the second camera's field."""
+        """Find the points of the first camera that the second camera also sees.
+
+        The argument `field` is the displacement field of the second camera.
+        """
         px = _seen_by(second.calibration, first.before_mm)
         column = (px[:, 0] - field.x_px[0]) / _pitch(field.x_px)
         row = (px[:, 1] - field.y_px[0]) / _pitch(field.y_px)
@@ -65,15 +72,15 @@ class Pairs:
         return cls(first, second, chosen, csr_array(entries, shape=(len(chosen), int(number.max()) + 1)))
 
     def positions_mm(self) -> tuple[Float, Float]:
-        """Return the material points' calibrated positions in the deformed images, (n, 2) for each camera."""
+        """Return the points' calibrated positions in the deformed images, shape (n, 2), for each camera."""
         start = self.first.before_mm[self.chosen]
         moved = self.second.after_mm - self.second.before_mm
         return self.first.after_mm[self.chosen], start + self.partner @ moved
 
     def rises(self, centres_mm: tuple[Float, Float]) -> tuple[Float, Float]:
-        """Return the shift of the calibrated position per mm of height, (n, 2) for each camera.
+        """Return how far a height of 1 mm shifts the calibrated positions, shape (n, 2), for each camera.
 
-        The difference of the two is the parallax e.
+        The difference between both cameras' shifts is the parallax vector e.
         """
         first, second = self.positions_mm()
         of_first, of_second = centres_mm
@@ -85,7 +92,7 @@ def _pitch(places_px: Indices) -> float:
 
 
 def _seen_by(calibration: Calibration, points_mm: Float) -> Float:
-    """Return the pixels (n, 2) at which a camera sees points (n, 2) of the grid's plane, by its own map."""
+    """Return the image points (n, 2) that the calibration maps to given points (n, 2) of the grid's plane."""
     if calibration.pinhole is None:
         raise ValueError("this calibration knows no camera centre")
     px = calibration.pinhole.project(points_mm)
@@ -102,12 +109,14 @@ class Heights:
     Attributes
     ----------
     position_mm : ndarray, shape (n, 2)
-        True X and Y of the points.
+        True coordinates X and Y of the points.
     z_mm : ndarray, shape (n,)
+        Heights of the points.
     across_mm : ndarray, shape (n,)
-        Difference of the cameras across the parallax; pure noise if the model holds.
+        Component, perpendicular to the parallax, of the difference between both cameras' calibrated
+        positions. It should only be noise.
     parallax : ndarray, shape (n, 2)
-        The vector e.
+        The parallax vector e of each point.
     """
 
     position_mm: Float
@@ -117,7 +126,7 @@ class Heights:
 
     @classmethod
     def of(cls, pairs: Pairs, centres_mm: tuple[Float, Float]) -> "Heights":
-        """Triangulate the pairs with the cameras' centres (3,), which must differ."""
+        """Compute the heights of points that both cameras see; the cameras' centres must differ."""
         first, second = pairs.positions_mm()
         rise, other = pairs.rises(centres_mm)
         e, apart = rise - other, first - second
@@ -127,13 +136,14 @@ class Heights:
         return cls(first - rise * z[:, None], z, across, e)
 
     def plane(self) -> tuple[Plane, Float]:
-        """Return the plane of least squares, and the weights of the differences m₁ - m₂ in it.
+        """Fit a plane to the heights by least squares.
 
         Returns
         -------
         plane : Plane
         weights : ndarray, shape (n, 2, 3)
-            Weights for slope x, slope y and shift (mm).
+            Weights with which the differences m₁ - m₂ of the calibrated positions enter the plane's slope x,
+            slope y and shift (mm).
         """
         terms = np.column_stack([self.position_mm, np.ones(len(self.z_mm))])
         design = (self.parallax[:, :, None] * terms[:, None, :]).reshape(-1, 3)

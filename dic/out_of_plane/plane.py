@@ -1,8 +1,8 @@
-"""The plane of a specimen's surface, and the positions of calibrated points on it.
+"""The plane of a specimen's surface, and the positions of calibrated points on this plane.
 
-A calibration maps a pixel to the point m where its ray meets the grid's plane z = 0. A surface elsewhere
-meets the same ray, which runs from the camera's centre C through (m, 0), at another point. With z = w + a x +
-b y the point is C + t ((m, 0) - C),
+A calibration maps a pixel to the point m where its ray meets the grid's plane z = 0. The ray runs from the
+camera's centre C through (m, 0). The surface z = w + a x + b y of a specimen meets the same ray at another
+point, C + t ((m, 0) - C), with
 
     t = (Cz - w - a Cx - b Cy) / (Cz + a (mx - Cx) + b (my - Cy)).
 """
@@ -22,9 +22,9 @@ class Plane:
     Attributes
     ----------
     slope_x, slope_y : float
-        Tangents of the angles by which the plane rises towards the camera along X and Y.
+        Slopes of the plane along X and Y (tangents of angles). A positive slope rises towards the camera.
     shift_mm : float
-        Height at the grid's centre.
+        Height of the plane at the grid's centre.
     """
 
     slope_x: float = 0.0
@@ -33,19 +33,19 @@ class Plane:
 
     @classmethod
     def across(cls, normal: Float, point_mm: Float) -> "Plane":
-        """Return the plane through a point (3,) that is normal to a direction (3,)."""
+        """Return the plane through the point `point_mm` (3,) that is perpendicular to `normal` (3,)."""
         slope_x, slope_y = -normal[0] / normal[2], -normal[1] / normal[2]
         return cls(slope_x, slope_y, float(point_mm[2] - slope_x * point_mm[0] - slope_y * point_mm[1]))
 
     @property
     def normal(self) -> Float:
-        """Unit vector (3,) towards the camera."""
+        """Normal of the plane towards the camera, a unit vector (3,)."""
         normal = np.array([-self.slope_x, -self.slope_y, 1.0])
         return np.asarray(normal / np.linalg.norm(normal))
 
     @property
     def axes(self) -> Float:
-        """Unit vectors (2, 3) within the plane: X and Y, rotated into the plane by the smallest angle."""
+        """Axes within the plane, unit vectors (2, 3): X and Y, turned into it by the smallest rotation."""
         normal = self.normal
         across = np.array([-normal[1], normal[0], 0.0])
         sine = np.hypot(normal[0], normal[1])
@@ -56,26 +56,28 @@ class Plane:
         return np.array([turned(v, k, float(sine), float(normal[2])) for v in (X, Y)])
 
     def within(self, calibrated_mm: Float, centre_mm: Float) -> Float:
-        """Return the positions of calibrated points on the surface, in coordinates that preserve lengths.
+        """Return the positions of calibrated points on the surface, in coordinates along `axes`.
+
+        Distances computed from these coordinates are true distances on the surface.
 
         Parameters
         ----------
         calibrated_mm : ndarray, shape (…, 2)
-            Points where rays meet the grid's plane.
+            Points where the rays of the camera meet the grid's plane.
         centre_mm : ndarray, shape (3,)
             The camera's centre in the grid's axes.
 
         Returns
         -------
         ndarray, shape (…, 2)
-            mm; at the grid's centre both coordinates are 0 on the plane.
+            Coordinates in mm. The origin is the point of the plane above the grid's centre.
         """
         reach = self._numerator(centre_mm) / self._denominator(calibrated_mm, centre_mm)
         to_grid = _in_space(calibrated_mm) - centre_mm
         return np.asarray((centre_mm + reach[..., None] * to_grid - [0.0, 0.0, self.shift_mm]) @ self.axes.T)
 
     def jacobian(self, calibrated_mm: Float, centre_mm: Float) -> Float:
-        """Return the derivative (…, 2, 2) of `within` by the calibrated point."""
+        """Return the derivative of `within` by the calibrated points, shape (…, 2, 2)."""
         denominator = self._denominator(calibrated_mm, centre_mm)
         reach = self._numerator(centre_mm) / denominator
         to_grid = _in_space(calibrated_mm) - centre_mm
@@ -102,7 +104,7 @@ def _in_space(calibrated_mm: Float) -> Float:
 
 
 def turned(v: Float, k: Float, sine: float, cosine: float) -> Float:
-    """Turn the vector `v` (3,) about the unit vector `k` (Rodrigues' formula), anticlockwise."""
+    """Return the vector `v` (3,), turned anticlockwise about the unit vector `k` by Rodrigues' formula."""
     return np.asarray(v * cosine + np.cross(k, v) * sine + k * (k @ v) * (1.0 - cosine))
 
 
@@ -114,7 +116,7 @@ def moved_out_of_plane(
     Parameters
     ----------
     calibrated : Displacement
-        In mm of the grid.
+        Displacement on the grid's plane, mm.
     centre_mm : ndarray, shape (3,)
         The camera's centre in the grid's axes.
     before, after : Plane

@@ -1,4 +1,7 @@
-"""The correction of a rotation's strains: solve the alignment of the run, or apply one solved before."""
+"""Correct the strains of a rotated specimen with the alignment of the rotation stage.
+
+The alignment is given, or it is solved from the steps of the rotation.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,12 +30,12 @@ _FEWEST_STEPS = 2
 _LEAST_TURN_DEG = 5.0
 _SMALL = 1e-6
 _RIGID = 5.0
-"""The specimen counts as rigid up to this remaining strain, in standard deviations (rms)."""
+"""The specimen counts as rigid if the remaining strain (rms) is at most this many standard deviations."""
 
 
 @dataclass(frozen=True)
 class RotationCorrection:
-    """The corrections of all images of a rotation, in order, and the alignment that was used, if any."""
+    """The corrections of all images of a rotation, in order, and the stage's alignment, or None."""
 
     corrections: list[Correction]
     alignment: Alignment | None
@@ -41,18 +44,19 @@ class RotationCorrection:
 def correct_rotation(
     measurements: Sequence[Measurement], calibration: Calibration, alignment: Alignment | None = None
 ) -> RotationCorrection:
-    """Correct the images of a rotated specimen for its wobble and for the tilt of the grid.
+    """Correct the images of a rotated specimen for the specimen's wobble and for the tilt of the grid.
 
-    Where the method does not apply, the measurements stay as calibrated, with the reason.
+    If the images cannot be corrected, the result keeps the calibrated strains and gives the reason.
 
     Parameters
     ----------
     measurements : sequence of Measurement
-        Calibrated, all of the same reference.
+        Calibrated measurements with the same reference.
     calibration : Calibration
-        Of their camera.
+        Calibration of the camera.
     alignment : Alignment, optional
-        An alignment solved before on the same fixture. The specimen need not be rigid then.
+        Alignment from an earlier rotation on the same fixture. If an alignment is given, the rotated specimen
+        need not be free of strain.
     """
     usable = [k for k, m in enumerate(measurements) if m.calibrated_mean is not None and _points(m)]
     steps = None
@@ -93,7 +97,7 @@ def _objection(steps: Steps | None, calibration: Calibration, alignment: Alignme
     if alignment is None and len(steps.points) < _FEWEST_STEPS:
         return f"at least {_FEWEST_STEPS} images of a rotation are needed"
     if alignment is None and np.abs(steps.angles_deg).max() < _LEAST_TURN_DEG:
-        return f"the specimen turned by less than {_LEAST_TURN_DEG:g}°, too little to tell its tilt"
+        return f"the specimen turned by less than {_LEAST_TURN_DEG:g}°, too little to measure its tilt"
     return None
 
 
@@ -101,25 +105,25 @@ def _not_rigid(solved: "_Solved | None", steps: Steps, centre_mm: Float) -> str 
     if solved is None:
         micro = 1e6 * np.abs(steps.strains(np.zeros(4), centre_mm)).max()
         return (
-            f"no alignment explains strain of up to {micro:.0f} µε: the camera looks too straight on to tell "
-            "tilts by it, the specimen was strained, or the calibration is another camera's"
+            f"no alignment explains strain of up to {micro:.0f} µε: the camera looks too straight on to "
+            "measure tilts, the specimen was strained, or the calibration belongs to another camera"
         )
     left = solved.strain_left()
     if left > _RIGID:
-        return f"the specimen was not rigid: strain of {left:.1f} standard deviations (rms) is left"
+        return f"the specimen was not rigid: strain of {left:.1f} standard deviations (rms) remains"
     return None
 
 
 @dataclass(frozen=True)
 class _Solved:
-    """An alignment with the steps it applies to.
+    """The alignment of a rotation stage, and the steps of the rotation that are corrected with it.
 
     Attributes
     ----------
     gradients : ndarray, shape (steps, 2, 2)
-        Corrected gradients.
+        Corrected displacement gradients.
     covariance : ndarray, shape (4 steps, 4 steps)
-        Covariance of all gradients.
+        Covariance of the elements of all corrected displacement gradients.
     """
 
     method: str
@@ -131,7 +135,7 @@ class _Solved:
 
     @classmethod
     def from_steps(cls, steps: Steps, centre_mm: Float) -> "_Solved | None":
-        """Solve the alignment of these steps; None if they do not determine it."""
+        """Solve the alignment from the steps of a rotation; return None if there is no solution."""
         noise, of_map, of_centre = gradient_errors(steps)
         to_strain = block_diagonal([by_gradient(G) for G in steps.gradients(np.zeros(4), centre_mm)])
         of_strain = to_strain @ (noise + of_map @ of_map.T) @ to_strain.T
@@ -142,8 +146,8 @@ class _Solved:
         if solution is None:
             return None
         slopes, gain, by_slope = solution
-        # Errors of the slopes: from the strains, and from the prior where strains do not determine the
-        # slopes.
+        # Errors of the slopes come from the measured strains. If the strains do not determine a slope, its
+        # error is that of the prior.
         slope_rows = -np.hstack([gain @ to_strain, np.eye(4) - gain @ by_slope])
 
         def estimate(centre: Float) -> Float:
@@ -161,7 +165,7 @@ class _Solved:
 
     @classmethod
     def known(cls, steps: Steps, centre_mm: Float, alignment: Alignment) -> "_Solved":
-        """Apply an alignment that was solved before."""
+        """Apply a given alignment to the steps of a rotation."""
         slopes, n = alignment.slopes, len(steps.points)
         steps = steps.seen_on(slopes, centre_mm)
         slope_rows = np.hstack([np.zeros((4, 4 * n)), np.eye(4)])
@@ -177,14 +181,14 @@ class _Solved:
         return cls("alignment", steps, centre_mm, alignment, steps.gradients(slopes, centre_mm), covariance)
 
     def strain_left(self) -> float:
-        """Return the remaining strain, in standard deviations, rms."""
+        """Return the strain that remains after correction, as a root mean square in standard deviations."""
         to_strain = block_diagonal([by_gradient(G) for G in self.gradients])
         std = np.sqrt(np.diag(to_strain @ self.covariance @ to_strain.T))
         strains = self.steps.strains(self.alignment.slopes, self.centre_mm)
         return float(np.sqrt(np.mean((strains / std) ** 2)))
 
     def correction(self, place: int, measurement: Measurement) -> Correction:
-        """Return the correction of one step."""
+        """Return the correction of the step with the index `place`."""
         points, at = self.steps.points[place], slice(4 * place, 4 * place + 4)
         before, after = self.alignment.before, self.alignment.after(self.steps.angles_deg[place])
         settings, n = measurement.strain_settings, len(points.before_mm)
@@ -195,7 +199,11 @@ class _Solved:
 
 
 def _error_rows(steps: Steps, slopes: Float, centre_mm: Float, slope_rows: Float) -> Float:
-    """Return the matrix that maps errors of the gradients and of `slope_rows` to gradients and slopes."""
+    """Return the matrix that converts errors of the input to errors of corrected gradients and slopes.
+
+    Errors of the input are those of the measured gradients and of the prior slopes. The argument `slope_rows`
+    is the matrix that converts errors of the input to errors of the slopes alone.
+    """
     by_slope = np.column_stack(
         [
             (steps.gradients(slopes + d, centre_mm) - steps.gradients(slopes - d, centre_mm)).ravel()

@@ -1,9 +1,9 @@
-"""Rotation seen by one camera: the misalignment of stage and specimen, solved from rigidity.
+"""Solve the tilts of the specimen and of the stage's axis from a rotation that one camera records.
 
-A rotation about the grid's normal keeps the height of every point. Two steps therefore differ by an exactly
-affine motion, in which a tilt cannot be told from strain. A rotated specimen, however, has no strain. So four
-slopes are solved for the whole run, two of the specimen in the reference and two of the stage's axis, such
-that no step has strain.
+A rotation about the grid's normal keeps the height of every point. So the calibrated motion between two steps
+is exactly affine, and a tilt of the specimen looks the same as strain. However, a rigid specimen has no
+strain. So four slopes are solved for the whole run, such that no step has strain: two slopes of the specimen
+in the reference and two slopes of the stage's axis.
 """
 
 from collections.abc import Sequence
@@ -19,11 +19,14 @@ from dic.strain.fit import gradient_weights, slopes_of
 from dic.typing import Float
 
 PRIOR_SLOPE = np.tan(np.radians(1.0))
-"""Prior standard deviation of the four slopes, some tenths of a degree. It matters only where the images do
-not determine the slopes, for instance for a camera that looks straight at the grid."""
+"""Prior standard deviation of the four slopes, which corresponds to 1°.
+
+The prior matters only if the images do not determine the slopes, such as for a camera that looks straight at
+the grid.
+"""
 
 _SYSTEMATIC = 0.3e-6
-"""Standard deviation of strain errors that are not modelled, such as the spline's; keeps weights finite."""
+"""Standard deviation of strain errors that are not modelled, such as interpolation errors of the spline."""
 
 _STEPS = 10
 _SMALL = 1e-6
@@ -32,17 +35,18 @@ _CLOSE = 1e-9
 
 @dataclass(frozen=True)
 class Steps:
-    """The steps of a rotation as the solve needs them.
+    """The steps of a rotation, from which the alignment is solved.
 
     Attributes
     ----------
     points : sequence of Points
         The points of each step.
     angles_deg : ndarray, shape (steps,)
-        Rotation of the specimen since the reference.
+        Rotation of the specimen in each step since the reference image.
     pivot_mm : ndarray, shape (2,)
+        X and Y of the centre of rotation.
     systematic : float
-        Standard deviation, per step, of the systematic strain errors (all but noise).
+        Standard deviation of the systematic strain errors of each step, which are all errors except noise.
     """
 
     points: Sequence[Points]
@@ -52,24 +56,25 @@ class Steps:
 
     @classmethod
     def of(cls, points: Sequence[Points], systematic: float = _SYSTEMATIC) -> "Steps":
-        """Return the steps with angles and pivot estimated from the calibrated motions."""
+        """Return the steps, with the rotation angles and the pivot estimated from calibrated motions."""
         motions = [(step.before_mm, step.after_mm) for step in points]
         return cls(points, *_turns_and_pivot(motions), systematic)
 
     def seen_on(self, slopes: Float, centre_mm: Float) -> "Steps":
-        """Return the same steps with angles and pivot measured within the specimen's plane.
+        """Return the same steps; measure the angles and the centre of rotation in the specimen's plane.
 
-        False strain changes the angles by its own amount; multiplied by the wobble this is some 1e-6.
+        The argument `slopes` tells where the specimen's plane is. Angles from calibrated motions have errors
+        because of false strain. Errors of the rotation angles would cause strain errors of about 1e-6.
         """
         angles_deg, pivot_mm = _turns_and_pivot(self._motions(slopes, centre_mm))
         return replace(self, angles_deg=angles_deg, pivot_mm=pivot_mm)
 
     def gradients(self, slopes: Float, centre_mm: Float) -> Float:
-        """Return the mean gradients within the specimen's plane, shape (steps, 2, 2)."""
+        """Return the mean displacement gradients within the specimen's plane, shape (steps, 2, 2)."""
         return np.array([slopes_of(b, a - b) for b, a in self._motions(slopes, centre_mm)])
 
     def _motions(self, slopes: Float, centre_mm: Float) -> list[tuple[Float, Float]]:
-        """Return positions within the specimen's plane before and after, two (n, 2) for each step."""
+        """Return for each step the positions within the specimen's plane before and after the motion."""
         alignment = Alignment(slopes, np.zeros((4, 4)), self.pivot_mm)
         before = alignment.before
         return [
@@ -78,19 +83,22 @@ class Steps:
         ]
 
     def strains(self, slopes: Float, centre_mm: Float) -> Float:
-        """Return the mean strains xx, yy, xy (Green-Lagrange) of all steps in a row, (3 steps,)."""
+        """Return the mean Green-Lagrange strains xx, yy, xy of all steps in one array, shape (3 steps,)."""
         F = self.gradients(slopes, centre_mm) + np.eye(2)
         E = (np.swapaxes(F, 1, 2) @ F - np.eye(2)) / 2
         return np.stack([E[:, 0, 0], E[:, 1, 1], E[:, 0, 1]], axis=1).ravel()
 
 
 def systematic_strain(settings: CorrelationSettings, calibration: Calibration) -> float:
-    """Return the standard deviation of the systematic strain errors (all but noise) of a rotated specimen.
+    """Return the standard deviation of the systematic strain errors of a rotated specimen.
 
-    Perspective makes the warp of a subset non-affine. An affine subset of width s then measures the mean of
-    the warp, which differs from its centre value by s²/24 times the Laplacian; the strain differs by s²/24
-    times third derivatives. For a rotated plane these are at most 6 g², with the relative change of scale per
-    pixel g = sin θ / f; half of it is typical. Quadratic shape functions follow the warp.
+    Systematic errors are all errors except noise. Perspective makes the displacement within a subset
+    non-affine. An affine subset of width s measures the mean displacement. The mean displacement differs from
+    the displacement at the subset's centre by s²/24 times the Laplacian of the displacement. So the measured
+    strain has an error of s²/24 times third derivatives of the displacement. Perspective changes the scale
+    per pixel by the fraction g = sin θ / f, where θ is the off-axis angle and f is the focal length. For a
+    rotated plane, the third derivatives are at most 6 g², and 3 g² is typical. Quadratic shape functions do
+    not have this systematic error.
     """
     if settings.shape != "affine" or calibration.pinhole is None:
         return _SYSTEMATIC
@@ -99,19 +107,19 @@ def systematic_strain(settings: CorrelationSettings, calibration: Calibration) -
 
 
 def _turns_and_pivot(motions: Sequence[tuple[Float, Float]]) -> tuple[Float, Float]:
-    """Return the rotation angles (steps,) in degrees, and the pivot (2,), the point that did not move."""
+    """Return the rotation angles (steps,) in degrees, and the pivot (2,), which is the centre of rotation."""
     gradients = np.array([slopes_of(before, after - before) for before, after in motions])
     F = gradients + np.eye(2)
     angles_deg = np.degrees(np.arctan2(F[:, 1, 0] - F[:, 0, 1], F[:, 0, 0] + F[:, 1, 1]))
     turns = _turns(angles_deg)
-    # The pivot x does not move: x = after + R (x - before).
+    # The pivot x does not move, so x = after + R (x - before).
     sides = [a.mean(axis=0) - R @ b.mean(axis=0) for (b, a), R in zip(motions, turns, strict=True)]
     pivot = np.linalg.lstsq(np.concatenate(np.eye(2) - turns), np.concatenate(sides), rcond=None)[0]
     return angles_deg, pivot
 
 
 def by_gradient(gradient: Float) -> Float:
-    """Return the derivative (3, 4) of the Green-Lagrange strains xx, yy, xy by the gradient's elements."""
+    """Return the derivative of the Green-Lagrange strains xx, yy, xy by the gradient, shape (3, 4)."""
     F = gradient + np.eye(2)
     return np.array(
         [
@@ -123,17 +131,19 @@ def by_gradient(gradient: Float) -> Float:
 
 
 def gradient_errors(steps: Steps) -> tuple[Float, Float, Float]:
-    """Return the errors of all mean gradients.
+    """Return the errors of the mean displacement gradients of all steps.
 
-    Half of each step's noise is noise of the reference image. It displaces the material points, so it is
-    common to all steps and rotates with them.
+    Half of each step's noise variance comes from the reference image. Noise of the reference image shifts the
+    material points that all steps follow. So half of the noise variance is common to all steps, and the
+    common noise rotates with the specimen.
 
     Returns
     -------
     noise : ndarray, shape (4 steps, 4 steps)
-        Covariance from noise.
+        The part of the gradients' covariance that noise and systematic errors cause.
     of_map, of_centre : ndarray, shapes (4 steps, q) and (3, q)
-        Effect of calibration errors of unit variance on the gradients, and on the camera's centre (mm).
+        Effect of q independent calibration errors with variance 1 on the gradients, and on the camera's
+        centre (mm).
     """
     of_maps, turns = [], [np.kron(turn, np.eye(2)) for turn in _turns(steps.angles_deg)]
     own, reference = [], np.zeros((4, 4))
@@ -149,7 +159,7 @@ def gradient_errors(steps: Steps) -> tuple[Float, Float, Float]:
 
 
 def _turns(angles_deg: Float) -> Float:
-    """Return rotation matrices (steps, 2, 2), positive from X to Y."""
+    """Return the rotation matrices of the steps, shape (steps, 2, 2); angles are positive from X to Y."""
     c, s = np.cos(np.radians(angles_deg)), np.sin(np.radians(angles_deg))
     return np.moveaxis(np.array([[c, -s], [s, c]]), -1, 0)
 
@@ -157,7 +167,7 @@ def _turns(angles_deg: Float) -> Float:
 def solve_alignment(
     steps: Steps, centre_mm: Float, covariance: Float, start: Float | None = None
 ) -> tuple[Float, Float, Float] | None:
-    """Find the slopes for which no strain remains, by least squares weighted with the strains' covariance.
+    """Find the four slopes of an `Alignment` for which no strain remains, by weighted least squares.
 
     Parameters
     ----------
@@ -165,19 +175,20 @@ def solve_alignment(
     centre_mm : ndarray, shape (3,)
         The camera's centre in the grid's axes.
     covariance : ndarray, shape (3 steps, 3 steps)
-        Of the mean strains.
+        Covariance of the mean strains, which determines the weights of the least-squares solution.
     start : ndarray, shape (4,), optional
-        Slopes close to the solution.
+        Start values of the slopes. The default is 0.
 
     Returns
     -------
     slopes : ndarray, shape (4,)
+        The slopes of `Alignment`.
     gain : ndarray, shape (4, 3 steps)
-        Derivative of the slopes by errors of the strains, with its sign changed.
+        Derivative of the slopes with respect to errors of the strains, with the opposite sign.
     by_slope : ndarray, shape (3 steps, 4)
-        Derivative of the strains by the slopes.
+        Derivative of the strains with respect to the four slopes.
 
-    Returns None if no slopes are found: in a perpendicular view tilts cause no false strain.
+    The function returns None if the iteration does not converge.
     """
     slopes = np.zeros(4) if start is None else start
     prior = np.eye(4) / PRIOR_SLOPE**2
@@ -188,7 +199,8 @@ def solve_alignment(
         )
         weighted = np.linalg.solve(covariance, by_slope).T
         gain = np.linalg.inv(weighted @ by_slope + prior) @ weighted
-        # The prior pulls the slopes towards 0, so it applies to the slopes, not to the step alone.
+        # The prior expects slopes near 0. So it must act on the slopes themselves and not only on their
+        # change in an iteration.
         step = gain @ (by_slope @ slopes - strains) - slopes
         slopes = slopes + step
         if np.abs(step).max() < _CLOSE:

@@ -1,8 +1,10 @@
-"""Tension seen by one camera: each image corrected for the tilt of its specimen since the reference.
+"""Correct images of a tension test by one camera for the specimen's tilt since the reference image.
 
-`dic.out_of_plane.tilt` separates tilt from strain if the strain is uniform. The residuals of affine motion,
-bending and tilt test this: polynomials of second and third degree mean that strain is not uniform, other
-residuals that the points are not one body. In both cases the image stays as calibrated.
+`dic.out_of_plane.tilt` separates tilt from strain if the strain is uniform. To test this assumption, a motion
+that consists of affine motion, bending and tilt is fitted to the displacements. Residuals that are
+polynomials of second and third degree mean that the strain is not uniform. Other large residuals mean that
+the points do not belong to one body. If the strain is not uniform, or if the points do not belong to one
+body, the calibrated strain is not corrected.
 """
 
 import numpy as np
@@ -20,33 +22,36 @@ from dic.typing import Float
 _FEWEST_POINTS = 30
 
 _MOST_TURN_DEG = 5.0
-"""Assumed tilt of the specimen in the reference. The tilt rotates with the specimen within the plane. The
-false strain is the tilt times the rotation (rad) and has no projective signature."""
+"""Largest rotation of the specimen within the grid's plane for which the tilt is corrected.
+
+If the specimen is already tilted in the reference, this tilt rotates with the specimen. The rotation causes a
+false strain of tilt times rotation (rad), which this method cannot detect.
+"""
 
 _UNEVEN_PX = 0.002
-"""Largest accepted remainder (rms) beyond noise; spline and lens cause that much."""
+"""Accepted rms of the smooth residuals in addition to noise, because spline and lens cause such residuals."""
 
 _TORN = 2.0
-"""Largest accepted residuals, as a multiple of what noise explains."""
+"""Largest accepted residuals, as a multiple of the residuals that noise causes."""
 
 _BEYOND_NOISE = 3.0
 _USEFUL = 100e-6
-"""Largest standard deviation of strain of a correction that is not significant."""
+"""A correction with a larger standard deviation of strain is made only if the correction is significant."""
 
 
 def correct_tilt(measurement: Measurement, calibration: Calibration, poisson_ratio: float) -> Correction:
-    """Correct one image of a tension test for the tilt of its specimen since the reference.
+    """Correct one image of a tension test for the tilt of the specimen since the reference.
 
-    Where the method does not apply, the measurement stays as calibrated, with the reason.
+    If the image cannot be corrected, the result keeps the calibrated strain and gives the reason.
 
     Parameters
     ----------
     measurement : Measurement
-        Calibrated.
+        The calibrated measurement of the image.
     calibration : Calibration
-        Of the same camera.
+        Calibration of the camera.
     poisson_ratio : float
-        Poisson's ratio of the specimen, for the shape of its bending.
+        Poisson's ratio of the specimen, which determines the shape of a bent specimen.
     """
     pinhole = calibration.pinhole
     if pinhole is None:
@@ -73,7 +78,7 @@ def correct_tilt(measurement: Measurement, calibration: Calibration, poisson_rat
 
 
 def _covariance(points: Points, fit: TiltFit, centre_mm: Float, poisson_ratio: float) -> Float:
-    """Return the covariance (6, 6) of the corrected mean gradient and of both slopes of the plane."""
+    """Return the covariance matrix (6, 6) of the corrected mean gradient and of the plane's two slopes."""
 
     def estimate(centre_mm: Float) -> Float:
         found = tilt_seen_from(points, centre_mm, poisson_ratio, fit.plane)
@@ -87,13 +92,13 @@ def _covariance(points: Points, fit: TiltFit, centre_mm: Float, poisson_ratio: f
 
 
 def _gradient(points: Points, centre_mm: Float, plane: Plane) -> Float:
-    """Return the mean displacement gradient (2, 2) of the points, with deformed positions on `plane`."""
+    """Return the mean displacement gradient (2, 2) of points whose deformed positions lie on `plane`."""
     moved = plane.within(points.after_mm, centre_mm) - points.before_mm
     return slopes_of(points.before_mm, moved)
 
 
 def _unsuitable(measurement: Measurement, points: Points) -> str | None:
-    """Return the reason why a tilt cannot be determined from this measurement, or None."""
+    """Return the reason why a tilt cannot be determined from the measurement, or None if it can."""
     mean, n = measurement.calibrated_mean, len(points.before_mm)
     if mean is None or n < _FEWEST_POINTS or not points.determine(2):
         return (
@@ -103,16 +108,16 @@ def _unsuitable(measurement: Measurement, points: Points) -> str | None:
     if abs(mean.rotation_deg) > _MOST_TURN_DEG:
         return (
             f"the specimen turned by {mean.rotation_deg:.1f}°, more than the {_MOST_TURN_DEG:g}° "
-            "up to which tension tells its tilt"
+            "up to which the tilt can be measured"
         )
     return None
 
 
 def _uneven(fit: TiltFit, points: Points, mm_per_px: float) -> str | None:
-    """Return the reason why affine motion, bending and tilt do not explain the field, or None."""
+    """Return the reason why the fit of affine motion, bending and tilt is too bad, or None if it is good."""
     noise = points.displacement.noise
     if noise is None:
-        return "the displacements come without their noise"
+        return "the noise of the displacements is unknown"
     covariance = points.covariance(fit.remainder_weights)
     expected = np.sqrt(np.einsum("nip,pq,niq->", fit.terms, covariance, fit.terms) / len(fit.terms))
     limit_mm = _BEYOND_NOISE * expected + _UNEVEN_PX * mm_per_px

@@ -1,9 +1,12 @@
-"""Slopes of a specimen's plane from one camera's view of a displacement field, by their projective signature.
+"""Solve the slopes of a specimen's plane from the displacement field that one camera measures.
 
-The linear part of the displacement by a tilt looks like strain. Its quadratic part, (a x² + b x y, a x y + b
-y²)/Cz, does not: uniform strain has no quadratic part. Bending within the plane is quadratic too, (-(y² + ν
-x²)/2, x y) κ and the same with the axes exchanged, but has another shape. The solved slopes are those for
-which the points, placed on the sloped plane, move by an affine motion and bending.
+A tilt with the slopes a, b causes an apparent displacement. The linear part of this apparent displacement
+looks like strain. The quadratic part of the apparent displacement is (a x² + b x y, a x y + b y²)/Cz, where
+Cz is the height of the camera's centre. Uniform strain has no quadratic part. Bending of the specimen within
+the plane has the quadratic part (-(y² + ν x²)/2, x y) κ, where κ is the curvature and ν is Poisson's ratio.
+If the specimen bends in the direction of the other axis, x and y are exchanged. So bending can be
+distinguished from a tilt. The slopes are solved such that the points on the sloped plane move only by affine
+motion and bending.
 """
 
 from dataclasses import dataclass
@@ -16,35 +19,36 @@ from dic.typing import Float
 
 _STEPS = 8
 _CLOSE = 1e-9
-"""Step of the slopes at which the iteration ends; 1e-9 changes strain by less than 1e-3 µε."""
+"""The iteration ends when the slopes change by less than this, which is less than 1e-3 µε of strain."""
 
 _SMALL = 1e-6
 """Step of the slope for numerical derivatives."""
 
 _MIMICKED = 0.1
-"""A term of the remainder is dropped if less than this fraction of the term is independent of the fit."""
+"""A polynomial term of the remainder is dropped if less than this fraction is independent of the fit."""
 
 
 @dataclass(frozen=True)
 class TiltFit:
-    """The slopes that explain one displacement field best.
+    """The slopes of the specimen's plane that explain one displacement field best, and the residuals.
 
     Attributes
     ----------
     plane : Plane
-        Plane of the surface in the deformed image, relative to the reference.
+        Plane of the specimen's surface in the deformed image, relative to the surface in the reference.
     slope_weights : ndarray, shape (n, 2, 2)
-        Weights of displacement errors, on the sloped plane, in the two slopes.
+        Weights with which the displacements on the sloped plane enter the two slopes (last axis).
     by_slope : ndarray, shape (n, 2, 2)
-        Derivative of the positions on the plane by the slopes (last axis).
+        Derivative of the points' positions on the plane with respect to the two slopes (last axis).
     residual_mm : ndarray, shape (n, 2)
         Displacement that affine motion, bending and tilt do not explain.
     remainder_mm : ndarray, shape (n, 2)
-        The part of the residual that is a polynomial of second and third degree.
+        The smooth part of the residual ("remainder"), which consists of polynomials of second and third
+        degree.
     remainder_weights : ndarray, shape (n, 2, 14)
-        Weights of the residual in the remainder's coefficients.
+        Weights with which the residual enters the 14 coefficients of the remainder.
     terms : ndarray, shape (n, 2, 14)
-        The remainder's terms.
+        The 14 polynomial terms of the remainder at the points.
     """
 
     plane: Plane
@@ -57,21 +61,21 @@ class TiltFit:
 
     @property
     def remainder_rms_mm(self) -> float:
-        """Root mean square length of the remainder."""
+        """Root mean square length of `remainder_mm`."""
         return float(np.sqrt((self.remainder_mm**2).sum(axis=1).mean()))
 
 
 def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float) -> TiltFit:
-    """Find the slopes for which the field is affine motion and bending within the specimen's plane.
+    """Find the slopes of the plane within which the specimen moves only by affine motion and bending.
 
     Parameters
     ----------
     points : Points
-        At least some dozens of points.
+        The points of the displacement field, at least a few dozen.
     centre_mm : ndarray, shape (3,)
         The camera's centre in the grid's axes.
     poisson_ratio : float
-        Poisson's ratio of the specimen, for the shape of its bending.
+        Poisson's ratio of the specimen, which determines the shape of a bent specimen.
     """
     shape = _Basis.of(points.before_mm, poisson_ratio)
     plane = _solve(points, centre_mm, shape, Plane())
@@ -81,7 +85,7 @@ def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float) -> TiltFit:
     design = _design(shape, by_slope)
     inverse = np.linalg.solve(design.T @ design, design.T)
     residual = (moved.ravel() - design @ (inverse @ moved.ravel())).reshape(-1, 2)
-    # The remainder's terms, made orthogonal to affine motion, bending and tilt.
+    # Make the terms of the remainder orthogonal to affine motion, bending and tilt.
     terms = shape.remainder.reshape(2 * len(after), -1)
     terms = terms - design @ (inverse @ terms)
     weights = np.linalg.pinv(terms, rcond=_MIMICKED)
@@ -99,12 +103,12 @@ def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float) -> TiltFit:
 
 
 def tilt_seen_from(points: Points, centre_mm: Float, poisson_ratio: float, start: Plane) -> Plane:
-    """Return only the plane that `fit_tilt` finds, starting from a plane close to it."""
+    """Return only the plane that `fit_tilt` finds; `start` is a plane close to the solution."""
     return _solve(points, centre_mm, _Basis.of(points.before_mm, poisson_ratio), start)
 
 
 def _solve(points: Points, centre_mm: Float, shape: "_Basis", plane: Plane) -> Plane:
-    """Find the plane by Gauss-Newton; affine motion and bending are linear and solved in each step."""
+    """Find the plane by Gauss-Newton steps, which also solve the affine motion and the bending."""
     after = points.after_mm
     for _ in range(_STEPS):
         moved = plane.within(after, centre_mm) - points.before_mm
@@ -117,12 +121,12 @@ def _solve(points: Points, centre_mm: Float, shape: "_Basis", plane: Plane) -> P
 
 
 def _design(shape: "_Basis", by_slope: Float) -> Float:
-    """Return the design matrix of affine motion, bending and slopes, (2 n, 10)."""
+    """Return the design matrix of affine motion, bending and both slopes, shape (2 n, 10)."""
     return np.asarray(np.concatenate([shape.uniform, -by_slope], axis=2).reshape(2 * len(by_slope), -1))
 
 
 def _by_slope(after: Float, centre_mm: Float, plane: Plane) -> Float:
-    """Return the derivative of the positions on the plane by both slopes, (n, 2, 2)."""
+    """Return the derivative of the points' positions on the plane by its two slopes, shape (n, 2, 2)."""
     here, sides = plane.within(after, centre_mm), []
     for dx, dy in ((_SMALL, 0.0), (0.0, _SMALL)):
         ahead = Plane(plane.slope_x + dx, plane.slope_y + dy).within(after, centre_mm)
@@ -132,7 +136,11 @@ def _by_slope(after: Float, centre_mm: Float, plane: Plane) -> Float:
 
 @dataclass(frozen=True)
 class _Basis:
-    """Basis of displacement fields: affine motion and bending, (n, 2, 8), other polynomials to degree 3."""
+    """Basis functions of displacement fields at n points.
+
+    `uniform` holds affine motion and bending, shape (n, 2, 8). `remainder` holds all polynomials of second
+    and third degree, shape (n, 2, 14).
+    """
 
     uniform: Float
     remainder: Float

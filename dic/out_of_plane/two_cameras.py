@@ -1,4 +1,4 @@
-"""The correction by two cameras: the motion of the specimen's plane, measured by parallax."""
+"""Correct strain with two cameras, which measure the motion of the specimen's plane by parallax."""
 
 from dataclasses import dataclass
 
@@ -17,10 +17,10 @@ from dic.typing import Float
 _FEWEST_PAIRS = 30
 _LEAST_PARALLAX = np.tan(np.radians(5.0))
 _AGREE = 3.0
-"""Largest accepted difference of the cameras across the parallax, as a multiple of what noise explains."""
+"""Largest accepted disagreement of the cameras perpendicular to the parallax, as a multiple of the noise."""
 
 _AGREE_PX = 0.01
-"""Accepted difference due to the errors of both calibrations."""
+"""Accepted additional disagreement of the cameras, because both calibrations have errors."""
 
 _IMPROBABLE = 6.0
 """Largest accepted adjustment of the calibrations, in standard deviations."""
@@ -28,19 +28,19 @@ _IMPROBABLE = 6.0
 
 @dataclass(frozen=True)
 class TwoCameraStep:
-    """One step, corrected by both cameras together.
+    """One step of a test, corrected by both cameras together.
 
     Attributes
     ----------
     corrections : tuple of Correction
         The corrections of the first and the second camera.
     mean : MeanStrain or None
-        Mean of both cameras, weighted by their certainty; None if the correction was declined.
+        Mean strain of both cameras, weighted by the inverse variances. None if the step was not corrected.
     heights_mm, heights_std_mm : ndarray, shape (rows, columns), or None
-        Height of each point of the first camera above the plane of the reference; NaN where the second camera
-        has no point.
+        Height of each point of the first camera above its place in the reference image, and the standard
+        deviation of the height. NaN where the second camera has no point.
     declined : str or None
-        Why no correction was made; None if it was.
+        The reason why there is no correction, or None if the step was corrected.
     """
 
     corrections: tuple[Correction, Correction]
@@ -55,27 +55,26 @@ class TwoCameraStep:
 
     @property
     def plane(self) -> Plane | None:
-        """The specimen's plane, relative to the reference."""
+        """The specimen's plane in this step, relative to its plane in the reference; None if not known."""
         return self.corrections[0].after
 
     @property
     def plane_std(self) -> Float | None:
-        """Standard deviations of slope x, slope y and shift (mm)."""
+        """Standard deviations of the plane's slope x, slope y and shift (mm)."""
         return self.corrections[0].after_std
 
 
 def correct_with_two_cameras(
     measurements: tuple[Measurement, Measurement], calibrations: tuple[Calibration, Calibration]
 ) -> TwoCameraStep:
-    """Measure how the specimen's plane moved since the reference and correct both cameras' strains for it.
+    """Measure the motion of the specimen's plane since the reference, and correct both cameras' strains.
 
     Parameters
     ----------
     measurements : tuple of Measurement
-        Calibrated measurements of one step by two cameras. The first should be the camera that looks more
-        obliquely.
+        Calibrated measurements of one step by two cameras. The first camera should be the more oblique one.
     calibrations : tuple of Calibration
-        Calibrations of the two cameras, on the same grid.
+        Calibrations of the two cameras with the same grid.
     """
 
     def declined(reason: str) -> TwoCameraStep:
@@ -101,7 +100,7 @@ def correct_with_two_cameras(
 
 
 def _too_close(pairs: Pairs, centres_mm: tuple[Float, Float]) -> str | None:
-    # No heights here: two cameras at one place cannot measure any.
+    # Do not compute heights before this check, because two cameras at the same place cannot measure heights.
     rise, other = pairs.rises(centres_mm)
     parallax = float(np.linalg.norm(rise - other, axis=1).mean())
     if parallax < _LEAST_PARALLAX:
@@ -113,8 +112,8 @@ def _too_close(pairs: Pairs, centres_mm: tuple[Float, Float]) -> str | None:
 def _disagreement(pairs: Pairs, joint: JointSolution, mm_per_px: float) -> str | None:
     if joint.shift_needed > _IMPROBABLE:
         return (
-            f"the cameras agree on one strain only if their calibrations are {joint.shift_needed:.0f} "
-            f"standard deviations off, at most {_IMPROBABLE:.0f} are borne: was one of them moved?"
+            f"the cameras measure the same strain only if their calibrations are {joint.shift_needed:.0f} "
+            f"standard deviations off, at most {_IMPROBABLE:.0f} are accepted: was a camera moved?"
         )
     rms_mm = float(np.sqrt((Heights.of(pairs, joint.system.centres_mm).across_mm ** 2).mean()))
     noise_mm = np.hypot(_noise_mm(pairs.first), _noise_mm(pairs.second))
@@ -122,21 +121,21 @@ def _disagreement(pairs: Pairs, joint: JointSolution, mm_per_px: float) -> str |
     if rms_mm > limit_mm:
         return (
             f"the cameras disagree by {rms_mm / mm_per_px:.3f} px rms across the parallax, "
-            f"at most {limit_mm / mm_per_px:.3f} px is explained: was one of them moved?"
+            f"at most {limit_mm / mm_per_px:.3f} px is explained: was a camera moved?"
         )
     return None
 
 
 def _noise_mm(points: Points) -> float:
-    """Return the standard deviation of displacements along one axis, rms over all points."""
+    """Return the standard deviation of displacements along one axis, as an rms value over all points."""
     noise = points.displacement.noise
     if noise is None:
-        raise ValueError("these displacements come without their noise")
+        raise ValueError("the noise of these displacements is unknown")
     return float(np.sqrt((noise.factors[points.use] ** 2).sum(axis=(1, 2)).mean() / 2))
 
 
 def _step(measurements: tuple[Measurement, Measurement], joint: JointSolution) -> TwoCameraStep:
-    """Return the step's corrections, mean strain and heights."""
+    """Return the corrections of both cameras, the mean strain and the heights of one step."""
     system, estimates, covariance = joint.system, joint.estimates, joint.covariance
     heights, plane = Heights.of(system.pairs, system.centres_mm), Plane(*map(float, estimates[8:]))
     plane_std = np.sqrt(np.diag(covariance)[8:])
@@ -156,7 +155,7 @@ def _step(measurements: tuple[Measurement, Measurement], joint: JointSolution) -
 
 
 def _height_maps(pairs: Pairs, heights: Heights) -> tuple[Float, Float]:
-    """Return heights and their standard deviations (noise alone) on the first camera's grid."""
+    """Return heights on the first camera's grid, and their standard deviations due to noise alone."""
     first = pairs.first
     maps = [np.full(first.use.shape, np.nan) for _ in range(2)]
     rows, columns = (axis[pairs.chosen] for axis in np.nonzero(first.use))

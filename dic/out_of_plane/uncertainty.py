@@ -1,8 +1,9 @@
 """Covariances of estimates that are weighted sums of displacements.
 
-A least-squares estimate is, to first order, a weighted sum of displacements. Its error is the same sum of the
-displacements' errors. These come from the noise of the images, which neighbours share where their subsets
-overlap, from interpolation, and from the calibration, which all points share.
+A least-squares estimate is, to first order, a weighted sum of displacements. The error of the estimate is the
+same weighted sum of the displacements' errors. These errors have three sources. The noise of the images gives
+correlated errors to points whose subsets overlap. Interpolation gives errors that vary slowly over the field.
+The errors of the calibration are common to all points.
 """
 
 from collections.abc import Sequence
@@ -16,25 +17,27 @@ from dic.strain.fit import covariance_of_sums, slopes_of
 from dic.typing import Float, Mask
 
 _SMOOTH_PX = 0.0004
-"""Displacement errors of interpolation. They change with the sub-pixel part of the displacement and are
-therefore common to whole areas of the field. Measured on rendered images by benchmarks.order."""
+"""Errors of the displacement due to interpolation, px; benchmarks.order measures them on rendered images.
+
+The errors change with the sub-pixel part of the displacement, so neighbouring points have similar errors.
+"""
 
 _DETERMINED = 1e8
-"""Largest condition number of normal equations that are solved."""
+"""Largest accepted condition number of the normal equations."""
 
 
 @dataclass(frozen=True)
 class Points:
-    """The valid points of a displacement field, and the propagation of their errors to weighted sums.
+    """The usable points of a displacement field, and the errors of weighted sums of their displacements.
 
     Attributes
     ----------
     displacement : Displacement
-        Calibrated, in mm.
+        Calibrated displacement, in mm.
     use : ndarray of bool, shape (rows, columns)
-        The points used; n of them.
+        True for the n points that are used: converged points inside the calibrated area.
     px : ndarray, shape (2, n, 2)
-        The points in the reference and in the deformed image.
+        Image points in the reference and in the deformed image.
     calibration : Calibration
     """
 
@@ -45,16 +48,16 @@ class Points:
 
     @property
     def before_mm(self) -> Float:
-        """Calibrated positions in the reference, (n, 2)."""
+        """Calibrated positions of the points in the reference, shape (n, 2)."""
         return self.displacement.position[self.use]
 
     @property
     def after_mm(self) -> Float:
-        """Calibrated positions in the deformed image, (n, 2)."""
+        """Calibrated positions of the points in the deformed image, shape (n, 2)."""
         return self.before_mm + self.displacement.vector[self.use]
 
     def determine(self, degree: int) -> bool:
-        """Return whether the points determine polynomials of this degree, 1 or 2."""
+        """Return True if the points determine polynomials of the given degree, which is 1 or 2."""
         centred = self.before_mm - self.before_mm.mean(axis=0)
         x, y = (centred / max(float(np.abs(centred).max(initial=0.0)), 1e-12)).T
         terms = [np.ones_like(x), x, y] + ([x * x, x * y, y * y] if degree == 2 else [])
@@ -62,28 +65,30 @@ class Points:
         return len(x) > len(terms) and bool(np.linalg.cond(design.T @ design) < _DETERMINED)
 
     def noise_covariance(self, weights: Float) -> Float:
-        """Return the covariance (p, p) of the sums Σ weights · displacement from noise.
+        """Return the covariance (p, p) that image noise causes in p weighted sums of the displacements.
 
         Parameters
         ----------
         weights : ndarray, shape (n, 2, p)
+            Weights of the displacements in the sums.
         """
         if self.displacement.noise is None:
-            raise ValueError("these displacements come without their noise")
+            raise ValueError("the noise of these displacements is unknown")
         on_grid = np.zeros((*self.use.shape, *weights.shape[1:]))
         on_grid[self.use] = weights
         return covariance_of_sums(on_grid, self.displacement.noise)
 
     def smooth_covariance(self, weights: Float) -> Float:
-        """Return the covariance (p, p) of the sums Σ weights · displacement from interpolation.
+        """Return the covariance (p, p) that interpolation causes in p weighted sums of the displacements.
 
-        The sub-pixel part of the displacement of a strained specimen varies over the field as slowly as the
-        displacement. These errors are therefore modelled as polynomials of first and second degree, with the
-        value `_SMOOTH_PX` at the outermost points.
+        Interpolation errors depend on the sub-pixel part of the displacement. In a strained specimen, this
+        sub-pixel part varies slowly over the field. So the errors are modelled as polynomials of first and
+        second degree, with the value `_SMOOTH_PX` at the outermost points.
 
         Parameters
         ----------
         weights : ndarray, shape (n, 2, p)
+            Weights of the displacements in the sums.
         """
         centred = self.before_mm - self.before_mm.mean(axis=0)
         x, y = (centred / np.abs(centred).max()).T
@@ -92,28 +97,31 @@ class Points:
         return np.asarray(factors @ factors.T)
 
     def calibration_factors(self, weights: Float) -> tuple[Float, Float]:
-        """Return the effect of calibration errors of unit variance on the sums and on the camera's centre.
+        """Return the effect of calibration errors on weighted sums of displacements and on camera centres.
 
-        Errors of a pinhole's map and centre are correlated: if the grid appears too large, the camera is
-        estimated too near. Errors of the bicubic map are taken as independent of the centre. A column belongs
-        to the same error for all fields that share a calibration.
+        The calibration has q independent sources of error with variance 1, one for each column of the
+        results. Each column belongs to the same source of error in all fields with the same calibration. For
+        the pinhole model, errors of the map and of the camera's centre are correlated: a grid that appears
+        too large gives a camera that is too near. For the bicubic map, the errors are assumed to be
+        independent of the centre.
 
         Parameters
         ----------
         weights : ndarray, shape (n, 2, p)
+            Weights of the displacements in the sums.
 
         Returns
         -------
         of_map : ndarray, shape (p, q)
-            F; errors of the map give the sums the covariance F Fᵀ.
+            A matrix F for the p weighted sums. The errors of the map give these sums the covariance F Fᵀ.
         of_centre : ndarray, shape (3, q)
-            The same for the centre, mm.
+            The matrix F for the three coordinates of the camera's centre, mm.
         """
         if self.calibration.pinhole is None:
             raise ValueError("this calibration knows no camera centre")
         before, after = (self.calibration.error_factors(px) for px in self.px)
-        # An error of the reference position x changes the expected position F x of the deformed point by F
-        # times it.
+        # With the deformation gradient F, an error dx of the reference position changes the expected deformed
+        # position by F dx.
         F = slopes_of(self.before_mm, self.after_mm - self.before_mm) + np.eye(2)
         of_map = np.einsum("nip,niq->pq", weights, after - F @ before)
         of_centre = self.calibration.pinhole.centre_factors()
@@ -124,7 +132,7 @@ class Points:
         return np.asarray(of_map), of_centre
 
     def covariance(self, weights: Float, by_centre: Float | None = None) -> Float:
-        """Return the covariance (p, p) of estimates from noise, interpolation and calibration together.
+        """Return the covariance (p, p) of estimates that noise, interpolation and calibration errors cause.
 
         Parameters
         ----------
@@ -140,7 +148,7 @@ class Points:
 
 
 def block_diagonal(blocks: Sequence[Float]) -> Float:
-    """Return the matrix with these blocks on its diagonal and 0 elsewhere."""
+    """Return the matrix with the given blocks on its diagonal and 0 elsewhere."""
     from scipy.linalg import block_diag
 
     return np.asarray(block_diag(*blocks))

@@ -1,1 +1,1 @@
-"""The processing steps from images or a run to results, in their order."""
+"""The processing of images or of a run file: calibrate, correlate, compute strain, correct, write files."""

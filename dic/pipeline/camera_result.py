@@ -17,13 +17,13 @@ class CameraResult:
     camera : str
     calibration : Calibration
     reference : ndarray of float32, shape (height, width)
-        The image with which all others are correlated.
+        The reference image, with which the images of all other steps are compared.
     steps : list of RunStep
-        The steps that could be measured.
+        The steps of the run that could be measured with this camera.
     measurements : list of Measurement
-        One per step.
+        One measurement for each element of `steps`.
     failures : list of str
-        One sentence per step that could not be measured.
+        One sentence per step that could not be measured; the sentence gives the reason.
     """
 
     camera: str

@@ -21,7 +21,7 @@ from dic.typing import Float, ImageLike, Mask, PathLike
 
 @dataclass(frozen=True)
 class SeriesImage:
-    """An image of a series, with its name and its expected motion.
+    """An image of a series, with its name and the expected motion of the specimen in the image.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class SeriesImage:
     label : str
         Name of the image in results.
     hint : ndarray, shape (3, 3), optional
-        Expected homography from the reference to this image, for example from `rigid_motion`.
+        Expected homography from the reference image to this image, for example from `rigid_motion`.
     """
 
     image: ImageLike
@@ -48,40 +48,42 @@ def measure_images(
     incremental: str = "auto",
     motion: Motion | str = "free",
 ) -> MeasuredSeries:
-    """Measure displacement and strain of images against their reference.
+    """Measure displacement and strain in images relative to a reference image.
 
-    An image that cannot be measured is named among the failures; the others are measured. For series that do
-    not fit into memory see `measure_series`.
+    If an image cannot be measured, the series goes on, and the result lists this image in `failures`. For
+    series that do not fit into memory use `measure_series`.
 
     Parameters
     ----------
     reference : ndarray, shape (height, width), or path
     images : iterable of ndarray, path or SeriesImage
-        The images in order; a single image is a series of one.
+        The images of the deformed specimen, in order. A single image may be given without a list.
     calibration : Calibration or path, optional
         Calibration of the camera, for results in millimetres. Without a calibration all results are in
         pixels.
     settings : CorrelationSettings, optional
-        Default: affine shape functions, quadratic ones for a rotation.
+        Settings of the correlation. Default: affine shape functions, or quadratic shape functions if the
+        motion is "rigid".
     strain : StrainSettings, optional
     region : ndarray of bool, shape (height, width), or path, optional
-        Region to measure. Default: all parts of the reference with texture.
+        Region to measure. Default: all parts of the reference image with texture.
     incremental : str
-        When to take a new reference: "auto" when the correlation drops, "never", or "always".
+        Rule for taking a new reference image: "auto" (when the correlation drops), "never", or "always" (at
+        every image).
     motion : Motion or str
-        Assumed motion of the specimen, used to correct calibrated strain: "free" (no correction), "rigid" or
-        "tension".
+        Assumed motion of the specimen, used to correct calibrated strain: "free" (no correction), "rigid"
+        (rotation without strain) or "tension" (uniform stretching with some bending).
 
     Raises
     ------
     MeasurementError
-        If reference, calibration, region or settings cannot be used.
+        If the reference image, the calibration, the region or a setting cannot be used.
     """
     motion = Motion(motion) if isinstance(motion, str) else motion
     if isinstance(calibration, str | Path):
         calibration = load_calibration(calibration)
     require_calibration(motion, calibration)
-    # The deformation of a rotating subset is not affine in an oblique view.
+    # If the camera looks at an angle, a rotation deforms a subset of the image in a way that is not affine.
     settings = settings or CorrelationSettings(shape="quadratic" if motion.kind == "rigid" else "affine")
     grey = grey_image(reference, "reference image")
     several = [images] if isinstance(images, SeriesImage) else one_by_one(images)
@@ -102,27 +104,29 @@ def measure_series(
     strain: StrainSettings | None = None,
     motion: Motion | None = None,
 ) -> Iterator[MeasuredImage]:
-    """Measure the images of a series lazily, one by one.
+    """Return an iterator that measures the images of a series one by one.
 
-    When the caller requests the next image, the previous image is released, except for the data that `Series`
-    needs. The series ends when the caller stops iterating.
+    The iterator reads and measures an image when the caller asks for the next result. The iterator keeps no
+    earlier image in memory, except for the data that `Series` needs. If the caller stops iterating, the
+    remaining images are not measured.
 
     Parameters
     ----------
     series : Series
-        The reference and the settings of the correlation.
+        The reference image and the settings of the correlation.
     images : iterable of ndarray, path or SeriesImage
-        The images; they are also read one by one.
+        The images of the deformed specimen; the function reads them one by one.
     calibration : Calibration, optional
     strain : StrainSettings, optional
     motion : Motion, optional
-        Assumed motion; calibrated strain is corrected for this motion, image by image. The correction of a
-        rotation needs all images together: see `corrected_rotation`.
+        Assumed motion of the specimen, used to correct the calibrated strain of each image. A rotation is not
+        corrected here, because its correction needs all images together: use `corrected_rotation`.
 
     Raises
     ------
     MeasurementError
-        If the arguments do not go together.
+        If an argument has the wrong type, the motion needs a calibration that is missing, or the calibration
+        belongs to images of another size.
     """
     require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=5)")
     require_calibration(motion, calibration)

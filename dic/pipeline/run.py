@@ -1,4 +1,4 @@
-"""The processing of a run file: calibrate every camera, correlate every step."""
+"""The processing of a run file: calibrate every camera and correlate the images of every step."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -17,26 +17,27 @@ from dic.pipeline.camera_result import CameraResult
 from dic.pipeline.images import SeriesImage, measure_series
 from dic.pipeline.run_corrections import CorrectionSettings, RunCorrections, correct_run
 from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
+from dic.runfile.joined import open_run
 from dic.runfile.reader import RunFile, RunInfo, RunStep
 from dic.strain.strain import StrainSettings
-from dic.targets.line_grid.find import find_grid
+from dic.targets.find import CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget, Target, find_target
 from dic.typing import Float, Mask, PathLike
 
 
 @dataclass(frozen=True)
 class RunResult:
-    """All measurements and corrections of a run; the measurements do not include the reference step.
+    """All measurements and corrections of a run. There is no measurement of the reference step itself.
 
     Attributes
     ----------
     source : str
-        The run file.
+        Path of the run file.
     info : RunInfo
     settings : CorrelationSettings
     correcting : CorrectionSettings
     cameras : list of CameraResult
     corrections : RunCorrections
-        Corrections of the strains for motion out of the grid's plane.
+        Corrections of the strains for motion out of the calibration grid's plane.
     """
 
     source: str
@@ -51,7 +52,10 @@ class RunResult:
         return "\n".join([f"RunResult of {self.source}, {self.info.title!r}, {self.info.status}", *lines])
 
     def series(self, camera: str) -> MeasuredSeries:
-        """Return a camera's measurements as from `measure_images`, each step with its best correction.
+        """Return a camera's results in the form that `measure_images` returns.
+
+        Each step has its best correction: the correction by two cameras together if the step has one, else
+        the correction by this camera alone.
 
         Parameters
         ----------
@@ -92,39 +96,41 @@ def process_run(
     Parameters
     ----------
     path : path
-        The file of a finished or a killed run.
+        The run file. The run may have been killed before its end.
     settings : CorrelationSettings, optional
-        Default: quadratic shape functions.
+        Settings of the correlation. Default: quadratic shape functions.
     strain : StrainSettings, optional
     correcting : CorrectionSettings, optional
     incremental : str
-        When a camera takes a new reference: "auto" when its correlation drops, "never", or "always".
+        Rule for taking a new reference image in the series of a camera: "auto" (when the correlation drops),
+        "never", or "always" (at every image).
     on_image : callable, optional
-        Called after each image.
+        Function that is called after each image.
     on_count : callable, optional
-        Called with the number of images before the first image.
+        Function that is called once, before the first image, with the number of images.
 
     Raises
     ------
     MeasurementError
-        If the file cannot be read, a grid is not found, or a camera's reference cannot be used. A single step
-        that cannot be correlated is named in `failures` instead.
+        If the file cannot be read, a calibration grid is not found, or the reference image of a camera cannot
+        be used. A step that cannot be correlated raises no error: `CameraResult.failures` lists the step.
     """
     Series.require_incremental(incremental)
     require_kind("settings", settings, CorrelationSettings | None, "give dic.CorrelationSettings()")
     require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=5)")
     require_kind("correcting", correcting, CorrectionSettings | None, "give dic.CorrectionSettings()")
-    # The deformation of a rotating or growing subset is not affine in an oblique view.
+    # If the camera looks at an angle, a rotation or a stretch of the specimen deforms a subset of the image
+    # in a way that is not affine.
     settings = settings or CorrelationSettings(shape="quadratic")
     strain = strain or StrainSettings()
-    with RunFile(path) as run:
+    with open_run(path) as run:
         run.step_of_kind("grid")
         run.step_of_kind("reference")
         correcting = correcting or CorrectionSettings()
         kinds = {step.kind for step in run.series()[1:]}
         correcting.require_use(str(path), list(run.cameras), kinds)
         on_count(len(run.cameras) * (len(run.series()) - 1))
-        # The compiled kernel releases the interpreter's lock, so threads use all cores.
+        # Threads can use all cores, because the compiled correlation releases Python's global lock.
         with ThreadPoolExecutor() as pool:
             stopped = Event()
             tasks = [
@@ -134,8 +140,8 @@ def process_run(
             try:
                 cameras = [task.result() for task in tasks]
             except BaseException:
-                # The pool waits for its threads: without this line an interrupt takes as long as the whole
-                # run.
+                # The pool waits for its threads to finish. Tell them to stop; otherwise the program would
+                # process the whole run before it ends after Ctrl-C.
                 stopped.set()
                 raise
         corrections = correct_run(cameras, correcting)
@@ -178,14 +184,34 @@ def _calibrate(run: RunFile, camera: str) -> Calibration:
     image = run.image(camera, run.step_of_kind("grid"))
     source = f"{run.path}: {camera}"
     try:
-        grid = find_grid(image, lines=run.grid_lines, pitch_mm=run.grid_pitch_mm)
+        grid = find_target(image, _target(run), source)
     except CalibrationError as error:
         raise CalibrationError(source, error.step, error.expected, error.got, error.remedy) from error
     return Calibration.fit(grid, image.shape, source)
 
 
+def _target(run: RunFile) -> Target:
+    counts, pitch_mm = run.grid_lines, run.grid_pitch_mm
+    match run.grid_target:
+        case "lines":
+            return LineGridTarget(counts, pitch_mm)
+        case "checkerboard":
+            return CheckerboardTarget(counts, pitch_mm)
+        case "charuco":
+            return CharucoTarget(counts, pitch_mm, run.grid_marker_mm, run.grid_dictionary)
+        case "dots":
+            return DotTarget(counts, pitch_mm)
+    raise CalibrationError(
+        str(run.path),
+        "find target",
+        "lines, checkerboard, charuco or dots",
+        repr(run.grid_target),
+        "process the run with the version of offaxis that recorded it, or a newer one",
+    )
+
+
 def _calibrated_region(calibration: Calibration, shape: tuple[int, ...]) -> Mask:
-    """Return the pixels within the calibrated area; the paper allows points only there."""
+    """Return a mask of the calibrated area, in which all points of interest must lie."""
     height, width = shape
     x, y = np.meshgrid(np.arange(width), np.arange(height))
     pixels = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
@@ -193,7 +219,7 @@ def _calibrated_region(calibration: Calibration, shape: tuple[int, ...]) -> Mask
 
 
 class _Turn:
-    """The image motion expected from the stage's angle and the calibration."""
+    """Prediction of the specimen's motion in the image from the angle of the rotation stage."""
 
     def __init__(self, calibration: Calibration, start_deg: float) -> None:
         import cv2
@@ -204,7 +230,7 @@ class _Turn:
         self._start_deg = start_deg
 
     def hint(self, step: RunStep) -> Float | None:
-        """Return the homography of a turn about the grid's centre, or None without a stage."""
+        """Return the homography of a rotation about the grid's centre; None if the run has no stage angle."""
         turned = np.radians(step.angle_deg - self._start_deg)
         if not np.isfinite(turned):
             return None

@@ -1,4 +1,4 @@
-"""Corrections of a run's strains for out-of-plane motion: by each camera, and by two together."""
+"""Corrections of a run's strains for out-of-plane motion: by each camera alone, and by two together."""
 
 import json
 from collections.abc import Mapping, Sequence, Set
@@ -23,9 +23,10 @@ class CorrectionSettings:
     Attributes
     ----------
     poisson_ratio : float
-        Poisson's ratio of the specimen, for its bending in tension.
+        Poisson's ratio of the specimen; the correction in tension uses it for the bent shape of the specimen.
     alignments : mapping of str to Alignment
-        Alignments by camera, solved before on the same fixture, for rotations.
+        For rotations: the known alignment of each camera, keyed by the camera's name. An alignment comes from
+        an earlier rotation on the same fixture.
 
     Raises
     ------
@@ -40,11 +41,13 @@ class CorrectionSettings:
         require_all(CorrelationError, "settings", [poisson_check(self.poisson_ratio)])
 
     def require_use(self, source: str, cameras: Sequence[str], kinds: Set[str]) -> None:
-        """Refuse alignments that a run with these cameras and kinds of steps cannot use.
+        """Raise an error if a run with these cameras and kinds of steps cannot use the given alignments.
 
         Raises
         ------
         CorrelationError
+            If an alignment is given for a camera that the run does not have, or if the run has steps other
+            than rotations.
         """
         unknown = sorted(set(self.alignments) - set(cameras))
         if unknown:
@@ -57,7 +60,7 @@ class CorrectionSettings:
         raise CorrelationError(source, "apply alignment", expected, got, remedy)
 
     def as_text(self) -> str:
-        """Return the settings as JSON, for a result file."""
+        """Return the settings as JSON text for the result file."""
         alignments = {
             name: {key: np.asarray(value).tolist() for key, value in vars(alignment).items()}
             for name, alignment in self.alignments.items()
@@ -66,7 +69,7 @@ class CorrectionSettings:
 
     @classmethod
     def from_text(cls, text: str) -> "CorrectionSettings":
-        """Read settings written by `as_text`."""
+        """Return the settings from the JSON text that `as_text` returned."""
         content = json.loads(text)
         alignments = {
             name: Alignment(**{key: np.array(value, np.float64) for key, value in values.items()})
@@ -77,16 +80,16 @@ class CorrectionSettings:
 
 @dataclass(frozen=True)
 class JointCorrections:
-    """Corrections by two cameras together: the joint solution of each step.
+    """Corrections that use the images of two cameras together, with one solution for each step.
 
     Attributes
     ----------
     cameras : tuple of str
         Names of the cameras; the camera with the larger off-axis angle comes first.
     steps : dict of int to TwoCameraStep
-        Joint solutions by number of the step, in the order of the run.
+        Solution of each step for both cameras together, keyed by the step's number, in the order of the run.
     findings : list of str
-        Sentences on the set-up.
+        Sentences about the set-up of the test that follow from the corrections.
     """
 
     cameras: tuple[str, str]
@@ -99,18 +102,21 @@ class JointCorrections:
 
 @dataclass(frozen=True)
 class RunCorrections:
-    """The corrections of a run for motion out of the grid's plane, and the findings on its set-up.
+    """The corrections of a run for motion out of the calibration grid's plane, and findings on the set-up.
 
     Attributes
     ----------
     motion : str
-        "rigid", "tension", or "free" if the kinds of the steps do not determine the motion.
+        Motion of the specimen: "rigid", "tension", or "free" if the kinds of the steps do not determine the
+        motion.
     cameras : dict of str to Corrections
-        Corrections by each camera alone, in the order of its measurements.
+        Corrections by each camera alone, keyed by the camera's name, in the order of the camera's
+        measurements.
     findings : dict of str to list of str
-        Sentences on the set-up, by camera.
+        Sentences about the set-up of the test, keyed by the camera's name.
     joint : JointCorrections or None
-        Corrections by two cameras; None if no two cameras could be used together.
+        Corrections by two cameras together. None if the motion is not "tension", or fewer than two cameras
+        have a pinhole model.
     """
 
     motion: str
@@ -122,7 +128,10 @@ class RunCorrections:
         return f"RunCorrections({self.motion}, {', '.join(self.cameras)}, {self.joint})"
 
     def best(self, camera: str, step: int, place: int) -> Correction:
-        """Return the joint correction of a camera's step if it applies, else that by the camera alone.
+        """Return the best correction of a step.
+
+        The best correction is the correction by two cameras together if the step has one, else the correction
+        by this camera alone.
 
         Parameters
         ----------
@@ -130,7 +139,7 @@ class RunCorrections:
         step : int
             Number of the step.
         place : int
-            Index of the step among the camera's measurements.
+            Index of the step in the camera's list of measurements.
         """
         joint = self.joint
         if joint is not None and camera in joint.cameras and step in joint.steps:
@@ -141,7 +150,7 @@ class RunCorrections:
 
 
 def correct_run(cameras: Sequence[CameraResult], settings: CorrectionSettings) -> RunCorrections:
-    """Correct all measurements of a run."""
+    """Correct the strains of all measurements of a run for out-of-plane motion."""
     motion = motion_of({step.kind for camera in cameras for step in camera.steps})
     corrected, findings = {}, {}
     for camera in cameras:
@@ -155,7 +164,7 @@ def correct_run(cameras: Sequence[CameraResult], settings: CorrectionSettings) -
 
 
 def motion_of(kinds: Set[str]) -> str:
-    """Return the specimen's motion according to the kinds of a run's steps."""
+    """Return the specimen's motion, "free", "rigid" or "tension", from the kinds of a run's steps."""
     if "rotation" in kinds:
         return "free" if kinds & {"load", "displacement"} else "rigid"
     return "tension" if kinds & {"load", "displacement"} else "free"
@@ -185,7 +194,8 @@ def _pair(cameras: Sequence[CameraResult]) -> tuple[CameraResult, CameraResult] 
     ]
     if len(aside) < 2:
         return None
-    # The parallax of two cameras is the difference of their tangents.
+    # Two cameras measure the height of a point by parallax. The parallax is proportional to the difference of
+    # the tangents of their viewing angles.
     pair = max(combinations(aside, 2), key=lambda both: float(np.linalg.norm(both[0][0] - both[1][0])))
     second, first = sorted(pair, key=lambda camera: float(np.linalg.norm(camera[0])))
     return first[1], second[1]

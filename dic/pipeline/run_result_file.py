@@ -1,4 +1,4 @@
-"""The result file of a run: all results of `process_run`; a report needs no other file."""
+"""The result file of a run: it holds all results of `process_run`, and a report needs no other file."""
 
 from dataclasses import asdict, fields, replace
 from pathlib import Path
@@ -9,7 +9,8 @@ import numpy as np
 
 from dic.calibration.file import read_calibration, write_calibration
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import RunFileError
+from dic.errors import MeasurementError, RunFileError
+from dic.hdf5.open import NotReadable, open_hdf5
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correct import Corrections
 from dic.pipeline.camera_result import CameraResult
@@ -30,12 +31,12 @@ _ALIGNMENT_UNITS = {"slopes": "1", "covariance": "1", "pivot_mm": "mm"}
 
 
 def save_run_result(result: RunResult, path: PathLike) -> None:
-    """Write the result file of a run; layout in `docs/results.md`.
+    """Write the result file of a run. `docs/results.md` describes the layout of the file.
 
     Raises
     ------
     RunFileError
-        If the file cannot be written.
+        If the file cannot be created.
     """
     corrections = result.corrections
     with ResultWriter(Path(path)) as writer:
@@ -52,30 +53,32 @@ def save_run_result(result: RunResult, path: PathLike) -> None:
 
 
 def load_run_result(path: PathLike) -> RunResult:
-    """Read the result file of a run without recomputing stored values.
+    """Read the result file of a run. Stored values are not computed again.
 
-    Values missing in files of earlier versions are computed anew. Calibrated displacements lack the gradients
-    and errors from which strain was computed; `measure` computes these anew.
+    Files of earlier versions lack some values, which are computed when the file is read. Result files do not
+    store the gradients and the errors of calibrated displacements. Call `dic.measure` to compute these
+    gradients and errors.
 
     Raises
     ------
     RunFileError
-        If the file is missing, cut off, or no result file of a run.
+        If the file is missing or cut off, or is not the result file of a run.
     """
     path = Path(path)
-    if not path.is_file():
-        raise _refusal(path, "no such file")
     try:
-        with h5py.File(path, "r") as file:
+        with open_hdf5(path) as file:
             if file.attrs.get("file_format") != FORMAT or "run" not in file:
                 raise _refusal(path, "an HDF5 file of another kind")
             if file.attrs["file_format_version"] != VERSION:
                 raise _refusal(path, f"version {file.attrs['file_format_version']}, newer than this program")
             return _read_run(file)
-    except (KeyError, TypeError) as error:
-        raise _refusal(path, "a result file that lacks some of its data") from error
-    except OSError as error:
-        raise _refusal(path, "a file that was cut off or is no HDF5") from error
+    except NotReadable as error:
+        raise _refusal(path, str(error)) from error
+    except MeasurementError:
+        raise
+    except Exception as error:
+        # A damaged file can cause any exception here. Everything in this block only reads the file.
+        raise _refusal(path, f"a result file that lacks some of its data ({type(error).__name__})") from error
 
 
 def _write_camera(writer: ResultWriter, camera: CameraResult, corrections: RunCorrections) -> None:
@@ -112,7 +115,8 @@ def _read_run(file: h5py.File) -> RunResult:
     correcting = CorrectionSettings.from_text(attributes.pop("correcting"))
     settings = CorrelationSettings(**attributes)
     cameras = [_read_camera(name, group) for name, group in file["cameras"].items()]
-    # Older files lack the motion, alignments, findings and steps of two cameras.
+    # Files of earlier versions do not store the motion, the alignments, the findings and the results of two
+    # cameras together.
     anew = None if "motion" in run else correct_run(cameras, correcting)
     corrected = {c.camera: _read_corrections(file["cameras"][c.camera], c, anew) for c in cameras}
     if anew is not None:
@@ -161,7 +165,7 @@ def _read_texts(group: h5py.Group, name: str) -> list[str]:
 
 
 def _plain(value: Any) -> Any:
-    """Return an HDF5 attribute as a plain Python value."""
+    """Return a NumPy scalar from an HDF5 file as a Python number; return other values unchanged."""
     return value.item() if isinstance(value, np.generic) else value
 
 

@@ -1,4 +1,4 @@
-"""Corrections of a series of images for motion out of the grid's plane, where the motion is known."""
+"""Corrections of a series of images for motion out of the calibration grid's plane."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,11 +11,12 @@ from dic.pipeline.series_result import MeasuredImage
 
 
 def require_calibration(motion: Motion | None, calibration: Calibration | None) -> None:
-    """Refuse a motion whose correction needs a calibration if there is no calibration.
+    """Raise an error if the motion is to be corrected but there is no calibration.
 
     Raises
     ------
     CorrelationError
+        If the motion is not "free" and there is no calibration, or an argument has the wrong type.
     """
     require_kind("motion", motion, Motion | None, 'give dic.Motion("tension")')
     require_kind("calibration", calibration, Calibration | None, "read it with dic.load_calibration(path)")
@@ -30,7 +31,10 @@ def require_calibration(motion: Motion | None, calibration: Calibration | None) 
 
 
 def corrected(image: MeasuredImage, calibration: Calibration | None, motion: Motion | None) -> MeasuredImage:
-    """Return an image with its correction; not for a rotation, whose correction needs all images."""
+    """Return the image with its correction. An image of a rotating specimen is returned without a correction.
+
+    The correction of a rotation needs all images: `corrected_rotation` computes it.
+    """
     if image.measurement is None or calibration is None or motion is None or motion.kind == "rigid":
         return image
     return replace(image, correction=correct([image.measurement], calibration, motion).images[0])
@@ -44,9 +48,10 @@ def corrected_rotation(
     Returns
     -------
     list of MeasuredImage
-        The same images with their corrections.
+        The given images, each with its correction.
     Alignment or None
-        Alignment of specimen and stage: the solved one if there is one, else the given one.
+        Alignment of the specimen on the rotation stage: solved from the images if possible, else the
+        alignment of the given motion.
     """
     measurements = [image.measurement for image in images if image.measurement is not None]
     found = correct(measurements, calibration, motion)

@@ -1,4 +1,4 @@
-"""The output files of `dic correlate`; each file is written only on request."""
+"""The output files of `dic correlate`. Each kind of file is written only if the user names a place for it."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -15,9 +15,10 @@ from dic.typing import Grey
 
 
 class SeriesFiles:
-    """The names of a series' output files; each file is written only on request.
+    """The paths of the output files of a series of images.
 
-    A number distinguishes images of the same name (from several folders, or given twice).
+    If several images have the same name, for example in different folders, the names of their output files
+    begin with the number of the image.
     """
 
     def __init__(
@@ -40,12 +41,12 @@ class SeriesFiles:
         self.maps = [] if maps_folder is None else [maps_folder / f"{name}.png" for name in names]
 
     def all(self) -> list[Path]:
-        """Return every file of the series."""
+        """Return the paths of all output files of the series."""
         return [*([] if self.output is None else [self.output]), *self.csv, *self.maps]
 
 
 class SeriesOutputs:
-    """Writes the files of a series, image by image."""
+    """A writer that adds the images of a series to its output files one by one."""
 
     def __init__(self, reference: Grey, settings: CorrelationSettings, files: SeriesFiles) -> None:
         self._reference, self._settings, self._files = reference, settings, files
@@ -61,7 +62,7 @@ class SeriesOutputs:
             self._writer.__exit__(*error)
 
     def write(self, number: int, measurement: Measurement) -> None:
-        """Write the measurement of the image `number` to every requested file."""
+        """Write a measurement to its output files; `number` is the image's index in the series, from 0."""
         if self._writer is not None:
             self._writer.add("series", measurement)
         if self._files.csv:
@@ -72,6 +73,6 @@ class SeriesOutputs:
             write_maps(measurement, self._reference, self._files.maps[number], title=title)
 
     def write_corrections(self, corrections: Sequence[Correction]) -> None:
-        """Write the corrections of the images when all are known."""
+        """Write the corrections of all images to the result file; call this once, after the last image."""
         if self._writer is not None and corrections:
             self._writer.add_corrections("series", corrections)

@@ -18,13 +18,13 @@ class MeasuredImage:
     Attributes
     ----------
     label : str
-        The image's file, or its given name.
+        The path of the image file, or the name that the caller gave to the image.
     measurement : Measurement or None
-        None if the image could not be measured.
+        Displacements and strains of the image; None if the image could not be measured.
     correction : Correction or None
-        Correction of a calibrated measurement for motion out of the grid's plane.
+        Correction of the calibrated strain for motion out of the calibration grid's plane.
     failure : str or None
-        One sentence on why the image could not be measured.
+        The reason why the image could not be measured, as one sentence.
     """
 
     label: str
@@ -38,7 +38,7 @@ class MeasuredImage:
 
     @property
     def mean(self) -> MeanStrain:
-        """Mean strain: corrected if the correction applies, else calibrated, else raw.
+        """Mean strain of the image: the corrected strain if there is one, else the calibrated or raw strain.
 
         Raises
         ------
@@ -49,7 +49,13 @@ class MeasuredImage:
 
     @property
     def strain(self) -> StrainField:
-        """Local strain: corrected if the correction applies, else calibrated, else raw; raises as `mean`."""
+        """Local strain of the image: the corrected strain if there is one, else the calibrated or raw strain.
+
+        Raises
+        ------
+        CorrelationError
+            If the image could not be measured.
+        """
         return self._measured.strain if self._corrected is None else self._corrected.strain
 
     @property
@@ -67,17 +73,18 @@ class MeasuredImage:
 
 @dataclass(frozen=True)
 class MeasuredSeries:
-    """The images of a series, measured.
+    """The results of a series of images.
 
     Attributes
     ----------
     reference : ndarray of float32, shape (height, width)
+        The reference image.
     images : tuple of MeasuredImage
-        All images in order, including those that could not be measured.
+        The results of all images in order, including the images that could not be measured.
     alignment : Alignment or None
-        Alignment of specimen and stage, if the motion is a rotation that determines the alignment.
+        Alignment of the specimen on the rotation stage; None if the alignment is not known.
     sensitivity : Sensitivity or None
-        False strain of the calibrated camera per motion out of the grid's plane.
+        False strain that a small motion of the specimen out of the calibration grid's plane causes.
     """
 
     reference: Grey
@@ -91,7 +98,7 @@ class MeasuredSeries:
 
     @property
     def measurements(self) -> tuple[Measurement, ...]:
-        """Measurements of the images that could be measured."""
+        """The measurements of all images that could be measured."""
         return tuple(image.measurement for image in self.images if image.measurement is not None)
 
     @property

@@ -21,34 +21,37 @@ def calibrate_images(
     known: KnownCamera | None = None,
     model: Model | Literal["recommended"] = "bicubic",
 ) -> Calibration:
-    """Find a calibration target in images and fit the map from pixels to millimetres.
+    """Find a calibration target in images and fit the calibration, the map from pixels to millimetres.
 
     Parameters
     ----------
     images : ndarray, shape (height, width), or path, or several of them
-        Images by one camera. The target in the first image defines the plane; further images of the tilted
-        target improve the pinhole model.
+        Images by one camera. The target in the first image defines the plane of the measurement. More images,
+        of the tilted target, improve the pinhole model.
     target : Target, optional
-        Kind and size. Default: the paper's line grid.
+        Kind and size of the target. Default: the line grid of Helm and Deaner's paper, with 21 × 21 lines.
     x_axis : str or float, optional
-        Direction of X in the first image, as for `find_target`.
+        Direction of the target's X axis in the first image, as for `find_target`.
     origin_px : tuple of float, optional
-        Approximate position of a line grid's middle in the first image, as for `find_target`.
+        Approximate position, in the first image, of the middle of a line grid, as for `find_target`.
     known : KnownCamera, optional
+        Known properties of the camera and the lens, for the pinhole model.
     model : str
-        The map that the calibration uses: "bicubic" (the paper's), "pinhole", or "recommended".
+        The map that the calibration uses: "bicubic" (the map of Helm and Deaner), "pinhole", or
+        "recommended".
 
     Raises
     ------
     MeasurementError
-        If an image cannot be read or does not show the target, or the images differ in size.
+        If an image cannot be read, an image does not show the target, or the images differ in size.
     """
     given = list(one_by_one(images))
     names = [name_of(image, f"target image {k}") for k, image in enumerate(given, 1)]
     greys = [grey_image(image, name) for image, name in zip(given, names, strict=True)]
     _require_same_size(greys, names)
     first = find_target(greys[0], target, names[0], x_axis=x_axis, origin_px=origin_px)
-    # The other images determine the lens only, and the lens does not depend on the names of the axes.
+    # The other images determine only the parameters of the lens, which do not depend on the directions of X
+    # and Y.
     others = [find_target(grey, target, name) for grey, name in zip(greys[1:], names[1:], strict=True)]
     calibration = Calibration.fit([first, *others], greys[0].shape, names[0], known=known)
     return calibration.using(calibration.recommended if model == "recommended" else model)

@@ -1,1 +1,1 @@
-"""Is an image good enough to be measured? Speckles, noise, light and focus."""
+"""The quality of an image for the measurement: speckles, noise, light and focus."""

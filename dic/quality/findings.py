@@ -1,7 +1,8 @@
-"""The limits that a good image keeps, and what to do if an image exceeds them.
+"""Limits for the quality of an image, and a remedy for each limit that an image exceeds.
 
-The limits are those of the International Digital Image Correlation Society, "A Good Practices Guide for
-Digital Image Correlation", 2018, DOI 10.32720/idics/gpg.ed1, where the guide gives any.
+The limits are those of a published guide, where the guide gives a limit: International Digital Image
+Correlation Society, "A Good Practices Guide for Digital Image Correlation", 2018, DOI
+10.32720/idics/gpg.ed1.
 """
 
 import numpy as np
@@ -10,20 +11,20 @@ from dic.quality.picture import Picture
 from dic.quality.quality import SPECKLES_PER_SUBSET, Quality
 
 FINEST_SPECKLE_PX = 3.0
-"""Finer speckles cover too few pixels: they alias, and aliasing causes a bias."""
+"""Smallest good size of a speckle. A smaller speckle is aliased, which causes a bias of the displacement."""
 
 BARE_SHARE = 0.02
-"""Largest share of subsets without a pattern."""
+"""Largest acceptable share of subsets that show no pattern."""
 CLIPPED_SHARE = 0.01
 LEAST_CONTRAST = 0.2
 WORST_BLUR_PX = 2.0
 UNEVEN_BLUR = 1.5
-"""Largest ratio of the worst to the median blur."""
+"""Largest acceptable ratio of the blur in the worst ninth of the image to the median blur."""
 LEAST_WHITENESS = 0.7
 
 
 def quality_findings(quality: Quality) -> list[str]:
-    """Return a sentence for each limit that an image exceeds, with what to do; empty if it is good."""
+    """Return one sentence, with a remedy, for each quality limit that an image exceeds."""
     return [
         *_pattern_findings(quality),
         *_light_findings(quality),
@@ -33,7 +34,7 @@ def quality_findings(quality: Quality) -> list[str]:
 
 
 def picture_findings(picture: Picture) -> list[str]:
-    """Return the same sentences for the light and the focus alone, for a picture without a pattern."""
+    """Return sentences on light and focus, with remedies, for a picture with or without a pattern."""
     return [*_light_findings(picture), *_focus_findings(picture)]
 
 

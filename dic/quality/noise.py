@@ -5,13 +5,14 @@ import numpy as np
 from dic.errors import CorrelationError
 from dic.typing import Grey, Mask
 
-# The fourth difference along both axes keeps only the highest spatial frequencies. The optics do not transmit
-# these, so they contain noise but no texture.
+# The fourth difference along both axes keeps only the highest spatial frequencies. The lens does not transmit
+# these frequencies, so they contain noise but no texture.
 _FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
 _NORMAL_MAD = 0.6745
-# Largest motion between two images of the specimen at rest.
+# Two images count as images of the specimen at rest if the specimen has moved by at most this distance.
 _AT_REST_PX = 0.1
-# Largest noise of two such images, relative to the standard deviation of the grey levels.
+# Two images show the same picture if their noise is at most this multiple of the grey levels' standard
+# deviation.
 _OF_TEXTURE = 0.5
 
 
@@ -19,15 +20,16 @@ def noise_of_one(grey: Grey, region: Mask) -> float:
     """Return the standard deviation of an image's noise, in grey levels. The noise is assumed to be white.
 
     The method follows J. Immerkær, "Fast noise variance estimation", Computer Vision and Image Understanding
-    64 (1996) 300-302. It uses a higher difference, on which fine speckles have less influence, and the
-    median, on which edges have less influence. Noise that the camera has smoothed (colour mosaics,
-    compression) is underestimated.
+    64 (1996) 300-302, with two changes. Differences of higher order reduce the influence of fine speckles,
+    and a median reduces the influence of edges. If a colour mosaic or compression has smoothed the noise, the
+    result is too small.
 
     Parameters
     ----------
     grey : ndarray, shape (height, width)
     region : ndarray of bool, shape (height, width)
-        Pixels to use. Pixels at the image's lowest or highest grey level are left out: they may be clipped.
+        Pixels to use. The function leaves out pixels with the lowest or the highest grey level of the image,
+        because they may be clipped, and the pixels around them.
     """
     import cv2
 
@@ -39,9 +41,10 @@ def noise_of_one(grey: Grey, region: Mask) -> float:
 
 
 def noise_of_two(first: Grey, second: Grey, slopes: tuple[Grey, Grey], region: Mask) -> tuple[float, float]:
-    """Return the noise of two images of the specimen at rest, and how white it is.
+    """Return the noise of an image and the whiteness of the noise, from two images of a specimen at rest.
 
-    A change of light and a small motion between the images are fitted and removed from their difference.
+    The noise follows from the difference of the two images, after a change of light and a small motion have
+    been fitted and removed.
 
     Parameters
     ----------
@@ -56,20 +59,21 @@ def noise_of_two(first: Grey, second: Grey, slopes: tuple[Grey, Grey], region: M
     noise : float
         Standard deviation of one image's noise, grey levels.
     whiteness : float
-        Noise at the highest spatial frequencies divided by `noise`: 1 if the noise of neighbouring pixels is
-        independent, less if the camera has smoothed the image.
+        Noise at the highest spatial frequencies divided by `noise`. The whiteness is 1 if the noise of
+        neighbouring pixels is independent, and less if the camera has smoothed the image.
 
     Raises
     ------
     CorrelationError
-        If the specimen has moved by more than 0.1 px, or the images show different things.
+        If the specimen has moved by more than 0.1 px, or the two images show different objects.
     """
     change = (second - first)[region].astype(np.float64)
     grey = first[region].astype(np.float64)
     terms = np.column_stack([np.ones(grey.size), grey, *(slope[region] for slope in slopes)])
-    known = np.linalg.solve(terms.T @ terms, terms.T @ change)
+    # least squares of least norm, because an image of one grey level leaves the factors open
+    known = np.linalg.lstsq(terms.T @ terms, terms.T @ change, rcond=None)[0]
     rest = change - terms @ known
-    # The change of light multiplies the first image, and so its noise, by 1 + known[1].
+    # The fit multiplies the grey levels of the first image, and therefore their noise, by 1 + known[1].
     both = np.hypot(1.0, 1.0 + known[1])
     noise = float(rest.std() / both)
     moved = float(np.hypot(*known[2:]))

@@ -1,9 +1,10 @@
 """The noise floor: the standard deviation of displacements that image noise causes, predicted from one image.
 
-White noise of standard deviation σ in both images causes a standard deviation of √2 σ / √SSSIG. SSSIG is the
-sum of squared subset intensity gradients: B. Pan, H. Xie, Z. Wang, K. Qian, Z. Wang, "Study on subset size
-selection in digital image correlation for speckle patterns", Optics Express 16 (2008) 7037-7048. The other
-parameters of the shape function and the noise of the gradients increase it; this module includes both.
+White noise of standard deviation σ in both images gives the displacement of a subset a standard deviation of
+√2 σ / √SSSIG. SSSIG is the sum of squared subset intensity gradients: B. Pan, H. Xie, Z. Wang, K. Qian, Z.
+Wang, "Study on subset size selection in digital image correlation for speckle patterns", Optics Express 16
+(2008) 7037-7048. Two effects make the standard deviation larger than this value: the fit of further
+parameters of the shape function, and the noise of the gradients. This module includes both effects.
 """
 
 from collections.abc import Iterator
@@ -17,12 +18,15 @@ from dic.typing import Float, Indices, Mask
 
 _POINTS = 150
 _WIDEST_PX = 151
-# Least share of a subset's pixels that must lie in the region.
+# Smallest share of a subset's pixels that must lie in the region of interest.
 _LEAST_SHARE = 0.5
 
 
 def sample_points(centres: Mask, subset_px: int) -> Indices:
-    """Return about 150 points (n, 2), spread evenly over the `centres` whose subset is in the image."""
+    """Return about 150 points, shape (n, 2), spread evenly over the mask `centres`.
+
+    The subset of every point lies completely within the image.
+    """
     r, (height, width) = subset_px // 2, centres.shape
     allowed = np.zeros_like(centres)
     allowed[r : height - r, r : width - r] = centres[r : height - r, r : width - r]
@@ -32,7 +36,10 @@ def sample_points(centres: Mask, subset_px: int) -> Indices:
 
 
 def squared_gradients(spline: SplineImage, points: Indices, region: Mask, subset_px: int) -> Float:
-    """Return each subset's sums of squared gradients along x and y, (n, 2), not corrected for noise."""
+    """Return the sums of squared grey level gradients along x and y in each subset, shape (n, 2).
+
+    The sums include the gradients that noise causes.
+    """
     subsets = _subsets([*spline.gradient(), region], points, subset_px)
     return np.array([[(use * fx**2).sum(), (use * fy**2).sum()] for fx, fy, use in subsets])
 
@@ -44,13 +51,14 @@ def predicted_std(
     region: Mask,
     settings: CorrelationSettings,
 ) -> Float:
-    """Return the noise floor: the standard deviations of u and v, px, that image noise causes at points.
+    """Return the noise floor at points: the standard deviations of u and v, px, that image noise causes.
 
-    The covariance of IC-GN's parameters is σ² (H⁻¹ + H⁻¹ Ĥ H⁻¹). Ĥ is the Hessian of the normalised
-    criterion, computed from the noisy gradients; H is the Hessian without the noise of the gradients. The
-    first term comes from the noise of the reference image. (The gradient at a pixel does not depend on the
-    noise of that pixel, because derivative filters are odd.) The second term comes from the noise of the
-    deformed image.
+    The correlation (IC-GN, inverse compositional Gauss-Newton) fits the parameters of the shape function.
+    Noise of standard deviation σ gives these parameters the covariance σ² (H⁻¹ + H⁻¹ Ĥ H⁻¹). The matrix Ĥ is
+    the Hessian of the normalised criterion, computed from the noisy gradients; H is the same Hessian without
+    the noise of the gradients. The term H⁻¹ Ĥ H⁻¹ comes from the noise of the deformed image. The term H⁻¹
+    comes from the noise of the reference image. The term H⁻¹ does not contain Ĥ, because the gradient at a
+    pixel does not depend on the noise of the same pixel (derivative filters are odd).
 
     Parameters
     ----------
@@ -59,16 +67,17 @@ def predicted_std(
     noise : float
         Standard deviation of the white noise of one image, grey levels.
     points : ndarray of int, shape (n, 2)
-        x and y; each subset must lie within the image.
+        Coordinates x and y of the points; the subset of each point must lie within the image.
     region : ndarray of bool, shape (height, width)
         Pixels that subsets may use.
     settings : CorrelationSettings
-        Subset, shape function and spline order.
+        Settings of the correlation; the function uses the subset, the shape function and the spline order.
 
     Returns
     -------
     ndarray, shape (n, 2)
-        Infinite where there is no texture, or where less than half of the subset is in the region.
+        Standard deviations of u and v at each point; infinite where there is no texture, or where less than
+        half of the subset is in the region.
     """
     terms, k = _terms(settings), settings.parameters // 2
     gradient_noise = noise**2 * slope_noise_gain(settings.order)
@@ -92,14 +101,14 @@ def predicted_std(
 
 
 def noise_floor(std_px: Float, share: float) -> float:
-    """Return the noise floor, px, that a share of the points does not exceed, neither in u nor in v.
+    """Return the value, px, that the standard deviations of u and v do not exceed at a share of the points.
 
     Parameters
     ----------
     std_px : ndarray, shape (n, 2)
-        From `predicted_std`.
+        Standard deviations from `predicted_std`.
     share : float
-        Share of all points; points without texture count, too.
+        Share of the points, from 0 to 1, relative to all points. Points without texture are counted as well.
     """
     return float(np.percentile(std_px.max(axis=1), 100 * share, method="higher"))
 
@@ -115,8 +124,9 @@ def smallest_subset(
 ) -> int | None:
     """Return the width, px, of the smallest odd subset whose `noise_floor` is at most `wanted_px`.
 
-    `share` is the share of points for `noise_floor`; `centres` are the pixels that may be points. None if no
-    subset up to 151 px and up to half of the image is large enough.
+    The argument `share` is passed to `noise_floor`. The mask `centres` is True at pixels that may be points
+    of interest. The function returns None if no tried subset is large enough. The function tries widths up to
+    151 px, but at most half of the image.
     """
     widest = min(_WIDEST_PX, min(region.shape) // 2)
     sizes = range(7, widest + 1, 2)
@@ -134,7 +144,10 @@ def smallest_subset(
 
 
 def _terms(settings: CorrelationSettings) -> Float:
-    """Return the terms of the shape function at every pixel, (pixels, terms); the subset's radius is 1."""
+    """Return the terms of the shape function at every pixel of a subset, shape (pixels, terms).
+
+    The pixel coordinates are scaled so that the border of the subset is at ±1.
+    """
     r = settings.radius_px
     y, x = (axis.ravel() / r for axis in np.mgrid[-r : r + 1, -r : r + 1])
     terms = [np.ones_like(x), x, y]
@@ -144,7 +157,10 @@ def _terms(settings: CorrelationSettings) -> Float:
 
 
 def _subsets(planes: list[NDArray[np.generic]], points: Indices, subset_px: int) -> Iterator[list[Float]]:
-    """Yield for each point its subset of each plane, (subset_px, subset_px)."""
+    """Yield, for each point, those elements of every given array that lie in the point's subset.
+
+    Each array of values has the shape (subset_px, subset_px).
+    """
     r = subset_px // 2
     for x, y in points:
         here = (slice(y - r, y + r + 1), slice(x - r, x + r + 1))

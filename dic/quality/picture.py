@@ -1,4 +1,4 @@
-"""The light and the focus of any picture; it need not show a speckle pattern."""
+"""The light and the focus of a picture, with or without a speckle pattern."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -10,22 +10,23 @@ from dic.quality.speckle import edge_blur
 from dic.typing import Float, Grey, Mask
 
 TILES = 3
-"""Number of tiles across and down in which the focus is judged."""
+"""Number of tiles, along the width and along the height of the image, in which the focus is judged."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Picture:
-    """The light and the focus of a picture.
+    """Values that describe the light and the focus of a picture.
 
     Attributes
     ----------
     dark_share, bright_share : float
-        Shares of pixels at the image's lowest and at its highest grey level. If the sensor's highest grey
-        level is known, it replaces the image's.
+        Share of pixels at the lowest grey level of the image, and share at the highest one. If the highest
+        grey level of the sensor is known, `bright_share` is the share of pixels at that level.
     contrast : float
-        (bright - dark) / (bright + dark) of the 98th and 2nd percentiles.
+        Michelson contrast (bright - dark) / (bright + dark), where bright and dark are the 98th and the 2nd
+        percentile of the grey levels.
     blur_px : ndarray, shape (3, 3)
-        Standard deviation of the blur at edges, in each ninth of the region; NaN where there are too few
+        Standard deviation of the blur at edges, for each ninth of the region; NaN for a ninth with too few
         edges.
     """
 
@@ -35,7 +36,7 @@ class Picture:
     blur_px: Float
 
     def figures(self) -> dict[str, float]:
-        """Return a dict of the numbers that `docs/quality.md` explains; NaN for unknown ones."""
+        """Return a dict of the values that `docs/quality.md` explains; an unknown value is NaN."""
         blur = self.blur_px[np.isfinite(self.blur_px)]
         return {
             "dark_share": self.dark_share,
@@ -46,24 +47,25 @@ class Picture:
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the same dict for JSON, with None instead of NaN."""
+        """Return the dict of `figures` in a form for JSON, with None instead of NaN."""
         return {name: value if np.isfinite(value) else None for name, value in self.figures().items()}
 
 
 def assess_picture(
     grey: Grey, region: Mask | None = None, *, noise: float | None = None, full_level: float | None = None
 ) -> Picture:
-    """Return the light and the focus of a picture; it need not show a speckle pattern.
+    """Return values for the light and the focus of a picture, with or without a speckle pattern.
 
     Parameters
     ----------
     grey : ndarray of float32, shape (height, width)
     region : ndarray of bool, shape (height, width), optional
-        Pixels to use. Default: all.
+        Pixels to use. Default: all pixels.
     noise : float, optional
-        Standard deviation of the noise, grey levels. Default: estimated from the picture.
+        Standard deviation of the noise, grey levels. By default the function estimates the noise from the
+        picture.
     full_level : float, optional
-        Highest grey level of the sensor. Default: the highest of the picture.
+        Highest grey level of the sensor. Default: the highest grey level of the picture.
     """
     region = np.ones(grey.shape, np.bool_) if region is None else region
     noise = noise_of_one(grey, region) if noise is None else noise

@@ -1,9 +1,10 @@
-"""A picture of an image's quality: noise floor, focus, autocorrelation of the pattern and grey levels."""
+"""A plot of an image's quality: noise floor, blur, autocorrelation of the pattern and grey levels."""
 
 from typing import Any
 
 import numpy as np
 
+from dic.files.writing import write_figure
 from dic.image.given import grey_image
 from dic.quality.findings import FINEST_SPECKLE_PX
 from dic.quality.picture import TILES
@@ -11,17 +12,23 @@ from dic.quality.quality import Quality
 from dic.typing import Float, Grey, ImageLike, Indices, PathLike
 
 WIDE = 1.75
-"""Images wider than this multiple of their height are drawn above the other panels, others beside them."""
+"""An image that is wider than this multiple of its height is drawn above the other panels.
+
+A narrower image is drawn beside the other panels.
+"""
 
 
 def draw_quality(quality: Quality, image: Grey) -> Any:
-    """Return a matplotlib figure: noise floor and blur over the image, autocorrelation and histogram.
+    """Return a matplotlib figure of an image's quality.
+
+    The figure shows the noise floor and the blur over the image, the autocorrelation of the pattern, and a
+    histogram of the grey levels.
 
     Parameters
     ----------
     quality : Quality
     image : ndarray, shape (height, width)
-        The image that was judged.
+        The image whose quality was assessed.
     """
     from matplotlib.figure import Figure
 
@@ -41,8 +48,8 @@ def draw_quality(quality: Quality, image: Grey) -> Any:
 
 
 def plot_quality(quality: Quality, image: ImageLike, path: PathLike) -> None:
-    """Write `draw_quality`'s figure as a PNG file."""
-    draw_quality(quality, grey_image(image, "image")).savefig(path, dpi=100, format="png")
+    """Write the figure from `draw_quality` as a PNG file."""
+    write_figure(draw_quality(quality, grey_image(image, "image")), path, 100, "png")
 
 
 def _draw_floor(figure: Any, axes: Any, quality: Quality, image: Grey) -> None:
@@ -96,7 +103,7 @@ def _draw_covariance(axes: Any, quality: Quality) -> None:
 
 def _draw_levels(axes: Any, quality: Quality, image: Grey) -> None:
     levels = image[quality.region]
-    # One bin for each grey level, or for several if there are more than 256.
+    # Each bin of the histogram is one grey level wide, or several if the image spans more than 256 levels.
     width = max(1.0, np.ceil((levels.max() - levels.min()) / 256))
     axes.hist(levels, bins=np.arange(levels.min() - 0.5, levels.max() + width, width), color="tab:blue")
     axes.set(xlabel="grey level", ylabel="pixels")

@@ -1,4 +1,4 @@
-"""The quality of a reference image, before the measurement: pattern, light, focus and noise."""
+"""The quality of a reference image, assessed before the measurement: pattern, light, focus and noise."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -24,38 +24,41 @@ from dic.quality.speckle import autocovariance, even_light, speckle_size
 from dic.typing import Float, Grey, ImageLike, Indices, Mask, PathLike
 
 SPECKLES_PER_SUBSET = 3.0
-"""Least number of speckles across a subset: with fewer, neighbouring subsets look alike."""
+"""Smallest number of speckles across a subset. If there are fewer, neighbouring subsets look alike."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Quality(Picture):
-    """The quality of an image: its speckles, its noise and the noise floor, besides its light and focus.
+    """The quality of an image: speckles, noise and noise floor, and the light and the focus of `Picture`.
 
     Attributes
     ----------
     settings : CorrelationSettings
-        Subset and shape function for which the image was judged.
+        Settings of the correlation for which the quality was assessed.
     wanted_px : float
-        Wanted standard deviation of one point's displacement.
+        Wanted standard deviation of the displacement of one point.
     region : ndarray of bool, shape (height, width)
-        The pixels that were used.
+        True at the pixels that were used for the assessment.
     noise : float
         Standard deviation of the noise, grey levels.
     whiteness : float
-        1 if the noise of neighbouring pixels is independent, less if it is correlated; NaN if only one image
-        was given.
+        Noise at the highest spatial frequencies divided by `noise`. The whiteness is 1 if the noise of
+        neighbouring pixels is independent, less if their noise is correlated, and NaN if only one image was
+        given.
     covariance_x, covariance_y : ndarray, shape (n,)
-        Autocovariance of the pattern at lags 0, 1, … px, without noise.
+        Autocovariance of the pattern along x and along y, at lags 0, 1, … px, without noise.
     speckle_x_px, speckle_y_px : float
-        Size of the speckles: full width at half maximum of the autocovariance.
+        Size of the speckles along x and along y: the full width at half maximum of the autocovariance.
     sssig : ndarray, shape (k, 2)
-        Sums of squared gradients along x and y in the subsets at `points`, noise included.
+        Sums of squared grey level gradients along x and y in the subset of each of the `points`. The sums
+        include the gradients that noise causes.
     points : ndarray of int, shape (k, 2)
-        Sampled points, x and y.
+        Coordinates x and y of the sampled points.
     std_px : ndarray, shape (k, 2)
         Noise floor of u and v at `points`.
     subset_for_wanted_px : int or None
-        Smallest subset that resolves `wanted_px` at 95 % of the points with texture; None if there is none.
+        Width of the smallest subset whose noise floor is at most `wanted_px` at 95 % of the points with
+        texture; None if no subset is large enough.
     mean_gradient : float
         Mean magnitude of the grey level gradient, grey levels per px.
     """
@@ -82,11 +85,12 @@ class Quality(Picture):
 
     @staticmethod
     def require_wanted(wanted_px: float) -> None:
-        """Refuse a displacement that cannot be what is to be resolved.
+        """Raise an error if the wanted standard deviation of the displacement is out of range.
 
         Raises
         ------
         CorrelationError
+            If `wanted_px` is not above 0 and below 10 px.
         """
         if not 0.0 < wanted_px < 10.0:
             raise CorrelationError(
@@ -99,24 +103,28 @@ class Quality(Picture):
 
     @property
     def floor_px(self) -> float:
-        """Noise floor that 95 % of the points with texture do not exceed, neither in u nor in v."""
+        """Noise floor, px, that u and v do not exceed at 95 % of the points with texture."""
         return noise_floor(self.std_px, _share_of_textured(self.std_px))
 
     @property
     def bare_share(self) -> float:
-        """Share of points whose subset shows nothing but noise."""
+        """Share of the points whose subset shows noise but no pattern."""
         return float(np.isinf(self.std_px).any(axis=1).mean())
 
     @property
     def recommended_subset_px(self) -> int | None:
-        """Smallest subset that resolves `wanted_px` and holds three speckles in a row."""
+        """Width, px, of the smallest subset that is good enough for `wanted_px` and holds three speckles.
+
+        The noise floor of this subset is at most `wanted_px`, and three speckles lie side by side in it. The
+        value is None if no such subset was found.
+        """
         speckle = max(self.speckle_x_px, self.speckle_y_px)
         if self.subset_for_wanted_px is None or not np.isfinite(speckle):
             return None
         return max(self.subset_for_wanted_px, int(np.ceil(SPECKLES_PER_SUBSET * speckle)) | 1)
 
     def figures(self) -> dict[str, float]:
-        """Return a dict of the numbers that `docs/quality.md` explains; NaN for unknown ones."""
+        """Return a dict of the values that `docs/quality.md` explains; an unknown value is NaN."""
         std_px, sssig = np.median(self.std_px, axis=0), np.median(self.sssig, axis=0)
         return {
             "noise": self.noise,
@@ -134,7 +142,7 @@ class Quality(Picture):
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """Return a dict of the settings and these numbers for JSON, with None instead of NaN."""
+        """Return the settings and the values of `figures` as a dict for JSON, with None instead of NaN."""
         return {
             "subset_px": self.settings.subset_px,
             "shape": self.settings.shape,
@@ -153,27 +161,27 @@ def assess_quality(
     wanted_px: float = 0.01,
     full_level: float | None = None,
 ) -> Quality:
-    """Return the quality of a reference image.
+    """Assess the quality of a reference image.
 
     Parameters
     ----------
     image : ndarray, shape (height, width), or path
     region : ndarray of bool, shape (height, width), or path, optional
-        Region of interest. Default: wherever there is texture.
+        Region of interest. Default: all parts of the image with texture.
     settings : CorrelationSettings, optional
-        Subset and shape function for which the image is judged.
+        Settings of the correlation for which the quality is assessed.
     second : ndarray, of the same shape, or path, optional
-        Another image of the specimen at rest. It makes the estimate of the noise more accurate.
+        Another image of the specimen at rest. A second image makes the estimate of the noise more accurate.
     wanted_px : float
-        Wanted standard deviation of one point's displacement.
+        Wanted standard deviation of the displacement of one point.
     full_level : float, optional
-        Highest grey level of the sensor. Default: the highest of the image.
+        Highest grey level of the sensor. Default: the highest grey level of the image.
 
     Raises
     ------
     MeasurementError
-        If an image cannot be used, `wanted_px` is out of range, there is no texture, the images do not show
-        the specimen at rest, or the region holds no subset.
+        If an image cannot be used, `wanted_px` is out of range, there is no texture, the two images do not
+        show the specimen at rest, or the region is too small for a subset.
     """
     require_kind("settings", settings, CorrelationSettings | None, "give dic.CorrelationSettings()")
     settings = settings or CorrelationSettings()
@@ -217,8 +225,8 @@ def assess_quality(
 def _region(region: Mask | None, grey: Grey, slopes: tuple[Grey, Grey], subset_px: int) -> tuple[Mask, Mask]:
     """Return two masks (height, width): the allowed points of interest, and the pixels that subsets may use.
 
-    Both are the region of interest. Without one, points are allowed where there is texture, and the pixels
-    are those of the subsets around these points.
+    If the user gives a region of interest, both masks are this region. Without a region of interest, points
+    are allowed where there is texture, and the second mask covers the subsets around these points.
     """
     import cv2
 
@@ -236,7 +244,7 @@ def _region(region: Mask | None, grey: Grey, slopes: tuple[Grey, Grey], subset_p
 
 
 def _share_of_textured(std_px: Float) -> float:
-    """Return 95 % of the share of points that have texture."""
+    """Return the share of all points that corresponds to 95 % of the points with texture."""
     return 0.95 * float(np.isfinite(std_px).all(axis=1).mean())
 
 

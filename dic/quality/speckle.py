@@ -6,17 +6,19 @@ from dic.errors import CorrelationError
 from dic.typing import Float, Grey, Mask
 
 _LIGHT_PX = 101
-"""Width of the moving mean that separates light from speckles: speckles are much smaller than this."""
+"""Width of the moving mean that separates uneven light from speckles, which are much smaller."""
 
-# The two known blurs of `edge_blur`.
+# Standard deviations of the two blurs that `edge_blur` applies to the image.
 _FINE_PX, _COARSE_PX = 1.0, 2.0
-# Share of the pixels, those with the largest slopes, that count as edges.
+# The pixels with the largest grey level gradients count as edges; this is their share of all pixels.
 _EDGES = 0.05
 _FEWEST_EDGES = 50
 
 
 def even_light(grey: Grey, region: Mask) -> Float:
-    """Return grey levels minus their mean over 101 × 101 px, shape (height, width); 0 outside the region.
+    """Return the image without uneven light: grey levels minus their moving mean over 101 × 101 px.
+
+    The result has the shape (height, width) and is 0 outside the region.
 
     Parameters
     ----------
@@ -36,23 +38,23 @@ def even_light(grey: Grey, region: Mask) -> Float:
 def autocovariance(pattern: Float, region: Mask, noise: float, axis: int) -> Float:
     """Return the autocovariance (n,) of a pattern along one axis at lags 0, 1, … px, without noise.
 
-    The last lag is about three times the lag at which the autocovariance has fallen to a half, or it is half
-    of the image.
+    The largest lag is about three times the lag at which the autocovariance has fallen to a half, but at most
+    half of the image.
 
     Parameters
     ----------
     pattern : ndarray, shape (height, width)
-        From `even_light`.
+        Grey levels from `even_light`.
     region : ndarray of bool, shape (height, width)
     noise : float
         Standard deviation of the white noise, grey levels; its variance is subtracted at lag 0.
     axis : int
-        0 for lags along y, 1 along x.
+        0 for lags along y, 1 for lags along x.
 
     Raises
     ------
     CorrelationError
-        If the pattern is nothing but noise.
+        If the variance of the pattern is not larger than the variance of the noise.
     """
     pattern, region = np.moveaxis(pattern, axis, 0), np.moveaxis(region, axis, 0)
     length = len(pattern)
@@ -79,13 +81,13 @@ def autocovariance(pattern: Float, region: Mask, noise: float, axis: int) -> Flo
 def speckle_size(covariance: Float) -> float:
     """Return the full width at half maximum of an autocovariance, in px.
 
-    Gaussian blobs of standard deviation s give 4 √(ln 2) s = 3.33 s, sharp dots of diameter D give 0.81 D.
-    The result is infinite if the autocovariance does not fall to a half.
+    For Gaussian blobs of standard deviation s the result is 4 √(ln 2) s = 3.33 s; for sharp dots of diameter
+    D it is 0.81 D. The result is infinite if the autocovariance does not fall to a half.
 
     Parameters
     ----------
     covariance : ndarray, shape (n,)
-        At lags 0, 1, … px.
+        Autocovariance at lags 0, 1, … px.
     """
     from scipy.interpolate import CubicSpline
 
@@ -101,11 +103,12 @@ def speckle_size(covariance: Float) -> float:
 def edge_blur(grey: Grey, region: Mask, noise: float) -> float:
     """Return the standard deviation of the blur at the sharpest edges, px.
 
-    The image is blurred by two known amounts, and the slopes at edges are compared. The more an edge is
-    blurred already, the less a second blur changes its slope. The method follows S. Zhuo, T. Sim, "Defocus
-    map estimation from a single image", Pattern Recognition 44 (2011) 1852-1858, with two known blurs instead
-    of one to reduce the influence of noise. The pixels alone cause a blur of 0.29 px. Speckles that are less
-    than five times as wide as their blur have no real edges: their blur is underestimated.
+    The function blurs the image by two known amounts and compares the grey level gradients at edges. If an
+    edge is already blurred, more blur changes its gradient less. The method follows S. Zhuo, T. Sim, "Defocus
+    map estimation from a single image", Pattern Recognition 44 (2011) 1852-1858. Unlike that paper, the
+    function applies two blurs instead of one, to reduce the influence of noise. The finite size of the pixels
+    alone causes a blur of 0.29 px. If the speckles are less than five times as wide as their blur, the result
+    is too small.
 
     Parameters
     ----------
@@ -117,11 +120,11 @@ def edge_blur(grey: Grey, region: Mask, noise: float) -> float:
     Returns
     -------
     float
-        NaN where there are too few edges.
+        The blur; NaN if there are too few edges.
     """
     coarse, coarse_noise = _squared_slopes(grey, _COARSE_PX)
     fine, fine_noise = _squared_slopes(grey, _FINE_PX)
-    # At the border of the region, slopes may belong to the outline of the specimen.
+    # At the border of the region, large gradients may belong to the outline of the specimen.
     inner = _shrunk(region, 8)
     if np.count_nonzero(inner) * _EDGES < _FEWEST_EDGES:
         return float("nan")
@@ -142,7 +145,11 @@ def _shrunk(region: Mask, by_px: int) -> Mask:
 
 
 def _squared_slopes(grey: Grey, blur_px: float) -> tuple[Float, float]:
-    """Return the squared gradient of the image blurred by `blur_px`, and its mean for unit white noise."""
+    """Return the squared gradient of a blurred image, and the value that white noise alone would give.
+
+    The blur is Gaussian with the standard deviation `blur_px`. The value for noise is the mean squared
+    gradient of blurred white noise of variance 1.
+    """
     from scipy.ndimage import gaussian_filter
 
     def squared(image: Grey) -> Float:

@@ -1,4 +1,4 @@
-"""The report: one self-contained HTML file that compares one or several runs with the paper."""
+"""The report: one HTML file, with all figures, that compares runs with Helm and Deaner's paper."""
 
 from dic.report.page import write_report
 

@@ -1,4 +1,4 @@
-"""The figure of a calibration: the residuals of its maps at the grid points."""
+"""The report's figure of the calibrations: the residuals of each model at the points of the grid."""
 
 import math
 from collections.abc import Sequence
@@ -15,11 +15,14 @@ _PANEL_WIDTH_IN = 4.4
 
 
 def residual_figure(cameras: Sequence[CameraSeries]) -> str:
-    """Return a figure of magnified residual vectors: one row per camera, one column per model."""
+    """Return a figure of the residuals of the calibration models at the grid points, as a data URI.
+
+    The residuals are drawn as magnified vectors, with one row of panels per camera and one column per model.
+    """
     from matplotlib.figure import Figure
 
     shapes = [camera.calibration.image_shape for camera in cameras]
-    # Room for titles and labels: the layout reserves none for axes of equal scales.
+    # Add room for titles and labels. The layout reserves no such room if x and y have equal scales.
     heights_in = [_PANEL_WIDTH_IN * height / width + 0.6 for height, width in shapes]
     figure = Figure(figsize=(2 * _PANEL_WIDTH_IN + 1.2, sum(heights_in)), layout="constrained")
     rows = figure.subplots(len(cameras), 2, squeeze=False, height_ratios=heights_in)
@@ -43,7 +46,8 @@ def _draw_residuals(axis: Any, calibration: Calibration, residuals: Residuals, m
         *uv.T, *residuals.px.T, color="#0072b2", angles="xy", scale_units="xy",
         scale=1.0 / magnification, width=0.003, headwidth=4,
     )  # fmt: skip
-    # A quiver has no size before drawing, and would make the layout push the axes out of the figure.
+    # Exclude the arrows from the layout. They have no size before drawing, and the layout would move the axes
+    # out of the figure.
     arrows.set_in_layout(False)
     height, width = calibration.image_shape
     axis.set(
@@ -53,7 +57,10 @@ def _draw_residuals(axis: Any, calibration: Calibration, residuals: Residuals, m
 
 
 def _magnification(longest_px: float, spacing_px: float) -> float:
-    """Return the largest of 1, 2, 5, 10 … with vectors no longer than about a point spacing."""
+    """Return the largest magnification of 1, 2, 5, 10 … that keeps the vectors short.
+
+    The longest magnified vector is at most about 1.5 times the distance between neighbouring grid points.
+    """
     if longest_px <= 0.0:
         return 1.0
     limit = max(1.0, 1.5 * spacing_px / longest_px)

@@ -1,4 +1,4 @@
-"""Types and helpers to compare results with the paper: quantities of each camera and run, as text."""
+"""Classes and functions that compare results of runs with Helm and Deaner's results, as text."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ Figure = Literal[
 
 @dataclass(frozen=True)
 class Entry:
-    """The quantity of one camera of one run, as text."""
+    """The value of a quantity for one camera of one run, as text."""
 
     run: int
     camera: str
@@ -32,24 +32,26 @@ class Entry:
 
     @property
     def where(self) -> str:
-        """Run and camera."""
+        """The run and the camera of this value, as text."""
         return f"run {self.run}, {self.camera}"
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """One quantity: its value in the paper and its values in these runs.
+    """One quantity, with its value in Helm and Deaner's paper and its values in the runs of the report.
 
     Attributes
     ----------
     quantity : str
+        Description of the quantity.
     paper : str
-        The paper's statement, with the paper's numbers.
+        The statement of Helm and Deaner's paper about the quantity, with the paper's numbers.
     test : str
-        "tension", "rotation" or "calibration".
+        Kind of test: "tension", "rotation" or "calibration".
     figure : str
-        The report's figure that shows it.
+        The report's figure that shows the quantity.
     entries : list of Entry
+        Values of the quantity in the runs.
     """
 
     quantity: str
@@ -60,13 +62,16 @@ class Comparison:
 
 
 def turned_cameras(runs: Sequence[Run]) -> list[CameraSeries]:
-    """Return the off-axis cameras of all rotations, in order of decreasing off-axis angle."""
+    """Return the off-axis cameras of all rotation runs, in order of decreasing off-axis angle."""
     turned = [camera for run in runs if run.kind == "rotation" for camera in run.off_axis]
     return sorted(turned, key=lambda camera: camera.off_axis_deg, reverse=True)
 
 
 def means(values: Float, components: Sequence[int]) -> str:
-    """Return the means of some components of strains (k, 3) in µε, as text."""
+    """Return the mean of each chosen strain component over the k steps, in µε, as text.
+
+    The strains `values` have the shape (k, 3).
+    """
     return ", ".join(f"{COMPONENTS[c]} {micro(_mean(values[:, c]))} µε" for c in components)
 
 
@@ -76,13 +81,16 @@ def _mean(values: Float) -> float:
 
 
 def worst(values: Float) -> float:
-    """Return the largest magnitude of all strains (k, 3); NaN if none is known."""
+    """Return the largest absolute value of strains, shape (k, 3); NaN if no strain is known."""
     known = np.abs(values[np.isfinite(values)])
     return float(known.max()) if known.size else float("nan")
 
 
 def worst_text(camera: CameraSeries, values: Float, stds: Float | None = None) -> str:
-    """Return the largest of a camera's strains (k, 3) in µε and the stage's angle there, as text."""
+    """Return the largest strain of a camera, in µε, and the stage's angle at which it occurs, as text.
+
+    The strains `values` have the shape (k, 3) for k steps; the largest absolute value counts.
+    """
     if not np.isfinite(values).any():
         return "–"
     row, component = np.unravel_index(np.nanargmax(np.abs(values)), values.shape)

@@ -1,4 +1,4 @@
-"""Maps of the fields at a few characteristic steps, drawn over the reference image."""
+"""Maps of displacement and strain at a few characteristic steps, drawn over the reference image."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from dic.runfile.reader import RunStep
 
 @dataclass(frozen=True)
 class FieldPicture:
-    """The maps of one camera at one step, as a data URI, with their caption."""
+    """The maps of displacement and strain of one camera at one step, as a data URI, with their caption."""
 
     camera: str
     step: RunStep
@@ -20,7 +20,7 @@ class FieldPicture:
 
 
 def field_pictures(run: Run) -> list[FieldPicture]:
-    """Return the maps of every camera at the characteristic steps of the run's kind."""
+    """Return the maps of every camera at a few characteristic steps, which depend on the kind of the run."""
     telling = rotation.telling_steps if run.kind == "rotation" else tension.telling_steps
     pictures = []
     for step, words in telling(run.steps):

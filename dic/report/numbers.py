@@ -5,11 +5,13 @@ from datetime import datetime
 
 _MOST_DIGITS = 4
 _ROUND = 9.95
-"""Smaller numbers are less than 10.0 when rounded to one decimal."""
+"""A number below this limit is less than 10.0 after rounding to one decimal."""
 
 
 def micro(value: float) -> str:
-    """Return a strain in µε without decimals, with a thousands separator from 10 000; a dash for NaN.
+    """Return a strain in µε as text without decimals. From 10 000 on, a thin space separates thousands.
+
+    A NaN gives a dash.
 
     Examples
     --------
@@ -20,7 +22,9 @@ def micro(value: float) -> str:
 
 
 def micro_with_std(value: float, std: float) -> str:
-    """Return a strain in µε and its standard deviation; with one decimal if the latter is below 10 µε.
+    """Return a strain in µε and its standard deviation as text.
+
+    The numbers have one decimal if the standard deviation is below 10 µε, else no decimals.
 
     Examples
     --------
@@ -32,7 +36,7 @@ def micro_with_std(value: float, std: float) -> str:
 
 
 def fixed(value: float, decimals: int) -> str:
-    """Return a number with a fixed number of decimals; a dash for NaN.
+    """Return a number as text with a fixed number of decimals. A NaN gives a dash.
 
     Examples
     --------
@@ -43,7 +47,10 @@ def fixed(value: float, decimals: int) -> str:
 
 
 def with_std(value: float, std: float) -> str:
-    """Return a value and its standard deviation, rounded to two digits but at most four decimals.
+    """Return a value and its standard deviation as text.
+
+    The standard deviation is rounded to two digits, but to at most four decimals. The value is rounded to as
+    many decimals as the standard deviation.
 
     Examples
     --------
@@ -56,7 +63,9 @@ def with_std(value: float, std: float) -> str:
 
 
 def date(iso: str) -> str:
-    """Return an ISO 8601 date and time without T and fractions; any other text unchanged.
+    """Return an ISO 8601 date and time without the letter T and without fractions of a second.
+
+    Any other text is returned unchanged.
 
     Examples
     --------
@@ -74,6 +83,7 @@ def _signed(value: float, decimals: int) -> str:
         return "–"
     text = f"{abs(value):.{decimals}f}"
     if abs(value) >= 10_000:
-        # A thin non-breaking space: many readers would take a comma for a decimal sign.
+        # Separate thousands by a thin non-breaking space, because many readers take a comma for a decimal
+        # sign.
         text = f"{abs(value):,.{decimals}f}".replace(",", "\u202f")
     return f"−{text}" if value < 0 and float(text.replace("\u202f", "")) else text

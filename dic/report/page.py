@@ -1,10 +1,11 @@
-"""The page of the report: its content, its order and its file."""
+"""Write the HTML page of the report; this module selects the content of the page and its order."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from dic.errors import RunFileError
+from dic.files.writing import write_text
 from dic.pipeline.run import RunResult
 from dic.report import rotation, tension
 from dic.report.calibration import residual_figure
@@ -22,7 +23,7 @@ from dic.typing import PathLike
 
 @dataclass(frozen=True)
 class SetUp:
-    """The findings on a run's set-up, as the template shows them."""
+    """The findings on the set-up of a run, in the form that the page template needs."""
 
     cameras: list[list[str]]
     findings: list[Findings]
@@ -35,7 +36,10 @@ class SetUp:
 
 @dataclass(frozen=True)
 class RunView:
-    """One run as the template shows it; figures are data URIs, empty if a run has no such figure."""
+    """The content of the report on one run, in the form that the page template needs.
+
+    An attribute for a figure holds the figure as a data URI, or an empty text if the run has no such figure.
+    """
 
     run: Run
     problems: list[str]
@@ -54,17 +58,18 @@ class RunView:
 
 
 def write_report(results: RunResult | Sequence[RunResult], path: PathLike) -> None:
-    """Write the report of one or several runs as one self-contained HTML file.
+    """Write the report of one or several runs as one HTML file with all figures inside.
 
-    Runs of the rotation test are shown together, as in the paper. The on-axis camera is the camera named
-    ``on_axis``, else the first camera of a run. If writing fails, no partial file remains.
+    The figures of the rotation test show all rotation runs together, as in Helm and Deaner's paper. The
+    on-axis camera of a run is the camera named ``on_axis``. If no camera has this name, the on-axis camera is
+    the first one. An existing file is replaced only after the new report is complete.
 
     Parameters
     ----------
     results : RunResult, or sequence of RunResult
-        At least one.
+        The results of at least one run.
     path : path
-        The file to write; an existing one is replaced.
+        The file to write. An existing file is replaced.
 
     Raises
     ------
@@ -76,10 +81,8 @@ def write_report(results: RunResult | Sequence[RunResult], path: PathLike) -> No
     if not results:
         raise RunFileError(str(path), "write report", "at least one run", "none", "name a run file")
     page = _render(number_runs(results))
-    partial = path.with_name(path.name + ".partial")
     try:
-        partial.write_text(page, encoding="utf-8")
-        partial.replace(path)
+        write_text(path, page)
     except OSError as error:
         raise RunFileError(
             str(path),

@@ -1,4 +1,4 @@
-"""The joint results of two cameras of a run, as series over its steps."""
+"""The results that two cameras of a run give together, as arrays with a row for each step."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,17 +17,18 @@ _MM_TO_UM = 1e3
 
 @dataclass(frozen=True)
 class PairSeries:
-    """Two cameras used together: strain and motion of the specimen's plane, step by step.
+    """The results that two cameras give together: strain and motion of the specimen's plane at each step.
 
     Attributes
     ----------
     cameras : tuple of str
-        Names of the cameras, the more oblique camera first; heights are given at its points.
+        Names of the cameras. The first camera looks more obliquely, and heights are given at its points.
     label : str
+        Name of the two cameras in the report.
     steps : list of RunStep
-        The k steps.
+        The k steps that both cameras measured.
     found : list of TwoCameraStep
-        The joint solution of each.
+        The solution of each step for both cameras together.
     """
 
     cameras: tuple[str, str]
@@ -37,44 +38,47 @@ class PairSeries:
 
     @cached_property
     def points(self) -> list[int]:
-        """Number of points that both cameras share, per step."""
+        """Number of points, at each step, that both cameras see; 0 for a step that was not corrected."""
         return [0 if step.mean is None else step.mean.points for step in self.found]
 
     @cached_property
     def corrected(self) -> Float:
-        """Mean strain εxx, εyy, εxy, µε, shape (k, 3); NaN where the correction was declined."""
+        """Corrected mean strain εxx, εyy, εxy, µε, shape (k, 3); NaN for a step that was not corrected."""
         return strains([step.mean for step in self.found])
 
     @cached_property
     def corrected_std(self) -> Float:
-        """Standard deviations of `corrected`."""
+        """Standard deviations of the corrected mean strain, µε, shape (k, 3)."""
         return strain_stds([step.mean for step in self.found])
 
     @cached_property
     def slopes_deg(self) -> Float:
-        """Slopes of the specimen's plane along X and Y since the reference, shape (k, 2)."""
+        """Tilt of the specimen's plane along X and Y since the reference step, degrees, shape (k, 2)."""
         return plane_slopes(self._planes)[0]
 
     @cached_property
     def slopes_std_deg(self) -> Float:
-        """Standard deviations of `slopes_deg`."""
+        """Standard deviations of the slopes in `slopes_deg`, shape (k, 2)."""
         return plane_slopes(self._planes)[1]
 
     @cached_property
     def shift_um(self) -> Float:
-        """Shift of the plane towards the camera since the reference, at the grid's centre, shape (k,)."""
+        """Shift of the specimen's plane towards the cameras since the reference step, µm, shape (k,).
+
+        The shift is measured at the centre of the calibration grid.
+        """
         planes = [None if step.declined is not None else step.plane for step in self.found]
         return _MM_TO_UM * np.array([np.nan if plane is None else plane.shift_mm for plane in planes])
 
     @cached_property
     def shift_std_um(self) -> Float:
-        """Standard deviations of `shift_um`."""
+        """Standard deviations of the shift in `shift_um`, shape (k,)."""
         stds = [None if step.declined is not None else step.plane_std for step in self.found]
         return _MM_TO_UM * np.array([np.nan if std is None else std[2] for std in stds])
 
     @cached_property
     def declined(self) -> list[str | None]:
-        """Reason why a step was not corrected, per step."""
+        """The reason, for each step, why the step was not corrected; None for a corrected step."""
         return [step.declined for step in self.found]
 
     @property
@@ -83,13 +87,13 @@ class PairSeries:
 
 
 def pair_series(result: RunResult, labels: dict[str, str]) -> PairSeries | None:
-    """Return the joint results of two cameras of a run; None if no two could be used together.
+    """Return the results that two cameras of a run give together; None if the run has no such results.
 
     Parameters
     ----------
     result : RunResult
     labels : dict of str to str
-        Name of each camera in the report.
+        Name of each camera in the report, keyed by the camera's name in the run.
     """
     joint = result.corrections.joint
     if joint is None or not joint.steps:

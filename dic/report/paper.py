@@ -1,4 +1,4 @@
-"""The results of Helm and Deaner, and the same quantities computed from these runs."""
+"""The results of Helm and Deaner's paper, and the same quantities computed from the runs of a report."""
 
 from collections.abc import Sequence
 
@@ -25,7 +25,7 @@ _NEAR_DEG = 1.0
 
 
 def compare(runs: Sequence[Run]) -> list[Comparison]:
-    """Return the comparisons that the runs' kinds and cameras allow."""
+    """Return the comparisons with Helm and Deaner's paper that are possible for the given runs."""
     return [
         row
         for row in (

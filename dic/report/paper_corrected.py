@@ -1,4 +1,4 @@
-"""The paper's quantities computed from strains corrected for out-of-plane motion."""
+"""Quantities of Helm and Deaner's paper, computed from strains corrected for out-of-plane motion."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,10 @@ _MAY_BE = "not done; “a correction … may be possible” (conclusions)"
 
 
 def corrected_tension(runs: Sequence[Run]) -> list[Comparison]:
-    """Return the remaining bias in tension, for one camera and for two cameras together."""
+    """Return comparisons of the strain error that remains in tension after the correction.
+
+    The comparisons cover the correction by one camera and the correction by two cameras together.
+    """
     along: list[Entry] = []
     across: list[Entry] = []
     together: list[Entry] = []
@@ -55,7 +58,7 @@ def corrected_tension(runs: Sequence[Run]) -> list[Comparison]:
 
 
 def corrected_rotation(runs: Sequence[Run]) -> list[Comparison]:
-    """Return the remaining errors of a rotation."""
+    """Return comparisons of the strain error that remains in a rotation after the correction."""
     turned = turned_cameras(runs)
     return [
         Comparison(
@@ -80,5 +83,5 @@ def _corrected_means(values: Float, components: Sequence[int], camera: CameraSer
 
 
 def _not_corrected(camera: CameraSeries) -> str:
-    """Return an entry that says that no step of a camera was corrected; nothing if any step was."""
+    """Return the text "not corrected" if no step of the camera was corrected, else an empty text."""
     return "not corrected" if np.isnan(camera.corrected).all() else ""

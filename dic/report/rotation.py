@@ -1,4 +1,4 @@
-"""Figures of the rotation test: the paper's figures 21 to 26, all runs together."""
+"""Figures of the rotation test, like figures 21 to 26 of Helm and Deaner, for all rotation runs together."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -19,14 +19,16 @@ _GUIDE = 20.0
 def strain_figure(runs: Sequence[Run], kind: Kind) -> str:
     """Return a figure of εxx, εyy and εxy against the stage's angle, for every camera of every run.
 
-    Empty if no camera has such strains.
+    The result is a data URI, or an empty text if no camera has strains of the given kind.
 
     Parameters
     ----------
     runs : sequence of Run
     kind : str
-        "raw" (figures 21 to 23), "calibrated" (figures 24 to 26), or "corrected". The latter has bands of 95
-        %, and lines at ±20 µε as a guide, because the three axes have different scales.
+        Kind of strain: "raw" (figures 21 to 23 of Helm and Deaner), "calibrated" (figures 24 to 26), or
+        "corrected". The figure of corrected strain shows a band around each curve, the 95 % interval. The
+        figure of corrected strain also has lines at ±20 µε as a guide, because its three panels have
+        different scales.
     """
     shown = [(o, s) for o, s in ordered(runs) if np.isfinite(_strains(s, kind)).any()]
     if not shown:
@@ -53,7 +55,7 @@ def strain_figure(runs: Sequence[Run], kind: Kind) -> str:
 
 
 def label_angles(axis: Any, runs: Sequence[Run]) -> None:
-    """Label the horizontal axis, and set ticks that suit angles."""
+    """Label the horizontal axis with the stage's rotation, and set its ticks at round angles."""
     from matplotlib.ticker import MultipleLocator
 
     largest_deg = max(abs(step.angle_deg) for run in runs for step in run.steps)
@@ -63,7 +65,7 @@ def label_angles(axis: Any, runs: Sequence[Run]) -> None:
 
 
 def not_corrected(runs: Sequence[Run]) -> list[str]:
-    """Return one sentence for each camera of the rotations without correction, with the reason."""
+    """Return one sentence for each camera and each reason why steps of the camera were not corrected."""
     return [
         f"run {series.run}, {series.label}: {reason}"
         for run in runs
@@ -77,7 +79,11 @@ def _strains(series: CameraSeries, kind: Kind) -> Float:
 
 
 def telling_steps(steps: list[RunStep]) -> list[tuple[RunStep, str]]:
-    """Return the steps nearest 90° and 180°, or the last step if the run ended before."""
+    """Return the steps nearest to 90° and 180°, each with its caption.
+
+    Only steps within 15° of 90° or 180° are returned. If no step is within 15° of 90° or 180°, the result is
+    the last step.
+    """
     chosen = []
     for angle_deg in (90.0, 180.0):
         near = [step for step in steps if abs(step.angle_deg - angle_deg) <= _NEAR_DEG]
@@ -88,9 +94,9 @@ def telling_steps(steps: list[RunStep]) -> list[tuple[RunStep, str]]:
 
 
 def ordered(runs: Sequence[Run]) -> list[tuple[int, CameraSeries]]:
-    """Return the cameras of all runs in drawing order, each with its index in the colour order."""
+    """Return the cameras of all runs in the order of drawing, each with the index of its colour."""
     on_axis = [run.on_axis for run in runs if run.on_axis is not None]
     off_axis = [camera for run in runs for camera in run.off_axis]
-    # The camera with the largest angle is drawn last, on top of the others.
+    # Draw the camera with the largest off-axis angle last, so that its curve is on top of the others.
     off_axis.sort(key=lambda camera: camera.off_axis_deg)
     return [*enumerate(on_axis), *enumerate(off_axis)]

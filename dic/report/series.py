@@ -1,4 +1,4 @@
-"""The mean strains of a run as series over its steps, in µε, camera by camera."""
+"""The mean strains of each camera of a run as arrays over the steps, in µε."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,29 +22,31 @@ from dic.typing import Float
 Kind = Literal["tension", "rotation", ""]
 
 _CLEAR = 3.0
-"""Smallest off-axis angle that is shown, in standard deviations of the angle."""
+"""Smallest off-axis angle that the report shows, as a multiple of the angle's standard deviation."""
 _LEAST_DEG = 1.0
-"""Smallest off-axis angle that is shown, in degrees: no camera is aligned better."""
+"""Smallest off-axis angle that the report shows. A smaller angle is within the usual error of alignment."""
 
 _ALONG_DEG = 15.0
-"""Up to this angle between a camera's tilt and an axis, false strain counts as strain along that axis alone;
-at this angle 7 % are along the other axis."""
+"""Largest angle between a camera's tilt and an axis at which false strain counts as strain along that axis.
+
+At this angle, 7 % of the false strain is along the other axis.
+"""
 
 
 @dataclass(frozen=True)
 class CameraSeries:
-    """One camera of a run: its direction, and its mean strain at every measured step.
+    """The results of one camera of a run: its off-axis angle, and its mean strain at every measured step.
 
     Attributes
     ----------
     run : int
         Number of the run in the report, from 1.
     on_axis : bool
-        Whether this camera is the reference for the others.
+        True if the other cameras are compared with this camera.
     result : CameraResult
-        Results of the camera, at k steps.
+        Results of the camera at k steps.
     corrections : list of Correction
-        The k corrections by this camera alone.
+        Corrections of the k steps by this camera alone.
     """
 
     run: int
@@ -59,7 +61,7 @@ class CameraSeries:
 
     @property
     def label(self) -> str:
-        """The camera's name, with its off-axis angle if the angle is clearly not zero."""
+        """The camera's name, followed by its off-axis angle if this angle is clearly not zero."""
         pinhole = self._leaning
         return self.camera if pinhole is None else f"{self.camera} {pinhole.off_axis_deg:.1f}°"
 
@@ -70,28 +72,31 @@ class CameraSeries:
 
     @property
     def steps(self) -> list[RunStep]:
-        """The k measured steps."""
+        """The k steps that the camera could measure."""
         return self.result.steps
 
     @property
     def measurements(self) -> list[Measurement]:
-        """The measurements at the steps."""
+        """The camera's measurements at the k steps."""
         return self.result.measurements
 
     @property
     def angles_deg(self) -> Float:
-        """The stage's angle at each step, as read, shape (k,)."""
+        """The angle that the rotation stage reported at each step, degrees, shape (k,)."""
         return np.array([step.angle_deg for step in self.steps])
 
     @property
     def off_axis_deg(self) -> float:
-        """Angle of the fitted pinhole camera to the grid's normal; 0 if the angle is not known."""
+        """Angle between the grid's normal and the direction to the camera; 0 if the angle is not known."""
         pinhole = self.calibration.pinhole
         return 0.0 if pinhole is None else pinhole.off_axis_deg
 
     @property
     def swing(self) -> tuple[int, ...]:
-        """Strain components along the camera's tilt; εxx and εyy if the tilt is not along one axis."""
+        """Indices of the strain components in the direction of the camera's tilt.
+
+        If the direction of the camera's tilt is not close to X or to Y, both εxx and εyy are given.
+        """
         pinhole = self._leaning
         if pinhole is None:
             return (XX, YY)
@@ -101,27 +106,30 @@ class CameraSeries:
 
     @cached_property
     def raw(self) -> Float:
-        """Mean strain εxx, εyy, εxy of the displacements in pixels, µε, shape (k, 3); NaN if missing."""
+        """Mean strain εxx, εyy, εxy from displacements in pixels, µε, shape (k, 3); NaN if not known."""
         return strains([m.raw_mean for m in self.measurements])
 
     @cached_property
     def calibrated(self) -> Float:
-        """Mean strain of the calibrated displacements, as `raw`."""
+        """Mean strain εxx, εyy, εxy from calibrated displacements, µε, shape (k, 3); NaN if not known."""
         return strains([m.calibrated_mean for m in self.measurements])
 
     @cached_property
     def corrected(self) -> Float:
-        """Mean strain corrected for out-of-plane motion, as `raw`; NaN where the correction was declined."""
+        """Mean strain εxx, εyy, εxy corrected for out-of-plane motion, µε, shape (k, 3).
+
+        The strain is NaN for a step that was not corrected.
+        """
         return strains(self._corrected_means)
 
     @cached_property
     def corrected_std(self) -> Float:
-        """Standard deviations of `corrected`."""
+        """Standard deviations of the corrected mean strain, µε, shape (k, 3)."""
         return strain_stds(self._corrected_means)
 
     @cached_property
     def declined(self) -> list[str | None]:
-        """Reason why a step was not corrected, per step."""
+        """The reason, for each step, why the step was not corrected; None for a corrected step."""
         return [correction.declined for correction in self.corrections]
 
     @property
@@ -138,19 +146,19 @@ class CameraSeries:
 
 @dataclass(frozen=True)
 class Run:
-    """A run as the report numbers and sorts it.
+    """A run in the report, with its number and its cameras.
 
     Attributes
     ----------
     number : int
-        From 1.
+        Number of the run in the report, from 1.
     result : RunResult
     kind : str
-        "tension", "rotation", or empty if no step could be measured.
+        Kind of test: "tension", "rotation", or empty if no step could be measured.
     cameras : list of CameraSeries
-        The on-axis camera first.
+        Results of the cameras; the on-axis camera is the first.
     pair : PairSeries or None
-        Joint results of two cameras, if two cameras were used together.
+        The results that two cameras of the run give together; None if the run has no such results.
     """
 
     number: int
@@ -161,25 +169,26 @@ class Run:
 
     @property
     def steps(self) -> list[RunStep]:
-        """Every step that at least one camera measured, in order."""
+        """All steps that at least one camera could measure, in order."""
         steps = {step.index: step for camera in self.cameras for step in camera.steps}
         return [steps[index] for index in sorted(steps)]
 
     @property
     def on_axis(self) -> CameraSeries | None:
-        """The camera with which the others are compared."""
+        """The camera with which the other cameras are compared; None if the run has no camera."""
         return next((camera for camera in self.cameras if camera.on_axis), None)
 
     @property
     def off_axis(self) -> list[CameraSeries]:
-        """All other cameras."""
+        """All cameras except the on-axis camera."""
         return [camera for camera in self.cameras if not camera.on_axis]
 
 
 def number_runs(results: Sequence[RunResult]) -> list[Run]:
-    """Number the runs and collect their series.
+    """Number the runs of the report, and collect the results of the cameras of each run.
 
-    The on-axis camera is the camera named ``on_axis``, else the first camera.
+    The on-axis camera of a run is the camera named ``on_axis``, or the first camera if no camera has this
+    name.
     """
     runs = []
     for number, result in enumerate(results, 1):
@@ -195,21 +204,23 @@ def number_runs(results: Sequence[RunResult]) -> list[Run]:
 
 
 def difference(of: Sequence[RunStep], values: Float, reference: CameraSeries) -> tuple[list[RunStep], Float]:
-    """Return strains minus the raw strain of the reference camera, at the steps of both.
+    """Return the difference between given strains and the raw strain of a reference camera.
 
     Parameters
     ----------
     of : sequence of RunStep
-        The k steps of the strains.
+        The k steps to which the strains belong.
     values : ndarray, shape (k, 3)
-        µε.
+        The strains, µε.
     reference : CameraSeries
+        The camera whose raw strain is subtracted.
 
     Returns
     -------
     steps : list of RunStep
+        The steps for which the given strain and the strain of the reference camera exist.
     difference : ndarray, shape (len(steps), 3)
-        µε.
+        Differences of the strains, µε.
     """
     rows = {step.index: row for row, step in enumerate(reference.steps)}
     common = [k for k, step in enumerate(of) if step.index in rows]

@@ -1,4 +1,4 @@
-"""The findings on a run's set-up: camera positions, sensitivities and remaining uncertainties."""
+"""The report's findings on the set-up of a run: camera positions, sensitivities and uncertainties."""
 
 import re
 from dataclasses import dataclass
@@ -13,21 +13,21 @@ from dic.report.strains import MICRO, plane_slopes
 from dic.report.style import CONFIDENCE
 
 _OPEN_SHARE = 0.05
-"""Largest relative uncertainty of a camera's distance before the report asks for more calibration data."""
+"""Limit for the relative uncertainty of a camera's distance; above it the report asks for better data."""
 
 _PERCENT = 100.0
 
 
 @dataclass(frozen=True)
 class Findings:
-    """The findings on the set-up by one camera, or by two cameras together."""
+    """Sentences on the set-up that follow from the results of one camera, or of two cameras together."""
 
     label: str
     sentences: list[str]
 
 
 def findings(run: Run) -> list[Findings]:
-    """Return the findings by each camera, the on-axis camera first, and by two cameras together."""
+    """Return the findings from each camera, the on-axis camera first, then from two cameras together."""
     corrections = run.result.corrections
     said = [(series.label, corrections.findings[series.camera]) for series in run.cameras]
     if run.pair is not None and corrections.joint is not None:
@@ -36,17 +36,20 @@ def findings(run: Run) -> list[Findings]:
 
 
 def camera_rows(run: Run) -> list[list[str]]:
-    """Return one row per camera.
+    """Return the rows of the table of cameras, as text, one row per camera.
 
-    Name; angle off-axis, degrees; the camera's centre X, Y, Z in the grid's axes, mm; false strain per
-    millidegree of tilt and per µm of shift in µε; 95 % uncertainty of the slopes (millidegrees) and of the
-    corrected strain (µε) at the worst step.
+    The columns are: name; off-axis angle, degrees; coordinates X, Y, Z of the camera's centre in the grid's
+    axes, mm; false strain per millidegree of tilt and per µm of shift, µε; 95 % uncertainty of the slopes
+    (millidegrees) and of the corrected strain (µε) at the worst step.
     """
     return [[series.label, *_geometry(series.calibration), *_known(series)] for series in run.cameras]
 
 
 def remaining(run: Run) -> list[str]:
-    """Return the errors that no correction removes, and the cameras with uncertain centres, with numbers."""
+    """Return sentences on the strain errors that a correction by one camera cannot remove, with numbers.
+
+    Further sentences name the cameras whose distance from the grid is too uncertain.
+    """
     sentences = []
     for series in run.cameras:
         sensitivity, pinhole = Sensitivity.of(series.calibration), series.calibration.pinhole

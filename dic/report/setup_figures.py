@@ -1,4 +1,4 @@
-"""Figures of the set-up: harmonics of false strain, motion of the specimen's plane, its height."""
+"""Figures of a set-up: harmonics of false strain, motion of the specimen's plane, and heights of points."""
 
 from typing import Any
 
@@ -23,13 +23,14 @@ from dic.typing import Float
 _SMOOTH = 181
 _MM_TO_UM = 1e3
 _HARDLY = 20.0
-"""A slope is hardly known if its standard deviation is this multiple of the smallest one."""
+"""A slope is not drawn if its standard deviation is more than this multiple of the smallest one."""
 
 
 def harmonics_figure(run: Run) -> str:
-    """Return a figure of calibrated strain in the grid's axes against the angle, with two harmonics.
+    """Return a figure of the calibrated strain in the grid's axes against the stage's angle.
 
-    Empty if the angles do not determine the harmonics.
+    The figure also shows the fitted first and second harmonic. The result is an empty text if the angles do
+    not determine the harmonics.
     """
     fits = [
         (order, s, Harmonics.of(s.angles_deg, s.calibrated / MICRO))
@@ -57,9 +58,10 @@ def harmonics_figure(run: Run) -> str:
 
 
 def motion_figure(run: Run) -> str:
-    """Return a figure of the plane's slopes, and with two cameras its shift, against the load.
+    """Return a figure of the slopes of the specimen's plane against the load.
 
-    Empty if none is known.
+    The figure also shows the shift of the plane, if two cameras measured the shift. The result is an empty
+    text if no slope is known.
     """
     series = [
         (s.label, line_style(s, order, "calibrated"), _loads_kn(s.steps), *plane_slopes(s.corrections))
@@ -77,7 +79,7 @@ def motion_figure(run: Run) -> str:
     for k, axis in enumerate(axes[:2]):
         known = [float(np.nanmedian(stds[:, k])) for *_, stds in series]
         for std, (label, style, loads_kn, slopes, stds) in zip(known, series, strict=True):
-            # Such long error bars would hide all others.
+            # Leave out slopes with very long error bars, because these would hide all others.
             if std <= _HARDLY * min(known):
                 _draw_bars(axis, loads_kn, slopes[:, k], stds[:, k], label, style)
         axis.set_ylabel(f"slope along {'XY'[k]}, °")
@@ -94,7 +96,11 @@ def motion_figure(run: Run) -> str:
 
 
 def height_step(run: Run) -> tuple[RunStep, int] | None:
-    """Return the step of the largest load with a map of heights, and its index in the pair's series."""
+    """Return the step with the largest load among those with a map of heights, and its index.
+
+    The index counts only the steps that both cameras measured. The result is None if there is no map of
+    heights.
+    """
     if run.pair is None:
         return None
     known = [
@@ -109,9 +115,10 @@ def height_step(run: Run) -> tuple[RunStep, int] | None:
 
 
 def height_figure(run: Run) -> str:
-    """Return a figure of the heights at the step of the largest load, and of their residuals to the plane.
+    """Return a figure of the heights of the specimen's points at the step with the largest load.
 
-    Empty if no two cameras measured heights.
+    A second panel shows the heights minus the fitted plane. The result is an empty text if no heights were
+    measured.
     """
     from matplotlib.figure import Figure
 

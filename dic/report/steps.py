@@ -1,4 +1,4 @@
-"""The tables of all steps: raw, calibrated and corrected strain per camera, and of two cameras."""
+"""The report's tables of all steps: the strains of each camera, and of two cameras together."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,18 +13,18 @@ from dic.typing import Float
 
 Reading = tuple[str, str, int]
 
-_UNITS = {"load": " N", "displacement": " mm", "rotation": "°"}
+_UNITS = {"load": " N", "creep": " N", "displacement": " mm", "relaxation": " mm", "rotation": "°"}
 _READINGS: tuple[Reading, ...] = (
     ("Load, N", "load_n", 1),
     ("Displ., mm", "displacement_mm", 4),
     ("Angle, °", "angle_deg", 3),
 )
-"""Heading, attribute of a step, and decimals."""
+"""Readings of the devices: heading in the table, name of the attribute of a step, and number of decimals."""
 
 
 @dataclass(frozen=True)
 class Note:
-    """The reason why steps were not corrected, and the footnote mark of these steps."""
+    """A footnote of a table: the reason why steps were not corrected, and the mark of these steps."""
 
     mark: str
     reason: str
@@ -32,23 +32,25 @@ class Note:
 
 @dataclass(frozen=True)
 class StepRow:
-    """One step of a table.
+    """One row of a table of steps.
 
     Attributes
     ----------
     index : int
         Number of the step.
     target : str
+        Target of the step, with its unit.
     readings : list of str
         Readings of the devices as text, in the order of the table's headings.
     points : str
-        Number of points of the values.
+        Number of points from which the strains were computed.
     cells : list of str or None
-        The values as text; None if the camera could not measure the step.
+        Raw and calibrated strains as text, empty for two cameras together; None if the camera could not
+        measure the step.
     corrected : list of str
-        Corrected values as text, empty if there are none.
+        Corrected values as text; empty if the step was not corrected.
     mark : str
-        Mark of the note with the reason why corrected values are missing.
+        Mark of the footnote that gives the reason why the step was not corrected; empty for a corrected step.
     """
 
     index: int
@@ -62,15 +64,17 @@ class StepRow:
 
 @dataclass(frozen=True)
 class StepTable:
-    """All steps of one camera, or of two together.
+    """The table of all steps of one camera, or of two cameras together.
 
     Attributes
     ----------
     label : str
+        Name of the camera, or of the two cameras, in the report.
     readings : list of str
-        Headings of the readings that at least one step has.
+        Headings of the device readings that exist for at least one step.
     rows : list of StepRow
     notes : list of Note
+        Footnotes of the table.
     """
 
     label: str
@@ -80,7 +84,10 @@ class StepTable:
 
 
 def camera_tables(run: Run) -> list[StepTable]:
-    """Return a table per camera: raw, calibrated and corrected strain, the latter with its std, in µε."""
+    """Return one table of steps per camera, with raw, calibrated and corrected strain in µε.
+
+    The corrected strain has its standard deviation beside it.
+    """
     tables, readings = [], _readings(run)
     for series in run.cameras:
         notes = _notes(series.declined)
@@ -100,7 +107,11 @@ def camera_tables(run: Run) -> list[StepTable]:
 
 
 def pair_table(run: Run) -> StepTable | None:
-    """Return the table of two cameras together: strains in µε, shift in µm, slopes in degrees, with stds."""
+    """Return the table of the results that two cameras give together; None without such results.
+
+    The table shows strains in µε, the shift of the specimen's plane in µm and its slopes in degrees, with
+    their standard deviations.
+    """
     pair = run.pair
     if pair is None:
         return None
@@ -117,12 +128,15 @@ def pair_table(run: Run) -> StepTable | None:
 
 
 def _readings(run: Run) -> list[Reading]:
-    """Return the readings that at least one step has: a tension rig has no angle, a stage no load."""
+    """Return the device readings that exist for at least one step.
+
+    A rig for tension, for example, gives no angle, and a rotation stage gives no load.
+    """
     return [reading for reading in _READINGS if any(isfinite(getattr(s, reading[1])) for s in run.steps)]
 
 
 def _head(step: RunStep, readings: Sequence[Reading]) -> tuple[int, str, list[str]]:
-    """Return number, target and readings of a step as table cells."""
+    """Return the number, the target and the device readings of a step as text for a table row."""
     target = f"{step.target:.6g}{_UNITS.get(step.kind, '')}"
     return step.index, target, [fixed(getattr(step, name), decimals) for _, name, decimals in readings]
 
@@ -139,7 +153,7 @@ def _strains(values: Float, stds: Float) -> list[str]:
 
 
 def _notes(declined: Sequence[str | None]) -> list[Note]:
-    """Return the different reasons in the order of the steps."""
+    """Return one footnote for each reason why steps were not corrected, in the order of the steps."""
     reasons = list(dict.fromkeys(reason for reason in declined if reason is not None))
     return [Note(_mark(number), reason) for number, reason in enumerate(reasons)]
 

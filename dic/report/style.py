@@ -1,4 +1,4 @@
-"""The style of the report's figures, and their conversion to data URIs."""
+"""The style of the report's figures, and functions that convert a figure to a data URI."""
 
 from base64 import b64encode
 from io import BytesIO
@@ -13,19 +13,19 @@ Kind = Literal["raw", "calibrated", "corrected"]
 
 ON_AXIS_COLOUR = "#4d4d4d"
 OFF_AXIS_COLOURS = ("#0072b2", "#e69f00", "#d55e00", "#009e73", "#cc79a7")
-"""Okabe and Ito's colours, which colour-blind people can distinguish."""
+"""Colours by Okabe and Ito, which colour-blind people can distinguish."""
 MARKERS = "osD^vP"
 ON_AXIS_MARKERS = "x+1234"
 PAIR_STYLE = {"color": "#009e73", "marker": "D", "linestyle": ":", "markersize": 3.5}
-"""Colour of two cameras together."""
+"""Line style of the joint results of two cameras."""
 
 CONFIDENCE = 1.96
-"""Half width of the 95 % interval, in standard deviations."""
+"""Half of the width of the 95 % interval of a normal distribution, in standard deviations."""
 
 
 PAGE_WIDTH_IN = 11.0
 _MARGIN_PX = 6
-# matplotlib's own type for this dictionary lists every existing key.
+# The type is Any, because matplotlib's own type for this dictionary lists every possible key.
 _RC: Any = {
     "font.size": 9,
     "axes.titlesize": 10,
@@ -39,20 +39,24 @@ _RC: Any = {
     "lines.linewidth": 1.3,
     "lines.markersize": 4.5,
     "legend.frameon": False,
-    # Equal reports give equal files.
+    # Matplotlib adds a random "salt" to the names in an SVG file. A fixed salt makes the files of equal
+    # reports equal.
     "svg.hashsalt": "offaxis",
 }
 
 
 def plot_style() -> Any:
-    """Return the context in which all figures are drawn and saved."""
+    """Return a context manager with matplotlib's settings for the report's figures.
+
+    All figures must be drawn and saved within this context (a `with` statement).
+    """
     import matplotlib as mpl
 
     return mpl.rc_context(_RC)
 
 
 def new_figure(columns: int, height_in: float = 3.6) -> tuple[Any, Any]:
-    """Return a matplotlib figure as wide as the page, and its axes side by side."""
+    """Return a matplotlib figure that is as wide as the page, and its axes, which are side by side."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(PAGE_WIDTH_IN, height_in), layout="constrained")
@@ -60,7 +64,7 @@ def new_figure(columns: int, height_in: float = 3.6) -> tuple[Any, Any]:
 
 
 def legend_below(figure: Any, columns: int = 4) -> None:
-    """Put one legend for all axes below the axes, where the legend hides no data."""
+    """Draw one legend for all axes below them, where the legend hides no data."""
     drawn = [pair for axis in figure.axes for pair in zip(*axis.get_legend_handles_labels(), strict=True)]
     named = {label: handle for handle, label in reversed(drawn)}
     labels = list(dict.fromkeys(label for _, label in drawn))
@@ -73,10 +77,10 @@ def legend_below(figure: Any, columns: int = 4) -> None:
 
 
 def line_style(series: CameraSeries, order: int, kind: Kind) -> dict[str, Any]:
-    """Return colour, marker and line of a series.
+    """Return the colour, the marker and the line style for the strains of a camera.
 
-    Raw strain is a dashed line with open markers, calibrated strain a solid line with full markers, corrected
-    strain a broad line under the others.
+    Raw strain is a dashed line with open markers. Calibrated strain is a solid line with full markers.
+    Corrected strain is a broad, partly transparent line.
 
     Parameters
     ----------
@@ -84,7 +88,7 @@ def line_style(series: CameraSeries, order: int, kind: Kind) -> dict[str, Any]:
     order : int
         Index of the camera among the on-axis or the off-axis cameras of the figure, from 0.
     kind : str
-        "raw", "calibrated" or "corrected".
+        Kind of strain: "raw", "calibrated" or "corrected".
     """
     if series.on_axis:
         colour, marker = ON_AXIS_COLOUR, ON_AXIS_MARKERS[order % len(ON_AXIS_MARKERS)]
@@ -101,21 +105,27 @@ def line_style(series: CameraSeries, order: int, kind: Kind) -> dict[str, Any]:
 
 
 def draw_banded(axis: Any, x: Any, values: Float, std: Float, label: str, style: dict[str, Any]) -> None:
-    """Draw values (n,) over x with the band in which 95 % of their errors lie; gaps where values are NaN."""
+    """Draw values (n,) against x as a line with a band, the 95 % interval of each value.
+
+    Where a value is NaN, the line and the band have a gap.
+    """
     axis.plot(x, values, label=label, **style)
     reach = CONFIDENCE * std
     axis.fill_between(x, values - reach, values + reach, color=style["color"], alpha=0.15, linewidth=0)
 
 
 def svg_uri(figure: Any) -> str:
-    """Return a line figure as a data URI (SVG)."""
+    """Return a figure as a data URI in SVG format, for figures that consist of lines."""
     buffer = BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None})
     return "data:image/svg+xml;base64," + b64encode(buffer.getvalue()).decode()
 
 
 def png_uri(figure: Any, dpi: int = 100) -> str:
-    """Return a figure with images or many marks as a data URI: PNG, 256 colours, narrow margins."""
+    """Return a figure as a data URI in PNG format, for figures with images or many marks.
+
+    The picture has 256 colours and narrow margins.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -133,7 +143,7 @@ def png_uri(figure: Any, dpi: int = 100) -> str:
 
 
 def watermark_uri(word: str) -> str:
-    """Return a tile with a faint diagonal word, for use as a watermark, as a data URI."""
+    """Return a picture of a faint diagonal word as a data URI; the page repeats it as a watermark."""
     svg = (
         '<svg xmlns="http://www.w3.org/2000/svg" width="640" height="460">'
         '<text x="320" y="250" transform="rotate(-30 320 230)" text-anchor="middle" fill="#b00020" '

@@ -23,14 +23,14 @@ _MOTIONS = {
     "free": "none: the steps tell no motion",
 }
 _USES = (("in use", "model"), ("recommended", "recommended"))
-"""Purposes of a model, and the attribute of a calibration with the model's name."""
+"""Purposes of a calibration model, such as "in use", each with the attribute that names the model."""
 
 
 def calibration_rows(run: Run) -> list[list[str]]:
-    """Return one row per camera and model.
+    """Return the rows of the table of calibrations, as text, one row per camera and model.
 
-    Name, points, model and its purpose, scale, rms and largest residual in px and µm, rms of the
-    cross-validation.
+    The columns are: camera; number of points; model and its purpose; scale in µm per px; rms residual in px
+    and in µm; largest residual in px and in µm; rms residual of the cross-validation in px.
     """
     rows = []
     for series in run.cameras:
@@ -57,12 +57,12 @@ def calibration_rows(run: Run) -> list[list[str]]:
 
 
 def recommendations(run: Run) -> list[str]:
-    """Return one sentence per camera on which model is recommended, and why."""
+    """Return one sentence per camera that names the recommended calibration model and the reason."""
     return [f"{series.label}: {series.calibration.recommendation}." for series in run.cameras]
 
 
 def settings_rows(run: Run) -> list[tuple[str, str]]:
-    """Return names and values of the settings, as text."""
+    """Return the names and values of the run's properties and settings, as text."""
     result, info, settings = run.result, run.result.info, run.result.settings
     rows = [
         ("Run", f"{info.run_id}, begun {date(info.start_time)}"),
@@ -135,7 +135,7 @@ def _gauge(measurement: Measurement) -> str:
 
 
 def problems(run: Run) -> list[str]:
-    """Return one sentence for each problem that a reader must know before trusting the run."""
+    """Return one sentence for each problem of the run that readers must know before they use the results."""
     info = run.result.info
     sentences = []
     if info.status != "completed":

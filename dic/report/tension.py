@@ -1,4 +1,4 @@
-"""Figures of the tension test: the paper's figures 16 to 20, and load and displacement."""
+"""Figures of the tension test: strains like figures 16 to 20 of Helm and Deaner; load and displacement."""
 
 from typing import Any
 
@@ -20,7 +20,10 @@ from dic.typing import Float
 
 
 def strain_figure(run: Run) -> str:
-    """Return a figure of raw, calibrated and corrected εxx and εyy of all cameras (figures 16 and 17)."""
+    """Return a figure of raw, calibrated and corrected εxx and εyy of all cameras at each step.
+
+    The figure corresponds to figures 16 and 17 of Helm and Deaner's paper.
+    """
     figure, axes = new_figure(2, 4.4)
     for axis, component in zip(axes, (XX, YY), strict=True):
         for order, series in ordered(run):
@@ -38,7 +41,10 @@ def strain_figure(run: Run) -> str:
 
 
 def difference_figure(run: Run, on_axis: CameraSeries) -> str:
-    """Return a figure of differences from the uncalibrated on-axis camera (figures 18 to 20)."""
+    """Return a figure of the strains of all cameras minus the raw strains of the on-axis camera.
+
+    The figure corresponds to figures 18 to 20 of Helm and Deaner's paper.
+    """
     figure, axes = new_figure(3, 4.1)
     for component, axis in enumerate(axes):
         axis.axhline(0.0, color="#999999", linewidth=0.8)
@@ -60,9 +66,9 @@ def difference_figure(run: Run, on_axis: CameraSeries) -> str:
 
 
 def corrected_difference_figure(run: Run, on_axis: CameraSeries) -> str:
-    """Return a figure of the corrected strains' differences alone, with bands of 95 %.
+    """Return a figure of corrected strains minus the raw strains of the on-axis camera, with 95 % bands.
 
-    Empty if no step was corrected.
+    The result is an empty text if no step was corrected.
     """
     shown = [
         (s.label, s.steps, s.corrected, s.corrected_std, line_style(s, order, "calibrated"))
@@ -89,7 +95,7 @@ def corrected_difference_figure(run: Run, on_axis: CameraSeries) -> str:
 
 
 def load_figure(run: Run) -> str:
-    """Return the load–displacement curve, and load and displacement at every step."""
+    """Return a figure of the load–displacement curve, and of load and displacement at every step."""
     figure, axes = new_figure(3, 3.3)
     steps = run.steps
     load_kn = np.array([step.load_n for step in steps]) / 1000
@@ -113,7 +119,8 @@ def load_figure(run: Run) -> str:
 def telling_steps(steps: list[RunStep]) -> list[tuple[RunStep, str]]:
     """Return the first step, the last elastic step and the last step, each with its caption.
 
-    Loading ends with the increment that shows plastic deformation; the step before is the last elastic step.
+    Load control ends with the step at which plastic deformation is evident. The load step before it is the
+    last elastic step.
     """
     if not steps:
         return []
@@ -126,9 +133,9 @@ def telling_steps(steps: list[RunStep]) -> list[tuple[RunStep, str]]:
 
 
 def ordered(run: Run) -> list[tuple[int, CameraSeries]]:
-    """Return the cameras in drawing order, each with its index in the colour order."""
+    """Return the cameras of a run in the order of drawing, each with the index of its colour."""
     on_axis = [(0, camera) for camera in run.cameras if camera.on_axis]
-    # A single off-axis camera (the paper's at 30°) has the same colour in every figure.
+    # A single off-axis camera, as in the paper's tension test at 30°, has the colour of a third camera.
     off_axis = list(enumerate(run.off_axis, 2 if len(run.off_axis) == 1 else 0))
     return on_axis + off_axis
 
@@ -146,9 +153,10 @@ def _places(run: Run, of: list[RunStep]) -> list[int]:
 
 
 def _label_steps(axis: Any, run: Run) -> None:
-    """Label the step axis, and shade the steps under load control.
+    """Label the horizontal axis with the numbers of the steps, and shade the steps under load control.
 
-    Steps are drawn at equal distances, not at their numbers: conditional steps of a plan may be missing.
+    Neighbouring steps have equal distances on the axis, even if their numbers have gaps. The numbers have
+    gaps if conditional steps of a test plan were not executed, or if a step could not be measured.
     """
     steps = run.steps
     every = max(1, -(-len(steps) // 12))

@@ -1,1 +1,1 @@
-"""Result files, CSV tables and maps."""
+"""The output of results: HDF5 result files, CSV tables, and maps as pictures."""

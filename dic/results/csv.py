@@ -1,11 +1,11 @@
-"""Points of interest as CSV: one file per image, one line per point."""
+"""Tables of the points of interest as CSV: one file per image, one line per point."""
 
 import csv
-from pathlib import Path
 
 import numpy as np
 
 from dic.correlation.status import Status
+from dic.files.writing import replacing
 from dic.strain.measurement import Measurement
 from dic.strain.strain import STRAIN_KEYS
 from dic.typing import PathLike
@@ -15,18 +15,20 @@ _MILLIMETRES = ["X_mm", "Y_mm", "U_mm", "V_mm", "calibration"]
 
 
 def write_csv(measurement: Measurement, path: PathLike) -> None:
-    """Write the points of a measurement.
+    """Write the points of interest of a measurement as a CSV table.
 
-    Columns are x_px, y_px, u_px, v_px (image axes: x right, y down), zncc, status; when calibrated X_mm,
-    Y_mm, U_mm, V_mm (grid axes: X right, Y up) and calibration: "inside", or "outside" where a value is an
-    extrapolation; then local strain, without a unit, its direction in degrees, and their standard
-    deviations. A failed point has nan values, and the reason as its status.
+    The first columns are x_px, y_px, u_px, v_px (image axes: x right, y down), zncc and status. If there is a
+    calibration, the columns X_mm, Y_mm, U_mm, V_mm (grid axes: X right, Y up) and calibration follow. The
+    column calibration holds "inside", or "outside" if the calibrated values are extrapolated. The last
+    columns hold the local strains (without a unit), the direction of the first principal strain in degrees,
+    and the standard deviations of the strains and of the direction. If the correlation of a point failed, the
+    status of the point gives the reason, and the results of the point are nan.
     """
     field, calibrated, strain = measurement.field, measurement.calibrated, measurement.strain
     points, u, v = field.points, field.u_px.ravel(), field.v_px.ravel()
     zncc, status = field.zncc.ravel(), field.status.ravel()
     strains = np.stack([getattr(strain, name).ravel() for name in STRAIN_KEYS], axis=-1)
-    with Path(path).open("w", newline="", encoding="utf-8") as file:
+    with replacing(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow([*_PIXELS, *(_MILLIMETRES if calibrated else []), *STRAIN_KEYS])
         if calibrated:

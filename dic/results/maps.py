@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.files.writing import write_figure
 from dic.image.given import grey_image
 from dic.out_of_plane.correction import Correction
 from dic.strain.measurement import Measurement
@@ -14,9 +15,9 @@ MICRO = 1e6
 
 
 def panels(measurement: Measurement, correction: Correction | None = None) -> list[tuple[str, Float]]:
-    """Return titles and values of the five maps of a measurement: two displacements, three strains in µε.
+    """Return the titles and values of the five maps of a measurement: two displacements, three strains in µε.
 
-    The values are corrected if a correction applies, else calibrated, else raw.
+    The maps show corrected values if the image was corrected, else calibrated values, else raw values.
     """
     if correction is not None and correction.declined is None:
         shown, strain, kind = correction.displacement, correction.strain, "corrected"
@@ -37,9 +38,10 @@ def panels(measurement: Measurement, correction: Correction | None = None) -> li
 def draw_maps(
     measurement: Measurement, image: NDArray[Any], title: str, correction: Correction | None = None
 ) -> Any:
-    """Return a matplotlib figure with the five maps over the reference image.
+    """Return a matplotlib figure with five maps, of displacement and strain, over the reference image.
 
-    Colour scales span the 1st to 99th percentile, so that a single point cannot hide the field.
+    Each colour scale spans the 1st to the 99th percentile, so that single extreme points do not stretch the
+    scale.
 
     Parameters
     ----------
@@ -48,7 +50,8 @@ def draw_maps(
         The reference image, in which the points are defined.
     title : str
     correction : Correction, optional
-        Shown instead of calibrated strain if the correction applies.
+        Correction of the measurement. If the image was corrected, the maps show corrected values instead of
+        calibrated ones.
     """
     from matplotlib.figure import Figure
 
@@ -89,7 +92,7 @@ def write_maps(
     title: str | None = None,
     correction: Correction | None = None,
 ) -> None:
-    """Write the five maps of a measurement, two displacements and three strains, as one picture.
+    """Write one picture with five maps of a measurement: two displacements and three strains.
 
     Parameters
     ----------
@@ -97,12 +100,13 @@ def write_maps(
     reference : ndarray, shape (height, width), or path
         The reference image, in which the points are defined.
     path : path
-        The file to write; its suffix determines the image format.
+        The file to write. The suffix of the file name determines the image format.
     title : str, optional
-        Default: the measurement's label.
+        Title of the picture. Default: the measurement's label.
     correction : Correction, optional
-        Shown instead of calibrated strain if the correction applies.
+        Correction of the measurement. If the image was corrected, the maps show corrected values instead of
+        calibrated ones.
     """
     grey = grey_image(reference, "reference image")
     title = measurement.label if title is None else title
-    draw_maps(measurement, grey, title, correction).savefig(path, dpi=110)
+    write_figure(draw_maps(measurement, grey, title, correction), path, dpi=110)

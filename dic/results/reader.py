@@ -1,7 +1,7 @@
-"""The reader of result files: no stored value is measured or corrected again.
+"""The reader of result files, which returns stored values unchanged.
 
-Files of earlier versions store means without their number of points, and lack other values of a measurement.
-Only missing values are computed anew; every stored value is returned as stored.
+Files of earlier versions lack some values, for example the number of points of a mean strain. The reader
+computes these values.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,21 +24,21 @@ from dic.typing import Float
 
 
 def read_measurements(series: Any, calibration: Calibration | None) -> list[Measurement]:
-    """Return the measurements of a series.
+    """Return the measurements of a series from a result file.
 
-    Displacements come without the gradients and errors from which strain was computed.
+    The calibrated displacements lack gradients and errors, because result files do not store them.
 
     Parameters
     ----------
     series : h5py.Group
-        Group written by `ResultWriter.add`.
+        Group of the file that `ResultWriter.add` wrote.
     calibration : Calibration or None
-        Calibration of the camera, for files that lack values.
+        Calibration of the camera. The reader uses the calibration only if the file lacks values.
 
     Raises
     ------
     KeyError, TypeError
-        If the group is not a series.
+        If the group does not hold the measurements of a series of images.
     """
     settings = CorrelationSettings(**_attributes(series, CorrelationSettings))
     strain = StrainSettings(**_attributes(series, StrainSettings, "strain_"))
@@ -51,18 +51,19 @@ def read_measurements(series: Any, calibration: Calibration | None) -> list[Meas
 def read_corrections(
     group: Any, measurements: Sequence[Measurement], anew: Sequence[Correction] | None = None
 ) -> list[Correction]:
-    """Return the corrections of a series.
+    """Return the corrections of a series from a result file.
 
-    A field that is stored in another group of the file is NaN.
+    If the corrected values of an image are stored in another group of the file, the returned values are NaN.
 
     Parameters
     ----------
     group : h5py.Group
-        Group written by `ResultWriter.add_corrections`.
+        Group of the file that `ResultWriter.add_corrections` wrote.
     measurements : sequence of Measurement
-        The corrected measurements.
+        The measurements to which the corrections belong.
     anew : sequence of Correction, optional
-        The same corrections computed anew, for files that lack values.
+        The same corrections, computed again. Give these corrections if the file is of an earlier version that
+        lacks values.
     """
     return [
         _read_correction(group, k, measurement, None if anew is None else anew[k])
@@ -73,14 +74,21 @@ def read_corrections(
 def read_two_cameras(
     group: Any, measurements: Mapping[str, Mapping[int, Measurement]]
 ) -> tuple[tuple[str, str], dict[int, TwoCameraStep]]:
-    """Return the names of the two cameras used together, and their results by number of the step.
+    """Return the results that two cameras give together from a result file.
 
     Parameters
     ----------
     group : h5py.Group
-        Group written by `ResultWriter.add_two_cameras`.
+        Group of the file that `ResultWriter.add_two_cameras` wrote.
     measurements : mapping of str to mapping of int to Measurement
-        Measurements by camera and number of the step.
+        The measurements, keyed by the camera's name and then by the step's number.
+
+    Returns
+    -------
+    tuple of str
+        Names of the two cameras.
+    dict of int to TwoCameraStep
+        Result of both cameras together for each step, keyed by the step's number.
     """
     first, second = map(str, group.attrs["cameras"])
     indices = [int(index) for index in group["step"]]
@@ -165,7 +173,7 @@ def _read_field(series: Any, k: int, settings: CorrelationSettings) -> Field:
         active=series["active"][:].astype(np.bool_),
         start=str(series["start"].asstr()[k]),
         settings=settings,
-        # Files of versions without new references lack these values.
+        # Files of earlier versions lack this value: the program could not yet take new references.
         updates=int(series["updates"][k]) if "updates" in series else 0,
     )
 
@@ -204,5 +212,5 @@ def _attributes(group: Any, settings: type[Any], prefix: str = "") -> dict[str, 
 
 
 def _plain(value: Any) -> Any:
-    """Return a value of an HDF5 file as a plain Python value."""
+    """Return a NumPy scalar from an HDF5 file as a Python number; return other values unchanged."""
     return value.item() if isinstance(value, np.generic) else value

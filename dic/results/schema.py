@@ -1,4 +1,4 @@
-"""Names and units in result files, for their writer and reader; the layout is in `docs/results.md`."""
+"""Names and units of the values in result files; `docs/results.md` describes the layout."""
 
 from dataclasses import fields
 
@@ -15,9 +15,12 @@ PLANE_UNITS = {
     "shift_mm": "mm",
     "shift_mm_std": "mm",
 }
-"""The specimen's plane found by a correction, under the names of `Correction.as_dict`."""
+"""Units of the slopes and the shift of the specimen's plane that a correction finds.
+
+The names are those of `Correction.as_dict`.
+"""
 
 
 def strain_units(name: str) -> str:
-    """Return the units of a value of `MEAN_KEYS`, which include the values of local strain."""
+    """Return the unit of a value whose name is in `MEAN_KEYS` or `STRAIN_KEYS`."""
     return "deg" if "_deg" in name else "1"

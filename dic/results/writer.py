@@ -1,7 +1,11 @@
-"""The result file: fields and strains of whole series in HDF5; layout in `docs/results.md`."""
+"""The writer of result files: displacements and strains of series of images, in HDF5.
+
+`docs/results.md` describes the layout of the file.
+"""
 
 import os
 from collections.abc import Collection, Iterable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -9,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from dic.errors import RunFileError
+from dic.files.writing import replacing
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.two_cameras import TwoCameraStep
 from dic.results.schema import FORMAT, MEAN_KEYS, PLANE_UNITS, VERSION, strain_units
@@ -18,27 +23,28 @@ from dic.strain.strain import STRAIN_KEYS, MeanStrain, StrainField
 
 
 class ResultWriter:
-    """Writes measurements one by one, so that a long series need not fit into memory.
+    """A writer that appends measurements to a file one by one. A long series need not fit into memory.
 
     Parameters
     ----------
     path : Path
-        The file to create; an existing one is replaced only when the new one is complete.
+        The file to create. An existing file is replaced only when the new file is complete and holds results.
     """
 
     def __init__(self, path: Path) -> None:
         import h5py
 
-        self._path = path
-        self._partial = path.with_name(path.name + ".partial")
+        self._place = ExitStack()
         try:
+            self._partial = self._place.enter_context(replacing(path))
             self._file = h5py.File(self._partial, "w")
         except OSError as error:
             raise RunFileError(
                 str(path),
                 "create results",
                 "a folder that can be written to",
-                os.strerror(error.errno) if error.errno else "an error of the file system",
+                error.strerror
+                or (os.strerror(error.errno) if error.errno else "an error of the file system"),
                 "name another file",
             ) from error
         self._file.attrs.update({"file_format": FORMAT, "file_format_version": VERSION})
@@ -49,18 +55,22 @@ class ResultWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._file.close()
-        if kind is None:
-            self._partial.replace(self._path)
-        else:
-            self._partial.unlink(missing_ok=True)
+        empty = len(self._file) == 0
+        try:
+            self._file.close()
+        except BaseException as closing:
+            self._place.__exit__(type(closing), closing, closing.__traceback__)
+            raise
+        if empty:
+            self._partial.unlink()
+        self._place.__exit__(kind, error, trace)
 
     def group(self, name: str) -> Any:
         """Return the group `name` of the open file; create the group if it does not exist."""
         return self._file.require_group(name)
 
     def add(self, series: str, measurement: Measurement) -> None:
-        """Append a measurement to a series; create the series if it does not exist."""
+        """Append a measurement to the group `series` of the file; create this group if it does not exist."""
         group = self._file.get(series)
         if group is None:
             group = _create_series(self._file.create_group(series), measurement)
@@ -92,17 +102,18 @@ class ResultWriter:
     def add_corrections(
         self, place: str, corrections: Sequence[Correction], elsewhere: Collection[int] = ()
     ) -> None:
-        """Write the corrections of a whole series.
+        """Write the corrections of all images of a series.
 
         Parameters
         ----------
         place : str
-            The group to write into.
+            Name of the group of the file that receives the corrections.
         corrections : sequence of Correction
-            Corrections in the order of the images.
+            The corrections in the order of the images.
         elsewhere : collection of int
-            Indices in the series whose corrected field is stored in another group; fields are not stored
-            twice because they take most of the file.
+            Indices of the images whose corrected displacements and strains are stored in another group.
+            Corrected displacements and strains are not stored twice, because they take most of the space in
+            the file.
         """
         group = self._file.require_group(place)
         _write_correction_table(group.create_group("corrected_mean"), corrections)
@@ -110,7 +121,7 @@ class ResultWriter:
         if not applied:
             return
         local = group.create_group("corrected")
-        # All images of a series have the same points, in the same plane of the reference.
+        # All images of a series have the same points, so their reference positions are stored once.
         position = corrections[applied[0]].displacement.position
         _create_displacement(local, position, len(corrections))
         _create_strain(local, position.shape[:2], len(corrections))
@@ -120,7 +131,10 @@ class ResultWriter:
                 local[name][k] = value
 
     def add_two_cameras(self, place: str, cameras: tuple[str, str], steps: dict[int, TwoCameraStep]) -> None:
-        """Write the joint results of two cameras, by number of the step, into the group `place`."""
+        """Write the results that two cameras give together into the group `place`.
+
+        The dict `steps` holds the result of both cameras together for each step, keyed by the step's number.
+        """
         group, found = self._file.require_group(place), list(steps.values())
         group.attrs["cameras"] = list(cameras)
         _write(group, "step", "1", np.array(list(steps), np.int64))
@@ -137,7 +151,7 @@ class ResultWriter:
 
 
 def _create_series(group: Any, measurement: Measurement) -> Any:
-    """Write the values that all measurements of a series share, and create the growing datasets."""
+    """Write the values that all images of a series share; create empty datasets for the other values."""
     import h5py
 
     group.attrs.update(vars(measurement.settings))
@@ -237,7 +251,10 @@ def _write(group: Any, name: str, units: str, data: Any) -> None:
 def _rows(
     group: Any, name: str, units: str, shape: tuple[int, ...] = (), n: int = 0, dtype: Any = "f8"
 ) -> Any:
-    """Return a new growing dataset of `n` rows; unwritten rows are NaN and take no space."""
+    """Create a dataset of `n` rows, to which more rows can be added.
+
+    Rows of numbers of type "f8" are NaN until they are written. Unwritten rows take no space in the file.
+    """
     dataset = group.create_dataset(
         name,
         (n, *shape),

@@ -1,1 +1,1 @@
-"""The run file: its schema and its reader."""
+"""The layout and the reader of run files. A run file holds the images and the device readings of a test."""

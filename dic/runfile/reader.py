@@ -1,19 +1,30 @@
-"""The reader of run files, including files of killed runs; `schema` defines the layout."""
+"""The reader of run files. The reader also reads the file of a run that was killed before its end.
 
+The module `schema` defines the layout of the file.
+"""
+
+import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.errors import RunFileError
-from dic.runfile import schema
+from dic.hdf5.open import NotReadable, open_hdf5
+from dic.runfile import schema, superblock
+from dic.runfile.chunks import pixel_places
+from dic.runfile.digests import BLOCK_BYTES, file_digest, frame_digest, read_user_block
+from dic.runfile.layout import Unlike, camera_names, require_layout
 
 
 @dataclass(frozen=True)
 class RunStep:
-    """A finished step: its target and the settled readings of the devices; NaN for a missing device."""
+    """A finished step of a run: its target, and the readings of the devices after they have settled.
+
+    The reading of a device that the rig does not have is NaN.
+    """
 
     index: int
     kind: str
@@ -26,7 +37,7 @@ class RunStep:
 
 @dataclass(frozen=True)
 class RunInfo:
-    """Properties of the run as a whole."""
+    """The properties of a run as a whole: its title, status, specimen and configuration."""
 
     title: str
     run_id: str
@@ -44,29 +55,45 @@ class RunInfo:
 
 
 class RunFile:
-    """One run, open for reading; use it in a `with` statement.
+    """A run file that is open for reading; use this class in a `with` statement.
 
     Attributes
     ----------
     info : RunInfo
     grid_lines : tuple of int
-        Lines of the calibration grid along X and Y.
+        Numbers of lines of the calibration grid along X and along Y.
     grid_pitch_mm : float
+        Distance between neighbouring lines of the calibration grid.
+    continues : dict or None
+        The earlier run that this run goes on with; None for a run that begins anew.
+    grid_target : str
+        Kind of the calibration target: "lines", "checkerboard", "charuco" or "dots". For a target without
+        lines, `grid_lines` are the numbers of squares or dots.
+    grid_marker_mm, grid_dictionary : float, str
+        Length of a marker's side, and OpenCV's dictionary of the markers, for a ChArUco board.
     cameras : list of str
+        Names of the cameras.
     steps : list of RunStep
-        Every finished step, in order.
+        All finished steps, in order.
 
     Raises
     ------
     RunFileError
-        If the file is missing, cut off, damaged or no run file.
+        If the file is missing, cut off or damaged, or is not a run file.
     """
+
+    grid_target = "lines"
+    grid_marker_mm = np.nan
+    grid_dictionary = ""
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self._file = self._open()
         try:
             self._read()
+        except Unlike as error:
+            self._file.close()
+            raise self._damaged(f"a damaged run file, with {error}") from error
         except _UNREADABLE as error:
             self._file.close()
             raise self._damaged("a run file that lacks some of its data or is damaged") from error
@@ -78,14 +105,24 @@ class RunFile:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file; a repeated call has no effect."""
         self._file.close()
 
     def series(self) -> list[RunStep]:
-        """Return the steps with images of the specimen: the reference first, then the others."""
+        """Return the steps with images of the specimen, in order; the first one is the reference step."""
         return [step for step in self.steps if step.kind != "grid"]
 
     def step_of_kind(self, kind: str) -> RunStep:
-        """Return the step of kind "grid" or "reference"; a run has one step of each."""
+        """Return the first step of the given kind, for example "grid" or "reference".
+
+        Raises
+        ------
+        RunFileError
+            If the run ended before such a step was finished.
+        """
         for step in self.steps:
             if step.kind == kind:
                 return step
@@ -98,42 +135,115 @@ class RunFile:
         )
 
     def image(self, camera: str, step: RunStep) -> NDArray[np.float32]:
-        """Return a camera's image of a step, (height, width), grey levels: the mean of its frames."""
+        """Return the mean of a camera's frames at a step: grey levels, shape (height, width).
+
+        Raises
+        ------
+        RunFileError
+            If a frame of the step is missing or damaged.
+        """
         rows = self.rows(camera, step)
         try:
             if not rows or set(rows) - set(self.rows_on_file(camera)):
                 raise ValueError("rows without pixels")
-            frames = self._detectors[camera][schema.PIXELS][rows.start : rows.stop]
+            frames = np.stack([self._frame(camera, row) for row in rows])
         except _UNREADABLE as error:
             raise self._damaged(f"damaged images of {camera} at step {step.index}") from error
         return np.asarray(frames.mean(axis=0, dtype=np.float64), np.float32)
 
     def rows(self, camera: str, step: RunStep) -> range:
-        """Return the rows of a camera's frames of a step."""
+        """Return the row numbers of the frames that a camera took at a step."""
         return self._rows[camera][self.steps.index(step)]
 
     def rows_on_file(self, camera: str) -> list[int]:
-        """Return the rows of a camera with completely written pixels."""
+        """Return the row numbers of those frames of a camera whose pixels are completely written."""
         return self._rows_on_file[camera]
 
     def damaged_rows(self, camera: str) -> list[int]:
-        """Read all stored frames of a camera; return the rows with a wrong checksum."""
+        """Read all complete frames of a camera and return the row numbers of the unreadable frames.
+
+        A frame is unreadable if, for example, its checksum is wrong.
+        """
         return [row for row in self.rows_on_file(camera) if not self._reads(camera, row)]
+
+    def frame(self, camera: str, row: int) -> NDArray[Any]:
+        """Return one frame of a camera as it was recorded, after a check of its digest.
+
+        Raises
+        ------
+        RunFileError
+            If the frame is missing or damaged.
+        """
+        try:
+            return self._frame(camera, row)
+        except _UNREADABLE as error:
+            raise self._damaged(f"a damaged image {row} of {camera}") from error
+
+    def columns(self, table: str) -> dict[str, NDArray[Any]]:
+        """Return the complete rows of a table below the entry, such as "instrument/stage", by column.
+
+        A table that the run does not have gives an empty dict.
+        """
+        group = self._file["entry"].get(table)
+        if group is None:
+            return {}
+        columns = {name: data for name, data in group.items() if data.ndim == 1}
+        rows = min(len(data) for data in columns.values())
+        return {name: data[:rows] for name, data in columns.items()}
+
+    def image_shape(self, camera: str) -> tuple[int, int]:
+        """Return height and width of a camera's images in px."""
+        height, width = self._detectors[camera][schema.PIXELS].shape[1:]
+        return int(height), int(width)
+
+    def identity(self, device: str) -> dict[str, Any]:
+        """Return the attributes of a camera, of "stage" or of "load_frame": vendor, model and others."""
+        attributes = dict(self._detectors[device].attrs)
+        attributes.pop("NX_class", None)
+        return attributes
 
     def _reads(self, camera: str, row: int) -> bool:
         try:
-            self._detectors[camera][schema.PIXELS][row]
+            self._frame(camera, row)
         except _UNREADABLE:
             return False
         return True
 
+    def _frame(self, camera: str, row: int) -> NDArray[Any]:
+        """Return one frame; raise ValueError if the frame's digest is wrong."""
+        group = self._detectors[camera]
+        frame: NDArray[Any] = group[schema.PIXELS][row]
+        # Files of earlier programs have HDF5's own checksums instead of digests.
+        if schema.DIGEST.name in group and _text(group[schema.DIGEST.name], row) != frame_digest(frame):
+            raise ValueError("a frame with a wrong digest")
+        return frame
+
+    def digest_matches(self) -> bool | None:
+        """Return True if the digest of a closed file is right, False if not, and None without a digest.
+
+        The digest of the file covers all bytes except the pixels of images. The images have digests of their
+        own, which the method `damaged_rows` checks.
+        """
+        if superblock.find(self.path) != BLOCK_BYTES:
+            return None
+        if not superblock.is_closed(self.path):
+            # Do not read the file here, because any amount of data may have been appended to it.
+            return None if self.info.status == "running" else False
+        block = read_user_block(self.path)
+        if block is None or not block.sha256:
+            # The file of a killed run has a user block without a digest, or no user block yet.
+            return None if block is not None or self.info.status == "running" else False
+        places = []
+        for name in self.cameras:
+            stored = pixel_places(self._detectors[name][schema.PIXELS])
+            places += [stored[row] for row in self.rows_on_file(name) if row in stored]
+        return block.sha256 == file_digest(self.path, places)
+
     def _open(self) -> Any:
-        if not self.path.is_file():
-            raise self._damaged("no such file")
         try:
-            return _open_hdf5(self.path)
-        except OSError as error:
-            raise self._damaged("a file that was cut off or is no HDF5") from error
+            return open_hdf5(self.path)
+        except NotReadable as error:
+            raise self._damaged(str(error)) from error
 
     def _read(self) -> None:
         attributes = self._file.attrs
@@ -141,30 +251,46 @@ class RunFile:
             raise self._damaged("an HDF5 file of another kind")
         if attributes["file_format_version"] != schema.VERSION:
             raise self._damaged(f"version {attributes['file_format_version']}, newer than this program")
+        require_layout(self._file)
         entry = self._file["entry"]
         run, sample = _scalars(entry, schema.ENTRY), _scalars(entry["sample"], schema.SAMPLE)
-        # No caller needs the time of the end: the status says whether a run has ended.
+        # Files of earlier programs have no provenance.
+        run.pop(schema.PROVENANCE.name, None)
+        self.continues = _object(str(run.pop(schema.CONTINUES.name, "")))
+        # No caller needs the end time. The status tells whether a run has ended.
         del run["end_time"]
         simulated = bool(entry.attrs["simulated"])
         self.info = RunInfo(simulated=simulated, sample=sample.pop("name"), **run, **sample)
+        if self.info.status not in _STATUSES:
+            raise Unlike(f"the status {self.info.status!r}")
         lines = entry["grid"]["lines"][:]
         self.grid_lines = int(lines[0]), int(lines[1])
         self.grid_pitch_mm = float(entry["grid"]["pitch_mm"][()])
+        if not (min(lines) > 0 and max(lines) <= _LINES_MAX and 0.0 < self.grid_pitch_mm < np.inf):
+            raise Unlike(f"a grid of {lines[0]} x {lines[1]} lines every {self.grid_pitch_mm:g} mm")
+        # Files of earlier programs have line grids only.
+        if schema.TARGET[0].name in entry["grid"]:
+            self.grid_target = _text(entry["grid"]["target"])
+            self.grid_marker_mm = float(entry["grid"]["marker_mm"][()])
+            self.grid_dictionary = _text(entry["grid"]["dictionary"])
         self._detectors = entry["instrument"]
-        self.cameras = [name for name, group in self._detectors.items() if schema.PIXELS in group]
+        self.cameras = camera_names(self._file)
+        self._rows_on_file = {
+            name: np.flatnonzero(self._detectors[name]["valid"][:] == 1).tolist() for name in self.cameras
+        }
         self.steps = self._finished_steps(entry["steps"])
         self._rows = {name: self._rows_of_steps(entry["steps"], name) for name in self.cameras}
-        self._rows_on_file = {
-            name: np.flatnonzero(self._detectors[name]["valid"][:]).tolist() for name in self.cameras
-        }
 
     @staticmethod
     def _finished_steps(table: Any) -> list[RunStep]:
-        # A step is complete when the last column has its row; first columns of a killed run may be longer.
+        # A row of the table is complete when its last column, `complete`, is set. In the file of a killed run
+        # the other columns may have more rows.
         complete = table[schema.COMPLETE.name][:]
         n = int(np.argmin(complete)) if not complete.all() else len(complete)
         columns = {item.name: table[item.name][:n].tolist() for item in schema.STEP_ITEMS}
         columns["kind"] = [kind.decode() for kind in columns["kind"]]
+        if unknown := set(columns["kind"]) - _KINDS:
+            raise Unlike(f"a step of kind {unknown.pop()!r}")
         rows = zip(*columns.values(), strict=True)
         return [RunStep(**dict(zip(columns, row, strict=True))) for row in rows]
 
@@ -172,7 +298,14 @@ class RunFile:
         columns = (
             table[name(camera)][: len(self.steps)].tolist() for name in (schema.first_row, schema.row_count)
         )
-        return [range(first, first + count) for first, count in zip(*columns, strict=True)]
+        ranges = [range(first, first + count) for first, count in zip(*columns, strict=True)]
+        on_file = len(self._detectors[camera][schema.PIXELS])
+        for rows in ranges:
+            if not 0 <= rows.start <= rows.stop <= on_file:
+                raise Unlike(
+                    f"images {rows.start} to {rows.stop} of {camera} in a step, of {on_file} on file"
+                )
+        return ranges
 
     def _damaged(self, got: str) -> RunFileError:
         return RunFileError(
@@ -180,40 +313,39 @@ class RunFile:
             "read run",
             f"a run file of version {schema.VERSION}",
             got,
-            "name a file written by `rig run`, or copy it again",
+            "name a file written by `rig run`, copy it again, or try `rig repair`",
         )
 
 
-def _open_hdf5(path: Path) -> Any:
-    """Open the HDF5 file of a run, even during recording or after its writer was killed.
+_UNREADABLE = (
+    AttributeError, IndexError, KeyError, MemoryError, OSError, OverflowError, RuntimeError, TypeError,
+    ValueError,
+)  # fmt: skip
+"""Exceptions for data that are missing, are cut off, have a wrong checksum, or are of another type."""
 
-    Raises
-    ------
-    OSError
-        If the file is cut off or not HDF5.
-    """
-    import h5py
-
-    try:
-        # Do not try SWMR first: on a file that was cut off, SWMR waits forever for a writer.
-        return h5py.File(path, "r")
-    except OSError as error:
-        if "already open for write" not in str(error):
-            raise
-        return h5py.File(path, "r", swmr=True)
-
-
-_UNREADABLE = (KeyError, OSError, RuntimeError, ValueError)
-"""Exceptions of h5py for data that are missing, cut off or fail their checksum."""
+_KINDS = frozenset(get_args(schema.StepKind))
+_STATUSES = frozenset(get_args(schema.RunStatus))
+_LINES_MAX = 1000
 
 
 def _scalars(group: Any, layout: schema.Group) -> dict[str, Any]:
-    """Return the values of a group without tables, texts as str and numbers as float."""
+    """Return the single values of a group as a dict: texts as str, numbers as float."""
     return {
         item.name: float(group[item.name][()]) if item.text_bytes is None else _text(group[item.name])
         for item in layout.items
+        if item not in schema.LATER or item.name in group
     }
 
 
-def _text(dataset: Any) -> str:
-    return str(bytes(dataset[()]).rstrip(b"\0").decode())
+def _object(text: str) -> dict[str, Any] | None:
+    """Return a JSON object; None for an empty text."""
+    if not text:
+        return None
+    found = json.loads(text)
+    if not isinstance(found, dict):
+        raise Unlike("an earlier run that is no JSON object")
+    return found
+
+
+def _text(dataset: Any, place: int | tuple[()] = ()) -> str:
+    return str(bytes(dataset[place]).rstrip(b"\0").decode())

@@ -1,4 +1,4 @@
-"""The layout of a run file: all names, types, units and sizes (their meaning: docs/run-file.md)."""
+"""The layout of a run file: all names, types, units and sizes. `docs/run-file.md` explains all names."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,21 +9,23 @@ VERSION = 1
 
 RunStatus: TypeAlias = Literal["running", "completed", "aborted", "failed"]
 Level: TypeAlias = Literal["info", "warning", "error"]
-StepKind: TypeAlias = Literal["grid", "reference", "load", "displacement", "rotation"]
+StepKind: TypeAlias = Literal[
+    "grid", "reference", "load", "displacement", "rotation", "creep", "relaxation", "rest"
+]
 
 ROOT_ATTRIBUTES = {"default": "entry", "file_format": FORMAT, "file_format_version": VERSION}
 
 
 @dataclass(frozen=True)
 class Item:
-    """A dataset.
+    """The name, type and unit of a dataset in a run file.
 
     Attributes
     ----------
     name : str
     dtype : str
-        NumPy's name of a number type; for a text "S" and its number of bytes, or "S" alone if the length is
-        variable.
+        The type of a number is the name of a NumPy type. The type of a text is "S", followed by the largest
+        number of bytes if the length is limited.
     units : str
         Unit of a number; "1" for a number without a unit.
     """
@@ -34,18 +36,38 @@ class Item:
 
     @property
     def text_bytes(self) -> int | None:
-        """The largest number of bytes of a text, 0 if not limited; None for a number."""
+        """Largest number of bytes of a text, or 0 if the length is not limited; None for a number."""
         return int(self.dtype[1:] or 0) if self.dtype.startswith("S") else None
 
 
 @dataclass(frozen=True)
 class Group:
-    """A group: its NeXus class, its other attributes, and its datasets in the order of writing."""
+    """A group in a run file: its NeXus class, its datasets in the order of writing, and its attributes."""
 
     nx_class: str
     items: tuple[Item, ...] = ()
     attributes: tuple[str, ...] = ()
 
+
+PROVENANCE = Item("provenance", "S")
+CONTINUES = Item("continues", "S")
+"""The earlier run that a run goes on with, as JSON; empty for a run that begins anew."""
+
+SETTINGS = Item("settings", "S")
+"""The settings of a device, in the same group as the columns of the device's table."""
+
+DIGEST = Item("digest", "S64")
+
+ORDER = Item("order", "int64", "1")
+"""The number of a row among the rows of all tables, in the order in which the run recorded them."""
+
+STAGE_FLAGS = (Item("moving", "uint8", "1"), Item("homed", "uint8", "1"))
+LOAD_FRAME_FLAGS = (
+    Item("moving", "uint8", "1"),
+    Item("at_target", "uint8", "1"),
+    Item("holding", "uint8", "1"),
+    Item("sample", "int64", "1"),
+)
 
 _IDENTITY = ("vendor", "model", "serial", "firmware")
 
@@ -58,6 +80,8 @@ ENTRY = Group(
         Item("configuration", "S"),
         Item("start_time", "S"),
         Item("versions", "S"),
+        PROVENANCE,
+        CONTINUES,
         Item("end_time", "S40"),
         Item("status", "S16"),
         Item("status_reason", "S480"),
@@ -73,13 +97,18 @@ SAMPLE = Group(
         Item("gauge_length_mm", "float64", "mm"),
     ),
 )
-GRID = Group("NXcollection", (Item("lines", "int64", "1"), Item("pitch_mm", "float64", "mm")))
+TARGET = (Item("target", "S16"), Item("marker_mm", "float64", "mm"), Item("dictionary", "S"))
+GRID = Group("NXcollection", (Item("lines", "int64", "1"), Item("pitch_mm", "float64", "mm"), *TARGET))
 INSTRUMENT = Group("NXinstrument")
 
-# The groups below are tables: their items are columns of one length, and the last column is written last.
+# Each group below is a table, whose items are columns. The last column is written last. So a row is complete
+# if its element in the last column exists.
 
 PIXELS = "data"
-"""Name of a camera's images, (n, height, width) uint8 or uint16, beside the columns of `DETECTOR`."""
+"""Name of the dataset of a camera's images, shape (n, height, width), type uint8 or uint16.
+
+This dataset is in the same group as the columns of `DETECTOR`.
+"""
 
 PIXELS_ATTRIBUTES = {"units": "1", "interpretation": "image"}
 
@@ -94,18 +123,24 @@ DETECTOR = Group(
         Item("exposure_us", "float64", "us"),
         Item("gain", "float64", "1"),
         Item("step", "int64", "1"),
+        DIGEST,
+        ORDER,
         Item("valid", "uint8", "1"),
     ),
     (*_IDENTITY, "bits"),
 )
 STAGE = Group(
-    "NXpositioner", (Item("angle_deg", "float64", "deg"), Item("time_s", "float64", "s")), _IDENTITY
+    "NXpositioner",
+    (Item("angle_deg", "float64", "deg"), *STAGE_FLAGS, ORDER, Item("time_s", "float64", "s")),
+    _IDENTITY,
 )
 LOAD_FRAME = Group(
     "NXsensor",
     (
         Item("load_n", "float64", "N"),
         Item("displacement_mm", "float64", "mm"),
+        *LOAD_FRAME_FLAGS,
+        ORDER,
         Item("time_s", "float64", "s"),
     ),
     _IDENTITY,
@@ -119,26 +154,37 @@ STEP_ITEMS = (
     Item("angle_deg", "float64", "deg"),
     Item("time_s", "float64", "s"),
 )
-"""Columns of the table of steps that do not depend on the cameras."""
+"""The columns of the table of steps that are the same for all runs, whatever their cameras."""
 
 COMPLETE = Item("complete", "uint8", "1")
+LATER: frozenset[Item] = frozenset(
+    {PROVENANCE, CONTINUES, SETTINGS, DIGEST, ORDER, *TARGET, *STAGE_FLAGS, *LOAD_FRAME_FLAGS}
+)
+"""Datasets that files of earlier programs lack."""
+
 EVENTS = Group(
     "NXcollection",
-    (Item("level", "S8"), Item("source", "S32"), Item("message", "S240"), Item("time_s", "float64", "s")),
+    (
+        Item("level", "S8"),
+        Item("source", "S32"),
+        Item("message", "S240"),
+        ORDER,
+        Item("time_s", "float64", "s"),
+    ),
 )
 
 
 def first_row(camera: str) -> str:
-    """Return the name of the steps' column that holds the first row of a camera's frames."""
+    """Return the name of the column that holds, for each step, the row of a camera's first frame."""
     return f"frames_{camera}"
 
 
 def row_count(camera: str) -> str:
-    """Return the name of the steps' column that holds the number of a camera's frames."""
+    """Return the name of the column that holds, for each step, the number of a camera's frames."""
     return f"count_{camera}"
 
 
 def steps(cameras: Iterable[str]) -> Group:
-    """Return the table of steps of a run with these cameras."""
+    """Return the layout of the table of steps for a run with the given cameras."""
     rows = [Item(name(camera), "int64", "1") for camera in cameras for name in (first_row, row_count)]
-    return Group("NXcollection", (*STEP_ITEMS, *rows, COMPLETE))
+    return Group("NXcollection", (*STEP_ITEMS, *rows, ORDER, COMPLETE))

@@ -1,1 +1,1 @@
-"""Code that all commands share: printing, stopping, and checks of output paths."""
+"""Functions that all commands share: print messages, show progress, stop, and check output paths."""

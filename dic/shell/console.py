@@ -1,61 +1,73 @@
-"""Messages and exit of commands: one sentence and a status, never a traceback."""
+"""Messages and exit status of commands. For an error, the command prints one sentence and no traceback."""
 
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from io import TextIOWrapper
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import click
+
+from dic.errors import ImageWarning
 
 COULD_NOT = 2
 _ENDING = (signal.SIGTERM, signal.SIGHUP)
 _unprinted: list[OSError] = []
-"""Errors of lost lines of standard output. Global like the stream, which does not record its errors."""
+"""Errors from lines that could not be printed to standard output.
+
+Python's stream does not record these errors. This list of errors is global because the stream is global.
+"""
 
 
 def run(command: click.Command, foreseen: tuple[type[Exception], ...], prefix: str) -> NoReturn:
-    """Run a command line and exit; a foreseen error gives one sentence and status 2.
+    """Run a command and exit; an expected error prints one sentence and exits with status 2.
 
     Parameters
     ----------
     command : click.Command
-        The command; if it exits with a status, that status is kept.
+        The command to run. If the command exits with a status of its own, the program exits with that status.
     foreseen : tuple of exception types
-        Errors whose message is printed as the sentence.
+        Expected errors. The message of such an error is the printed sentence.
     prefix : str
-        Beginning of the sentence.
+        Text that is printed before the sentence, for example the program's name.
     """
     _prepare_streams()
     _unprinted.clear()
-    with _ending_like_ctrl_c():
+    with _warnings_as_lines():
         status = _status(command, foreseen, prefix)
     sys.exit(_flushed(status, prefix))
 
 
 def say(line: str, *, err: bool = False) -> None:
-    """Print a line during work. If printing fails, work continues and `run` reports the loss at the end."""
+    """Print a line. If printing fails, the work continues.
+
+    At its end, the function `run` reports that lines could not be printed on standard output. If the reader
+    of a pipe has closed the pipe, nothing is reported.
+    """
     try:
-        # Name the stream: otherwise click bypasses the bar of `progress`, which replaces both streams.
+        # Pass the stream explicitly. The progress bar replaces both streams, and without this argument click
+        # would print to the original ones.
         click.echo(line, file=sys.stderr if err else sys.stdout)
     except OSError as error:
-        # A reader that closed the pipe does not want the remaining lines.
+        # If the reader of the pipe has closed it, the remaining lines are not needed.
         if not err and not isinstance(error, BrokenPipeError):
             _unprinted.append(error)
 
 
 def fail(sentence: str) -> None:
-    """Print a sentence about a failure."""
+    """Print a sentence about a failure to standard error."""
     say(f"error: {sentence}", err=True)
 
 
 def _status(command: click.Command, foreseen: tuple[type[Exception], ...], prefix: str) -> int:
     try:
-        # Without standalone mode, click returns the status of `Context.exit` and raises the rest.
-        return command.main(standalone_mode=False) or 0
+        # With standalone mode off, click returns the status of `Context.exit` and raises all errors.
+        with _ending_like_ctrl_c():
+            return command.main(standalone_mode=False) or 0
     except SystemExit as end:
         return int(end.code or 0)
     except click.ClickException as error:
@@ -73,15 +85,33 @@ def _status(command: click.Command, foreseen: tuple[type[Exception], ...], prefi
     return COULD_NOT
 
 
+@contextmanager
+def _warnings_as_lines() -> Iterator[None]:
+    """Print a warning about an image as one line, without file name and line number of the code."""
+    shown = warnings.showwarning
+
+    def show(message: Warning | str, *others: Any, **named: Any) -> None:
+        if isinstance(message, ImageWarning):
+            say(f"warning: {message}", err=True)
+        else:
+            shown(message, *others, **named)
+
+    warnings.showwarning = show
+    try:
+        yield
+    finally:
+        warnings.showwarning = shown
+
+
 def _prepare_streams() -> None:
-    """Prevent failures of a command from unsupported characters and closed streams."""
+    """Prevent errors from characters that a stream cannot encode and from closed standard streams."""
     for descriptor in range(3):
         try:
             os.fstat(descriptor)
         except OSError:
-            # Otherwise the next opened file becomes the closed standard stream.
+            # If the descriptor stayed free, the next opened file would take the place of the standard stream.
             os.open(os.devnull, os.O_RDWR)
-    # Python sets the stream of a closed descriptor to None.
+    # If a standard stream was closed at the start, Python sets it to None.
     sys.stdout = sys.stdout or Path(os.devnull).open("w")  # noqa: SIM115
     sys.stderr = sys.stderr or Path(os.devnull).open("w")  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
@@ -91,7 +121,11 @@ def _prepare_streams() -> None:
 
 @contextmanager
 def _ending_like_ctrl_c() -> Iterator[None]:
-    """Turn termination signals into `KeyboardInterrupt`, unless they are ignored (`nohup`)."""
+    """Make SIGTERM and SIGHUP raise `KeyboardInterrupt`, except where they are ignored, as under `nohup`.
+
+    This holds only while the work runs. Afterwards the signals end the program at once, because the program
+    may be waiting for a terminal that accepts no output, and then Python runs no signal handlers.
+    """
     changed = [number for number in _ENDING if signal.getsignal(number) is signal.SIG_DFL]
     for number in changed:
         signal.signal(number, signal.default_int_handler)
@@ -103,12 +137,16 @@ def _ending_like_ctrl_c() -> Iterator[None]:
 
 
 def _flushed(status: int, prefix: str) -> int:
-    """Return the status, or `COULD_NOT` if output was lost for another reason than a closed pipe."""
+    """Flush the output and return the exit status: the given one, or `COULD_NOT` if lines were lost.
+
+    Lines do not count as lost if the reader of the output closed the pipe.
+    """
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
         except OSError:
-            # Python flushes once more when it exits, and would complain.
+            # Python flushes the stream again when it exits and would print an error. Send that output to the
+            # null device.
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     if not _unprinted:
         return status
@@ -118,9 +156,10 @@ def _flushed(status: int, prefix: str) -> int:
 
 @contextmanager
 def stopping_between() -> Iterator[Callable[[], bool]]:
-    """Let the first Ctrl-C, SIGTERM or SIGHUP end a series after the current image, the second at once.
+    """Within a `with` block, make the first Ctrl-C, SIGTERM or SIGHUP stop the work after the current image.
 
-    Yields the function that tells whether to stop.
+    A second signal stops the program at once. The `with` statement provides a function that returns True
+    after the first signal; the statements in the `with` block must call this function after each image.
     """
     asked = False
 

@@ -1,45 +1,66 @@
-"""Checks of output paths before the work, so that no result is lost and no input overwritten."""
+"""Check output paths before the work begins, so that no result is lost and no input is overwritten."""
 
 import os
 from collections.abc import Iterable
 from pathlib import Path
 
+import click
+
 from dic.errors import OutputError
+from dic.files.reading import kind_of
+
+FORCE = click.option("--force", is_flag=True, help="Replace output files that exist already.")
 
 
-def require_places(inputs: Iterable[Path | None], outputs: Iterable[Path | None]) -> None:
-    """Refuse output files that cannot be created, or would replace an input or one another.
+def require_places(
+    inputs: Iterable[Path | None], outputs: Iterable[Path | None], *, force: bool = False
+) -> None:
+    """Raise an error if an output file cannot be created, or would replace an input, another output or
+    earlier results.
 
     Parameters
     ----------
     inputs, outputs : iterable of path or None
-        None stands for an option that was not given.
+        Paths of the files to read and of the files to write. None means that the user did not give the
+        option.
+    force : bool
+        True if existing files may be replaced. Folders, devices, pipes and inputs are never replaced.
 
     Raises
     ------
     OutputError
-        Names the first refused output.
+        If an output file cannot be used. The message names the first such file.
     """
-    taken = {path.resolve(): "one that is read" for path in inputs if path is not None}
+    taken = {_resolved(path): "one that is read" for path in inputs if path is not None}
     for path in outputs:
         if path is None:
             continue
-        place = path.resolve()
-        got = taken.get(place) or _obstacle(place)
+        place = _resolved(path)
+        got, remedy = taken.get(place) or _obstacle(place), "name another place"
+        if got is None and place.exists() and not force:
+            got, remedy = "one that exists", "name another place, or replace it with --force"
         if got is not None:
             raise OutputError(
                 str(path),
                 "write results",
                 "a file of its own in a folder that can be written to",
                 got,
-                "name another place",
+                remedy,
             )
         taken[place] = "one that holds other results"
 
 
+def _resolved(path: Path) -> Path:
+    # Path.resolve raises an error without a reason for a link that leads to itself.
+    return Path(os.path.realpath(path))
+
+
 def _obstacle(place: Path) -> str | None:
-    if place.is_dir():
-        return "a folder"
+    if place.is_symlink():
+        # a resolved path is a link only if links form a circle
+        return "a link that leads to itself"
+    if place.exists() and (kind := kind_of(place.stat().st_mode)):
+        return kind
     if not place.parent.is_dir():
         return "no such folder"
     if not os.access(place if place.exists() else place.parent, os.W_OK):

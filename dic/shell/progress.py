@@ -10,9 +10,9 @@ if TYPE_CHECKING:
 
 
 class Bar:
-    """A bar below the printed lines; all methods do nothing if standard error is not a terminal.
+    """A progress bar below the printed lines. If standard error is not a terminal, nothing is shown.
 
-    The bar can be used from any thread.
+    All threads may use the same bar.
     """
 
     def __init__(self, drawn: "Progress | None", what: str, total: int | None) -> None:
@@ -21,7 +21,7 @@ class Bar:
             self._task = drawn.add_task(what, total=total)
 
     def expect(self, total: int) -> None:
-        """Set the number of pieces of work."""
+        """Set the total number of pieces of work."""
         if self._drawn is not None:
             self._drawn.update(self._task, total=total)
 
@@ -31,33 +31,34 @@ class Bar:
             self._drawn.advance(self._task)
 
     def describe(self, what: str, done: int) -> None:
-        """Set the description of the work and the number of finished pieces."""
+        """Set the description of the work and the number of finished pieces of work."""
         if self._drawn is not None:
             self._drawn.update(self._task, description=what, completed=done)
 
     def show(self) -> None:
-        """Draw the bar again."""
+        """Show the progress bar again after `hide`."""
         if self._drawn is not None:
             self._drawn.start()
 
     def hide(self) -> None:
-        """Remove the bar from the terminal, for example to ask a question, until `show`."""
-        # On terminals without cursor control, Rich prints an empty line when it stops a bar that is not
-        # drawn.
+        """Remove the progress bar from the terminal until `show`, for example to ask the user a question."""
+        # Stop only a bar that is drawn: otherwise Rich prints an empty line on a terminal without cursor
+        # control.
         if self._drawn is not None and self._drawn.live.is_started:
             self._drawn.stop()
 
 
 @contextmanager
 def progress(what: str, total: int | None = None) -> Iterator[Bar]:
-    """Show a bar while the block runs.
+    """Show a progress bar while the statements of a `with` block run.
 
     Parameters
     ----------
     what : str
-        Description of the work.
+        Description of the work, shown beside the progress bar.
     total : int, optional
-        Number of pieces of work. Without a number the bar shows only activity, until `expect` sets one.
+        Total number of pieces of work. Without a total, the bar shows only that work is going on, until
+        `Bar.expect` sets the total.
     """
     if not sys.stderr.isatty():
         yield Bar(None, what, total)
@@ -66,7 +67,7 @@ def progress(what: str, total: int | None = None) -> Iterator[Bar]:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    # Printed lines appear on the terminal above the bar; a standard output that is a file is not redirected.
+    # Rich prints lines on the terminal above the bar. If standard output is a file, leave it unchanged.
     with Progress(
         *columns, console=Console(stderr=True), transient=True, redirect_stdout=sys.stdout.isatty()
     ) as drawn:

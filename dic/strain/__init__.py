@@ -1,1 +1,1 @@
-"""From displacements to strain, with its standard deviation."""
+"""Compute strain from displacements, with standard deviations of the strain."""

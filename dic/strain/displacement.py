@@ -1,7 +1,7 @@
-"""Displacements in upright axes, raw in pixels or calibrated in millimetres, with their errors.
+"""Displacements in axes with y up, raw in pixels or calibrated in millimetres, with their errors.
 
-The errors are those that image noise causes, to first order. The errors of two points are correlated if their
-subsets overlap, because such subsets share pixels.
+The errors are those that image noise causes, to first order. If two subsets overlap, they share pixels, so
+the errors of their displacements are correlated.
 """
 
 from dataclasses import dataclass
@@ -23,13 +23,15 @@ class Noise:
     Attributes
     ----------
     factors : ndarray, shape (rows, columns, 2, 2)
-        F of each point, in the unit of the displacement. The error of the displacement is F·e, with two
-        independent errors e of unit variance, along the image's x and y. Its covariance is F Fᵀ.
+        A matrix F for each point, in the unit of the displacement. The error of the displacement is F·e,
+        where the two elements of the vector e are independent random numbers of variance 1. The covariance of
+        the error is F Fᵀ.
     overlap : ndarray, shape (m, n)
-        Element [i, j] is the correlation of the errors of two points that are i rows and j columns of the
-        grid apart. Points farther apart are not correlated.
+        Element [i, j] is the correlation between the errors of two points that are i rows and j columns of
+        the grid of points apart. The errors of points that are farther apart are not correlated.
     gradient : ndarray, shape (rows, columns, 4, 4)
-        Covariance of the shape function's gradient; its elements are in the order xx, xy, yx, yy.
+        Covariance matrix of the displacement gradient that the shape function gives at each point. The
+        gradient's elements are in the order xx, xy, yx, yy.
     """
 
     factors: Float
@@ -45,16 +47,18 @@ class Noise:
 class Displacement:
     """Reference positions and displacements of material points.
 
-    The axes are x to the right and y up, for pixels, too. So raw and calibrated strains have the same signs.
+    The x axis points to the right and the y axis up, also for displacements in pixels. Therefore raw and
+    calibrated strains have the same signs.
 
     Attributes
     ----------
     position, vector : ndarray, shape (rows, columns, 2)
-        Reference position and displacement of every point of the grid; NaN where they are not known.
+        Reference position and displacement of every point of interest; NaN where they are not known.
     valid : ndarray of bool, shape (rows, columns)
-        Points that may be used for strain.
+        True for points that may be used for strain. These points have converged. For calibrated
+        displacements, these points also lie inside the calibrated area.
     unit : str
-        "px" or "mm".
+        Unit of positions and displacements, "px" or "mm".
     gradient : ndarray, shape (rows, columns, 2, 2), or None
         Displacement gradient ∂u_i/∂x_j within each point's subset, from the shape function.
     noise : Noise or None
@@ -73,7 +77,7 @@ class Displacement:
 
 
 def raw_displacement(field: Field) -> Displacement:
-    """Return a field's displacements in pixels, with y up."""
+    """Return the displacements of a correlated image in pixels, with the y axis up."""
     shape = (*field.status.shape, 2)
     vector = np.stack([field.u_px, -field.v_px], axis=-1)
     position = (field.points * np.array([1.0, -1.0])).reshape(shape)
@@ -83,11 +87,12 @@ def raw_displacement(field: Field) -> Displacement:
 
 
 def calibrated_displacement(field: Field, calibration: Calibration) -> Displacement:
-    """Return a field's displacements in millimetres on the grid's plane.
+    """Return the displacements of a correlated image in millimetres on the calibration grid's plane.
 
-    The start and the end of each displacement are mapped. If one of them is outside the calibrated area, the
-    displacement is an extrapolation: it keeps its value but is not valid. Errors of the calibration are not
-    included.
+    The calibration maps the start and the end of each displacement from pixels to millimetres. If the start
+    or the end is outside the calibrated area, the displacement is extrapolated. An extrapolated displacement
+    keeps its value, but is not used for strain (`valid` is False). The errors do not include errors of the
+    calibration.
     """
     shape = (*field.status.shape, 2)
     before = field.points
@@ -107,10 +112,11 @@ def calibrated_displacement(field: Field, calibration: Calibration) -> Displacem
 
 
 def _in_axes(field: Field, here: Float, there: Float) -> tuple[Float, Noise]:
-    """Return the displacement gradient and the errors of a field in new axes.
+    """Return the displacement gradient and the errors of a correlated image in new coordinates.
 
-    `here` and `there`, shape (rows, columns, 2, 2), are the derivatives of the new coordinates by the image
-    coordinates, before and after the motion. The deformation gradient F becomes there · F · here⁻¹.
+    The arrays `here` and `there`, shape (rows, columns, 2, 2), are the derivatives of the new coordinates
+    with respect to the image coordinates, before and after the motion. In the new coordinates the deformation
+    gradient F becomes ``there · F · here⁻¹``.
     """
     shape = field.status.shape
     back = _inverse(here)
@@ -124,7 +130,7 @@ def _in_axes(field: Field, here: Float, there: Float) -> tuple[Float, Noise]:
 
 
 def _inverse(matrices: Float) -> Float:
-    """Return the inverses of matrices (…, 2, 2); infinity or NaN for a singular matrix."""
+    """Return the inverses of matrices of shape (…, 2, 2); a singular matrix gives infinity or NaN."""
     a, b, c, d = (matrices[..., i, j] for i in (0, 1) for j in (0, 1))
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = np.stack([d, -b, -c, a], axis=-1) / (a * d - b * c)[..., None]
@@ -132,12 +138,14 @@ def _inverse(matrices: Float) -> Float:
 
 
 def error_overlap(settings: CorrelationSettings) -> Float:
-    """Return the correlation of the errors of two points of interest, as a function of their distance.
+    """Return the correlation between the errors of two points of interest, as a function of their distance.
 
-    The displacement of a subset is the value of its fitted shape function at the centre. This is a weighted
-    sum over the pixels: an affine shape function gives all pixels the same weight, a quadratic one gives more
-    weight to the middle. The correlation of two subsets is the overlap of their weights. The texture also
-    weights the pixels; it is assumed to be uniform.
+    The displacement of a subset is the value of its fitted shape function at the centre. So the displacement
+    of a subset is a weighted sum over the pixels of the subset. An affine shape function gives all pixels the
+    same weight; a quadratic shape function gives more weight to the pixels in the middle. The correlation
+    between two subsets is a sum over the pixels that both share. At each shared pixel, the weights of both
+    subsets are multiplied. The grey level gradients would change the weights too; the function assumes that
+    the texture is uniform.
 
     Parameters
     ----------
@@ -146,8 +154,8 @@ def error_overlap(settings: CorrelationSettings) -> Float:
     Returns
     -------
     ndarray, shape (m, m)
-        Element [i, j] belongs to points that are i rows and j columns apart; it is 1 at [0, 0]. Subsets that
-        are m or more rows or columns apart do not overlap.
+        Element [i, j] is the correlation for points that are i rows and j columns apart; element [0, 0] is 1.
+        Subsets that are m or more rows or columns apart do not overlap.
     """
     from scipy.signal import fftconvolve
 

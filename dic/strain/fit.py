@@ -1,8 +1,8 @@
 """Displacement gradients of surfaces fitted by least squares, and the covariances of these gradients.
 
-A fitted gradient is a weighted sum of displacements, so its error is the same weighted sum of their errors.
-The correlation between overlapping subsets is included: n points with overlapping subsets average out less
-noise than n independent measurements.
+A fitted gradient is a weighted sum of displacements. The error of the gradient is therefore the same weighted
+sum of the errors of the displacements. The covariances include the correlation between overlapping subsets.
+The mean of n points with overlapping subsets has more noise than the mean of n independent measurements.
 """
 
 import numpy as np
@@ -11,29 +11,30 @@ from numpy.lib.stride_tricks import sliding_window_view
 from dic.strain.displacement import Displacement, Noise
 from dic.typing import Float, Mask
 
-# Least share of valid points in a window.
+# Smallest share of the points of a window that must be valid.
 _MIN_WINDOW_SHARE = 0.5
 # Windows are fitted in batches whose arrays have about this number of elements.
 _TERMS_IN_MEMORY = 4_000_000
 
 
 def mean_gradient(displacement: Displacement, use: Mask) -> tuple[Float, Float | None] | None:
-    """Return the gradient of the affine displacement that fits the points best, and its covariance.
+    """Fit an affine displacement to points; return its gradient and the covariance of this gradient.
+
+    The function returns None if there are fewer than three points, or if all points lie on one line.
 
     Parameters
     ----------
     displacement : Displacement
     use : ndarray of bool, shape (rows, columns)
-        The points to fit.
+        True for the points to which the displacement is fitted.
 
     Returns
     -------
     gradient : ndarray, shape (2, 2)
-        ∂u_i/∂x_j at [i, j].
+        Displacement gradient, with ∂u_i/∂x_j at [i, j].
     covariance : ndarray, shape (4, 4), or None
-        Covariance of the gradient's elements xx, xy, yx, yy; None if the displacements' errors are not known.
-
-    The function returns None if there are fewer than three points or if all lie on one line.
+        Covariance of the gradient's elements xx, xy, yx, yy; None if the errors of the displacements are not
+        known.
     """
     position, vector = displacement.position[use], displacement.vector[use]
     if len(position) < 3:
@@ -51,18 +52,26 @@ def mean_gradient(displacement: Displacement, use: Mask) -> tuple[Float, Float |
 
 
 def slopes_of(position: Float, values: Float) -> Float:
-    """Return the gradient (2, 2), ∂u_i/∂x_j at [i, j], of an affine function fitted to `values` (n, 2)."""
+    """Fit an affine function to `values` (n, 2) at `position` (n, 2) and return its gradient (2, 2).
+
+    Element [i, j] of the gradient is the derivative ∂u_i/∂x_j.
+    """
     centred = position - position.mean(axis=0)
     return np.asarray(np.linalg.solve(centred.T @ centred, centred.T @ values).T)
 
 
 def gradient_weights(position: Float) -> Float:
-    """Return the weights of displacements at `position` (n, 2) in the gradient that `mean_gradient` fits.
+    """Return the weight of each displacement in the gradient from `mean_gradient`.
+
+    Parameters
+    ----------
+    position : ndarray, shape (n, 2)
+        Reference positions of the points.
 
     Returns
     -------
     ndarray, shape (n, 2, 4)
-        Weights of both components of each displacement in the gradient's elements xx, xy, yx, yy.
+        Weights of the two components of each displacement in the gradient's elements xx, xy, yx, yy.
     """
     centred = position - position.mean(axis=0)
     slopes = np.linalg.solve(centred.T @ centred, centred.T)
@@ -70,12 +79,12 @@ def gradient_weights(position: Float) -> Float:
 
 
 def covariance_of_sums(weights: Float, noise: Noise) -> Float:
-    """Return the covariance (p, p) of p weighted sums of the displacements of a grid of points.
+    """Return the covariance matrix, shape (p, p), of p weighted sums of displacements on a grid of points.
 
     Parameters
     ----------
     weights : ndarray, shape (rows, columns, 2, p)
-        Weights of both components of each displacement in each sum; 0 for points that are not used.
+        Weights of the two components of each displacement in each sum; 0 for points that are not used.
     noise : Noise
         Errors of the displacements.
     """
@@ -89,29 +98,33 @@ def covariance_of_sums(weights: Float, noise: Noise) -> Float:
 
 
 def fitted_gradients(displacement: Displacement, window: int, degree: int) -> tuple[Float, Float | None]:
-    """Return at every point the gradient of the surface that fits the window of points around it best.
+    """Fit a surface to the window of points around each point; return the displacement gradient of each fit.
 
     Parameters
     ----------
     displacement : Displacement
     window : int
-        Odd width of the window, points. At least half of its points must be valid.
+        Width of the window, an odd number of points. At least half of the points in the window must have a
+        valid displacement.
     degree : int
-        Degree of the surface, 1 or 2.
+        Degree of the fitted surface: 1 for a plane, 2 for a quadratic surface.
 
     Returns
     -------
     gradient : ndarray, shape (rows, columns, 2, 2)
-        ∂u_i/∂x_j at [i, j]; NaN where too few points of the window are valid.
+        Displacement gradient at each point, with ∂u_i/∂x_j at [i, j]. The gradient is NaN if the point has no
+        valid displacement, or if too few points of its window have one.
     covariance : ndarray, shape (rows, columns, 4, 4), or None
-        As for `mean_gradient`, at every point.
+        Covariance of the gradient's elements xx, xy, yx, yy at each point; None if the errors of the
+        displacements are not known.
     """
     noise, shape, places = displacement.noise, displacement.valid.shape, window**2
     position, vector = _windows(displacement.position, window), _windows(displacement.vector, window)
     valid = _windows(displacement.valid.astype(np.float64), window) == 1.0
     gradient = np.full((*shape, 2, 2), np.nan)
     covariance = None if noise is None else np.full((*shape, 4, 4), np.nan)
-    # Points on two lines do not determine a quadratic surface; two lines have at most two points in each row.
+    # Points on two straight lines do not determine a quadratic surface. Two lines hold at most 2 · window
+    # points of a window, so require one point more.
     needed = max(_MIN_WINDOW_SHARE * places, 2 * window + 1 if degree == 2 else 0)
     fits = np.flatnonzero(displacement.valid & (valid.sum(axis=(-1, -2)) >= needed))
     for some in np.array_split(fits, 1 + fits.size * places * 8 // _TERMS_IN_MEMORY):
@@ -129,20 +142,25 @@ def fitted_gradients(displacement: Displacement, window: int, degree: int) -> tu
 
 
 def _windows(values: Float, window: int) -> Float:
-    """Return a view of the window around each point, (rows, columns, …, window, window), with NaN outside."""
+    """Return a view of the values in the window around each point, (rows, columns, …, window, window).
+
+    Values outside the grid of points are NaN.
+    """
     border = [(window // 2, window // 2)] * 2 + [(0, 0)] * (values.ndim - 2)
     padded = np.pad(values, border, constant_values=np.nan)
     return sliding_window_view(padded, (window, window), axis=(0, 1))
 
 
 def _slope_weights(offset: Float, use: Mask, degree: int) -> Float:
-    """Return the weights (n, 2, places) of n windows' values in the surface's two slopes at the middle.
+    """Return the weights with which the values in a window give the slopes of the fitted surface.
 
-    `offset` (n, 2, places) are the positions relative to the middle of each window. `use` (n, places) is True
-    at the places to which the surface is fitted.
+    The two slopes are those at the middle of the window. The weights have the shape (n, 2, places) for n
+    windows. A window has `places` points. The array `offset` (n, 2, places) holds the position of each of
+    these points relative to the point in the middle of the window. The array `use` (n, places) is True for
+    the points to which the surface is fitted.
     """
     known = np.where(use[:, None], offset, 0.0)
-    # Coordinates of the order of 1 keep the normal equations well conditioned.
+    # The normal equations are well conditioned if the coordinates are of the order of 1.
     scale = np.abs(known).max(initial=1e-300)
     x, y = known[:, 0] / scale, known[:, 1] / scale
     terms = [x, y, np.ones_like(x)] + ([x * x, x * y, y * y] if degree == 2 else [])
@@ -154,7 +172,8 @@ def _slope_weights(offset: Float, use: Mask, degree: int) -> Float:
 def _covariances(weights: Float, factors: Float, overlap: Float) -> Float:
     """Return the covariances (n, 4, 4) of the gradients of n windows, whose points have correlated errors.
 
-    `weights` is (n, 2, places), `factors` (n, 2, 2, places), `overlap` (places, places).
+    The shapes of the arguments are (n, 2, places) for `weights`, (n, 2, 2, places) for `factors`, and
+    (places, places) for `overlap`.
     """
     n, _, places = weights.shape
     total = np.zeros((n, 4, 4))
@@ -167,7 +186,7 @@ def _covariances(weights: Float, factors: Float, overlap: Float) -> Float:
 
 
 def _overlap_in_window(overlap: Float, window: int) -> Float:
-    """Return the correlations of the errors at all places of a window, shape (places, places)."""
+    """Return the correlations between the errors of all points of a window, shape (places, places)."""
     known = np.zeros((window, window))
     rows, columns = (min(window, n) for n in overlap.shape)
     known[:rows, :columns] = overlap[:rows, :columns]

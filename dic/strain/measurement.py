@@ -1,4 +1,4 @@
-"""The measurement of one image: its field, raw and calibrated displacements, and their strains."""
+"""The measurement of one image: the result of the correlation, the displacements and the strains."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,30 +17,33 @@ _POINTS_OF_A_PLANE = 3
 
 @dataclass(frozen=True)
 class Measurement:
-    """One deformed image, measured against its reference.
+    """The displacements and strains of one image relative to its reference image.
 
     Attributes
     ----------
     label : str
-        The image's file, or the step of the image's run.
+        The path of the image file, or the run's step to which the image belongs.
     field : Field
+        The result of the correlation.
     raw : Displacement
         Displacement in pixels.
     calibrated : Displacement or None
-        Displacement in millimetres, if there is a calibration.
+        Displacement in millimetres; None if there is no calibration.
     strain_settings : StrainSettings
-        Settings of the strain.
+        Settings with which the strain is computed.
     gauge_px : int
-        Width of the virtual strain gauge, the area of pixels that determines a local strain.
+        Width of the virtual strain gauge, which is the area of pixels that determines one local strain.
     gauge_mm : float or None
-        Width of the virtual strain gauge on the specimen, in the middle of the grid, if there is a
-        calibration.
+        Width of the virtual strain gauge on the specimen, for the image scale in the middle of the
+        calibration grid; None if there is no calibration.
     raw_mean : MeanStrain
-        Mean strain of the displacements in pixels, from the same points as `calibrated_mean`.
+        Mean strain from the displacements in pixels. If there is a calibration, `raw_mean` and
+        `calibrated_mean` use the same points.
     calibrated_mean : MeanStrain or None
-        Mean strain of the calibrated displacements.
+        Mean strain from the calibrated displacements; None if there is no calibration.
     stored_strain : StrainField or None
-        Local strain read from a result file. If None, `strain` is computed at its first use.
+        Local strain that was read from a result file. If the attribute is None, `strain` computes the local
+        strain at its first use.
     """
 
     label: str
@@ -74,12 +77,12 @@ class Measurement:
 
     @property
     def good(self) -> bool:
-        """Whether at least half of the points in view have a value and the mean strain exists."""
+        """True if at least half of the points in view converged and three or more give the mean strain."""
         return self.objection is None
 
     @property
     def objection(self) -> str | None:
-        """The reason why the measurement is not good, or None."""
+        """The reason why the measurement is not good; None if it is good."""
         if 2 * self.field.count(Status.CONVERGED) < self.field.in_view:
             return "fewer than half of the points in view converged; see their statuses"
         if self.raw_mean.points < _POINTS_OF_A_PLANE:
@@ -88,7 +91,7 @@ class Measurement:
         return None
 
     def summary(self) -> dict[str, Any]:
-        """Return the values as JSON-ready data: see `docs/results.md`."""
+        """Return the results as a dict that can be written as JSON. `docs/results.md` explains the values."""
         field = self.field
         failures = {s.text: field.count(s) for s in Status if s is not Status.CONVERGED and field.count(s)}
         summary: dict[str, Any] = {
@@ -114,18 +117,18 @@ def measure(
     *,
     label: str = "",
 ) -> Measurement:
-    """Return displacements and strains of a correlated image.
+    """Compute the displacements and strains of a correlated image.
 
     Parameters
     ----------
     field : Field
-        From `Correlator.correlate` or `Series.correlate`.
+        The result of `Correlator.correlate` or `Series.correlate`.
     calibration : Calibration, optional
         Calibration of the camera, for results in millimetres. Without a calibration all results are in
         pixels.
     strain : StrainSettings, optional
     label : str
-        The image's file, or the step of the image's run.
+        The path of the image file, or the run's step to which the image belongs.
 
     Raises
     ------

@@ -1,9 +1,9 @@
-"""Strain measures of displacement gradients, with the standard deviations that the gradients' errors cause.
+"""Strains from displacement gradients, with the standard deviations that the gradients' errors cause.
 
-G is the displacement gradient, F = I + G the deformation gradient, and C = FᵀF. The measures are
-Green-Lagrange (C - I)/2 and Hencky ½ ln C, which do not change with a rigid rotation, and the small strain (G
-+ Gᵀ)/2, which holds only for small rotations. The axes are those of the displacement, in the undeformed
-state.
+In the formulas G is the displacement gradient, F = I + G is the deformation gradient, and C = FᵀF is the
+right Cauchy-Green tensor. A rigid rotation does not change the Green-Lagrange strain (C - I)/2 and the Hencky
+strain ½ ln C. The small strain (G + Gᵀ)/2 holds only for small rotations. The strain components refer to the
+x and y axes of the displacement in the undeformed state.
 """
 
 import numpy as np
@@ -13,17 +13,20 @@ from dic.typing import Float
 MEASURES = ("green-lagrange", "small", "hencky")
 
 COMPONENTS = ("exx", "eyy", "exy", "e1", "e2", "direction_deg")
-"""Components of the strain tensor, principal strains (the larger first), direction of the larger, degrees."""
+"""Names of strain values: three tensor components, two principal strains, and a direction.
+
+The larger principal strain is e1, and the direction is that of e1, in degrees.
+"""
 
 _EQUAL = 1e-12
-"""If the principal strains differ by less, their direction is not determined."""
+"""If the two principal strains differ by less than this, their direction is not determined."""
 
 _ANY_DIRECTION_DEG = 180.0 / np.sqrt(12.0)
-"""Largest standard deviation of a direction: that of a uniform distribution over 180°."""
+"""Largest possible standard deviation of a direction: that of a uniform distribution over 180°."""
 
 
 def strain_of(gradient: Float, covariance: Float | None, measure: str) -> tuple[Float, Float]:
-    """Return strains and their standard deviations, to first order in the gradient's errors.
+    """Return strains and their standard deviations, to first order in the errors of the gradients.
 
     Parameters
     ----------
@@ -32,13 +35,14 @@ def strain_of(gradient: Float, covariance: Float | None, measure: str) -> tuple[
     covariance : ndarray, shape (…, 4, 4), or None
         Covariance of the gradient's elements xx, xy, yx, yy; None if it is not known.
     measure : str
-        One of `MEASURES`.
+        Strain measure, one of `MEASURES`.
 
     Returns
     -------
     strain, std : ndarray, shape (6, …)
-        In the order of `COMPONENTS`. The direction is in degrees from x towards y, in (-90, 90]. The standard
-        deviations are NaN without a covariance.
+        Strains and standard deviations in the order of `COMPONENTS`. The direction is the angle from x
+        towards y in degrees, in the interval (-90, 90]. If there is no covariance, the standard deviations
+        are NaN.
     """
     tensor, derivative = _tensor(gradient, measure)
     strain, by_tensor = _with_principal(tensor)
@@ -48,12 +52,15 @@ def strain_of(gradient: Float, covariance: Float | None, measure: str) -> tuple[
     variance = np.einsum("...ki,...ij,...kj->k...", by_gradient, covariance, by_gradient)
     std = np.sqrt(np.maximum(variance, 0.0))
     std[5] = np.fmin(np.degrees(std[5]), _ANY_DIRECTION_DEG)
-    # NaN where the strain is NaN
+    # Where the strain is NaN, this sum makes the standard deviation NaN as well.
     return strain, std + 0.0 * strain
 
 
 def _tensor(gradient: Float, measure: str) -> tuple[Float, Float]:
-    """Return (exx, eyy, exy), shape (…, 3), and their derivatives by the gradient, shape (…, 3, 4)."""
+    """Return the strains exx, eyy, exy, shape (…, 3), and their derivatives, shape (…, 3, 4).
+
+    The derivatives are with respect to the elements of the displacement gradient.
+    """
     if measure == "small":
         gxx, gxy, gyx, gyy = (gradient[..., i, j] for i in (0, 1) for j in (0, 1))
         symmetric = np.array([[1.0, 0, 0, 0], [0, 0, 0, 1.0], [0, 0.5, 0.5, 0]])
@@ -77,14 +84,14 @@ def _tensor(gradient: Float, measure: str) -> tuple[Float, Float]:
 
 
 def _hencky(green: Float) -> tuple[Float, Float]:
-    """Return the Hencky strains (…, 3) of Green-Lagrange strains (…, 3), and their derivatives (…, 3, 3).
+    """Return the Hencky strains (…, 3) that belong to Green-Lagrange strains (…, 3), and their derivatives.
 
-    Both tensors have the same principal axes. In these axes the derivative of a function of a symmetric
-    tensor consists of the divided differences of the function (G. H. Golub, C. F. Van Loan, Matrix
-    Computations, 9.1.4).
+    The derivatives, shape (…, 3, 3), are with respect to the Green-Lagrange strains. Both strain tensors have
+    the same principal axes. In these axes, the derivative of a function of a symmetric tensor consists of
+    divided differences of the function (G. H. Golub, C. F. Van Loan, Matrix Computations, 9.1.4).
     """
     (e1, e2, angle), _ = _principal(green)
-    # Where a stretch is 0, its logarithm does not exist: NaN.
+    # The logarithm of a stretch of 0 does not exist; the strain is NaN there.
     stretched = 1.0 + 2.0 * np.stack([e1, e2])
     l1, l2 = np.where(stretched > 0.0, stretched, np.nan)
     h1, h2 = 0.5 * np.log(l1), 0.5 * np.log(l2)
@@ -99,27 +106,34 @@ def _hencky(green: Float) -> tuple[Float, Float]:
 
 
 def _turned(angle: Float) -> Float:
-    """Return the matrices (…, 3, 3) that transform (exx, eyy, exy) to axes rotated by `angle`, radians."""
+    """Return the matrices (…, 3, 3) that transform exx, eyy and exy to axes rotated by `angle`, radians."""
     c, s = np.cos(angle), np.sin(angle)
     rows = [[c * c, s * s, 2 * c * s], [s * s, c * c, -2 * c * s], [-c * s, c * s, c * c - s * s]]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def _principal(tensor: Float) -> tuple[tuple[Float, Float, Float], Float]:
-    """Return both principal strains and the direction of the first, radians; and the strains' difference."""
+    """Return a tuple (larger principal strain, smaller one, direction of the larger), and their difference.
+
+    The direction is in radians.
+    """
     xx, yy, xy = tensor[..., 0], tensor[..., 1], tensor[..., 2]
     middle, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     return (middle + radius, middle - radius, np.arctan2(xy, (xx - yy) / 2) / 2), 2 * radius
 
 
 def _with_principal(tensor: Float) -> tuple[Float, Float]:
-    """Return the `COMPONENTS`, shape (6, …), and their derivatives by (exx, eyy, exy), shape (…, 6, 3)."""
+    """Return the six values of `COMPONENTS`, shape (6, …), and their derivatives, shape (…, 6, 3).
+
+    The derivatives are with respect to the strains exx, eyy and exy.
+    """
     (e1, e2, angle), difference = _principal(tensor)
     strain = np.stack([tensor[..., 0], tensor[..., 1], tensor[..., 2], e1, e2, np.degrees(angle)])
     derivative = np.zeros((*np.shape(e1), 6, 3))
     derivative[..., :3, :] = np.eye(3)
     turned = _turned(angle)
     derivative[..., 3:5, :] = turned[..., :2, :]
-    # A shear error in the principal axes rotates them, by any angle if both principal strains are equal.
+    # A shear error relative to the principal axes rotates these axes. The smaller the difference of the
+    # principal strains, the larger the rotation.
     derivative[..., 5, :] = turned[..., 2, :] / np.maximum(difference, _EQUAL)[..., None]
     return strain, derivative

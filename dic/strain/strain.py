@@ -1,4 +1,4 @@
-"""Strain from displacements, for a whole region or at every point, with standard deviations."""
+"""Strain from displacements, for a whole region and at every point, with standard deviations."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,21 +13,22 @@ from dic.strain.measures import COMPONENTS, MEASURES, strain_of
 from dic.typing import Float, Mask
 
 SOURCES = ("fit", "quadratic-fit", "shape")
-"""Sources of local strain: a plane or a quadratic surface fitted to a window, or the shape function."""
+"""Sources of local strain: a fitted plane, a fitted quadratic surface, or the subset's shape function."""
 
 STRAIN_KEYS = (*COMPONENTS, *(f"{name}_std" for name in COMPONENTS))
 
 
 @dataclass(frozen=True)
 class StrainSettings:
-    """The strain measure, and the source of local strain.
+    """Settings of the strain: the strain measure and the source of the local strain.
 
     Attributes
     ----------
     measure : str
-        "green-lagrange", "small" or "hencky".
+        Strain measure: "green-lagrange", "small" or "hencky".
     window_points : int
-        Width of the window of points to which a local strain is fitted; odd, at least 3.
+        Width of the window to which a plane or a surface is fitted for a local strain: an odd number of
+        points, at least 3.
     source : str
         Source of local strain: "fit" (a plane fitted to the window), "quadratic-fit" (a quadratic surface),
         or "shape" (the gradient of each subset's shape function).
@@ -35,7 +36,8 @@ class StrainSettings:
     Raises
     ------
     CorrelationError
-        If values are impossible; the message reports all of them together.
+        If the measure or the source is unknown, or if the window is not an odd number of at least 3. The
+        message names all wrong settings together.
     """
 
     measure: str = "green-lagrange"
@@ -70,36 +72,38 @@ class StrainSettings:
         require_all(CorrelationError, "settings", checks)
 
     def gauge_px(self, correlation: CorrelationSettings) -> int:
-        """Return the width, px, of the virtual strain gauge: of all pixels used for one local strain."""
+        """Return the width, px, of the virtual strain gauge: the area that determines one local strain."""
         if self.source == "shape":
             return correlation.subset_px
         return (self.window_points - 1) * correlation.step_px + correlation.subset_px
 
 
 def gauge_text(gauge_px: int, gauge_mm: float | None) -> str:
-    """Return the width of a virtual strain gauge as a text for people."""
+    """Return the width of a virtual strain gauge as text, for reports and messages."""
     return f"virtual strain gauge {gauge_px} px" + ("" if gauge_mm is None else f" ({gauge_mm:.3g} mm)")
 
 
 @dataclass(frozen=True)
 class MeanStrain:
-    """The strain of a region as a whole.
+    """The mean strain of a region, with its standard deviations and the mean rotation.
 
     Attributes
     ----------
     exx, eyy, exy : float
-        Strain; NaN if fewer than three points are valid.
+        Components of the mean strain; NaN if fewer than three points have a valid displacement, or if these
+        points lie on one line.
     rotation_deg : float
-        Rigid rotation, positive from x towards y, in (-180, 180].
+        Rigid rotation in degrees, positive from x towards y, in the interval (-180, 180].
     points : int
-        Number of points used.
+        Number of points used for the mean strain.
     e1, e2 : float
-        Principal strains, the larger first.
+        Principal strains; e1 is the larger one.
     direction_deg : float
-        Direction of e1, from x towards y, in (-90, 90].
+        Direction of the principal strain e1: the angle from x towards y in degrees, in the interval
+        (-90, 90].
     exx_std, eyy_std, exy_std, e1_std, e2_std, direction_deg_std : float
-        Standard deviations caused by image noise; NaN if they are not known. `direction_deg_std` is at most
-        52°.
+        Standard deviations of the strains that image noise causes; NaN if they are not known.
+        `direction_deg_std` is at most 52°.
     """
 
     exx: float
@@ -136,9 +140,10 @@ class StrainField:
     Attributes
     ----------
     exx, eyy, exy, e1, e2, direction_deg : ndarray, shape (rows, columns)
-        As in `MeanStrain`; NaN where too few neighbouring points are valid.
+        Strain values with the same meaning as in `MeanStrain`, for each point. The values are NaN where the
+        point has no valid displacement, or where too few of its neighbours have one.
     exx_std, eyy_std, exy_std, e1_std, e2_std, direction_deg_std : ndarray, shape (rows, columns)
-        Their standard deviations; NaN where they are not known.
+        Standard deviations of these strain values; NaN where they are not known.
     """
 
     exx: Float
@@ -165,15 +170,15 @@ def mean_strain(
     valid: Mask | None = None,
     measure: str = "green-lagrange",
 ) -> MeanStrain:
-    """Return the strain of the affine displacement that fits the valid points best, by least squares.
+    """Return the mean strain of a region: the strain of an affine displacement fitted to its points.
 
     Parameters
     ----------
     displacement : Displacement
     valid : ndarray of bool, shape (rows, columns), optional
-        Points to use instead of the displacement's own valid ones.
+        True for the points to use. Default: the points with a valid displacement.
     measure : str
-        "green-lagrange", "small" or "hencky".
+        Strain measure: "green-lagrange", "small" or "hencky".
     """
     use = displacement.valid if valid is None else valid
     points = int(np.count_nonzero(use))
@@ -189,13 +194,13 @@ def strain_of_gradient(gradient: Float, covariance: Float | None, points: int, m
     Parameters
     ----------
     gradient : ndarray, shape (2, 2)
-        ∂u_i/∂x_j at [i, j].
+        Displacement gradient, with ∂u_i/∂x_j at [i, j].
     covariance : ndarray, shape (4, 4), or None
         Covariance of the gradient's elements xx, xy, yx, yy; None if it is not known.
     points : int
-        Number of points used.
+        Number of points from which the gradient was computed.
     measure : str
-        "green-lagrange", "small" or "hencky".
+        Strain measure: "green-lagrange", "small" or "hencky".
     """
     F = gradient + np.eye(2)
     rotation_deg = np.degrees(np.arctan2(F[1, 0] - F[0, 1], F[0, 0] + F[1, 1]))
@@ -205,21 +210,22 @@ def strain_of_gradient(gradient: Float, covariance: Float | None, points: int, m
 
 
 def strain_field(displacement: Displacement, settings: StrainSettings | None = None) -> StrainField:
-    """Return the strain at every point, from its neighbours or from its own shape function.
+    """Return the local strain at every point, from its neighbours or from the shape function of its subset.
 
-    A fitted strain needs at least half of the points of its window. Its standard deviation includes the
-    correlation between overlapping subsets.
+    A strain that is fitted to a window needs valid displacements at half of the window's points or more. A
+    quadratic fit with a window of n × n points also needs at least 2 n + 1 of them. The
+    standard deviation of a fitted strain includes the correlation between overlapping subsets.
 
     Parameters
     ----------
     displacement : Displacement
-        It must contain `gradient` if the source is "shape".
+        The displacements. If the source of the strain is "shape", the attribute `gradient` must not be None.
     settings : StrainSettings, optional
 
     Raises
     ------
     ValueError
-        If the source is "shape" and the displacement has no `gradient`.
+        If the source of the strain is "shape" and the displacement has no `gradient`.
     """
     settings = settings or StrainSettings()
     noise = displacement.noise

@@ -1,1 +1,1 @@
-"""Find calibration targets in an image: their points in pixels and in millimetres."""
+"""Detection of calibration targets in an image: the points of a target in pixels and in millimetres."""

@@ -1,4 +1,8 @@
-"""The directions of X and Y on a target: from a mark on it, from an option, or from the image."""
+"""The directions of the X and Y axes on a calibration target.
+
+The directions of X and Y come from a mark on the target, from an option of the user, or from the directions
+in the image.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -17,18 +21,19 @@ _DIRECTIONS_DEG = {"right": 0.0, "up": 90.0, "left": 180.0, "down": 270.0}
 
 @dataclass(frozen=True)
 class Axes:
-    """The lattice axes that X and Y follow, and their directions.
+    """The directions of a target's X and Y axes, relative to the two axes of the detected lattice of points.
 
     Attributes
     ----------
     swap : bool
-        True if X follows the lattice's second axis.
+        True if X is parallel to the second axis of the lattice, False if X is parallel to the first.
     flip : tuple of bool
-        For X and for Y: True if it points against the lattice axis that it follows.
+        One value for X and one for Y: True if the axis is opposite to the lattice axis to which it is
+        parallel.
     orientation : str
-        Source of this choice: ``"mark"``, ``"option"`` or ``"assumed"``.
+        Source of the directions: ``"mark"``, ``"option"`` or ``"assumed"``.
     warnings : tuple of str
-        Sentences for the user.
+        Warnings for the user, one sentence each.
     """
 
     swap: bool
@@ -38,11 +43,14 @@ class Axes:
 
     @property
     def lattice_axes(self) -> tuple[int, int]:
-        """Numbers, 0 or 1, of the lattice axes that X and Y follow."""
+        """Numbers, 0 or 1, of the lattice axes to which X and Y are parallel."""
         return (1, 0) if self.swap else (0, 1)
 
     def columns_and_rows(self, index: Indices, spans: tuple[range, range]) -> Indices:
-        """Return columns and rows (n, 2), from 0, of lattice indices (n, 2) within `spans`."""
+        """Convert lattice indices (n, 2) to columns and rows of the target (n, 2), which start at 0.
+
+        `spans` are the ranges of the lattice indices of the target.
+        """
         result = np.empty_like(index)
         for which, axis in enumerate(self.lattice_axes):
             span = spans[axis]
@@ -52,19 +60,19 @@ class Axes:
 
 
 def axes_towards(quarter: tuple[int, int], vectors: Float, orientation: str) -> Axes:
-    """Return the axes whose sum X + Y points into the given quarter of the lattice.
+    """Return the axes X and Y whose sum X + Y points into the given quarter of the lattice.
 
-    Two pairs of axes do so. The returned pair is right-handed with Y up: in the image, whose y points down,
-    the cross product of X and Y is negative.
+    Two pairs of axes fulfil this condition. The function returns the right-handed pair: in the image, whose
+    y axis points down, the cross product of X and Y is negative.
 
     Parameters
     ----------
     quarter : tuple of int
-        Signs, ±1, along the two lattice vectors.
+        The quarter as two signs, ±1, along the two lattice vectors.
     vectors : ndarray, shape (2, 2)
-        The two lattice vectors, px.
+        The two lattice vectors in the image, px. A lattice vector leads from one point to its neighbour.
     orientation : str
-        For `Axes.orientation`.
+        Value of `Axes.orientation` in the result.
     """
     first, second = quarter[0] * vectors[0], quarter[1] * vectors[1]
     swap = bool(first[0] * second[1] - first[1] * second[0] > 0)
@@ -75,24 +83,26 @@ def axes_towards(quarter: tuple[int, int], vectors: Float, orientation: str) -> 
 def axes_in_image(
     vectors: Float, x_axis: XAxis, source: str, possible: Callable[[Axes], bool] | None = None
 ) -> Axes:
-    """Return the axes whose X is the lattice direction closest to `x_axis`.
+    """Return the axes X and Y, where X is the direction of the lattice closest to `x_axis`.
 
     Parameters
     ----------
     vectors : ndarray, shape (2, 2)
-        The two lattice vectors at the middle of the target, px.
+        The two lattice vectors in the image at the middle of the target, px.
     x_axis : str or float, optional
-        ``"right"``, ``"up"``, ``"left"``, ``"down"``, or an angle in degrees, anticlockwise from the image's
-        right. Default: the image's right.
+        Wanted direction of X in the image: ``"right"``, ``"up"``, ``"left"``, ``"down"``, or an angle in
+        degrees, anticlockwise from the right. Default: ``"right"``.
     source : str
         Name of the image file, used in error messages.
     possible : callable, optional
-        Tells whether an asymmetric target allows the given axes; it must allow at least one choice.
+        Function that returns True if the target allows the given axes. For an asymmetric target the function
+        returns True for some axes only, but at least for one pair. Default: all axes are allowed.
 
     Raises
     ------
     CalibrationError
-        If `x_axis` is not a direction, or is within 5° of the middle between two lattice directions.
+        If `x_axis` is not one of these words or a number, or is within 5° of the middle between two lattice
+        directions.
     """
     wanted_deg = _direction_deg(x_axis, source)
     orientation = "assumed" if x_axis is None else "option"

@@ -1,4 +1,7 @@
-"""The cells of a line grid and their lattice indices: the rough first step of finding the grid."""
+"""Detection of the cells of a line grid and of their lattice indices: the first, rough step of the detection.
+
+A cell is the area between neighbouring lines.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -10,20 +13,20 @@ from dic.typing import Float, Grey, Indices
 
 _MIN_CELL_AREA_PX = 12
 _SEEDS = 12
-# Largest distance of a neighbour from its predicted place, as a fraction of the lattice vector.
+# Largest distance between a neighbour and its predicted place, as a fraction of the lattice vector.
 _LATTICE_TOLERANCE = 0.3
 
 
 @dataclass(frozen=True)
 class CellLattice:
-    """The cells of one lattice.
+    """The cells that form one lattice in the image.
 
     Attributes
     ----------
     index : ndarray of int64, shape (n, 2)
-        Lattice indices; the origin and the directions are arbitrary.
+        Lattice indices of the cells; their origin and directions are arbitrary.
     centre_px : ndarray, shape (n, 2)
-        Centres of the cells.
+        Centres of the cells in the image.
     dark_lines : bool
         True if the lines between the cells are darker than the cells.
     """
@@ -34,17 +37,18 @@ class CellLattice:
 
 
 def find_cells(grey: Grey, expected: int) -> CellLattice:
-    """Return the largest lattice of cells that the image shows.
+    """Return the largest lattice of cells that is found in the image.
 
-    A black top-hat (the morphological closing minus the image) shows dark lines; it ignores slow changes of
-    light and the brightness step at the grid's rim. Regions enclosed by lines are cells. Several line widths,
-    from 1 px to a few tens of px, and dark and bright lines are tried in turn.
+    A black top-hat filter (the morphological closing minus the image) detects dark lines. The top-hat filter
+    ignores slow changes of light and the brightness step at the rim of the grid. The regions that lines
+    enclose are the cells. The function tries several line widths, from 1 px to a few tens of px, for dark and
+    for bright lines.
 
     Parameters
     ----------
     grey : ndarray, shape (height, width)
     expected : int
-        Number of cells of the whole grid. The search ends as soon as a lattice has 90 % of them.
+        Number of cells of the whole grid. The search ends as soon as a lattice has 90 % of this number.
     """
     best = CellLattice(np.empty((0, 2), np.int64), np.empty((0, 2)), True)
     for width_px in (21, 11, 41, 81):
@@ -62,7 +66,7 @@ def find_cells(grey: Grey, expected: int) -> CellLattice:
 
 
 def _enclosed_regions(grey: Grey, width_px: int) -> tuple[Float, Float]:
-    """Return centres (n, 2) and areas (n,) of the regions enclosed by dark lines narrower than `width_px`."""
+    """Return the centres (n, 2) and areas (n,) of regions between dark lines narrower than `width_px`."""
     import cv2
 
     smooth = cv2.GaussianBlur(grey, (0, 0), max(0.7, width_px / 20))
@@ -80,14 +84,14 @@ def _enclosed_regions(grey: Grey, width_px: int) -> tuple[Float, Float]:
 
 
 def lattice_of_regions(centres: Float, areas: Float) -> tuple[Indices, Indices]:
-    """Return the largest lattice that regions with centres (n, 2) and areas (n,) form.
+    """Return the largest lattice in a set of regions with the given centres (n, 2) and areas (n,).
 
     Returns
     -------
     index : ndarray of int64, shape (m, 2)
-        Lattice indices.
+        Lattice indices of the m regions that form the lattice.
     placed : ndarray of int64, shape (m,)
-        For each of them, the number of its region.
+        For each lattice index, the number of the region in `centres`.
     """
     from scipy.spatial import KDTree
 
@@ -120,9 +124,10 @@ def lattice_of_regions(centres: Float, areas: Float) -> tuple[Indices, Indices]:
 
 
 def _local_basis(centres: Float, areas: Float, neighbours: NDArray[Any]) -> Float | None:
-    """Return two lattice vectors (2, 2), or None if there are none.
+    """Return the two lattice vectors (2, 2) at a cell, or None if the neighbours do not determine them.
 
-    A lattice vector leads to a neighbour of similar area that has another such neighbour opposite to it.
+    A lattice vector leads from a cell to a neighbour. The function uses only pairs of neighbours with similar
+    areas, on opposite sides of the cell.
     """
     cell = neighbours[0]
     alike = [other for other in neighbours[1:] if 0.5 < areas[other] / areas[cell] < 2]
@@ -140,9 +145,10 @@ def _local_basis(centres: Float, areas: Float, neighbours: NDArray[Any]) -> Floa
 
 
 def along_short_vectors(index: Indices, centres: Float) -> Indices:
-    """Return lattice indices (n, 2) along the shortest lattice vectors (Gauss's lattice reduction).
+    """Change lattice indices (n, 2) so that they count along the shortest lattice vectors.
 
-    Where a cell is missing, `_local_basis` may have taken a diagonal as a lattice vector.
+    The method is Gauss's lattice reduction. The reduction is needed because, where a cell is missing,
+    `_local_basis` may return a diagonal as a lattice vector.
     """
     index = index.copy()
     for _ in range(4):
@@ -163,9 +169,10 @@ def _grow(
     seed: int,
     basis: Float,
 ) -> dict[tuple[int, int], int]:
-    """Return the number of the region at each lattice index that is reached from region `seed`.
+    """Find all regions of the lattice around the region `seed`; return a dict from lattice index to region.
 
-    Each step predicts a neighbour with the lattice vectors of its predecessor and then updates the vectors.
+    The search goes from each found region to its neighbours. The lattice vectors of the found region predict
+    the place of a neighbour, and the found neighbour then updates the vectors.
     """
     placed = {(0, 0): seed}
     taken = {seed}

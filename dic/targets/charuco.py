@@ -1,4 +1,7 @@
-"""Corners of a ChArUco board: its markers identify each corner, so part of the board may be hidden."""
+"""Detection of the corners of a ChArUco board.
+
+The markers of the board identify each corner. Therefore a part of the board may be hidden.
+"""
 
 import numpy as np
 
@@ -10,7 +13,7 @@ from dic.typing import Float, Grey, Indices
 
 # Smallest share of the corners that must be visible.
 _SUFFICIENT = 0.5
-# Radius of the disc in which a corner is refined, as a fraction of the margin around a marker.
+# A corner is refined within a disc. This is its radius as a fraction of the margin around a marker.
 _WINDOW_OF_MARGIN = 0.9
 _REMEDY = "check that the board is sharp and evenly lit, and that --squares and --dictionary describe it"
 
@@ -23,15 +26,17 @@ def find_charuco(
     dictionary: str,
     source: str,
 ) -> GridPoints:
-    """Return the visible corners of a ChArUco board; see `dic.targets.find.CharucoTarget`.
+    """Return the visible corners of a ChArUco board. `dic.targets.find.CharucoTarget` describes the board.
 
-    A calibration holds only between its points, so at least half of the corners must be visible, some of them
-    in the outer third on every side. `marker_side` is the side of a marker divided by the pitch.
+    At least half of the corners must be visible. On every side of the board, at least one corner in the outer
+    third must be visible, because a calibration holds only in the area between its points. The argument
+    `marker_side` is the side of a marker divided by the pitch.
 
     Raises
     ------
     CalibrationError
-        If too few corners are visible.
+        If too few corners are visible, or if no corner is visible in the outer third on one side of the
+        board.
     """
     import cv2
 
@@ -45,7 +50,7 @@ def find_charuco(
         expected = f"at least half of the {lines[0] * lines[1]} {of_board}"
         raise _refusal(source, expected, f"{found} corners")
     number_of = np.asarray(ids, np.int64).ravel()
-    # OpenCV numbers the corners row by row, from the top left
+    # OpenCV numbers the corners row by row from the top left; the index here counts rows from the bottom.
     index = np.column_stack([number_of % lines[0], lines[1] - 1 - number_of // lines[0]])
     thirds = (np.array(lines) - 1) / 3
     if (index.min(axis=0) > thirds).any() or (index.max(axis=0) < 2 * thirds).any():
@@ -61,14 +66,17 @@ def find_charuco(
 
 
 def is_dictionary(name: str) -> bool:
-    """Tell whether OpenCV has a dictionary of markers with this name."""
+    """Return True if OpenCV has a dictionary of markers with this name."""
     import cv2
 
     return name.startswith("DICT_") and hasattr(cv2.aruco, name)
 
 
 def _pitch_px(index: Indices, px: Float) -> float:
-    """Return the length of the shorter lattice vector, from an affine map fitted to all corners."""
+    """Return the distance between neighbouring corners, px: the smaller of those along X and along Y.
+
+    The distances come from an affine map that is fitted to all corners.
+    """
     affine = np.linalg.lstsq(np.column_stack([index, np.ones(len(index))]), px, rcond=None)[0]
     return float(np.linalg.norm(affine[:2], axis=1).min())
 

@@ -1,4 +1,8 @@
-"""Corners of a checkerboard: found by OpenCV's detector, refined with their point symmetry."""
+"""Detection of the corners of a checkerboard.
+
+OpenCV's detector finds the corners. The positions of the corners are then refined. The refinement uses the
+point symmetry of the image around each corner.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +14,7 @@ from dic.targets.points import GridPoints
 from dic.targets.sampled_image import GridImage
 from dic.typing import Float, Grey
 
-# Radius of the disc in which a corner is refined, in pitches: the disc must not reach the next corner.
+# A corner is refined within a disc of this radius, in pitches. The disc must not reach the next corner.
 _WINDOW = 0.4
 # Smallest share of the corners that must pass the refinement.
 _SUFFICIENT = 0.9
@@ -21,15 +25,16 @@ _STEPS = 6
 def find_checkerboard(
     grey: Grey, squares: tuple[int, int], pitch_mm: float, source: str, x_axis: XAxis
 ) -> GridPoints:
-    """Return all inner corners of a checkerboard; see `dic.targets.find.CheckerboardTarget`.
+    """Return the inner corners of a checkerboard. `dic.targets.find.CheckerboardTarget` describes the board.
 
     The detector (Duda and Frese, "Accurate Detection and Localization of Checkerboard Corners for
-    Calibration", BMVC 2018) finds all corners or none.
+    Calibration", BMVC 2018) finds either all corners or none. Corners that the refinement rejects are left
+    out of the result.
 
     Raises
     ------
     CalibrationError
-        If not all corners are found.
+        If the detector does not find the corners, or the refinement rejects more than 10 % of them.
     """
     import cv2
 
@@ -38,7 +43,7 @@ def find_checkerboard(
     found, corners = cv2.findChessboardCornersSB(as_bytes(grey), lines, flags=flags)
     if not found:
         raise _refusal(source, squares, "no such board")
-    # the detector returns row by row; here the first index is the column
+    # The detector returns the corners row by row. From here on, the first index is the column.
     px = np.asarray(corners, np.float64).reshape(lines[1], lines[0], 2).transpose(1, 0, 2)
     vectors = np.stack([(px[-1] - px[0]).mean(axis=0), (px[:, -1] - px[:, 0]).mean(axis=0)])
     vectors /= np.array(lines)[:, None] - 1.0
@@ -48,7 +53,7 @@ def find_checkerboard(
     def possible(axes: Axes) -> bool:
         if tuple(len(spans[axis]) for axis in axes.lattice_axes) != lines:
             return False
-        # colours alternate, so the known colour of one square gives the colour of the lower left one
+        # Colours alternate, so the colour of one square gives the colour of the lower left square.
         square = axes.columns_and_rows(np.zeros((1, 2), np.int64), spans)[0] - np.array(axes.flip)
         return sum(squares) % 2 == 0 or first_is_dark == (int(square.sum()) % 2 == 0)
 
@@ -82,17 +87,18 @@ def refine(grey: Grey, px: Float, half_window_px: float) -> Float:
     """Return refined corners (n, 2), px: the centres of point symmetry of the image.
 
     Two crossing straight edges look the same after a rotation by 180° about their crossing, also in
-    perspective. So the corner c minimises ``Σ (I(c + d) − I(c − d) − g·d)²`` over a disc of offsets d. The
-    gradient g stands for uneven light. c and g are found by Gauss-Newton steps. A corner whose disc reaches
-    beyond the image, or that moves too far, is NaN.
+    perspective. Therefore the refined corner c minimises ``Σ (I(c + d) − I(c − d) − g·d)²``, where I is the
+    grey level and the sum is over the offsets d within a disc. The gradient g models uneven light.
+    Gauss-Newton steps find c and g. If the disc of a corner reaches beyond the image, or the corner moves too
+    far, the result is NaN.
 
     Parameters
     ----------
     grey : ndarray, shape (height, width)
     px : ndarray, shape (n, 2)
-        Corners to start from.
+        Approximate corners.
     half_window_px : float
-        Radius of the disc; it is limited to 3 … 16 px.
+        Radius of the disc. A value below 3 px or above 16 px is changed to that limit.
     """
     image = GridImage(grey, dark_lines=False)
     reach = float(np.clip(half_window_px, _SMALLEST_PX, _LARGEST_PX))
@@ -115,24 +121,27 @@ def refine(grey: Grey, px: Float, half_window_px: float) -> Float:
 
 
 def _gradient(image: GridImage, points: Float) -> Float:
-    """Return the gradient of grey levels at points (…, 2), per px."""
+    """Return the gradient of the grey level at points (…, 2), in grey levels per px."""
     half = 0.5
     steps = [np.array([half, 0.0]), np.array([0.0, half])]
     return np.stack([image.sample(points + step) - image.sample(points - step) for step in steps], axis=-1)
 
 
 def as_bytes(grey: Grey) -> NDArray[np.uint8]:
-    """Return grey levels stretched to 0 … 255, for detectors that take only 8-bit images."""
+    """Return the image with grey levels stretched to 0 … 255, for detectors that need 8-bit images."""
     low, high = (float(value) for value in np.percentile(grey, (0.1, 99.9)))
     stretched = np.rint((grey - low) * (255.0 / max(high - low, 1e-6)))
     return np.asarray(np.clip(stretched, 0, 255), np.uint8)
 
 
 def _first_square_is_dark(grey: Grey, px: Float) -> bool:
-    """Tell whether the square outside the first corner, diagonally, is dark; all squares vote."""
+    """Return True if the square diagonally outside the first inner corner is dark.
+
+    The function compares the mean grey levels of the two colours over all squares.
+    """
     centre = (px[:-1, :-1] + px[1:, :-1] + px[:-1, 1:] + px[1:, 1:]) / 4
     column, row = np.rint(centre).astype(int).transpose(2, 0, 1)
     level = grey[row, column]
     even = np.add.outer(np.arange(level.shape[0]), np.arange(level.shape[1])) % 2 == 0
-    # diagonally opposite squares at a corner have the same colour
+    # Two squares that are diagonally opposite at a corner have the same colour.
     return bool(level[even].mean() < level[~even].mean())

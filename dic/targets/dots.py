@@ -1,4 +1,7 @@
-"""Centres of round dots: centroids, corrected for the shift that perspective causes."""
+"""Detection of the centres of round dots.
+
+The centre of a dot is its centroid, corrected for the shift that perspective causes.
+"""
 
 import numpy as np
 
@@ -11,19 +14,19 @@ from dic.typing import Float, Grey, Indices, Mask
 
 # Smallest share of the dots that must be found.
 _SUFFICIENT = 0.9
-# Reach of a blurred edge beyond the dot.
+# Distance that the blurred edge of a dot reaches beyond the dot.
 _EDGE_PX = 2.5
-# Numbers of rings and spokes of a dot over which the shift by perspective is integrated.
+# A dot is divided into this number of rings and spokes, over which the shift by perspective is integrated.
 _RINGS, _SPOKES = 6, 24
 
 
 def find_dots(grey: Grey, dots: tuple[int, int], pitch_mm: float, source: str, x_axis: XAxis) -> GridPoints:
-    """Return the centres of a lattice of dots; see `dic.targets.find.DotTarget`.
+    """Return the centres of a lattice of dots. `dic.targets.find.DotTarget` describes this target.
 
     Raises
     ------
     CalibrationError
-        If fewer than 90 % of the dots are found, or if their number differs from `dots` in a direction.
+        If fewer than 90 % of the dots are found, or the numbers of rows and columns differ from `dots`.
     """
     index, centre_px, boxes, signed = _lattice(grey, dots[0] * dots[1])
     if len(index) < max(16, _SUFFICIENT * dots[0] * dots[1]):
@@ -44,7 +47,7 @@ def find_dots(grey: Grey, dots: tuple[int, int], pitch_mm: float, source: str, x
         return tuple(len(spans[axis]) for axis in axes.lattice_axes) == tuple(dots)
 
     axes = axes_in_image(vectors, x_axis, source, possible)
-    # a partly hidden dot is smaller than the others, and its centroid is shifted
+    # A partly hidden dot is smaller than the others, and its centroid is shifted. Leave such dots out.
     size = area_px2 / _cell_px2(shape, index.astype(float))
     off = np.abs(size / np.median(size) - 1)
     sound = fits_lattice(index.astype(float), centroid) & (off < 6 * np.median(off) + 0.02)
@@ -58,10 +61,10 @@ def find_dots(grey: Grey, dots: tuple[int, int], pitch_mm: float, source: str, x
 
 
 def _lattice(grey: Grey, expected: int) -> tuple[Indices, Float, Indices, Grey]:
-    """Return the largest lattice of blobs and the image, negated if needed so that dots are bright.
+    """Find the largest lattice of blobs; return its blobs and an image in which the dots are bright.
 
-    The lattice is given by indices (n, 2), centres (n, 2) in px and bounding boxes (n, 4): left, top, width,
-    height.
+    The blobs are given by lattice indices (n, 2), centres (n, 2) in px and bounding boxes (n, 4): left, top,
+    width, height. If the dots are dark, the returned image is the negative of the given one.
     """
     best_index, best_centre = np.empty((0, 2), np.int64), np.empty((0, 2))
     best_boxes, best_image = np.empty((0, 4), np.int64), grey
@@ -80,7 +83,10 @@ def _lattice(grey: Grey, expected: int) -> tuple[Indices, Float, Indices, Grey]:
 
 
 def _blobs(signed: Grey, width_px: int) -> tuple[Float, Float, Indices]:
-    """Return centres (n, 2), areas (n,) and boxes (n, 4) of bright blobs narrower than `width_px`."""
+    """Return the centres (n, 2), areas (n,) and bounding boxes (n, 4) of bright blobs.
+
+    The width of a blob is at most `width_px`.
+    """
     import cv2
 
     smooth = cv2.GaussianBlur(signed, (0, 0), max(0.7, width_px / 30))
@@ -93,13 +99,13 @@ def _blobs(signed: Grey, width_px: int) -> tuple[Float, Float, Indices]:
     stats, centres = stats[1:].astype(np.int64), centres[1:]
     area = stats[:, cv2.CC_STAT_AREA]
     filled = area / (stats[:, cv2.CC_STAT_WIDTH] * stats[:, cv2.CC_STAT_HEIGHT])
-    # an ellipse along the axes fills pi/4 of its bounding box, an inclined ellipse less
+    # An ellipse with axes along x and y fills pi/4 of its bounding box, an inclined ellipse less.
     like = (area >= 12) & (filled > 0.45) & (filled < 0.9)
     return centres[like].astype(np.float64), area[like].astype(np.float64), stats[like, :4]
 
 
 def _centroids(signed: Grey, centre_px: Float, boxes: Indices) -> tuple[Float, Float]:
-    """Return centroids (n, 2), px, and areas (n,), px², of dots; the local background is subtracted."""
+    """Return centroids (n, 2), px, and areas (n,), px², of dots, after subtracting the local background."""
     result, area = np.empty_like(centre_px), np.empty(len(centre_px))
     rows, columns = signed.shape
     for k, (left, top, width, height) in enumerate(boxes):
@@ -116,10 +122,11 @@ def _centroids(signed: Grey, centre_px: Float, boxes: Indices) -> tuple[Float, F
 
 
 def _dot_pixels(patch: Float) -> Mask:
-    """Tell which pixels belong to the dot or to its blurred edge; the other pixels only add noise.
+    """Return a mask of the pixels that belong to a dot or to its blurred edge.
 
-    The ellipse has the second moments of the pixels above half height. A filled ellipse reaches to twice its
-    standard deviation in every direction.
+    The mask is an ellipse with the second moments of the pixels above half height, enlarged by the width of
+    the blurred edge. The border of a filled ellipse is at twice the standard deviation of its pixels, in
+    every direction.
     """
     above = patch > (np.percentile(patch, 5) + np.percentile(patch, 95)) / 2
     places = np.argwhere(above).astype(np.float64)
@@ -132,9 +139,9 @@ def _dot_pixels(patch: Float) -> Mask:
 
 
 def _background(patch: Float, beside: Mask) -> Float:
-    """Return the background of a dot: a plane through the grey levels of the pixels `beside` it.
+    """Return the background of a dot: a plane fitted to the grey levels of the pixels in the mask `beside`.
 
-    Outliers, such as the pixels of an object that hides a neighbouring dot, are rejected.
+    The fit rejects outliers, such as the pixels of an object that hides a neighbouring dot.
     """
     y, x = np.mgrid[: patch.shape[0], : patch.shape[1]]
     design = np.column_stack([np.ones(patch.size), x.ravel(), y.ravel()])
@@ -142,16 +149,17 @@ def _background(patch: Float, beside: Mask) -> Float:
     for _ in range(3):
         plane = np.linalg.lstsq(design[used], level[used], rcond=None)[0]
         away = np.abs(level - design @ plane)
-        # 4.5 times the median deviation is about three standard deviations
+        # 4.5 times the median of the absolute deviations is about three standard deviations.
         used = beside.ravel() & (away <= 4.5 * np.median(away[beside.ravel()]) + 1e-6)
     ground: Float = (design @ plane).reshape(patch.shape)
     return ground
 
 
 def _eccentricity(shape: LatticeShape, index: Float, area_px2: Float) -> Float:
-    """Return the shift (n, 2), px, of the centroid of each dot's image from the image of the dot's centre.
+    """Return the differences (n, 2), px, between centroids of dots' images and images of dots' centres.
 
-    The shift is integrated over elements of a disc on the target, weighted by their area in the image.
+    In perspective the centroid of a dot's image is not the image of the dot's centre. The function computes
+    the centroid as a sum over small elements of the dot, weighted by the areas of the elements in the image.
     """
     pixels_per_cell = _cell_px2(shape, index)
     radius = float(np.sqrt(np.median(area_px2 / pixels_per_cell) / np.pi))
@@ -165,7 +173,10 @@ def _eccentricity(shape: LatticeShape, index: Float, area_px2: Float) -> Float:
 
 
 def _cell_px2(shape: LatticeShape, index: Float) -> Float:
-    """Return the area in the image of one lattice cell at lattice indices (…, 2), shape (…,), px²."""
+    """Return the area, px², that one cell of the lattice has in the image, at lattice indices (…, 2).
+
+    The result has the shape (…,).
+    """
     first, second = shape.step(index, 0), shape.step(index, 1)
     area: Float = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
     return area

@@ -1,4 +1,4 @@
-"""One function finds all kinds of calibration targets: `find_target(image, spec)`."""
+"""The kinds of calibration targets, and the function `find_target` that finds any of them in an image."""
 
 from dataclasses import dataclass
 
@@ -10,19 +10,21 @@ from dic.typing import ImageLike
 
 _FEWEST = 5
 _PITCHES_MM = (1e-6, 1e6)
-"""Squares of lengths beyond these would overflow."""
+"""Smallest and largest possible pitch. The square of a length outside this range could overflow."""
 
 
 @dataclass(frozen=True)
 class LineGridTarget:
-    """Equidistant lines in two directions, with or without a mark (`dic.targets.line_grid.mark`).
+    """A grid of equidistant lines in two directions, with or without a mark of its origin and axes.
+
+    The module `dic.targets.line_grid.mark` describes the mark.
 
     Attributes
     ----------
     lines : tuple of int
         Number of lines along X and along Y.
     pitch_mm : float
-        Distance of neighbouring lines.
+        Distance between neighbouring lines.
     """
 
     lines: tuple[int, int] = (21, 21)
@@ -31,15 +33,15 @@ class LineGridTarget:
 
 @dataclass(frozen=True)
 class CheckerboardTarget:
-    """Dark and bright squares. The points are the corners at which four squares meet.
+    """A checkerboard of dark and bright squares. The points are the corners at which four squares meet.
 
     Attributes
     ----------
     squares : tuple of int
-        Number of whole squares along X and along Y, those at the rim included. If one number is even and
-        the other is odd, the colours fix the axes: the lower left square is dark.
+        Number of whole squares along X and along Y, including the squares at the rim. If one number is even
+        and the other is odd, the colours determine the axes: the lower left square is dark.
     pitch_mm : float
-        Side of a square.
+        Length of the side of a square.
     """
 
     squares: tuple[int, int]
@@ -48,16 +50,18 @@ class CheckerboardTarget:
 
 @dataclass(frozen=True)
 class CharucoTarget:
-    """A checkerboard with ArUco markers in its bright squares, as OpenCV draws it; Y points to its top edge.
+    """A checkerboard with ArUco markers in its bright squares, as OpenCV draws it.
+
+    The Y axis points to the top edge of the board as drawn.
 
     Attributes
     ----------
     squares : tuple of int
         Number of squares along X and along Y.
     pitch_mm, marker_mm : float
-        Sides of a square and of a marker.
+        Lengths of the side of a square and of the side of a marker.
     dictionary : str
-        Name of OpenCV's dictionary, such as ``"DICT_5X5_100"``.
+        Name of OpenCV's dictionary of markers, such as ``"DICT_5X5_100"``.
     """
 
     squares: tuple[int, int]
@@ -98,28 +102,30 @@ def find_target(
     Parameters
     ----------
     image : ndarray, shape (height, width), or path
-        Grey levels, or an image file.
+        The image as an array of grey levels, or the path of an image file.
     spec : Target, optional
-        Kind and size of the target. Default: the paper's line grid.
+        Kind and size of the target. Default: the line grid of Helm and Deaner's paper, with 21 × 21 lines.
     source : str
-        Name of the image, used in error messages. Default: its path.
+        Name of the image, used in error messages. Default: the path of the image.
     x_axis : str or float, optional
-        Direction of X in the image, as for `dic.targets.line_grid.find.find_grid`. It is ignored for
-        targets whose markers or colours fix the axes.
+        Direction of the target's X axis in the image, as for `dic.targets.line_grid.find.find_grid`. If
+        markers or colours of the target determine the axes, this argument is ignored.
     origin_px : tuple of float, optional
-        Approximate position of a line grid's middle intersection in the image. Needed if an outer line is
-        hidden.
+        Approximate position of the middle intersection of a line grid in the image. Give this position if an
+        outer line is hidden and the grid has no mark.
 
     Returns
     -------
     GridPoints
-        `orientation` is ``"assumed"`` if neither the target nor `x_axis` fixes the axes.
+        The points of the target. The attribute `orientation` of the result is ``"assumed"`` if neither the
+        target nor `x_axis` determines the axes.
 
     Raises
     ------
     CalibrationError
-        If the target is not found, or too few of its points are: 90 % are needed for a line grid and for
-        dots, all corners for a checkerboard, half of the corners for a ChArUco board.
+        If the target or too many of its points are not found. At least 90 % of the points of a line grid or a
+        dot target must be found, and half of the corners of a ChArUco board. All corners of a checkerboard
+        must be in view.
     """
     spec = LineGridTarget() if spec is None else spec
     require_kind("target", spec, Target, "give dic.LineGridTarget((21, 21), pitch_mm=0.5)")
@@ -153,7 +159,10 @@ def find_target(
 
 
 def _require_possible(spec: Target, source: str) -> None:
-    """Refuse impossible targets, all mistakes together; `find_grid` checks the number of lines itself."""
+    """Raise an error if the description of a target is not possible; the message names all mistakes.
+
+    The number of lines of a line grid is checked in the function `find_grid`.
+    """
     least_mm, most_mm = _PITCHES_MM
     pitch_possible = least_mm <= spec.pitch_mm <= most_mm
     checks: list[Check] = [

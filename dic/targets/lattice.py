@@ -1,4 +1,7 @@
-"""A smooth map from lattice index to image px, which predicts where intersections lie."""
+"""A smooth map from the index of a lattice point to its position in the image.
+
+The map predicts the positions of the intersections of a line grid, for example.
+"""
 
 from dataclasses import dataclass
 
@@ -9,16 +12,18 @@ from dic.typing import Float, Mask
 
 @dataclass(frozen=True)
 class LatticeShape:
-    """A homography for the perspective plus a cubic polynomial for the lens distortion.
+    """Map from lattice index to image position: a homography plus a cubic polynomial for lens distortion.
+
+    The index is first normalised to values between -1 and 1.
 
     Attributes
     ----------
     homography : ndarray, shape (3, 3)
-        Maps the normalised index to px.
+        Homography from the normalised index to the image position in px.
     correction : ndarray, shape (10, 2)
-        Coefficients of the polynomial of the normalised index, px.
+        Coefficients, px, of the polynomial of the normalised index.
     centre, scale : ndarray, shape (2,)
-        Normalised index = (index − centre)/scale.
+        Values that normalise an index: normalised index = (index − centre)/scale.
     """
 
     homography: Float
@@ -28,7 +33,10 @@ class LatticeShape:
 
     @classmethod
     def fit(cls, index: Float, px: Float) -> "LatticeShape":
-        """Fit to indices (n, 2) and px (n, 2), n ≥ 9; points about 0.3 pitches off are rejected."""
+        """Fit the map to at least nine points with lattice indices (n, 2) and image positions (n, 2), px.
+
+        Points that are more than about 0.3 pitches away from the fit are rejected.
+        """
         import cv2
 
         centre = (index.min(axis=0) + index.max(axis=0)) / 2
@@ -48,23 +56,27 @@ class LatticeShape:
         return shape
 
     def map(self, index: Float) -> Float:
-        """Return px (…, 2) of lattice indices (…, 2), which may be fractions."""
+        """Return the image positions (…, 2), px, of lattice indices (…, 2), which need not be integers."""
         unit = (index - self.centre) / self.scale
         ideal = np.concatenate([unit, np.ones_like(unit[..., :1])], axis=-1) @ self.homography.T
         result: Float = ideal[..., :2] / ideal[..., 2:] + _cubics(unit) @ self.correction
         return result
 
     def step(self, index: Float, axis: int) -> Float:
-        """Return the lattice vector along `axis` at lattice indices (…, 2), shape (…, 2), px."""
+        """Return the lattice vectors along `axis` in the image, shape (…, 2), px, at lattice indices (…, 2).
+
+        A lattice vector leads from one point to its neighbour.
+        """
         half = np.zeros(2)
         half[axis] = 0.05
         return (self.map(index + half) - self.map(index - half)) * 10.0
 
 
 def fits_lattice(index: Float, px: Float) -> Mask:
-    """Tell which points (n,) fit the map through all points; dirt, for example, moves points.
+    """Return True for each point (n,) that fits a smooth lattice through all points.
 
-    A point may deviate by eight times the median deviation. Points that are NaN do not fit.
+    Dirt, for example, can move a point away from the lattice. A point fits if its deviation is at most about
+    eight times the median deviation. Points with NaN coordinates do not fit.
     """
     result: Mask = np.asarray(np.isfinite(px).all(axis=-1))
     if np.count_nonzero(result) < 16:

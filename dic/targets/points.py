@@ -1,4 +1,4 @@
-"""Grid points: the points of a calibration target, on the target and in the image."""
+"""The class of grid points: the points of a calibration target, on the target and in the image."""
 
 from dataclasses import dataclass, field
 
@@ -14,21 +14,22 @@ class GridPoints:
     Attributes
     ----------
     index : ndarray of int64, shape (n, 2)
-        Column and row of each point on the target, ``0 … lines − 1``; they increase with X and Y.
+        Column and row of each point on the target, ``0 … lines − 1``. Columns increase with X, rows with Y.
     xy_mm : ndarray, shape (n, 2)
-        X and Y of each point on the target. The origin is the target's centre.
+        Coordinates X and Y of each point on the target. The origin is the centre of the target.
     uv_px : ndarray, shape (n, 2)
-        x and y of each point in the image: x right, y down, pixel centres at integers.
+        Coordinates x and y of each point in the image. The x axis points right and the y axis down; the
+        centres of pixels have integer coordinates.
     lines : tuple of int
         Number of points along X and along Y. For a line grid these are the numbers of vertical and of
         horizontal lines.
     pitch_mm : float
         Distance between neighbouring points of a row.
     warnings : tuple of str
-        Sentences for the user, such as that the axes are ambiguous.
+        Warnings for the user, one sentence each, for example that the axes are ambiguous.
     orientation : str
-        How the direction of X is known: ``"mark"`` (the target shows it), ``"option"`` (the user gave it) or
-        ``"assumed"`` (the direction closest to the image's right).
+        Source of the direction of X: ``"mark"`` (a feature of the target), ``"option"`` (an option of the
+        user) or ``"assumed"`` (X is the direction closest to the image's right).
     """
 
     index: Indices
@@ -53,7 +54,10 @@ class GridPoints:
         warnings: tuple[str, ...] = (),
         orientation: str = "assumed",
     ) -> "GridPoints":
-        """Return grid points with ``xy_mm = (index − (lines − 1)/2)·pitch_mm``."""
+        """Return grid points whose positions on the target follow from their indices and the pitch.
+
+        The positions are ``xy_mm = (index − (lines − 1)/2)·pitch_mm``.
+        """
         xy_mm = (index - (np.array(lines) - 1) / 2) * pitch_mm
         return cls(index, xy_mm, uv_px, lines, pitch_mm, warnings, orientation)
 
@@ -68,7 +72,10 @@ class GridPoints:
         return len(self.index)
 
     def outline_px(self) -> Float:
-        """Return the points found in the outermost rows and columns, ordered around the rim; (m, 2), px."""
+        """Return the image positions of the points in the outermost rows and columns, shape (m, 2), px.
+
+        The points are ordered around the rim of the target.
+        """
         column, row = self.index[:, 0], self.index[:, 1]
         right, top = self.lines[0] - 1, self.lines[1] - 1
         sides = [

@@ -1,4 +1,7 @@
-"""Grey levels between pixels, profiles across grid lines, and a measure of whether a line is there."""
+"""Grey levels between pixels, grey level profiles across grid lines, and tests whether a line is present.
+
+A segment is the part of a line between two neighbouring intersections. Stations are places on a segment.
+"""
 
 import numpy as np
 
@@ -9,10 +12,10 @@ PROFILE_OFFSETS = np.linspace(-0.45, 0.45, 37)
 
 
 class GridImage:
-    """An image that is sampled between pixels; it is negated if lines are dark, so that lines are bright.
+    """An image that can be sampled between pixels. If the lines are dark, the image is negated.
 
-    It interpolates with cubic B-splines in floating point. OpenCV's `remap` rounds coordinates to 1/32 px,
-    which is too coarse here.
+    The image is interpolated with cubic B-splines in floating point. OpenCV's `remap` is not used, because it
+    rounds coordinates to 1/32 px, which is too coarse here.
     """
 
     def __init__(self, grey: Grey, dark_lines: bool) -> None:
@@ -24,7 +27,7 @@ class GridImage:
         self._shape = grey.shape
 
     def sample(self, points_px: Float) -> Float:
-        """Return grey levels at points (…, 2) as (x, y); NaN outside the image."""
+        """Return the grey levels at points (…, 2), each given as (x, y); NaN outside the image."""
         from scipy.ndimage import map_coordinates
 
         x, y = points_px[..., 0], points_px[..., 1]
@@ -42,24 +45,25 @@ class GridImage:
 
 
 def profiles_across(image: GridImage, shape: LatticeShape, axis: int, numbers: range, across: range) -> Float:
-    """Return grey level profiles across the predicted lines at three stations of every segment.
+    """Return grey level profiles across the predicted lines, at three places ("stations") of every segment.
 
     Parameters
     ----------
     image, shape
-        The image, and the map that predicts where the lattice lies in it.
+        The image, and the map that predicts the positions of the lattice points in the image.
     axis : int
-        0 for the lines of constant first index, 1 for those of constant second index.
+        Direction of the lines: 0 for lines of constant first index, 1 for lines of constant second index.
     numbers : range
         Indices of the lines.
     across : range
-        Indices of the lines of the other direction, which bound the segments.
+        Indices of the lines of the other direction, which divide the lines into segments.
 
     Returns
     -------
     ndarray, shape (lines, segments, 3, 37)
-        Grey levels with bright lines; NaN outside the image. The stations are at 0.38, 0.5 and 0.62 of the
-        segment. The 37 samples lie `PROFILE_OFFSETS` pitches from the line.
+        Grey levels of the profiles, in which lines are bright; NaN outside the image. The three measuring
+        places ("stations") are at 0.38, 0.5 and 0.62 of the length of a segment. The distances of the 37
+        samples from the line are `PROFILE_OFFSETS`, in pitches.
     """
     index = station_index(axis, numbers, across, np.array([0.38, 0.5, 0.62]))
     step = shape.step(index, axis)
@@ -67,10 +71,12 @@ def profiles_across(image: GridImage, shape: LatticeShape, axis: int, numbers: r
 
 
 def line_evidence(profiles: Float) -> Float:
-    """Return the height of the line in each segment, in grey levels, shape (lines, segments).
+    """Return the contrast of the line in each segment, in grey levels, shape (lines, segments).
 
-    A line is brighter in the middle than on *both* sides; the edge of a region is not. The median of the
-    three stations is taken, so that dirt and speckles are not mistaken for a line.
+    The contrast of a profile is the grey level in its middle minus the grey level of its brighter side. The
+    edge of a bright region therefore has no contrast, because one side is as bright as the middle. The result
+    is the median of the three measuring places of a segment, so that dirt or a speckle at one place is not
+    taken for a line.
     """
     middle = profiles[..., np.abs(PROFILE_OFFSETS) < 0.2]
     core = np.lib.stride_tricks.sliding_window_view(middle, 3, axis=-1).mean(axis=-1).max(axis=-1)
@@ -81,10 +87,11 @@ def line_evidence(profiles: Float) -> Float:
 
 
 def line_irregularity(profiles: Float) -> float:
-    """Return the change of profiles (n, 3, 37) along their segments, relative to the profiles' height.
+    """Return how much profiles (n, 3, 37) change along their segments, relative to the profiles' height.
 
-    A line has the same profile at all three stations of a segment. A checkerboard has apparent lines along
-    the diagonals of its squares; they shrink to a point in the middle of a segment.
+    A true line has the same profile at all three measuring places of a segment. A checkerboard shows false
+    lines along the diagonals of its squares. The width of such a false line shrinks to zero in the middle of
+    a segment.
     """
     whole = profiles[np.isfinite(profiles).all(axis=(1, 2))]
     if not len(whole):
@@ -95,7 +102,10 @@ def line_irregularity(profiles: Float) -> float:
 
 
 def station_index(axis: int, numbers: range, across: range, fractions: Float) -> Float:
-    """Return lattice indices (lines, segments, stations, 2) of stations at `fractions` of each segment."""
+    """Return the lattice indices of all measuring places, shape (lines, segments, stations, 2).
+
+    `fractions` are the positions of the measuring places along each segment, from 0 to 1.
+    """
     along = np.array(across[:-1])[:, None] + fractions
     lines = np.broadcast_to(np.array(numbers, float)[:, None, None], (len(numbers), *along.shape))
     pair = (lines, np.broadcast_to(along, lines.shape))

@@ -1,1 +1,1 @@
-"""The camera as geometry describes it: projection, lens distortion, and how they are fitted."""
+"""The pinhole model of a camera: projection, lens distortion, and the fit of all parameters."""

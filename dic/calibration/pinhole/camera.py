@@ -1,4 +1,4 @@
-"""A pinhole camera with lens distortion and a pose relative to the grid."""
+"""A pinhole camera with lens distortion, and its pose relative to the grid."""
 
 from dataclasses import dataclass, field
 
@@ -8,35 +8,40 @@ from dic.calibration.pinhole.lens import distort, distortion_basis, distortion_j
 from dic.typing import Float
 
 PARAMETERS = ("focal_px", "x_px", "y_px", "k1", "k2", "p1", "p2", "rx", "ry", "rz", "Cx_mm", "Cy_mm", "Cz_mm")
-"""Rows and columns of `Pinhole.covariance`; rx, ry, rz are a small rotation of the camera's axes."""
+"""Names of the rows and columns of `Pinhole.covariance`.
+
+The parameters rx, ry and rz describe a small rotation of the camera's axes.
+"""
 
 
 @dataclass(frozen=True)
 class Pinhole:
-    """A pinhole camera with a distorting lens: each pixel corresponds to a ray through one point C.
+    """A pinhole camera with a distorting lens: each pixel corresponds to a ray through the pinhole.
 
-    Grid axes and camera axes are both X right, Y up, Z towards the camera; image axes x right, y down.
+    In grid axes and in camera axes, X points right, Y up, and Z towards the camera. In the image, x points
+    right and y down.
 
     Attributes
     ----------
     focal_px : float
-        Focal length; pixels are square.
+        Focal length, for square pixels.
     principal_px : ndarray, shape (2,)
-        Where the optical axis meets the sensor.
+        The principal point, where the optical axis meets the sensor.
     distortion : ndarray, shape (4,)
-        k1 (px⁻²), k2 (px⁻⁴), p1, p2 (px⁻¹): `dic.calibration.pinhole.lens`.
+        The distortion coefficients k1 (px⁻²), k2 (px⁻⁴), p1 and p2 (px⁻¹) of `dic.calibration.pinhole.lens`.
     rotation : ndarray, shape (3, 3)
-        From grid axes to camera axes.
+        The rotation matrix from grid axes to camera axes.
     centre_mm : ndarray, shape (3,)
-        The pinhole C in grid coordinates; Cz > 0.
+        The position C of the pinhole in grid coordinates; its component Cz is positive.
     covariance : ndarray, shape (13, 13)
-        Covariance of the parameters named in `PARAMETERS`, in their units; rx, ry, rz in radians. Parameters
-        that neither the images nor the given values determine have large variances. 0 for a camera that was
-        not fitted.
+        Covariance of the parameters named in `PARAMETERS`, in their units, with rx, ry and rz in radians.
+        Parameters that neither the images nor the given values determine have large variances. The
+        covariance is 0 for a camera that was not fitted.
     noise_px : float
-        Standard deviation of one image coordinate of a grid point, from the residuals.
+        Standard deviation of each image coordinate of the grid points, computed from the residuals.
     cross_validation_px : float
-        Root mean square distance of left-out points from their prediction; NaN without cross-validation.
+        Prediction error: root mean square distance of left-out grid points from their prediction. NaN
+        without cross-validation.
     """
 
     focal_px: float
@@ -62,12 +67,13 @@ class Pinhole:
         k1_per_px2: float = 0.0,
         principal_px: tuple[float, float] = (0.0, 0.0),
     ) -> "Pinhole":
-        """Return the camera of the paper's numerical assessment, looking at the grid's centre.
+        """Return a camera of Helm and Deaner's numerical assessment, which looks at the grid's centre.
 
-        Without pan and tilt it stands on the grid's normal, at `distance_mm`. Pan turns the scene about the
-        vertical axis, then tilt turns it about the horizontal axis: ``R = Rx(tilt)·Ry(pan)``. This is
-        equivalent to swinging the camera around the grid's centre. Distortion is
-        ``x_d = x_u·(1 + k1·r_u²)`` in px.
+        Without pan and tilt the camera stands on the grid's normal, at `distance_mm`. Pan turns the scene
+        about the vertical axis, then tilt turns it about the horizontal axis: ``R = Rx(tilt)·Ry(pan)``.
+        Turning the scene is equivalent to swinging the camera around the grid's centre. The distorted
+        coordinate in px is ``x_d = x_u·(1 + k1·r_u²)``, where x_u and r_u are the undistorted coordinate and
+        radius.
         """
         pan, tilt = np.radians([pan_deg, tilt_deg])
         about_y = np.array([[np.cos(pan), 0, np.sin(pan)], [0, 1, 0], [-np.sin(pan), 0, np.cos(pan)]])
@@ -103,7 +109,7 @@ class Pinhole:
 
     @property
     def off_axis_std_deg(self) -> float:
-        """Standard deviation of `off_axis_deg`, to first order; at 0° an upper bound of it."""
+        """Standard deviation of `off_axis_deg` to first order; at 0° off-axis, an upper bound."""
         x, y, z = self.centre_mm
         across = float(np.hypot(x, y))
         if across < 1e-12:
@@ -117,12 +123,13 @@ class Pinhole:
         Parameters
         ----------
         points_mm : ndarray, shape (n, 2) or (n, 3)
-            Grid coordinates X, Y and Z; with two columns, Z is 0.
+            Grid coordinates X, Y and Z. If the array has only the two columns X and Y, Z is 0.
 
         Returns
         -------
         ndarray, shape (n, 2)
-            px; NaN for points behind the camera and where the distortion folds the image over.
+            Image coordinates in px. NaN for points behind the camera. The coordinates are also NaN where the
+            distortion folds the image over, so that two scene points would have the same image point.
         """
         points = np.asarray(points_mm, np.float64)
         seen = points @ self.rotation[:, : points.shape[1]].T - self.rotation @ self.centre_mm
@@ -135,7 +142,8 @@ class Pinhole:
     def map(self, px: Float) -> Float:
         """Return the points (n, 2), mm, in which the rays of image points (n, 2), px, meet the grid's plane.
 
-        NaN for NaN, for rays that do not meet the plane, and for image points that the lens cannot show.
+        The result is NaN if an image coordinate is NaN, if the ray misses the grid's plane, or if no ray
+        through the distorting lens reaches the image point.
         """
         direction = self._directions(self._ideal(px))
         depth = np.where(direction[:, 2:] < 0, direction[:, 2:], np.nan)
@@ -147,7 +155,7 @@ class Pinhole:
         ideal = self._ideal(px)
         direction = self._directions(ideal)
         across, depth = direction[:, :2, None], direction[:, 2, None, None]
-        # derivatives of the direction by x and y of the ideal point: rows 0 and 1 are X and Y, row 2 is Z
+        # derivatives of the ray's direction (rows X, Y, Z) by x and y of the undistorted point
         slopes = (self.rotation[:2] * np.array([[1.0], [-1.0]]) / self.focal_px).T
         by_ideal = -self.centre_mm[2] * (slopes[:2] * depth - across * slopes[2:]) / depth**2
         with np.errstate(invalid="ignore"):
@@ -157,33 +165,35 @@ class Pinhole:
         return jacobian
 
     def rays(self, px: Float) -> Float:
-        """Return the unit vectors (n, 3), in grid axes, from the pinhole through image points (n, 2) in px.
+        """Return the directions of the rays of image points (n, 2), px, as unit vectors (n, 3) in grid axes.
 
-        They point from the camera into the scene, so rays towards the grid have a negative Z.
+        The vectors point from the camera into the scene, so rays towards the grid have a negative Z.
         """
         direction = self._directions(self._ideal(px))
         return np.asarray(direction / np.linalg.norm(direction, axis=1, keepdims=True))
 
     def error_factors(self, px: Float) -> Float:
-        """Return F, shape (n, 2, q), mm: the errors of mapped points (n, 2) have the covariance F Fᵀ.
+        """Return a matrix F for each image point (n, 2); F Fᵀ is the error covariance of the mapped point.
 
-        F follows from `covariance`. Errors of strongly correlated parameters, such as focal length and
-        distance, nearly cancel in the mapped points.
+        The result has the shape (n, 2, q) and the unit mm. The matrix F follows from the attribute
+        `covariance`. Errors of strongly correlated parameters, such as focal length and distance, nearly
+        cancel in the mapped points.
         """
-        # an error that moves the image of a grid point by s moves the mapped point by −J·s
+        # An error that moves a grid point's image by s moves the mapped point by −J·s (J: Jacobian of `map`).
         moved = self._slopes_by_parameters(self.map(px)) @ self._parameter_factors()
         return np.asarray(-self.jacobian(px) @ moved)
 
     def centre_factors(self) -> Float:
-        """Return F, shape (3, q), mm: the errors of `centre_mm` have the covariance F Fᵀ.
+        """Return a matrix F, shape (3, q), mm; F Fᵀ is the error covariance of `centre_mm`.
 
-        Each column belongs to the same error as in `error_factors`. So the errors of the map and of the
-        centre are not independent.
+        Each column of F belongs to the same source of error as the same column of `error_factors`. So
+        `error_factors` and `centre_factors` together also give the correlation between errors of mapped
+        points and errors of `centre_mm`.
         """
         return self._parameter_factors()[10:]
 
     def _parameter_factors(self) -> Float:
-        """Return F, shape (13, q), with `covariance` = F Fᵀ."""
+        """Return a matrix F, shape (13, q), for which F Fᵀ is `covariance`."""
         std = np.sqrt(np.diag(self.covariance))
         fitted = np.flatnonzero(std)
         correlation = self.covariance[np.ix_(fitted, fitted)] / np.outer(std[fitted], std[fitted])
@@ -193,13 +203,13 @@ class Pinhole:
         return factors
 
     def _slopes_by_parameters(self, points_mm: Float) -> Float:
-        """Return the derivatives (n, 2, 13) of the image points of grid points (n, 2) by `PARAMETERS`."""
+        """Return the derivatives of grid points' image coordinates by `PARAMETERS`, shape (n, 2, 13)."""
         seen = points_mm @ self.rotation[:, :2].T - self.rotation @ self.centre_mm
         ideal = self.focal_px * seen[:, :2] * np.array([-1.0, 1.0]) / seen[:, 2:]
         by_seen = np.zeros((len(seen), 2, 3))
         by_seen[:, 0, 0], by_seen[:, 1, 1] = -self.focal_px / seen[:, 2], self.focal_px / seen[:, 2]
         by_seen[:, :, 2] = -ideal / seen[:, 2:]
-        # a small rotation w of the camera's axes moves a point s in camera axes by w × s
+        # a small rotation vector w of the camera's axes moves the camera coordinates s of a point by w × s
         by_turn = np.stack([by_seen @ _crossed(axis, seen)[:, :, None] for axis in np.eye(3)], axis=-1)[
             :, :, 0
         ]
@@ -213,7 +223,7 @@ class Pinhole:
         return undistort(np.asarray(px, np.float64).reshape(-1, 2) - self.principal_px, self.distortion)
 
     def _directions(self, ideal_px: Float) -> Float:
-        """Return ray directions (n, 3) in grid axes; their component along the optical axis is 1 long."""
+        """Return ray directions (n, 3) in grid axes; their component along the optical axis has length 1."""
         in_camera = np.column_stack([ideal_px * [1.0, -1.0] / self.focal_px, -np.ones(len(ideal_px))])
         directions: Float = in_camera @ self.rotation
         return directions

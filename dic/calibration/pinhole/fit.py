@@ -3,10 +3,11 @@
 The steps:
 
 1. Find a homography for each image.
-2. Compute start values of the focal length and the poses from the homographies (Zhang, *A flexible new
-   technique for camera calibration*, 2000).
-3. Minimise the residuals in the image, together with the equations of the prior knowledge. Each equation is
-   divided by its standard deviation. The standard deviation of the points follows from their residuals.
+2. Compute start values of the focal length and of the camera's pose in each image from the homographies
+   (Zhang, *A flexible new technique for camera calibration*, 2000).
+3. Minimise the residuals of the grid points in the images, together with the deviations from values of the
+   camera that the user knows. Each residual or deviation is divided by its standard deviation. The standard
+   deviation of the grid points is estimated from their residuals.
 """
 
 from collections.abc import Sequence
@@ -24,26 +25,27 @@ from dic.typing import Float, Mask
 
 _FEWEST_POINTS = 10
 _K2 = 4
-"""Place of k2 among the parameters."""
+"""Index of the distortion coefficient k2 among the parameters."""
 _K2_LIMIT = 0.99
-"""k2 is fitted if it lowers the cross-validation below this fraction of the value without k2."""
-# Noise of the points: start value and lower limit. With less noise the prior knowledge would have no weight.
+"""k2 is fitted if it lowers the cross-validation error below this fraction of the error without k2."""
+# Start value and lower limit of the noise of the grid points, px. With less noise the prior knowledge would
+# have no weight.
 _FIRST_NOISE_PX = 0.05
 _FINEST_NOISE_PX = 1e-4
-# Limits of a start value of the focal length, as fractions of the usual focal length.
+# Limits of the focal length's start value, as multiples of the usual focal length.
 _FOCAL_SHARES = (0.03, 100.0)
 
 
 @dataclass(frozen=True)
 class _Views:
-    """Grid points of all images, and the prior knowledge of the camera."""
+    """Grid points of all images, and the known values of the camera."""
 
     xy_mm: list[Float]
     uv_px: list[Float]
     prior: Prior
 
     def without(self, left_out: Mask) -> "_Views":
-        """Return the views without the points `left_out` (n,) of the first image."""
+        """Return the same views without some grid points of the first image, which `left_out` (n,) marks."""
         xy, uv = self.xy_mm[0][~left_out], self.uv_px[0][~left_out]
         return replace(self, xy_mm=[xy, *self.xy_mm[1:]], uv_px=[uv, *self.uv_px[1:]])
 
@@ -61,23 +63,24 @@ def fit_pinhole(
 ) -> Pinhole:
     """Fit a camera to the grid points of one image, by least squares in the image.
 
-    One image determines the focal length only through its perspective: well at 30° off-axis, poorly at 10°,
-    not at all at 0°. `Pinhole.covariance` shows how well each parameter is determined.
+    A single image determines the focal length only through perspective: well at 30° off-axis, poorly at 10°,
+    and not at all at 0°. `Pinhole.covariance` gives the uncertainty of each parameter.
 
     Parameters
     ----------
     grid : GridPoints
     image_shape : tuple of int
-        Height and width, px.
+        Height and width of the image, px.
     known : KnownCamera, optional
-        Prior knowledge of the camera.
+        Known values of the camera, such as its focal length.
     k2 : bool, optional
-        Whether to fit k2. Default: cross-validation decides. If it is given, no cross-validation is done.
+        True to fit the distortion coefficient k2, False to leave it 0. By default cross-validation decides.
+        If `k2` is given, no cross-validation is done.
 
     Raises
     ------
     CalibrationError
-        If the points do not determine a camera, or contradict the prior knowledge.
+        If the points do not determine a camera, or if they contradict the known values of the camera.
     """
     return fit_pinholes([grid], image_shape, known, k2)[0]
 
@@ -88,16 +91,16 @@ def fit_pinholes(
     known: KnownCamera | None = None,
     k2: bool | None = None,
 ) -> tuple[Pinhole, ...]:
-    """Fit one camera to several images of the grid: one lens, and a pose for each image.
+    """Fit one camera to several images of the grid: one lens for all images, and one pose for each image.
 
-    Images with the grid at different tilts determine the focal length even of a camera that looks straight.
-    The parameters and the exceptions are the same as for `fit_pinhole`. A known distance belongs to the first
-    image.
+    Images with the grid at different tilts determine the focal length even if the camera looks straight at
+    the grid in the first image. The parameters and exceptions are the same as for `fit_pinhole`. A known
+    distance of the camera from the grid is the distance in the first image.
 
     Returns
     -------
     tuple of Pinhole
-        One for each image, in the axes of the grid in that image.
+        One camera for each image, in the axes of the grid in that image.
     """
     prior = (known or KnownCamera()).prior(image_shape)
     views = _Views([g.xy_mm for g in grids], [g.uv_px for g in grids], prior)
@@ -107,7 +110,7 @@ def fit_pinholes(
 
 
 def _with_or_without_k2(views: _Views, first: GridPoints, k2: bool | None) -> tuple["_Solution", float]:
-    """Return the solution and its cross-validation over the points of the first image, px."""
+    """Fit without and with the distortion coefficient k2; return the better fit and its prediction error."""
     without = _first_solution(views)
     contradiction = views.prior.contradiction(without.parameters)
     if contradiction:
@@ -134,7 +137,7 @@ def _with_or_without_k2(views: _Views, first: GridPoints, k2: bool | None) -> tu
 
 
 def _first_solution(views: _Views) -> "_Solution":
-    """Return the solution without k2, from the first start value that converges."""
+    """Fit without k2; try start values of the focal length until the iteration converges."""
     problem = None
     for focal in _start_focals(views):
         try:
@@ -157,7 +160,10 @@ def _cross_validation_px(views: _Views, whole: "_Solution", first: GridPoints, *
 
 
 def _solution(views: _Views, model: CameraModel, start: Float, *, k2: bool) -> "_Solution":
-    """Return the least-squares solution; it is computed twice, because the first gives the points' noise."""
+    """Return the least-squares solution.
+
+    The equations are solved twice, because the first solution gives the noise of the grid points.
+    """
     parameters, noise_px = start, _FIRST_NOISE_PX
     for _ in range(2):
         least = _LeastSquares(views, model, noise_px, k2=k2)
@@ -168,7 +174,7 @@ def _solution(views: _Views, model: CameraModel, start: Float, *, k2: bool) -> "
 
 
 class _LeastSquares:
-    """Equations of the points and of the prior knowledge, with their derivatives.
+    """The least-squares equations of the grid points and of the known camera values, with derivatives.
 
     Each equation is a deviation divided by its standard deviation.
     """
@@ -186,7 +192,7 @@ class _LeastSquares:
         last: list[tuple[Float, Float, Float]] = []
 
         def both(values: Float) -> tuple[Float, Float, Float]:
-            # `least_squares` asks for deviations and then, mostly at the same values, for derivatives
+            # `least_squares` calls `deviations` and then `slopes`, mostly with the same values
             if not last or not np.array_equal(last[0][0], values):
                 every = start.copy()
                 every[free] = values
@@ -211,13 +217,13 @@ class _LeastSquares:
         return parameters
 
     def scatter_px(self, parameters: Float) -> float:
-        """Return the standard deviation of one image coordinate of the points, from their residuals."""
+        """Return the standard deviation of the points' image coordinates, estimated from residuals, px."""
         residual = self._model.project(parameters)[0] - self._seen
         freedom = len(residual) - np.count_nonzero(self._free(parameters))
         return max(float(np.sqrt(residual @ residual / freedom)), _FINEST_NOISE_PX)
 
     def covariance(self, parameters: Float) -> Float:
-        """Return the covariance (parameters, parameters); 0 for k2 if it is not fitted."""
+        """Return the covariance matrix of the parameters; row and column of k2 are 0 if k2 is not fitted."""
         free = self._free(parameters)
         covariance = np.zeros((len(parameters), len(parameters)))
         covariance[np.ix_(free, free)] = _inverse_square(self._equations(parameters)[1][:, free])
@@ -236,7 +242,7 @@ class _LeastSquares:
 
 
 def _inverse_square(slopes: Float) -> Float:
-    """Return (SᵀS)⁻¹ of the derivatives S, by singular values: SᵀS itself would lose digits."""
+    """Return (SᵀS)⁻¹ of the derivatives S, by singular values, because forming SᵀS would lose digits."""
     size = np.linalg.norm(slopes, axis=0)
     _, singular, directions = np.linalg.svd(slopes / size, full_matrices=False)
     if not singular[-1] > 1e-13 * singular[0]:
@@ -262,7 +268,11 @@ def _camera(solution: "_Solution", view: int, missed_px: float) -> Pinhole:
 
 
 def _start(views: _Views, focal: float) -> tuple[CameraModel, Float]:
-    """Return the model and start values of its parameters: no distortion, and poses from homographies."""
+    """Return the camera model and start values of its parameters.
+
+    The argument `focal` is the start value of the focal length. Distortion starts at 0, and each pose starts
+    from the homography of its image.
+    """
     poses, rotations = [], []
     for plane in _homographies(views):
         # camera axes: x right, y up, looking along −z
@@ -278,10 +288,12 @@ def _start(views: _Views, focal: float) -> tuple[CameraModel, Float]:
 
 
 def _start_focals(views: _Views) -> list[float]:
-    """Return start values of the focal length: the given one, or else those to try in turn.
+    """Return start values of the focal length, px, in the order in which to try them.
 
-    These are the focal length that the homographies determine, if they do, and the usual one. A homography
-    determines it because the two axes of the grid are orthogonal and have the same scale (Zhang).
+    If the user gives the focal length, this is the only start value. Without a given focal length, the list
+    holds the focal length that follows from the homographies, if they determine one, and then the usual focal
+    length. A homography determines the focal length because the two axes of the grid are orthogonal and have
+    the same scale (Zhang).
     """
     prior = views.prior
     if prior.known.focal_px is not None:
@@ -304,7 +316,7 @@ def _homographies(views: _Views) -> list[Float]:
 
 
 def _homography(xy_mm: Float, uv_px: Float) -> Float:
-    """Return the homography (3, 3) from mm to px, by the normalised direct linear transformation."""
+    """Return the homography (3, 3) from grid to image, by the normalised direct linear transformation."""
     to_unit, from_unit = _unit_square(xy_mm), _unit_square(uv_px)
     xy = np.column_stack([xy_mm, np.ones(len(xy_mm))]) @ to_unit.T
     uv = np.column_stack([uv_px, np.ones(len(uv_px))]) @ from_unit.T
@@ -315,7 +327,7 @@ def _homography(xy_mm: Float, uv_px: Float) -> Float:
 
 
 def _unit_square(points: Float) -> Float:
-    """Return the matrix (3, 3) that moves points to the origin and scales them to about 1."""
+    """Return the matrix (3, 3) that centres points at the origin and scales their coordinates to about 1."""
     middle, size = points.mean(axis=0), float(points.std(axis=0).max())
     return np.array([[1 / size, 0, -middle[0] / size], [0, 1 / size, -middle[1] / size], [0, 0, 1]])
 

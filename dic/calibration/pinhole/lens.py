@@ -1,9 +1,10 @@
-"""Lens distortion on the sensor: from the ideal points of a pinhole to distorted points, and back.
+"""Lens distortion on the sensor: conversion from ideal to distorted image points, and back.
 
-Radial and decentring distortion after Brown, *Close-range camera calibration* (1971), with coefficients in
-the usual order k1, k2, p1, p2. All coordinates are in px from the principal point, so the coefficients do not
-depend on the focal length: k1 in px⁻², k2 in px⁻⁴, p1 and p2 in px⁻¹. Positive k1 is pincushion, negative k1
-is barrel distortion.
+An ideal point is the image point of a pinhole camera without distortion. Radial and decentring distortion
+follow Brown, *Close-range camera calibration* (1971), with coefficients in the usual order k1, k2, p1, p2.
+All coordinates are in px from the principal point, so the coefficients do not depend on the focal length. The
+units are px⁻² for k1, px⁻⁴ for k2, and px⁻¹ for p1 and p2. A positive k1 means pincushion distortion, and a
+negative k1 means barrel distortion.
 """
 
 import numpy as np
@@ -15,7 +16,7 @@ _EXACT_PX = 1e-10
 
 
 def distortion_basis(ideal_px: Float) -> Float:
-    """Return the shift per unit of k1, k2, p1 and p2, shape (n, 2, 4), at ideal points (n, 2)."""
+    """Return the shift of ideal points (n, 2) per unit of k1, k2, p1 and p2, shape (n, 2, 4)."""
     x, y = ideal_px[:, 0], ideal_px[:, 1]
     square = x * x + y * y
     fourth, across = square * square, 2 * x * y
@@ -25,26 +26,26 @@ def distortion_basis(ideal_px: Float) -> Float:
 
 
 def distort(ideal_px: Float, distortion: Float) -> Float:
-    """Return the distorted points (n, 2), px, of ideal points (n, 2).
+    """Return the distorted points (n, 2), px, that belong to ideal points (n, 2).
 
     Parameters
     ----------
     ideal_px : ndarray, shape (n, 2)
         Coordinates from the principal point, px.
     distortion : ndarray, shape (4,)
-        k1, k2, p1, p2.
+        The distortion coefficients k1, k2, p1 and p2.
     """
     moved: Float = ideal_px + distortion_basis(ideal_px) @ distortion
     return moved
 
 
 def distortion_jacobian(ideal_px: Float, distortion: Float) -> Float:
-    """Return ∂ distorted / ∂ ideal, shape (n, 2, 2), at ideal points (n, 2)."""
+    """Return the Jacobian of the map from ideal to distorted points, at ideal points (n, 2), (n, 2, 2)."""
     k1, k2, p1, p2 = distortion
     x, y = ideal_px[:, 0], ideal_px[:, 1]
     square = x * x + y * y
     radial = 1 + k1 * square + k2 * square**2
-    # twice the derivative of the radial factor by the squared radius
+    # the slope is twice the derivative of the radial factor by the squared radius
     slope = 2 * (k1 + 2 * k2 * square)
     across = slope * x * y + 2 * (p1 * x + p2 * y)
     jacobian = np.empty((len(x), 2, 2))
@@ -55,10 +56,10 @@ def distortion_jacobian(ideal_px: Float, distortion: Float) -> Float:
 
 
 def undistort(distorted_px: Float, distortion: Float) -> Float:
-    """Return the ideal points (n, 2), px, of distorted points (n, 2); NaN where there is none.
+    """Return the ideal points (n, 2), px, of distorted points (n, 2), or NaN if there is no ideal point.
 
-    Newton's method starts from the distorted point. With barrel distortion the lens shows nothing beyond a
-    largest radius: points there give NaN. Solutions where the distortion folds the image over give NaN, too.
+    Newton's method starts from the distorted point. Barrel distortion has a largest distorted radius; points
+    beyond this radius give NaN. Solutions where the distortion folds the image over also give NaN.
     """
     ideal = np.array(distorted_px, np.float64)
     if not np.any(distortion):
@@ -77,7 +78,7 @@ def undistort(distorted_px: Float, distortion: Float) -> Float:
 
 
 def folded(ideal_px: Float, distortion: Float) -> Mask:
-    """Tell at which ideal points (n, 2) the distortion folds the image over; False for NaN."""
+    """Return True where the distortion reverses the image around an ideal point (n, 2); False for NaN."""
     jacobian = distortion_jacobian(ideal_px, distortion)
     determinant = jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] ** 2
     # after two folds the determinant is positive again, but the image is reversed in both directions
@@ -86,7 +87,7 @@ def folded(ideal_px: Float, distortion: Float) -> Mask:
 
 
 def _solved(matrices: Float, vectors: Float) -> Float:
-    """Return matrices⁻¹ · vectors, (n, 2); not finite where a matrix is singular."""
+    """Solve n systems of two linear equations, shape (n, 2); not finite where a matrix is singular."""
     a, b, c, d = (matrices[:, i, j] for i in (0, 1) for j in (0, 1))
     determinant = a * d - b * c
     x, y = vectors[:, 0], vectors[:, 1]

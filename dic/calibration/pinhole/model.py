@@ -1,15 +1,17 @@
 """The pinhole camera as a function of its fitted parameters, with all derivatives.
 
-The parameters are chosen to be nearly independent of each other, and to stay regular for a camera that is far
-away. Seven parameters describe the lens: the logarithm of the focal length f, the principal point, and k1·s²,
-k2·s⁴, p1·s, p2·s, where s is the half-width of the grid in the image. Six parameters describe the pose in
-each image: a small rotation of the camera's axes from a start rotation, the grid's centre (a, b) in the
-undistorted image relative to the principal point, and the logarithm of the scale m there, px/mm. With q = R·X
-in camera axes, the undistorted image of a grid point is
+The parameters are chosen such that they are nearly independent of each other, and that the least-squares
+equations can also be solved for a camera that is far away. Seven parameters describe the lens: the logarithm
+of the focal length f, the two coordinates of the principal point, and the distortion k1·s², k2·s⁴, p1·s,
+p2·s. The length s is the half-width of the grid in the image. Six parameters describe the pose in each image.
+Three of the six parameters give a small rotation of the camera's axes from a start rotation. Two give the
+undistorted image (a, b) of the grid's centre, relative to the principal point. The sixth parameter is the
+logarithm of the scale m in px/mm at the grid's centre. The rotation R gives the position q = R·X of a grid
+point X, relative to the grid's centre, in camera axes. The undistorted image of the grid point is
 
     x = (m·q_x + a) / (1 − m·q_z/f),    y = (b − m·q_y) / (1 − m·q_z/f)
 
-So f affects only the perspective.
+In these formulas the focal length f appears only in the denominators, which describe perspective.
 """
 
 from collections.abc import Sequence
@@ -27,16 +29,16 @@ _POWERS = np.array([2, 4, 1, 1])
 
 @dataclass(frozen=True)
 class CameraModel:
-    """The constants of the model: grid points, start rotations and the scale of distortion.
+    """The pinhole model of one camera in several images; its attributes are constant during a fit.
 
     Attributes
     ----------
     xy_mm : sequence of ndarray, shape (n, 2)
-        Grid points of each image.
+        Coordinates X and Y of the grid points of each image.
     starts : sequence of ndarray, shape (3, 3)
         Start rotation of each image, from grid to camera axes.
     scale_px : float
-        Half-width s of the grid in the image.
+        Half-width of the grid in the image, by which the distortion coefficients are scaled.
     """
 
     xy_mm: Sequence[Float]
@@ -44,7 +46,10 @@ class CameraModel:
     scale_px: float
 
     def project(self, parameters: Float) -> tuple[Float, Float]:
-        """Return the image coordinates (2·n,), px, of n points, and their derivatives (2·n, parameters)."""
+        """Return the image coordinates of n grid points, px, shape (2·n,), and their derivatives.
+
+        The derivatives with respect to the fitted parameters have the shape (2·n, parameters).
+        """
         seen, slopes = [], []
         for view, (xy, start) in enumerate(zip(self.xy_mm, self.starts, strict=True)):
             own = slice(LENS + POSE * view, LENS + POSE * (view + 1))
@@ -72,7 +77,7 @@ class CameraModel:
         by_q = np.zeros((len(q), 2, 3))
         by_q[:, 0, 0], by_q[:, 1, 1] = scale, -scale
         by_q[:, :, 2] = ideal * scale / focal
-        # a small rotation w moves q by w × q
+        # a small rotation vector w moves the point q by w × q
         by_turn = -by_q @ _cross(q) @ turn_slope
         by_place = np.broadcast_to(np.eye(2), (len(q), 2, 2))
         by_scale = flat + ideal * nearer
@@ -87,18 +92,18 @@ class CameraModel:
         return distort(ideal, coefficients) + lens[1:3], by_lens, bend @ ideal_by_pose
 
     def camera(self, parameters: Float, view: int) -> tuple[Float, Float, Float, Float]:
-        """Return the camera of the image number `view`.
+        """Return the parameters of the camera, and its pose in image number `view`.
 
         Returns
         -------
         rotation : ndarray, shape (3, 3)
-            From grid to camera axes.
+            The rotation matrix from grid axes to camera axes.
         centre : ndarray, shape (3,)
-            The pinhole in grid axes, mm.
+            The position of the pinhole in grid axes, mm.
         values : ndarray, shape (13,)
-            In the order of `dic.calibration.pinhole.camera.PARAMETERS`; the small rotation is 0.
+            Values in the order of `dic.calibration.pinhole.camera.PARAMETERS`. The small rotation is 0.
         derivatives : ndarray, shape (13, parameters)
-            Derivatives of the values by the parameters of this model.
+            Derivatives of `values` by the parameters of this model.
         """
         own = LENS + POSE * view
         pose = parameters[own : own + POSE]
@@ -113,7 +118,8 @@ class CameraModel:
         slopes[1, 1] = slopes[2, 2] = 1.0
         slopes[range(3, 7), range(3, 7)] = 1 / self.scale_px**_POWERS
         slopes[7:10, own : own + 3] = turn_slope
-        # C = −Rᵀ·t: a small rotation w of R moves C by Rᵀ·(w × t)
+        # The pinhole is C = −Rᵀ·t, with the grid's centre t in camera axes. A small rotation w of R moves C
+        # by Rᵀ·(w × t).
         slopes[10:, own : own + 3] = -rotation.T @ _cross(origin[None])[0] @ turn_slope
         slopes[10:, own + 3 : own + 5] = -rotation.T[:, :2] * [1 / scale, -1 / scale]
         slopes[10:, own + 5] = -centre
@@ -123,9 +129,10 @@ class CameraModel:
 
 
 def small_turn(vector: Float) -> tuple[Float, Float]:
-    """Return the rotation exp([v]×) and its left Jacobian J, both (3, 3).
+    """Return the rotation matrix of a rotation vector v, and its left Jacobian J, both (3, 3).
 
-    A change dv of v adds the rotation J·dv. The first is Rodrigues' formula.
+    The rotation matrix follows from Rodrigues' formula. A small change dv of the rotation vector v adds the
+    rotation J·dv.
     """
     angle = float(np.linalg.norm(vector))
     cross = _cross(vector[None])[0]
@@ -139,7 +146,7 @@ def small_turn(vector: Float) -> tuple[Float, Float]:
 
 
 def _cross(vectors: Float) -> Float:
-    """Return the matrices [v]×, shape (n, 3, 3), of vectors v (n, 3): [v]×·w is v × w."""
+    """Return the matrices, shape (n, 3, 3), whose product with a vector w is v × w, for vectors v (n, 3)."""
     matrices = np.zeros((len(vectors), 3, 3))
     for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
         matrices[:, k, j], matrices[:, j, k] = vectors[:, i], -vectors[:, i]

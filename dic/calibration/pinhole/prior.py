@@ -1,4 +1,4 @@
-"""Prior knowledge of a camera, as equations that are solved together with those of the images."""
+"""Values of a camera that the user knows, as additional equations for the fit of a pinhole model."""
 
 import math
 from collections.abc import Sequence
@@ -10,22 +10,22 @@ from dic.errors import CalibrationError, Check, require_all
 from dic.typing import Float
 
 PRINCIPAL_SHARE = 0.01
-"""Standard deviation of the principal point if it is not given, as a fraction of the image's width."""
+"""Standard deviation of a principal point that is not given, as a fraction of the image's width."""
 
-# Machine vision lenses have focal lengths of about 1 to 10 image widths. This weak prior matters only if
-# nothing else determines the focal length. Without it, the fit would diverge to infinity in that case.
+# Machine vision lenses have focal lengths of about 1 to 10 image widths. This expectation has little weight,
+# but it keeps the focal length finite if neither images nor given values determine the focal length.
 _USUAL_WIDTHS = 3.0
 _USUAL_LOG_STD = math.log(3.0)
-# Standard deviation of a value that is given as exact: px for the principal point, a fraction of the value
-# for focal length and distance.
+# Standard deviation of a value that is given as exact. For the principal point the number is in px; for focal
+# length and distance it is a fraction of the value.
 _EXACTLY = 1e-6
-# Deviation from a known value, in standard deviations, that counts as a contradiction.
+# A larger deviation from a known value, in standard deviations, is reported as a contradiction.
 _TOO_FAR = 5.0
 
 
 @dataclass(frozen=True)
 class KnownCamera:
-    """What the user knows of a camera. A standard deviation of 0 means an exact value.
+    """The values of a camera that the user knows. A standard deviation of 0 means an exact value.
 
     Attributes
     ----------
@@ -35,16 +35,16 @@ class KnownCamera:
         Distance of the pinhole from the grid's centre in the first image, if known, and its standard
         deviation.
     principal_px : sequence of float
-        Principal point. Default: the middle of the image.
+        Coordinates of the principal point; by default the middle of the image.
     principal_std_px : float
-        Standard deviation of each of its coordinates. Default: 0 if the principal point is given, else 1 % of
-        the image's width.
+        Standard deviation of each coordinate of the principal point. The default is 0 if the principal point
+        is given, and 1 % of the image's width otherwise.
 
     Raises
     ------
     CalibrationError
-        If values are out of range, or a standard deviation is given without its value. The message reports
-        all mistakes together.
+        If a value is out of range, or if a standard deviation is given without its value. The message lists
+        all mistakes.
     """
 
     focal_px: float | None = None
@@ -77,7 +77,7 @@ class KnownCamera:
         require_all(CalibrationError, "settings", checks)
 
     def prior(self, image_shape: tuple[int, ...]) -> "Prior":
-        """Return the equations for images of a shape (height, width)."""
+        """Return the equations of the known values for the fit; `image_shape` is (height, width)."""
         height, width = image_shape[:2]
         at = ((width - 1) / 2, (height - 1) / 2) if self.principal_px is None else self.principal_px
         std = self.principal_std_px
@@ -88,15 +88,17 @@ class KnownCamera:
 
 @dataclass(frozen=True)
 class Prior:
-    """Equations of the prior knowledge: deviations from known values, divided by their standard deviations.
+    """Equations for known camera values: each deviation from a value is divided by its standard deviation.
 
     Attributes
     ----------
     known : KnownCamera
     principal_px : ndarray, shape (2,)
+        The given principal point, or else the middle of the image.
     principal_std_px : float
+        Standard deviation of each coordinate of the principal point.
     usual_focal_px : float
-        Expected focal length if none is given.
+        Expected focal length if the user gives no focal length.
     """
 
     known: KnownCamera
@@ -105,9 +107,12 @@ class Prior:
     usual_focal_px: float
 
     def contradiction(self, parameters: Float) -> str:
-        """Return a text on the first known value more than five standard deviations off, or ""."""
+        """Return a text about the first given value that contradicts the fit, or "" if there is none.
+
+        A value contradicts the fit if the two differ by more than five standard deviations.
+        """
         names = ["principal point's x", "principal point's y"]
-        # the usual focal length is not a value that the user gave
+        # a deviation from the usual focal length is no contradiction, because the user did not give it
         names.append("usual focal length" if self.known.focal_px is None else "given focal length")
         names.append("given distance")
         for name, off in zip(names, self.equations(parameters)[0], strict=False):
@@ -116,9 +121,9 @@ class Prior:
         return ""
 
     def equations(self, parameters: Float) -> tuple[Float, Float]:
-        """Return deviations (m,) and their derivatives (m, parameters).
+        """Return the m deviations from known values, and their derivatives, shapes (m,) and (m, parameters).
 
-        `parameters` is in the order that `dic.calibration.pinhole.model` describes.
+        The module `dic.calibration.pinhole.model` describes the order of `parameters`.
         """
         off, slopes = [], []
 
@@ -160,7 +165,7 @@ _PLACES = {"log_focal": 0, "x": 1, "y": 2, "a": 10, "b": 11, "log_scale": 12}
 
 
 def _length_checks(option: str, name: str, value: float | None, std: float, unit: str) -> list[Check]:
-    """Return the checks of a length and its standard deviation, for `require_all`."""
+    """Return checks of a known length and of its standard deviation, in the form that `require_all` takes."""
     return [
         (
             value is None or 0 < value < math.inf,

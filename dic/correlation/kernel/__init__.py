@@ -1,9 +1,9 @@
-"""The compiled kernel: IC-GN for every point of a grid.
+"""The compiled kernel: IC-GN (inverse compositional Gauss-Newton) for every point of a grid.
 
-docs/kernel.md derives the sums that the kernel works with. Read it first, then the modules in this order:
-`method`, `layout` (how images lie in memory), `warps`, `vectors` and `unrolled` (what one instruction works
-on), `bspline_weights`, `moments` (sums over a subset), `prepared` (what is kept of the reference's subset),
-`icgn` (one point), `uncertainty` (its standard deviations), `propagation` (many points).
+docs/kernel.md derives the sums that the kernel computes. Read docs/kernel.md first, then the modules in this
+order: `method`, `layout` (images in memory), `warps`, `vectors` and `unrolled` (processor vectors),
+`bspline_weights`, `moments` (sums over a subset), `prepared` (data of the reference's subset), `icgn` (one
+point), `uncertainty` (standard deviations), `propagation` (many points).
 """
 
 from dic.correlation.kernel.layout import Deformed, Reference, lay_coefficients, lay_reference

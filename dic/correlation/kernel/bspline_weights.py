@@ -1,7 +1,8 @@
-"""B-spline weights of the coefficients around a position, for whole vectors of positions.
+"""Weights of B-spline coefficients for interpolation, computed for a vector of positions at once.
 
-A cubic spline needs 4 coefficients ("taps") in each direction, a quintic one 6. Weights are multiplied by the
-denominator of the B-spline, 6 or 120: `dic.correlation.kernel.layout` has divided the coefficients by it.
+A cubic spline needs 4 coefficients ("taps") in each direction, and a quintic spline needs 6. The weights are
+multiplied by the denominator of the B-spline, 6 or 120. The module `dic.correlation.kernel.layout` divides
+the coefficients by the denominator of the B-spline, once for each direction, so the product is right.
 """
 
 from dic.correlation.kernel.jit import inlined
@@ -11,7 +12,7 @@ from dic.correlation.kernel.vectors import Vector, at_least, select, splat
 
 @inlined
 def weights(taps: Taps, t: Vector) -> tuple[Vector, ...]:
-    """Return the weights of the taps around positions whose fractional part is `t`."""
+    """Return the weights of the spline coefficients (taps) around positions whose fractional part is `t`."""
     one = splat(t, 1.0)
     s = one - t
     t2, s2 = t * t, s * s
@@ -32,10 +33,10 @@ def weights(taps: Taps, t: Vector) -> tuple[Vector, ...]:
 
 @inlined
 def weights_in_two_cells(taps: Taps, t: Vector) -> tuple[Vector, ...]:
-    """Return one weight more than there are taps, for positions `t` in [0, 2).
+    """Return weights of the spline coefficients (taps) and of one extra tap, for positions `t` in [0, 2).
 
-    A position in [0, 1) lies in the first cell between pixels and gives the last tap the weight 0; a position
-    in [1, 2) lies in the next cell and gives the first tap the weight 0.
+    A position in [0, 1) lies in the first cell between pixels, and the last tap gets the weight 0. A position
+    in [1, 2) lies in the next cell, and the first tap gets the weight 0.
     """
     zero, one = splat(t, 0.0), splat(t, 1.0)
     in_next = at_least(t, one)

@@ -1,6 +1,6 @@
-"""Cholesky factor of a small positive definite matrix, and what is solved with it.
+"""Cholesky factor of a small positive definite matrix, and the solution of equations with this factor.
 
-NumPy's would do, but from compiled code they allocate memory at every call.
+NumPy's functions are not used, because in compiled code they allocate memory at every call.
 """
 
 import math
@@ -9,12 +9,15 @@ from dic.correlation.kernel.jit import inner
 from dic.typing import Float
 
 _SINGULAR = 1e-6
-"""A pivot below this share of its diagonal element means that the matrix is singular to working precision."""
+"""The matrix counts as singular if a pivot is below this fraction of its diagonal element."""
 
 
 @inner
 def factorise(A: Float) -> bool:
-    """Replace the lower triangle of `A` by its Cholesky factor L; False if `A` is not positive definite."""
+    """Replace the lower triangle of `A` by the Cholesky factor L; return False if `A` has no such factor.
+
+    Only a positive definite matrix has a Cholesky factor.
+    """
     for i in range(len(A)):
         limit = _SINGULAR * A[i, i]
         for j in range(i + 1):
@@ -32,7 +35,7 @@ def factorise(A: Float) -> bool:
 
 @inner
 def solve(L: Float, b: Float, n: int, x: Float) -> None:
-    """Solve the leading n equations of L L' x = b for the leading n unknowns; set the others to 0."""
+    """Solve the first n equations of L L' x = b, with a Cholesky factor L; set further unknowns to 0."""
     for i in range(n):
         s = b[i]
         for j in range(i):

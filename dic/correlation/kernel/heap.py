@@ -1,6 +1,6 @@
-"""A priority queue of points: a binary heap in two arrays, the largest key on top.
+"""A priority queue of points: a binary heap in two arrays, with the largest key on top.
 
-Python's `heapq` would do, but numba takes a second to compile it.
+Python's `heapq` is not used, because numba needs a second to compile it.
 """
 
 from typing import NamedTuple
@@ -12,12 +12,14 @@ from dic.correlation.kernel.jit import inner
 
 
 class Queue(NamedTuple):
-    """Memory of a queue. How many of its places are in use, the caller keeps.
+    """Memory of a priority queue. The caller stores the number of items in the queue.
 
     Attributes
     ----------
     keys : ndarray of float64, shape (places,)
+        Priority of each item.
     items : ndarray of int64, shape (places,)
+        Indices of the queued points in the grid.
     """
 
     keys: NDArray[np.float64]
@@ -25,13 +27,13 @@ class Queue(NamedTuple):
 
     @classmethod
     def with_room_for(cls, places: int) -> "Queue":
-        """Return an empty queue that holds at most so many items."""
+        """Return an empty queue that has room for `places` items."""
         return cls(np.empty(places), np.empty(places, np.int64))
 
 
 @inner
 def push(queue: Queue, size: int, key: float, item: int) -> int:
-    """Add an item to a queue of `size` items; return the new size."""
+    """Add an item to a queue of `size` items, and return the new size."""
     keys, items = queue.keys, queue.items
     at = size
     while at > 0 and keys[(at - 1) // 2] < key:
@@ -43,7 +45,7 @@ def push(queue: Queue, size: int, key: float, item: int) -> int:
 
 @inner
 def pop(queue: Queue, size: int) -> int:
-    """Remove the item with the largest key from a queue of `size` items and return it."""
+    """Remove the item with the largest key from a queue of `size` items, and return this item."""
     keys, items = queue.keys, queue.items
     best: int = items[0]
     last = size - 1

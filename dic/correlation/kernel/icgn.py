@@ -1,11 +1,13 @@
 """The inverse compositional Gauss-Newton method (IC-GN) for one point.
 
-S. Baker, I. Matthews, "Equivalence and efficiency of image alignment algorithms", IEEE Conference on Computer
-Vision and Pattern Recognition (2001) 1090-1097. It minimises the zero-mean normalised sum of squared
-differences (ZNSSD): B. Pan, K. Li, W. Tong, "Fast, robust and accurate digital image correlation calculation
-without redundant computations", Experimental Mechanics 53 (2013) 1277-1289; with quadratic shape functions:
-Y. Gao et al., "High-efficiency and high-accuracy digital image correlation for three-dimensional
-measurement", Optics and Lasers in Engineering 65 (2015) 73-80.
+The method minimises the zero-mean normalised sum of squared differences (ZNSSD). The sources are:
+
+- IC-GN: S. Baker, I. Matthews, "Equivalence and efficiency of image alignment algorithms", IEEE Conference on
+  Computer Vision and Pattern Recognition (2001) 1090-1097.
+- ZNSSD: B. Pan, K. Li, W. Tong, "Fast, robust and accurate digital image correlation calculation without
+  redundant computations", Experimental Mechanics 53 (2013) 1277-1289.
+- Quadratic shape functions: Y. Gao et al., "High-efficiency and high-accuracy digital image correlation for
+  three-dimensional measurement", Optics and Lasers in Engineering 65 (2015) 73-80.
 
 docs/kernel.md derives every formula here, with the symbols of the papers.
 """
@@ -42,7 +44,7 @@ OUT_OF_VIEW, NOT_CONVERGED = int(Status.OUT_OF_VIEW), int(Status.NOT_CONVERGED)
 LOW_CORRELATION = int(Status.LOW_CORRELATION)
 
 _FAR_PX = 0.5
-"""A quadratic step longer than this is replaced by the affine one."""
+"""A quadratic step longer than this is replaced by an affine step."""
 
 
 @inner
@@ -59,8 +61,9 @@ def correlate_point(
 ) -> tuple[int, float, int]:
     """Improve the warp `p` of one point in place; return its status, ZNCC and number of iterations.
 
-    `std` receives the standard deviations of the first six parameters. `record` receives what is needed of
-    the reference's subset, unless it is `known` from another image.
+    The standard deviations of the first six warp parameters are written into `std`. If `known` is False, the
+    data of the reference's subset are computed and written into `record`. If `known` is True, `record`
+    already holds these data from an earlier image.
     """
     if not known:
         prepare(image, method.shape, subset, work, record)
@@ -83,7 +86,8 @@ def correlate_point(
         if not length < 2.0 * r:
             return NOT_CONVERGED, zncc, iteration
         rate = length / last
-        # Steps shrink by a nearly constant rate, which predicts the sum of all later ones.
+        # Near the solution each step is a nearly constant fraction (the rate) of the step before. So the rate
+        # predicts the sum of all later steps.
         if length < method.tolerance_px or (
             rate < 0.5 and length * rate / (1.0 - rate) < method.tolerance_px
         ):
@@ -94,7 +98,10 @@ def correlate_point(
 
 @inlined
 def _compare(record: Flat, subset: Subset, work: Workspace) -> tuple[bool, float]:
-    """Write the right-hand side of the normal equations; return whether g has contrast, and the ZNCC."""
+    """Compute the right-hand side of the normal equations; return True if there is contrast, and the ZNCC.
+
+    Contrast means that the grey levels g of the deformed image vary within the warped subset.
+    """
     S, s, t = work.S, work.s, work.t
     mean, norm2 = record[MEAN], record[NORM2]
     g_mean = S[m.G] / subset.pixels
@@ -110,17 +117,18 @@ def _compare(record: Flat, subset: Subset, work: Workspace) -> tuple[bool, float
 
 @inlined
 def _step(shape: Shape, r: int, p: Float, work: Workspace) -> float:
-    """Solve the normal equations and compose `p` with the inverse of the step; return its length in pixels.
+    """Solve the normal equations, compose `p` with the inverse of the step, and return the step's length, px.
 
-    Far from the optimum a quadratic step takes only its affine part, the first half of the parameters. The
-    Cholesky factor of that part is the leading block of the full one.
+    A long step of a quadratic warp is replaced by a step of the affine parameters, the first half of the
+    parameters. The Cholesky factor for the affine parameters is the leading block of the Cholesky factor for
+    all parameters.
     """
     n, d = len(work.b), work.d
     cholesky.solve(work.H, work.b, n, d)
     length = step_length_px(d, r)
     if len(shape) == 12:
         if length > _FAR_PX:
-            # With n // 2 written as the constant 6 the compiler makes slower code.
+            # Written as the constant 6, n // 2 would give slower machine code.
             cholesky.solve(work.H, work.b, n // 2, d)
         compose_inverse_quadratic(p, d, work.D, work.products)
     else:

@@ -1,8 +1,8 @@
-"""Numba's compiler with typed decorators, and a cache of machine code that is never stale.
+"""Numba's compiler with typed decorators, and a cache of machine code that is always up to date.
 
-Numba keeps machine code on disk until the file of the outermost function changes; it does not notice when an
-inner function in another file changes. The kernel therefore has a cache folder of its own, named after the
-content of every file that can affect its machine code.
+Numba keeps machine code on disk until the file of the outermost function changes. Numba does not notice that
+an inner function in another file has changed. So the kernel has a cache folder of its own, whose name is a
+hash of all files that can affect the machine code.
 """
 
 import hashlib
@@ -17,42 +17,43 @@ from typing import Any, TypeVar, cast
 import numba
 
 COMPILED_IN = ("correlation/status.py", "image/spline.py", "image/threads.py", "typing.py")
-"""Files of `dic` outside the kernel's folder that the kernel imports: their constants can be compiled in."""
+"""Files of `dic` outside the kernel's folder whose constants can be part of the kernel's machine code."""
 
 _PACKAGE = Path(__file__).parents[2]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-# Without numba's runtime (_nrt), which counts references to arrays: the kernel allocates none.
+# Compile without numba's runtime (_nrt), which counts references to arrays. The kernel allocates no arrays.
 _OPTIONS = {"nogil": True, "error_model": "numpy", "_nrt": False}
 _NO_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 def compiled(function: Function) -> Function:
-    """Compile `function` to machine code at its first call, without the interpreter's lock, cached on disk.
+    """Compile `function` to machine code at its first call, and cache the machine code on disk.
 
-    Division by zero gives infinity or NaN as in NumPy, and sums keep their written order.
+    The machine code runs without Python's global lock. Division by zero gives infinity or NaN as in NumPy.
+    Sums keep their written order.
     """
     with _own_cache():
         try:
             return cast(Function, numba.njit(cache=True, **_OPTIONS)(function))
         except RuntimeError:
-            # There is no folder for the cache: another user installed the package, and no home is writable.
+            # No folder is writable for the cache: another user installed the package, and there is no home.
             return cast(Function, numba.njit(**_OPTIONS)(function))
 
 
 def inner(function: Function) -> Function:
-    """Compile `function` for compiled callers only, which takes less time; they keep it in their cache."""
+    """Compile `function` only for calls from compiled functions; this takes less time to compile."""
     return cast(Function, numba.njit(**_OPTIONS, **_NO_WRAPPERS)(function))
 
 
 def inlined(function: Function) -> Function:
-    """Compile `function` into each of its callers: for the innermost ones, which a call would slow down."""
+    """Compile `function` into each of its callers, so that calls of an innermost function take no time."""
     return cast(Function, numba.njit(forceinline=True, **_OPTIONS, **_NO_WRAPPERS)(function))
 
 
 def cache_key(package: Path) -> str:
-    """Return a name for the kernel's machine code, from the content of the files of the package `dic`."""
+    """Return the name of the cache folder, a hash of the files of `dic` that affect the machine code."""
     content = hashlib.sha256()
     kernel = sorted((package / "correlation" / "kernel").glob("*.py"))
     for source in [*kernel, *(package / name for name in COMPILED_IN)]:
@@ -76,6 +77,6 @@ def _own_cache() -> Iterator[None]:
 def _cache_folder() -> Path:
     try:
         caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    except RuntimeError:  # a user without a home
+    except RuntimeError:  # the user has no home folder
         caches = Path(tempfile.gettempdir())
     return caches / "offaxis" / cache_key(_PACKAGE)

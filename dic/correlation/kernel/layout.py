@@ -1,8 +1,8 @@
-"""How images lie in memory for the compiled kernel: flat, padded, in float32.
+"""The layout of images in memory for the compiled kernel: flat padded arrays of float32.
 
-Vectors read a few elements beyond the pixels of a subset. So rows follow one another without gaps, and there
-are spare elements at either end. Grey levels are relative to the reference's mean, which saves digits of
-float32.
+Vectors of 8 or 16 elements read a few elements beyond the pixels of a subset. So rows follow one another
+without gaps, and there are spare elements at both ends of the array. The mean grey level of the reference is
+subtracted from all grey levels, which reduces rounding errors in float32.
 """
 
 from typing import NamedTuple
@@ -17,15 +17,18 @@ from dic.typing import Grey, Mask
 Flat = NDArray[np.float32]
 
 _SPARE = 64
-"""Elements before the first and after the last row."""
+"""Number of spare elements before the first row and after the last row of an image."""
 
 _BAND_PX = 128
 
 _ROUNDING = 1.0 / 12.0
-"""Variance that rounding to whole steps adds, in squares of the step between grey levels."""
+"""Variance that rounding adds to grey levels, in units of the squared step between grey levels."""
 
 _STEP = 4.0 / 255.0
-"""Step of an 8-bit image in standard deviations of its grey levels, four of which fill its range."""
+"""Assumed step between grey levels, in standard deviations of the grey levels.
+
+The number is the step of an 8-bit image whose range of grey levels is four standard deviations.
+"""
 
 
 class Deformed(NamedTuple):
@@ -34,13 +37,14 @@ class Deformed(NamedTuple):
     Attributes
     ----------
     c : ndarray of float32, flat
-        Coefficients of the spline, divided by the denominators that the kernel leaves out of its weights.
+        Coefficients of the spline, divided by the denominators of the B-spline weights. So the weights in the
+        kernel need no denominators.
     pitch : int
-        Elements from one row to the next.
+        Number of elements from one row to the next.
     origin : int
-        Element of the image's first pixel.
+        Index of the element that belongs to the image's first pixel.
     width, height : int
-        Of the image, px.
+        Size of the image, px.
     """
 
     c: Flat
@@ -56,15 +60,16 @@ class Reference(NamedTuple):
     Attributes
     ----------
     f, fx, fy : ndarray of float32, flat
-        Grey level and its derivatives, zero outside the region of interest.
+        Grey levels and their derivatives along x and y, which are 0 outside the region of interest.
     inside : ndarray of float32, flat
-        1 in the region of interest, 0 outside.
+        The number 1 at pixels in the region of interest, and 0 outside.
     pitch : int
-        Elements from one row to the next.
+        Number of elements from one row to the next.
     origin : int
-        Element of the image's first pixel.
+        Index of the element that belongs to the image's first pixel.
     flat_variance : float
-        A subset whose grey levels vary no more than this shows rounding and no pattern.
+        Variance of grey levels that rounding alone can cause. A subset with a smaller variance has no
+        pattern.
     """
 
     f: Flat
@@ -79,14 +84,14 @@ class Reference(NamedTuple):
 def lay_reference(
     spline: SplineImage, slopes: tuple[Grey, Grey], region: Mask, mean: float, threads: int = 1
 ) -> Reference:
-    """Return the reference for the kernel, its grey levels relative to `mean`."""
+    """Return the reference image for the kernel, with `mean` subtracted from its grey levels."""
     height, width = spline.grey.shape
     (f, f_image), (fx, fx_image), (fy, fy_image), (inside, inside_image) = (
         _empty_plane(height, width) for _ in range(4)
     )
 
     def lay(band: slice) -> None:
-        # Write in place: of 20 megapixels every copy takes 80 MB.
+        # Write in place, because each copy of an image with 20 megapixels takes 80 MB.
         own = region[band]
         np.subtract(spline.grey[band], np.float32(mean), out=f_image[band], where=own)
         np.copyto(fx_image[band], slopes[0][band], where=own)
@@ -99,12 +104,12 @@ def lay_reference(
 
 
 def _flat_variance(grey: Grey, region: Mask) -> float:
-    """Return the variance that rounding alone may give the grey levels of a subset in the region.
+    """Return the variance of a subset's grey levels that rounding alone can cause.
 
-    The unit of the grey levels is not known. The step between them is assumed to be that of an 8-bit image,
-    and at least 1 if all grey levels are whole numbers.
+    The function does not know the scale of the grey levels. The step between grey levels is assumed to be the
+    step of an 8-bit image, and at least 1 if all grey levels are whole numbers.
     """
-    # Every fourth row suffices.
+    # Every fourth row is enough for an estimate.
     sample = grey[::4][region[::4]]
     if not sample.size:
         return 0.0
@@ -114,7 +119,7 @@ def _flat_variance(grey: Grey, region: Mask) -> float:
 
 
 def lay_coefficients(spline: SplineImage, mean: float, threads: int = 1) -> Deformed:
-    """Return a deformed image for the kernel, its grey levels relative to the reference's `mean`."""
+    """Return a deformed image for the kernel, with the reference's `mean` subtracted from its grey levels."""
     factor = np.float32(1.0 / {3: 6.0, 5: 120.0}[spline.order] ** 2)
     flat = np.zeros(spline.coefficients.size + 2 * _SPARE, np.float32)
     plane = flat[_SPARE:-_SPARE].reshape(spline.coefficients.shape)
@@ -129,13 +134,13 @@ def lay_coefficients(spline: SplineImage, mean: float, threads: int = 1) -> Defo
 
 
 def _pitch_and_origin(width: int) -> tuple[int, int]:
-    """Return the pitch of an image of this width, and the element of its first pixel."""
+    """Return the pitch of an image of the given width, and the index of its first pixel's element."""
     pitch = width + 2 * MARGIN
     return pitch, _SPARE + MARGIN * pitch + MARGIN
 
 
 def _empty_plane(height: int, width: int) -> tuple[Flat, Grey]:
-    """Return a flat plane of zeros and the view of it that holds the image."""
+    """Return a flat array of zeros, and a view of the part of this array that holds the image."""
     flat = np.zeros((height + 2 * MARGIN) * (width + 2 * MARGIN) + 2 * _SPARE, np.float32)
     plane = flat[_SPARE:-_SPARE].reshape(height + 2 * MARGIN, width + 2 * MARGIN)
     return flat, plane[MARGIN:-MARGIN, MARGIN:-MARGIN]

@@ -1,30 +1,36 @@
-"""How points are correlated, and which pixels belong to one: the values that most of the kernel takes."""
+"""The settings and the subset of a point, which most functions of the kernel take as arguments."""
 
 from typing import NamedTuple
 
 Taps = tuple[float, ...]
-"""A tuple of 4 or 6 numbers. Only its length matters: numba compiles the code for that many taps."""
+"""A tuple of 4 or 6 numbers, whose length is the number of spline coefficients (taps) in a direction.
+
+The numbers are not used. Numba compiles the code for this length.
+"""
 
 Shape = tuple[float, ...]
-"""A tuple of 6 or 12 numbers. Only its length matters: numba compiles the code for that many parameters."""
+"""A tuple of 6 or 12 numbers, whose length is the number of warp parameters.
+
+The numbers are not used. Numba compiles the code for this length.
+"""
 
 
 class Method(NamedTuple):
-    """How points are correlated: the settings that the kernel needs.
+    """The settings of the correlation that the kernel needs.
 
     Attributes
     ----------
     taps : tuple of 4 or 6 numbers
-        Its length tells the spline: cubic or quintic.
+        The length of the tuple is 4 for a cubic spline and 6 for a quintic spline.
     shape : tuple of 6 or 12 numbers
-        Its length tells the shape function: affine or quadratic.
+        The length of the tuple is 6 for affine and 12 for quadratic shape functions.
     radius : int
-        Pixels of the subset on either side of its centre.
+        Number of pixels of the subset on either side of its centre.
     min_zncc, tolerance_px, max_iterations
-        As in `CorrelationSettings`.
+        The settings of the same names in `CorrelationSettings`.
     noise_gain, slope_noise_gain : float
-        Factors by which interpolation half-way between pixels, and the derivative at the pixels, change the
-        variance of white noise (`dic.image.spline`).
+        Variance of a grey level that is interpolated half-way between two pixels, and variance of the
+        derivative at a pixel, if the pixels have white noise of variance 1 (`dic.image.spline`).
     """
 
     taps: Taps
@@ -38,16 +44,16 @@ class Method(NamedTuple):
 
 
 class Subset(NamedTuple):
-    """A square of pixels around a point of the reference.
+    """A subset, which is a square of pixels around a point of the reference.
 
     Attributes
     ----------
     x, y : int
-        The point, px.
+        Coordinates of the point, px.
     radius : int
-        Pixels on either side of the point.
+        Number of pixels on either side of the point.
     pixels : int
-        How many of the subset's pixels lie in the region of interest.
+        Number of the subset's pixels in the region of interest.
     """
 
     x: int

@@ -1,11 +1,12 @@
-"""Sums over a subset: of the reference alone, and of the reference with the warped deformed image.
+"""Sums over a subset ("moments"): of the reference alone, and of the reference with the deformed image.
 
-IC-GN needs only these few sums ("moments") of a subset, so the kernel builds no array of the subset's size.
-docs/kernel.md derives them: symbol, place in the arrays below, formula, and where the papers have it.
+IC-GN needs only these few sums, so the kernel builds no array of the size of a subset. docs/kernel.md derives
+the sums. A table in docs/kernel.md gives the symbol, the index in the arrays, the formula and the source of
+each sum.
 
-f is the grey level of the reference, fx and fy are its derivatives; all three are zero outside the region of
-interest. g is the grey level of the deformed image at the warped pixel. x and y are offsets from the subset's
-centre. Images are flat arrays of float32 (`dic.correlation.kernel.layout`).
+The grey level of the reference is f, and its derivatives are fx and fy. The values of f, fx and fy are 0
+outside the region of interest. The grey level of the deformed image at the warped pixel is g. The offsets
+from the subset's centre are x and y. Images are flat arrays of float32 (`dic.correlation.kernel.layout`).
 """
 
 from typing import NamedTuple
@@ -30,26 +31,30 @@ from dic.correlation.kernel.vectors import (
     total,
 )
 
-# Moments of the reference, by place. PRODUCTS: ∑fx fx, ∑fx fy, ∑fy fy, each with the fifteen monomials up to
-# the fourth degree. FX_F, FY_F, FX, FY: ∑fx f, ∑fy f, ∑fx, ∑fy, each with the six monomials up to the second
-# degree. Monomials are ordered 1; x, y; x², xy, y²; …
+# Indices of the moments of the reference. PRODUCTS: the sums ∑fx fx m, ∑fx fy m and ∑fy fy m, for each of the
+# fifteen monomials m = 1; x, y; x², xy, y²; … up to the fourth degree. FX_F, FY_F, FX, FY: the sums ∑fx f m,
+# ∑fy f m, ∑fx m and ∑fy m, for each of the six monomials m up to the second degree. F, FF: the sums ∑f and
+# ∑f².
 PRODUCTS, FX_F, FY_F, FX, FY, F, FF = 0, 45, 51, 57, 63, 69, 70
 REFERENCE_MOMENTS = 71
-# Moments with the deformed image: ∑fx g and ∑fy g, each with the six monomials; ∑g, ∑g² and ∑f g.
+# Indices of the moments with the deformed image. FX_G, FY_G: the sums ∑fx g m and ∑fy g m, for each of the
+# six monomials m. G, GG, FG: the sums ∑g, ∑g² and ∑f g.
 FX_G, FY_G, G, GG, FG = 0, 6, 12, 13, 14
 MOMENTS = 15
 
 
 class Rows(NamedTuple):
-    """How the rows of a strip lie in the deformed image.
+    """The positions of a strip's rows in the deformed image. A strip is a group of columns of a subset.
 
     Attributes
     ----------
     shift : ndarray of float32, shape (2, rows)
-        What each row adds to the warp of the strip's pixels along x and y, less the whole pixels in `place`.
+        The part of the displacement along x and y that is the same for all pixels of a row, minus the whole
+        pixels that are kept in `place`.
     place : ndarray of int64, shape (2, rows)
-        Row 0: elements by which the warp's whole pixels move each row. Row 1: whether a row reaches into the
-        next cell between pixels, to the right or below.
+        ``place[0]`` holds the whole pixels of the displacement of each row of the strip, as a number of array
+        elements. ``place[1]`` is 1 if the row of the strip reaches into the next cell between pixels, to the
+        right or below, and otherwise 0.
     """
 
     shift: Flat
@@ -57,13 +62,14 @@ class Rows(NamedTuple):
 
 
 class Strip(NamedTuple):
-    """Neighbouring columns of a subset that are summed at once.
+    """A strip, which is a group of neighbouring columns of a subset that are summed together.
 
     Attributes
     ----------
     left : int
         Offset x of the first column.
     rows : Rows
+        Positions of the strip's rows in the deformed image.
     """
 
     left: int
@@ -72,7 +78,7 @@ class Strip(NamedTuple):
 
 @inner
 def reference_moments(image: Reference, shape: Shape, subset: Subset, Q: Flat) -> None:
-    """Write the moments of a subset of the reference into `Q`."""
+    """Compute the moments (sums over the pixels) of a subset of the reference, and write them into `Q`."""
     for k in range(REFERENCE_MOMENTS):
         Q[k] = 0.0
     r = subset.radius
@@ -89,9 +95,10 @@ def reference_moments(image: Reference, shape: Shape, subset: Subset, Q: Flat) -
 
 @inner
 def _add_reference_strip(image: Reference, shape: Shape, x: Vector, first: int, r: int, Q: Flat) -> None:
-    """Add a strip, which begins at the element `first` and has the offsets `x`, to the reference's moments.
+    """Add a strip, a group of columns of a subset, to the moments `Q` of the reference.
 
-    Elements of the vector beyond the subset's edge are read too, and multiplied by zero at the end.
+    The strip of columns begins at the array element `first`, and its columns have the offsets `x`. The
+    vectors also read elements beyond the subset's edge; their contribution is multiplied by 0 at the end.
     """
     inside = _inside(x, r)
     if len(shape) == 12:
@@ -126,7 +133,7 @@ def _add_reference_strip(image: Reference, shape: Shape, x: Vector, first: int, 
 
 @inlined
 def _inside(x: Vector, r: int) -> Vector:
-    """Return 1 where the offset `x` belongs to the subset and 0 beyond its edge."""
+    """Return a vector that is 1 where the offset `x` lies in the subset, and 0 beyond the subset's edge."""
     ones: Vector = select(at_least(splat(x, r), x), splat(x, 1.0), splat(x, 0.0))
     return ones
 
@@ -143,10 +150,11 @@ def moments_with_image(
     rows: Rows,
     S: Flat,
 ) -> None:
-    """Write the moments of a subset with the deformed image, warped by `p`, into `S`.
+    """Compute the moments of a subset with the deformed image, for the warp `p`, and write them into `S`.
 
-    A vector of pixels needs neighbours that stay neighbours in the deformed image. Where the warp is not
-    `smooth` enough for that, strips are one pixel wide. `rows` is memory to work in.
+    If `smooth` is True, neighbouring pixels stay neighbours in the deformed image, and strips (groups of
+    columns that are summed together) are 8 or 16 pixels wide. If `smooth` is False, each strip is one column
+    of pixels. `rows` is scratch memory.
     """
     for k in range(MOMENTS):
         S[k] = 0.0
@@ -167,7 +175,7 @@ def moments_with_image(
 
 @inner
 def _locate_rows(shape: Shape, pitch: int, strip: Strip, right: int, r: int, p: Flat) -> None:
-    """Write where the rows of a strip, whose last column is at `right`, lie in the deformed image."""
+    """Compute where the rows of a strip of columns lie in the deformed image; `right` is the last column."""
     shift, place = strip.rows.shift, strip.rows.place
     first, last, half = np.float32(strip.left), np.float32(right), np.float32(0.5)
     length2 = (last - first) * (last - first)
@@ -179,9 +187,9 @@ def _locate_rows(shape: Shape, pitch: int, strip: Strip, right: int, r: int, p: 
         bend_x, twist, bend_y = np.float32(0.0), np.float32(0.0), np.float32(0.0)
         if len(shape) == 12:
             bend_x, twist, bend_y = half * p[at + 6], p[at + 7], half * p[at + 8]
-        # Between its ends a parabola lies at most so far from the straight line through them.
+        # largest distance of a parabola from the straight line through its ends
         sag = half * half * abs(bend_x) * length2
-        # Without branches, so that the compiler can use vectors here too.
+        # This loop has no branches, so that the compiler can use vectors.
         for j in range(2 * r + 1):
             y = np.float32(j - r)
             slope, added = along + twist * y, (down + bend_y * y) * y
@@ -205,10 +213,11 @@ def _add_strip(
     p: Flat,
     S: Flat,
 ) -> None:
-    """Add a strip with the offsets `x`, located by `_locate_rows`, to the moments with the deformed image.
+    """Add a strip of columns with the offsets `x` to the moments `S` (sums with the deformed image).
 
-    All pixels of a row use neighbouring taps. A row that reaches into the next cell uses one tap more in
-    either direction.
+    `_locate_rows` has computed the positions of the strip's rows. All pixels of a row of the strip use
+    neighbouring spline coefficients (taps). A row that reaches into the next cell between pixels uses one
+    more tap in each direction.
     """
     r, shift, place = subset.radius, strip.rows.shift, strip.rows.place
     zero, inside = splat(x, 0.0), _inside(x, r)

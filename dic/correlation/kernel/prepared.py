@@ -1,4 +1,4 @@
-"""What IC-GN needs of a subset of the reference: prepared once, and kept for all images of a series.
+"""Data of the reference's subsets that IC-GN prepares once and uses again for all images of a series.
 
 B. Pan, K. Li, W. Tong, "Fast, robust and accurate digital image correlation calculation without redundant
 computations", Experimental Mechanics 53 (2013) 1277-1289. docs/kernel.md derives the Hessian.
@@ -18,21 +18,24 @@ from dic.correlation.kernel.warps import FACTOR, POWER_X, POWER_Y, SIDE, monomia
 from dic.correlation.kernel.workspace import Workspace
 from dic.typing import Float
 
-# Places in the record of a point; s, t and the Cholesky factor follow from FACTORS on.
+# Indices in the record of a point; the vectors s and t and the Cholesky factor begin at FACTORS.
 MEAN, NORM2, FX_FX, FY_FY, FACTORS = 0, 1, 2, 3, 4
 
 _EPSILON = 2.0**-23
-"""Relative distance of neighbouring float32, in which moments are summed."""
+"""Relative distance of neighbouring float32 numbers; moments are summed in float32."""
 
 
 class Prepared(NamedTuple):
-    """What IC-GN needs of the subsets of a reference, for those points of a grid where it is known already.
+    """Prepared data of the reference's subsets, with one record for each point of a grid.
 
     Attributes
     ----------
     known : ndarray of bool, shape (rows, columns)
+        True for points whose record is filled.
     records : ndarray of float32, shape (rows, columns, n)
-        Mean of f, |f̃|² (NaN without texture), ∑fx² and ∑fy², then s, t and the Cholesky factor of H.
+        One record for each point. A record holds the mean of the subset's grey levels f, and the sum |f̃|² of
+        squared differences between grey levels and mean (NaN without texture). The record also holds ∑fx²,
+        ∑fy², the vectors s and t, and the Cholesky factor of the Hessian H.
     """
 
     known: NDArray[np.bool_]
@@ -40,18 +43,18 @@ class Prepared(NamedTuple):
 
     @classmethod
     def empty(cls, shape: tuple[int, int], parameters: int) -> "Prepared":
-        """Return room for the points of a grid. The system provides the memory only as it is filled."""
+        """Return empty records for the points of a grid; they take memory only when they are filled."""
         return cls(np.zeros(shape, np.bool_), np.empty((*shape, record_length(parameters)), np.float32))
 
 
 def record_length(parameters: int) -> int:
-    """Return how many numbers are kept of a point."""
+    """Return the number of values in the record of a point."""
     return FACTORS + 2 * parameters + parameters * (parameters + 1) // 2
 
 
 @inner
 def prepare(image: Reference, shape: Shape, subset: Subset, work: Workspace, record: Flat) -> None:
-    """Write what IC-GN needs of a subset of the reference into its record."""
+    """Compute the data that IC-GN needs of a subset of the reference, and write them into `record`."""
     Q, H, s, t = work.Q, work.H, work.s, work.t
     m.reference_moments(image, shape, subset, Q)
     mean, norm2 = _normal_matrix(Q, subset.pixels, H, s, t)
@@ -70,9 +73,10 @@ def prepare(image: Reference, shape: Shape, subset: Subset, work: Workspace, rec
 
 @inner
 def recall(record: Flat, work: Workspace) -> None:
-    """Copy s, t and the Cholesky factor from a record to the workspace.
+    """Copy the vectors s and t and the Cholesky factor from the record of a point to scratch memory.
 
-    They are rounded to float32 there, so results do not depend on whether a record was kept or just prepared.
+    The values of a record are rounded to float32. So a record from an earlier image and a new record give the
+    same results.
     """
     H, s, t = work.H, work.s, work.t
     k = FACTORS
@@ -86,17 +90,20 @@ def recall(record: Flat, work: Workspace) -> None:
 
 @inner
 def rounding_share(r: int) -> float:
-    """Return the share of a sum over the subset that may be rounding: one last digit for each row."""
+    """Return the relative rounding error of a sum over a subset: one float32 rounding error for each row."""
     return (2 * r + 1) * _EPSILON
 
 
 @inner
 def _normal_matrix(Q: Flat, n: int, H: Float, s: Float, t: Float) -> tuple[float, float]:
-    """Write the Gauss-Newton Hessian of the normalised criterion; return mean and |f̃|² of the subset.
+    """Compute the Gauss-Newton Hessian of the normalised criterion; return mean and |f̃|² of the subset.
 
-    It is H - ss'/n - tt'/|f̃|²: s sums the steepest-descent vectors and t sums them times f̃, the two
-    directions (offset and gain of the grey levels) in which the ZNSSD does not change. The right-hand side
-    stays the usual one, so the result is the same, but fewer iterations are needed.
+    The computed matrix is H - ss'/n - tt'/|f̃|², where H is the Hessian of IC-GN and n is the number of
+    pixels. The vector s is the sum of the steepest-descent vectors of all pixels. For the sum t, the
+    steepest-descent vector of each pixel is multiplied by f̃, the pixel's grey level minus the mean. The two
+    subtracted terms account for an offset and a gain of the grey levels, which do not change the ZNSSD. The
+    right-hand side of the normal equations is the same as with H alone. So the converged warp is also the
+    same as with H alone, but fewer iterations are needed.
     """
     mean = Q[m.F] / n
     norm2 = Q[m.FF] - Q[m.F] * mean

@@ -1,7 +1,8 @@
-"""Many points: seeds from guesses, and propagation over a grid of points, guided by reliability.
+"""Correlate many points: start points from first guesses, and the other points by propagation.
 
-Propagation continues from the most reliable point, the one with the highest ZNCC: B. Pan, "Reliability-guided
-digital image correlation for image deformation measurement", Applied Optics 48 (2009) 1535-1542.
+Propagation always continues from the most reliable point, which has the highest ZNCC (B. Pan,
+"Reliability-guided digital image correlation for image deformation measurement", Applied Optics 48 (2009)
+1535-1542).
 """
 
 from typing import NamedTuple
@@ -21,16 +22,16 @@ from dic.typing import Indices, Mask
 
 
 class Task(NamedTuple):
-    """Which points of a grid to solve.
+    """The points of a grid that are to be solved.
 
     Attributes
     ----------
     seeds : ndarray of int, shape (n, 2)
         Row and column of points that start from their own warps.
     propagates : bool
-        Whether to continue from the converged points to their neighbours.
+        True to continue from the converged points to their neighbours.
     pending : ndarray of bool, shape (rows, columns)
-        Points that have no value yet, and want one.
+        True for points that are still to be solved.
     """
 
     seeds: Indices
@@ -41,7 +42,7 @@ class Task(NamedTuple):
 def correlate_seeds(
     image: Reference, deformed: Deformed, method: Method, grid: Grid, seeds: Indices, solution: Solution
 ) -> None:
-    """Correlate the seeds, row and column (n, 2), from their warps in `solution`, and write it in place."""
+    """Correlate start points (rows and columns, (n, 2)) from their warps in `solution`; update `solution`."""
     task = Task(seeds, False, np.ones(solution.status.shape, np.bool_))
     _run(image, deformed, method, grid, solution, task, None)
 
@@ -55,9 +56,10 @@ def propagate(
     pending: Mask,
     prepared: Prepared | None = None,
 ) -> None:
-    """Continue from all converged points to pending neighbours, always from the highest ZNCC.
+    """Solve pending points from their converged neighbours, in the order of decreasing ZNCC.
 
-    A neighbour starts from the extrapolated warp. One that fails is tried again from its other neighbours.
+    A pending point starts from the extrapolated warp of its neighbour. A point that fails is tried again from
+    its other neighbours.
 
     Parameters
     ----------
@@ -66,12 +68,12 @@ def propagate(
     method : Method
     grid : Grid
     solution : Solution
-        Written in place.
+        The solution of the grid, which is updated in place.
     pending : ndarray of bool, shape (rows, columns)
-        Points that have no value yet, and want one; those that converge are removed in place.
+        True for points that are still to be solved. Elements of converged points are set to False.
     prepared : Prepared, optional
-        Of these points of this reference: used where it is known, and filled elsewhere. The results are the
-        same with and without.
+        Prepared data of the reference's subsets. Known records are used, and the others are filled. The
+        results of the correlation do not depend on prepared data.
     """
     task = Task(np.empty((0, 2), np.int64), True, pending)
     _run(image, deformed, method, grid, solution, task, prepared)
@@ -88,7 +90,7 @@ def _run(
 ) -> None:
     parameters = len(method.shape)
     work = Workspace.for_subsets(method.radius, parameters)
-    # A point is queued at most once: when it converges.
+    # The size of the grid is enough, because a point is queued only once, when it converges.
     queue = Queue.with_room_for(solution.status.size if task.propagates else 0)
     kept = prepared or Prepared.empty((1, 1), parameters)
     _correlate_grid(image, deformed, method, grid, solution, task, kept, work, queue)
@@ -106,11 +108,11 @@ def _correlate_grid(
     work: Workspace,
     queue: Queue,
 ) -> None:
-    """Solve the points of a task; `prepared` is of the whole grid, or of a single point that is not kept."""
+    """Solve the points of a task; `prepared` has one record for each point, or one record for all points."""
     rows, columns = solution.status.shape
     pending, warps, start = task.pending, solution.warps, work.p
     kept = prepared.known.shape == solution.status.shape
-    size = int(np.int64(0))  # not a literal, which would be a type of its own
+    size = int(np.int64(0))  # for numba, a literal 0 would have another type
     if task.propagates:
         for place in range(rows * columns):
             row, column = place // columns, place % columns

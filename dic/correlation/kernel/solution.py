@@ -1,4 +1,4 @@
-"""What the kernel correlates and what it finds: a grid of points, and the solution of IC-GN at each."""
+"""Input and output of the kernel: a grid of points, and the result of IC-GN at each point."""
 
 from typing import NamedTuple
 
@@ -15,9 +15,9 @@ class Grid(NamedTuple):
     Attributes
     ----------
     x, y : ndarray of int, shapes (columns,) and (rows,)
-        Coordinates, px.
+        Coordinates of the columns and of the rows of points, px.
     pixels : ndarray of int, shape (rows, columns)
-        How many pixels of each subset lie in the region of interest.
+        Number of pixels of each subset in the region of interest.
     """
 
     x: Indices
@@ -26,17 +26,20 @@ class Grid(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """What IC-GN found, for points in a row or on a grid.
+    """The results of IC-GN for a list or a grid of points.
 
     Attributes
     ----------
     warps : ndarray, shape (…, 6 or 12)
+        Warp of each point.
     std : ndarray, shape (…, 6)
-        Standard deviations of the first six parameters.
+        Standard deviations of the first six warp parameters.
     status : ndarray of int8, shape (…)
-        Values of `Status`.
+        Status of each point, a value of `Status`.
     zncc : ndarray, shape (…)
+        Correlation coefficient of each point.
     iterations : ndarray of int16, shape (…)
+        Number of iterations at each point.
     """
 
     warps: Float
@@ -47,7 +50,7 @@ class Solution(NamedTuple):
 
     @classmethod
     def empty(cls, shape: tuple[int, ...], parameters: int) -> "Solution":
-        """Return a solution of so many points, none of which is reached yet."""
+        """Return a solution for points of the given shape, with the status "not reached" for every point."""
         return cls(
             np.zeros((*shape, parameters)),
             np.full((*shape, 6), np.nan),
@@ -57,13 +60,13 @@ class Solution(NamedTuple):
         )
 
     def put(self, where: tuple[Indices, ...], part: "Solution") -> None:
-        """Write the solution of some points in their places."""
+        """Write the solution `part` to the points at the indices `where`."""
         self.warps[where], self.std[where] = part.warps, part.std
         self.status[where], self.zncc[where] = part.status, part.zncc
         self.iterations[where] = part.iterations
 
     def part(self, where: slice | Indices | tuple[Indices, Indices]) -> "Solution":
-        """Return a view of some rows of a grid, or a copy of the points of a list of places."""
+        """Return the solution at some points: a view for a slice of rows, a copy for indices of points."""
         return Solution(
             self.warps[where],
             self.std[where],
@@ -74,5 +77,5 @@ class Solution(NamedTuple):
 
     @property
     def converged(self) -> Mask:
-        """Which points have a value."""
+        """A mask that is True for converged points."""
         return np.asarray(self.status == Status.CONVERGED)

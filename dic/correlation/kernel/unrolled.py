@@ -1,7 +1,7 @@
 """Operations on tuples of vectors, for compiled code: `zeros`, `add_powers`, `add_moments`, `interpolate`.
 
-Their loops over the tuple are unrolled here, while the code is generated: numba would compile every
-repetition as an operation of its own, which takes longer at the first use.
+The loops over the tuples are unrolled when this module generates the code. If numba unrolled the loops, the
+first use would take longer, because numba would compile every repetition separately.
 """
 
 from typing import Any
@@ -24,7 +24,7 @@ from dic.correlation.kernel.vectors import (
 
 @intrinsic(prefer_literal=True)
 def zeros(typing_context: Any, like: Any, count: Any) -> Any:
-    """Return a tuple of `count` zeros, each as wide as `like`: the sums that `add_powers` adds to."""
+    """Return a tuple of `count` vectors of zeros, each as wide as `like`, as start values of sums."""
     sums = types.UniTuple(like, count.literal_value)
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
@@ -36,7 +36,7 @@ def zeros(typing_context: Any, like: Any, count: Any) -> Any:
 
 @intrinsic
 def add_powers(typing_context: Any, sums: Any, value: Any, y: Any) -> Any:
-    """Return the sums with value, value y, value y² … added to the first, second, third …"""
+    """Return the tuple of sums with value, value·y, value·y², … added to its elements, in this order."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         before, term, y = values
@@ -51,10 +51,10 @@ def add_powers(typing_context: Any, sums: Any, value: Any, y: Any) -> Any:
 
 @intrinsic
 def add_moments(typing_context: Any, moments: Any, first: Any, sums: Any, x: Any, inside: Any) -> Any:
-    """Add a strip's moments with the monomials 1; x, y; x², xy, y²; … to `moments`, from place `first` on.
+    """Add the moments of a strip of columns, in the order 1; x, y; x², xy, y²; …, to `moments[first:]`.
 
-    `sums` are what `add_powers` has summed over the strip's rows. `x` holds the offsets of its columns;
-    `inside` is 1 for columns of the subset and 0 for columns beyond its edge.
+    `sums` are the sums over the rows of the strip, from `add_powers`. `x` holds the offsets of the strip's
+    columns. `inside` is 1 for columns of the subset and 0 for columns beyond the subset's edge.
     """
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
@@ -70,7 +70,8 @@ def add_moments(typing_context: Any, moments: Any, first: Any, sums: Any, x: Any
                 added = sum_elements(builder, by_power[power], width_of(x))
                 builder.store(builder.fadd(builder.load(place), added, flags=FAST), place)
                 at = builder.add(at, ir.Constant(at.type, 1))
-            # The next degree has everything so far times x, and a higher power of y.
+            # The monomials of the next degree are the monomials of this degree times x, and one more power of
+            # y.
             for power in range(degree + 1):
                 by_power[power] = builder.fmul(by_power[power], x_values, flags=FAST)
         return context.get_dummy_value()
@@ -80,11 +81,12 @@ def add_moments(typing_context: Any, moments: Any, first: Any, sums: Any, x: Any
 
 @intrinsic
 def interpolate(typing_context: Any, array: Any, first: Any, pitch: Any, across: Any, down: Any) -> Any:
-    """Return ∑_j down[j] ∑_i across[i] array[first + j pitch + i], for neighbouring pixels at once.
+    """Return ∑_j down[j] ∑_i across[i] array[first + j pitch + i] for a vector of neighbouring pixels.
 
-    `across` and `down` are tuples of vectors, the weights of the taps. Element k of the result belongs to
-    pixel k, whose taps begin at first + k. So tap i of all pixels lies in neighbouring elements: one load
-    reads it. If the weights are single numbers, for one pixel, one load takes the taps of a row instead.
+    `across` and `down` are tuples of vectors with the weights of the spline coefficients (taps). Element k of
+    the result belongs to pixel k, whose taps begin at first + k. So the taps with index i of all pixels are
+    neighbouring elements, and one load instruction reads them. If the weights are single numbers, there is
+    only one pixel, and one load instruction reads the taps of a row.
     """
     single = not isinstance(across[0], Float32Vector)
     width = (4 if len(across) <= 4 else 8) if single else across[0].width
@@ -121,7 +123,7 @@ def interpolate(typing_context: Any, array: Any, first: Any, pitch: Any, across:
 
 
 def _weighted_sum(builder: Any, weights: list[Any], terms: list[Any]) -> Any:
-    """Generate the sum of weights times terms."""
+    """Generate code for the sum of the products of weights and terms."""
     result = None
     for weight, term in zip(weights, terms, strict=True):
         weighted = builder.fmul(weight, term, flags=FAST)

@@ -1,12 +1,14 @@
-"""Explicit vectors for numba: values of 8 or 16 float32 on which one instruction works at once.
+"""Explicit vectors for numba: groups of 8 or 16 float32 numbers that one processor instruction works on.
 
-LLVM vectorises plain loops, but not the correlation loop, whose loads depend on the warp. These types let the
-loop state what is parallel. They need no compiler on the user's machine, and LLVM chooses the widest
-instructions that the processor has. The width of a vector is part of its type, so a function that is written
-once compiles for each width, and for single numbers (float32) too.
+LLVM, the compiler behind numba, vectorises plain loops. LLVM cannot vectorise the correlation loop, because
+the loads in this loop depend on the warp. With the vector types of this module, the loop itself says which
+operations are parallel. The user's machine needs no compiler, and LLVM chooses the widest instructions of the
+processor. The width of a vector is part of its type. So one function can be compiled for each width, and also
+for single float32 numbers.
 
-Compiled code calls `ramp16`, `ramp8`, `load`, `splat`, `fma`, `select`, `at_least` and `total`; vectors also
-take +, - and * with one another. The other public names generate code for `dic.correlation.kernel.unrolled`.
+Compiled code calls `ramp16`, `ramp8`, `load`, `splat`, `fma`, `select`, `at_least` and `total`. The operators
++, - and * also work on vectors. The other public names of this module generate code for
+`dic.correlation.kernel.unrolled`.
 """
 
 import operator
@@ -19,7 +21,7 @@ from numba.extending import intrinsic, lower_builtin, models, register_model, ty
 from numpy.typing import NDArray
 
 Vector = NDArray[np.float32]
-"""What a vector is to mypy: several numbers at once."""
+"""The type of a vector for the type checker mypy."""
 
 FAST = ("fast",)
 INDEX = ir.IntType(32)
@@ -27,7 +29,7 @@ FLOAT = ir.FloatType()
 
 
 class Float32Vector(types.Type):
-    """The type of `width` float32."""
+    """The numba type of a vector of `width` float32 numbers."""
 
     def __init__(self, width: int) -> None:
         self.width = width
@@ -35,7 +37,7 @@ class Float32Vector(types.Type):
 
 
 class BoolVector(types.Type):
-    """The type of `width` truth values."""
+    """The numba type of a vector of `width` truth values."""
 
     def __init__(self, width: int) -> None:
         self.width = width
@@ -59,12 +61,12 @@ _MASKS = {width: BoolVector(width) for width in _VECTORS}
 
 
 def width_of(kind: Any) -> int:
-    """Return how many numbers a value of this type holds."""
+    """Return the number of elements of a value of this type, which is 1 for a single number."""
     return kind.width if isinstance(kind, Float32Vector) else 1
 
 
 def broadcast(builder: Any, scalar: Any, width: int) -> Any:
-    """Generate a vector of one number."""
+    """Generate code for a vector whose elements are all equal to `scalar`."""
     if width == 1:
         return scalar
     kind = ir.VectorType(FLOAT, width)
@@ -74,7 +76,7 @@ def broadcast(builder: Any, scalar: Any, width: int) -> Any:
 
 
 def load_elements(context: Any, builder: Any, array_type: Any, array: Any, index: Any, width: int) -> Any:
-    """Generate the load of `width` neighbouring elements of an array from `index` on."""
+    """Generate code that loads `width` neighbouring elements of an array from `index` on."""
     data = context.make_array(array_type)(context, builder, array).data
     place = builder.gep(data, [index], inbounds=True)
     if width == 1:
@@ -104,7 +106,7 @@ ramp8, ramp16 = _ramp(8), _ramp(16)
 
 @intrinsic
 def load(typing_context: Any, like: Any, array: Any, index: Any) -> Any:
-    """Return as many neighbouring elements of `array` from `index` on as `like` has."""
+    """Return a vector, as wide as `like`, of neighbouring elements of `array` from `index` on."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         place = context.cast(builder, values[2], signature.args[2], types.intp)
@@ -115,7 +117,7 @@ def load(typing_context: Any, like: Any, array: Any, index: Any) -> Any:
 
 @intrinsic
 def splat(typing_context: Any, like: Any, scalar: Any) -> Any:
-    """Return a vector, as wide as `like`, of one number; the number as float32 if `like` is one."""
+    """Return a vector, as wide as `like`, whose elements are all `scalar`; return a float32 for width 1."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         number = context.cast(builder, values[1], scalar, types.float32)
@@ -126,7 +128,7 @@ def splat(typing_context: Any, like: Any, scalar: Any) -> Any:
 
 @intrinsic
 def fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
-    """Return a * b + c."""
+    """Return a * b + c for the elements of three vectors."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         return builder.fadd(builder.fmul(values[0], values[1], flags=FAST), values[2], flags=FAST)
@@ -136,7 +138,7 @@ def fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
 
 @intrinsic
 def select(typing_context: Any, mask: Any, a: Any, b: Any) -> Any:
-    """Return a where the mask is true and b elsewhere."""
+    """Return a vector with the elements of `a` where `mask` is true, and the elements of `b` elsewhere."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         return builder.select(*values)
@@ -146,7 +148,7 @@ def select(typing_context: Any, mask: Any, a: Any, b: Any) -> Any:
 
 @intrinsic
 def at_least(typing_context: Any, a: Any, b: Any) -> Any:
-    """Return the mask of a >= b."""
+    """Return a mask that is true where an element of `a` is at least as large as the element of `b`."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         return builder.fcmp_ordered(">=", *values)
@@ -155,7 +157,7 @@ def at_least(typing_context: Any, a: Any, b: Any) -> Any:
 
 
 def sum_elements(builder: Any, vector: Any, width: int) -> Any:
-    """Generate code that sums a vector's elements, adding its halves until one element is left."""
+    """Generate code that sums a vector's elements by adding its halves until one element is left."""
     if width == 1:
         return vector
     while width > 1:
@@ -175,7 +177,7 @@ def sum_elements(builder: Any, vector: Any, width: int) -> Any:
 
 @intrinsic
 def total(typing_context: Any, a: Any) -> Any:
-    """Return the sum of the elements."""
+    """Return the sum of the elements of a vector."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         return sum_elements(builder, values[0], width_of(a))

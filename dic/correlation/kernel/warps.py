@@ -1,9 +1,10 @@
-"""Warps: where the pixels of a subset are seen in the deformed image.
+"""Warps, which give the position of a subset's pixels in the deformed image.
 
-A warp is the vector p = (u, u_x, u_y, v, v_x, v_y), followed by (u_xx, u_xy, u_yy, v_xx, v_xy, v_yy) if the
-shape function is quadratic. The pixel at the offset (x, y) from the subset's centre is seen
-u + u_x x + u_y y + u_xx x²/2 + u_xy xy + u_yy y²/2 further right in the deformed image, and with v likewise
-further down. The papers are those that `dic.correlation.kernel.icgn` names.
+A warp is the vector p = (u, u_x, u_y, v, v_x, v_y) of the displacements u and v and their first derivatives.
+A quadratic shape function adds the second derivatives (u_xx, u_xy, u_yy, v_xx, v_xy, v_yy). A pixel at the
+offset (x, y) from the subset's centre moves to the right by
+u + u_x x + u_y y + u_xx x²/2 + u_xy xy + u_yy y²/2, and downwards by the same polynomial of v. The
+docstring of `dic.correlation.kernel.icgn` names the papers from which these warps are taken.
 """
 
 import math
@@ -16,9 +17,10 @@ from dic.correlation.kernel.method import Subset
 from dic.typing import Float
 
 EDGE_PX = 2
-"""Subsets keep this distance from the deformed image's edge, where the spline is extrapolated."""
+"""Smallest distance of a subset from the deformed image's edge, where the spline uses mirrored pixels."""
 
-# For each parameter: whether it moves along x (0) or y (1), and powers of x and y and factor of its monomial.
+# For each warp parameter: its direction (0 for x, 1 for y), and the powers of x and y and the factor of its
+# monomial.
 SIDE = np.array([0, 0, 0, 1, 1, 1, 0, 0, 0, 1, 1, 1])
 POWER_X = np.array([0, 1, 0, 0, 1, 0, 2, 1, 0, 2, 1, 0])
 POWER_Y = np.array([0, 0, 1, 0, 0, 1, 0, 1, 2, 0, 1, 2])
@@ -27,14 +29,14 @@ FACTOR = np.array([1, 1, 1, 1, 1, 1, 0.5, 1, 0.5, 0.5, 1, 0.5])
 
 @inner
 def monomial(power_x: int, power_y: int) -> int:
-    """Return the place of x^power_x y^power_y among the monomials."""
+    """Return the index of the monomial x^power_x y^power_y in the order 1; x, y; x², xy, y²; …"""
     degree = power_x + power_y
     return degree * (degree + 1) // 2 + power_y
 
 
 @inner
 def compose_inverse(p: Float, d: Float) -> None:
-    """Replace the affine warp p by p ∘ d⁻¹."""
+    """Replace the affine warp p by p ∘ d⁻¹, the composition of p with the inverse of the step d."""
     a, b, c, e = 1.0 + d[1], d[2], d[4], 1.0 + d[5]
     det = a * e - b * c
     ia, ib, ic, ie = e / det, -b / det, -c / det, a / det
@@ -48,10 +50,11 @@ def compose_inverse(p: Float, d: Float) -> None:
 
 @inner
 def compose_inverse_quadratic(p: Float, d: Float, D: Float, rows: Float) -> None:
-    """Replace the quadratic warp p by p ∘ d⁻¹, up to the third power of the small step d.
+    """Replace the quadratic warp p by p ∘ d⁻¹, the composition of p with the inverse of the small step d.
 
-    (I + D)⁻¹ = I - D + D² - … ; the terms left out vanish with the last step, so they do not change the
-    result. D (6, 6) and rows (3, 6), of the warp's matrix times 1, D and D², are memory to work in.
+    The inverse matrix is the series (I + D)⁻¹ = I - D + D² - …, up to the term D². The omitted terms become 0
+    when the step becomes 0, so they do not change the converged result. The matrices D (6, 6) and rows (3, 6)
+    are scratch memory; `rows` holds a row of the warp's matrix times 1, D and D².
     """
     _second_degree_matrix(d, D)
     for k in range(6):
@@ -75,9 +78,9 @@ def compose_inverse_quadratic(p: Float, d: Float, D: Float, rows: Float) -> None
 
 @inner
 def _second_degree_matrix(d: Float, D: Float) -> None:
-    """Write the matrix by which a quadratic warp takes (x², xy, y², x, y, 1) to the same of the warped pixel.
+    """Write the matrix that maps the monomials (x², xy, y², x, y, 1) of a pixel to those of the warped pixel.
 
-    Gao et al. (2015), equation 12; terms above the second degree are dropped.
+    The matrix is equation 12 of Gao et al. (2015). Terms above the second degree are omitted.
     """
     for side in range(2):
         row, at = 3 + side, 3 * side
@@ -85,7 +88,7 @@ def _second_degree_matrix(d: Float, D: Float) -> None:
         D[row, 3], D[row, 4], D[row, 5] = d[at + 1], d[at + 2], d[at]
         D[row, row] += 1.0
     for row in range(3):
-        # x'x', x'y', y'y': products of the two polynomials above
+        # rows of x'x', x'y' and y'y', which are products of the two polynomials above
         i, j = 3 + row // 2, 3 + (row + 1) // 2
         for k in range(5):
             D[row, k] = D[i, k] * D[j, 5] + D[i, 5] * D[j, k]
@@ -99,7 +102,7 @@ def _second_degree_matrix(d: Float, D: Float) -> None:
 
 @inner
 def extrapolate(p: Float, dx: float, dy: float, q: Float) -> None:
-    """Write into q the warp that p, expanded to second order, predicts at (dx, dy) from its point."""
+    """Write into q the warp that the warp p predicts for a point at the distance (dx, dy)."""
     for k in range(len(p)):
         q[k] = p[k]
     for at in (0, 3):
@@ -113,7 +116,7 @@ def extrapolate(p: Float, dx: float, dy: float, q: Float) -> None:
 
 @inner
 def step_length_px(d: Float, r: int) -> float:
-    """Return about how far a step moves the pixels at the subset's edge."""
+    """Return the approximate distance by which a step moves the pixels at the subset's edge, px."""
     square = 0.0
     for i in range(len(d)):
         move = FACTOR[i] * d[i]
@@ -125,7 +128,7 @@ def step_length_px(d: Float, r: int) -> float:
 
 @inner
 def in_view(image: Deformed, subset: Subset, p: Float) -> bool:
-    """Tell whether the warped subset stays in the image: its corners, and what curvature adds at most."""
+    """Return True if the warped subset stays in the image, with a margin for second derivatives."""
     r = subset.radius
     reach_x = r * (abs(1.0 + p[1]) + abs(p[2]))
     reach_y = r * (abs(p[4]) + abs(1.0 + p[5]))
@@ -143,7 +146,7 @@ def in_view(image: Deformed, subset: Subset, p: Float) -> bool:
 
 @inner
 def is_smooth(p: Float, r: int) -> bool:
-    """Tell whether displacements differ by less than a pixel within any 16 pixels of a row of the subset."""
+    """Return True if displacements differ by less than 1 px within any 16 pixels of a row of the subset."""
     steepest_x, steepest_y = abs(p[1]), abs(p[4])
     if len(p) > 6:
         steepest_x += r * (abs(p[6]) + abs(p[7]))

@@ -1,4 +1,4 @@
-"""Memory that all points of one thread use in turn: compiled code allocates none."""
+"""Scratch memory for the points of one thread, because compiled code allocates no memory."""
 
 from typing import NamedTuple
 
@@ -10,23 +10,24 @@ from dic.typing import Float
 
 
 class Workspace(NamedTuple):
-    """Arrays of one point, for n parameters; symbols are those of docs/kernel.md.
+    """Arrays for one point with n warp parameters; docs/kernel.md explains the symbols.
 
     Attributes
     ----------
     H : ndarray, shape (n, n)
-        Hessian of the normalised criterion, then its Cholesky factor in the lower triangle.
+        Hessian of the normalised criterion. The Cholesky factor later replaces the lower triangle.
     s, t : ndarray, shape (n,)
-        Directions of the offset and of the gain of the grey levels.
+        Vectors that account for an offset and for a gain of the grey levels in the normal equations.
     b, d : ndarray, shape (n,)
-        Right-hand side, and the step that it gives.
+        Right-hand side of the normal equations, and the step that solves them.
     p, q : ndarray, shape (n,)
-        The warp, and the same in float32.
+        The warp in float64 and in float32.
     Q, S : ndarray of float32
-        Moments of the reference, and with the deformed image.
+        Moments (sums over a subset) of the reference alone, and moments with the deformed image.
     rows : Rows
+        Positions in the deformed image of the rows of a strip, a group of columns of a subset.
     D, products : ndarray, shapes (6, 6) and (3, 6)
-        For composing quadratic warps.
+        Scratch memory for the composition of quadratic warps.
     """
 
     H: Float
@@ -44,7 +45,7 @@ class Workspace(NamedTuple):
 
     @classmethod
     def for_subsets(cls, radius: int, parameters: int) -> "Workspace":
-        """Return memory for subsets of a radius and warps of so many parameters."""
+        """Return scratch memory for subsets of the given radius and warps with `parameters` parameters."""
         s, t, b, d, p = np.empty((5, parameters))
         width = 2 * radius + 1
         return cls(

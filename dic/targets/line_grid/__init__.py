@@ -1,1 +1,1 @@
-"""Find a line grid in an image and measure the intersections of its lines."""
+"""Detection of a line grid in an image, and measurement of the intersections of its lines."""

@@ -1,4 +1,8 @@
-"""Intersections of traced lines: two parabolas, each fitted locally to one line, are intersected."""
+"""Computation of the intersections of grid lines.
+
+A parabola is fitted to each of two crossing lines near their intersection. The result is the intersection of
+the two parabolas.
+"""
 
 from dataclasses import dataclass
 
@@ -7,10 +11,10 @@ import numpy as np
 from dic.targets.line_grid.trace import LineTrace, median_where
 from dic.typing import Float, Indices, Mask
 
-# Number of segments to which a parabola is fitted.
+# Number of segments of a line to which a parabola is fitted.
 _SEGMENTS = 4
-# The window of these segments may be shifted by `_MOST_SHIFT` segments from the intersection. Each segment of
-# shift must gain valid stations worth `_SHIFT_COSTS` segments.
+# These segments need not be centred on the intersection: they may be shifted by up to `_MOST_SHIFT` segments.
+# For each segment of shift, the number of valid segments must increase by `_SHIFT_COSTS`.
 _MOST_SHIFT = 2
 _SHIFT_COSTS = 0.4
 _NEWTON_STEPS = 4
@@ -19,10 +23,12 @@ _REJECTIONS = 4
 
 @dataclass(frozen=True)
 class _LocalCurve:
-    """The parabola of a line near each intersection (n0, n1), in local axes.
+    """The parabolas that approximate the grid lines near each intersection, in local axes.
 
-    ``normal·(p − origin) = q0 + q1·s + q2·s²`` with ``s = tangent·(p − origin)/scale``; the coefficients are
-    q0, q1, q2.
+    There are n0 × n1 intersections, and the first two axes of every array are (n0, n1).
+
+    The parabola is ``normal·(p − origin) = q0 + q1·s + q2·s²`` with ``s = tangent·(p − origin)/scale``. In
+    this formula, p is a point of the curve, and q0, q1 and q2 are the coefficients.
     """
 
     origin: Float
@@ -33,7 +39,7 @@ class _LocalCurve:
     sound: Mask
 
     def miss(self, points: Float) -> tuple[Float, Float]:
-        """Return the distances (…,) of points (…, 2) from the curves, px, and their gradients (…, 2)."""
+        """Return the distances (…,) of points (…, 2) from the parabolas, px, and the distances' gradients."""
         relative = points - self.origin
         s = (relative * self.tangent).sum(axis=-1) / self.scale
         q0, q1, q2 = np.moveaxis(self.coefficients, -1, 0)
@@ -43,20 +49,23 @@ class _LocalCurve:
 
 
 def intersect(first: LineTrace, second: LineTrace, predicted: Float) -> tuple[Float, Mask]:
-    """Return the intersections of the lines of two directions.
+    """Return the intersections of the grid lines of the first direction with those of the second direction.
 
     Parameters
     ----------
     first, second : LineTrace
-        n0 lines with n1 − 1 segments, and n1 lines with n0 − 1 segments.
+        Measured lines of the two directions. The first direction has n0 lines of n1 − 1 segments, the second
+        has n1 lines of n0 − 1 segments.
     predicted : ndarray, shape (n0, n1, 2)
         Approximate intersections, px.
 
     Returns
     -------
     crossing_px : ndarray, shape (n0, n1, 2)
+        The intersections in the image.
     sound : ndarray of bool, shape (n0, n1)
-        True if most stations near the intersection, on both lines, are valid and lie on a parabola.
+        True if the intersection is reliable. On both lines, most measuring places near the intersection gave
+        a valid measurement, which lies on the parabola.
     """
     along = _local_curves(first, predicted)
     transposed = _local_curves(second, predicted.transpose(1, 0, 2))
@@ -91,11 +100,11 @@ def _local_curves(trace: LineTrace, predicted: Float) -> _LocalCurve:
 
 
 def _windows(seen: Float) -> Indices:
-    """Return the numbers of the four segments used at each intersection, (lines, segments + 1, 4).
+    """Return the numbers of the four segments used at each intersection, shape (lines, segments + 1, 4).
 
-    Usually these are two segments on either side of the intersection. At the grid's rim, and where something
-    hides one side, more segments of the other side are used. `seen` (lines, segments) is the share of valid
-    stations.
+    Usually two segments on each side of the intersection are used. At the rim of the grid, or where an object
+    hides one side, more segments of the other side are used. The argument `seen` (lines, segments) is the
+    share of valid measuring places in each segment.
     """
     segments = seen.shape[1]
     used = min(_SEGMENTS, segments)
@@ -111,7 +120,11 @@ def _windows(seen: Float) -> Indices:
 
 
 def _visible_nearby(valid: Mask) -> Mask:
-    """Tell at which intersections (lines, segments + 1) the nearest half segment of one side is valid."""
+    """Return True for each intersection with valid measuring places next to it, on one side at least.
+
+    More than half of the measuring places in the half segment next to the intersection must be valid. The
+    result has the shape (lines, segments + 1).
+    """
     half = valid.shape[-1] // 2
     none = np.zeros((len(valid), 1), bool)
     before = valid[..., -half:].mean(axis=-1) > 0.5
@@ -120,7 +133,10 @@ def _visible_nearby(valid: Mask) -> Mask:
 
 
 def _robust_parabolas(s: Float, h: Float, valid: Mask) -> tuple[Float, Mask]:
-    """Return least-squares parabolas (…, 3) and the stations (…, n) within four standard deviations."""
+    """Fit parabolas by least squares; leave out points farther away than four standard deviations.
+
+    The function returns the coefficients (…, 3) and a mask (…, n) of the points used.
+    """
     design = np.stack([np.ones_like(s), s, s * s], axis=-1)
     kept = valid
     for rejection in range(_REJECTIONS + 1):
@@ -130,6 +146,6 @@ def _robust_parabolas(s: Float, h: Float, valid: Mask) -> tuple[Float, Mask]:
         coefficients = np.linalg.solve(normal, right)[..., 0]
         if rejection < _REJECTIONS:
             deviation = np.abs(h - (design @ coefficients[..., None])[..., 0])
-            # 1.5 times the median deviation is about one standard deviation
+            # 1.5 times the median of the absolute deviations is about one standard deviation.
             kept = valid & (deviation <= 6 * median_where(valid, deviation, fallback=0.0) + 0.01)
     return coefficients.astype(np.float64), kept

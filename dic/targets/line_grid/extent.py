@@ -1,4 +1,7 @@
-"""Find which of the predicted lines are really in the image; this gives the number of lines."""
+"""Decide which predicted grid lines are really in the image, and so determine the number of lines.
+
+A segment is the part of a line between two neighbouring intersections.
+"""
 
 import numpy as np
 
@@ -8,31 +11,34 @@ from dic.targets.line_grid.trace import median_where
 from dic.targets.sampled_image import GridImage, line_evidence, line_irregularity, profiles_across
 from dic.typing import Float, Indices, Mask
 
-# Least height of a segment and of a whole line, as fractions of the usual height of the lines between cells.
+# Smallest contrast of a segment and of a whole line, as fractions of the usual contrast of the lines between
+# cells.
 _SEGMENT_SEEN = 0.4
 _LINE_SEEN = 0.3
-# Least number of visible segments in a line, as a fraction of the number in a complete line. The grid's outer
-# lines reach 0.9; speckles one pitch beside them reach up to 0.7 by chance.
+# Smallest number of visible segments in a line, as a fraction of the number in a complete line. The outer
+# lines of a grid reach 0.9. One pitch outside the grid, speckles reach up to 0.7 by chance.
 _MOST_SEGMENTS = 0.75
-# Largest `line_irregularity` of lines.
+# Largest value of `line_irregularity` for true lines.
 _IRREGULAR = 0.25
-# A partly hidden line has at least this share of visible segments, and this many in a row. Speckles beside a
-# grid reach a share of 0.1 by chance.
+# A partly hidden line has at least the share `_PARTLY_SEEN` of visible segments, and `_RUN` of them in a row.
+# Beside a grid, speckles reach a share of 0.1 by chance.
 _PARTLY_SEEN = 0.25
 _RUN = 3
-# Least share of a profile's variance that the typical profile explains, shifted by up to `_SHIFT` samples.
+# Smallest share of the variance of a profile that the typical profile must explain. The typical profile may
+# be shifted by up to `_SHIFT` samples.
 _AGREEMENT = 0.6
 _SHIFT = 3
-# Rows of cells at the rim that `find_cells` may have missed.
+# Number of rows of cells at the rim of the grid that `find_cells` may have missed.
 _BEYOND = 2
 
 
 def line_extents(image: GridImage, shape: LatticeShape, cells: CellLattice) -> tuple[range, range]:
     """Return the indices of the lines that are really in the image, for both directions.
 
-    Cells at the rim may be missing, and there may be false cells beyond it. So a line must show in most of
-    its segments, and at the same offset in all of them. Speckles beside the grid do not.
-    Both ranges are empty if there are no lines between the cells.
+    The cells do not tell the number of lines: cells at the rim may be missing, and there may be false cells
+    beyond the rim. Therefore a line must be visible in most of its segments. In all these segments, its
+    offset from the predicted line must be the same. Speckles beside the grid do not fulfil this condition. If
+    there are no lines between the cells, both ranges are empty.
     """
     low = cells.index.min(axis=0) - _BEYOND
     high = cells.index.max(axis=0) + 2 + _BEYOND
@@ -51,7 +57,7 @@ def line_extents(image: GridImage, shape: LatticeShape, cells: CellLattice) -> t
 
 
 def _between_cells(cells: CellLattice, axis: int, low: Indices, shape: tuple[int, ...]) -> Mask:
-    """Tell which segments (lines, segments) lie between two found cells."""
+    """Return True for each segment, shape (lines, segments), that lies between two found cells."""
     known = {(int(i), int(j)) for i, j in cells.index}
     between = np.zeros(shape, bool)
     for i, j in known:
@@ -62,9 +68,12 @@ def _between_cells(cells: CellLattice, axis: int, low: Indices, shape: tuple[int
 
 
 def _visible_lines(profiles: Float, between: Mask) -> Mask:
-    """Tell which lines (lines,) are in the image, from profiles (lines, segments, stations, offsets)."""
+    """Return True for each line that is visible in the image, shape (lines,).
+
+    The grey level profiles across the lines have the shape (lines, segments, stations, offsets).
+    """
     usual = _usual_evidence(line_evidence(profiles), between)
-    # only segments within the grid: for a small grid, most of the others lie beyond its rim
+    # Use only segments within the grid. For a small grid, most of the other segments lie outside it.
     within = between.any(axis=0)
     relative = (profiles / usual[..., None, None])[:, within]
     segments = (line_evidence(relative) > _SEGMENT_SEEN).sum(axis=1)
@@ -76,14 +85,14 @@ def _visible_lines(profiles: Float, between: Mask) -> Mask:
 
 
 def _with_partly_hidden_lines(like_lines: Mask, first: int, last: int) -> tuple[int, int]:
-    """Return the numbers of the first and the last line, partly hidden outer lines included.
+    """Return the numbers of the first and the last line, including outer lines that are partly hidden.
 
     Parameters
     ----------
     like_lines : ndarray of bool, shape (lines, segments)
-        From `_segments_of_lines`.
+        True for the segments that look like a line, from `_segments_of_lines`.
     first, last : int
-        The outermost lines that are mostly visible.
+        Numbers of the outermost lines that are mostly visible.
     """
     share = like_lines.mean(axis=1)
     run = np.lib.stride_tricks.sliding_window_view(like_lines, min(_RUN, like_lines.shape[1]), axis=1)
@@ -96,10 +105,11 @@ def _with_partly_hidden_lines(like_lines: Mask, first: int, last: int) -> tuple[
 
 
 def _segments_of_lines(profiles: Float, between: Mask) -> Mask:
-    """Tell which segments (lines, segments) have the profile of the segments between known cells.
+    """Return True for each segment, shape (lines, segments), whose profiles are those of a known line.
 
-    All three stations of a segment must have that shape and height. Speckles may look like a line at one
-    station, but not at all three.
+    A segment between two found cells is certainly part of a line. Every segment has grey level profiles at
+    three places. A segment counts as a line only if all three profiles have about the shape and the contrast
+    of the certain segments. Speckles may look like a line at one place, but not at all three.
     """
     from scipy.ndimage import gaussian_filter1d
 
@@ -122,10 +132,10 @@ def _segments_of_lines(profiles: Float, between: Mask) -> Mask:
 
 
 def _usual_evidence(evidence: Float, between: Mask) -> Float:
-    """Return for every segment the median evidence of the nearest segments between known cells."""
+    """Return for every segment the median contrast of the nearest segments between found cells."""
     from scipy.ndimage import distance_transform_edt, median_filter
 
     nearest = distance_transform_edt(~between, return_distances=False, return_indices=True)
     usual = median_filter(evidence[tuple(nearest)], size=5, mode="nearest")
-    # infinity where there is no contrast, so that nothing there counts as a line
+    # Where there is no contrast, return infinity, so that no segment there counts as a line.
     return np.where(usual > 0, usual, np.inf)

@@ -1,12 +1,12 @@
-"""Find a line grid in an image automatically.
+"""Automatic detection of a line grid in an image.
 
-The steps:
+The detection has these steps:
 
-1. Find enclosed cells and arrange them on a lattice (`dic.targets.cells`).
-2. Fit a smooth map from lattice index to px (`dic.targets.lattice`).
-3. Find which lines are in the image (`dic.targets.line_grid.extent`).
-4. Measure line centres across the lines (`dic.targets.line_grid.trace`).
-5. Intersect the lines (`dic.targets.line_grid.crossings`).
+1. Find the cells between the lines and arrange them on a lattice (`dic.targets.cells`).
+2. Fit a smooth map from the lattice index to the position in the image (`dic.targets.lattice`).
+3. Find out which lines are in the image (`dic.targets.line_grid.extent`).
+4. Measure the centres of the lines (`dic.targets.line_grid.trace`).
+5. Compute the intersections of the lines (`dic.targets.line_grid.crossings`).
 6. Choose the directions of X and Y (`dic.targets.line_grid.mark`, `dic.targets.axes`).
 """
 
@@ -43,39 +43,41 @@ def find_grid(
     x_axis: XAxis = None,
     origin_px: tuple[float, float] | None = None,
 ) -> GridPoints:
-    """Find the intersections of a line grid in any view, to about a hundredth of a pixel.
+    """Find the intersections of a line grid, seen from any direction, to about a hundredth of a pixel.
 
     Parameters
     ----------
     image : ndarray, shape (height, width)
-        Grey levels; dark lines on a bright background or the reverse.
+        Grey levels of the image. The lines may be darker or brighter than the background.
     lines : tuple of int
-        Number of lines along X and along Y, at least 4.
+        Numbers of lines along X and along Y, at least 4 each.
     pitch_mm : float
         Distance between neighbouring lines.
     source : str
         Name of the image file, used in error messages.
     x_axis : str or float, optional
-        Direction of X in the image: ``"right"``, ``"up"``, ``"left"``, ``"down"``, or an angle in degrees,
-        anticlockwise from the right. X becomes the grid direction closest to it.
+        Wanted direction of X in the image: ``"right"``, ``"up"``, ``"left"``, ``"down"``, or an angle in
+        degrees, anticlockwise from the right. X becomes the grid direction closest to this direction.
     origin_px : tuple of float, optional
-        Position, to 0.4 pitches, of intersection ``(lines // 2, lines // 2)`` in the image. For odd numbers
-        of lines it is the middle intersection. Needed only if an outer line is hidden completely and the
-        grid has no mark.
+        Position of the intersection ``(lines // 2, lines // 2)`` in the image, with an error of at most 0.4
+        pitches. For odd numbers of lines, this intersection is the middle one. The position is needed only if
+        an outer line is hidden completely and the grid has no mark.
 
     Returns
     -------
     GridPoints
-        At least 90 % of the intersections. The direction of X comes from a mark
-        (`dic.targets.line_grid.mark`) or from `x_axis`. If there is neither, X is the grid direction closest
-        to the image's right, Y is the one closest to its top, and `orientation` is ``"assumed"``. If this
-        choice is ambiguous (near 45°), `warnings` says so.
+        The intersections that were found: at least 90 % of all intersections. The direction of X comes from a
+        mark on the grid (`dic.targets.line_grid.mark`) or from `x_axis`. If there is no mark and no `x_axis`,
+        X is the grid direction closest to the image's right, Y is the grid direction closest to the image's
+        top, and `orientation` is ``"assumed"``. If the grid is turned by about 45° in the image, this choice
+        is ambiguous, and `warnings` contains a sentence about this.
 
     Raises
     ------
     CalibrationError
         If the image shows no line grid, a different number of lines, or fewer than 90 % of the intersections;
-        if the mark and the options contradict each other; if `x_axis` lies halfway between two directions.
+        if the mark and the options contradict each other; if `x_axis` is halfway between two directions of
+        the grid.
     """
     lines = (int(lines[0]), int(lines[1]))
     _require_possible(lines, pitch_mm, source)
@@ -115,7 +117,7 @@ def _require_possible(lines: tuple[int, int], pitch_mm: float, source: str) -> N
 
 
 def _crossings(image: GridImage, shape: LatticeShape, extents: tuple[range, range]) -> tuple[Float, Mask]:
-    """Return the intersections (n0, n1, 2) in px, and which of them (n0, n1) are reliable."""
+    """Return the intersections (n0, n1, 2) in px, and a mask (n0, n1) of the reliable intersections."""
     predicted = shape.map(np.stack(np.meshgrid(*extents, indexing="ij"), axis=-1).astype(float))
     first, second = (trace_lines(image, shape, axis, extents[axis], extents[1 - axis]) for axis in (0, 1))
     crossing, sound = intersect(first, second, predicted)
@@ -126,7 +128,7 @@ def _crossings(image: GridImage, shape: LatticeShape, extents: tuple[range, rang
 
 
 def _lattice_vectors(shape: LatticeShape, extents: tuple[range, range]) -> Float:
-    """Return the two lattice vectors (2, 2) at the middle of the grid, px."""
+    """Return the two vectors (2, 2), px, from the middle of the grid to the next intersections."""
     middle = np.array([(span[0] + span[-1]) / 2 if len(span) else 0.0 for span in extents])
     return np.stack([shape.step(middle, 0), shape.step(middle, 1)])
 
@@ -140,9 +142,10 @@ def _axes_and_spans(
     origin_px: tuple[float, float] | None,
     source: str,
 ) -> tuple[Axes, tuple[range, range]]:
-    """Return the axes and the lattice indices of all lines of the grid.
+    """Return the X and Y axes, and the lattice indices of all lines of the grid.
 
-    A mark or `origin_px` tells where hidden outer lines are. Without them, the grid ends at the lines `seen`.
+    The position of a mark, or `origin_px`, tells where hidden outer lines are. If there is no mark and no
+    `origin_px`, the grid ends at the visible lines `seen`.
     """
     vectors = _lattice_vectors(shape, seen)
     mark = find_mark(image, shape, seen, vectors, lines)

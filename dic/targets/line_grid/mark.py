@@ -1,8 +1,8 @@
-"""The mark that fixes a line grid's origin and axes: dots in three of the four cells around its middle.
+"""The mark that determines the origin and the axes of a line grid: dots in three of the four middle cells.
 
-The marked intersection is ``(lines along X // 2, lines along Y // 2)``; for odd numbers of lines it is the
-middle one. Three of the four cells around it have a dot in their middle, as dark as the lines. The cell
-without a dot lies towards +X and +Y.
+The marked intersection is number ``(lines along X // 2, lines along Y // 2)``. For odd numbers of lines, the
+marked intersection is the middle one. Three of the four cells around the marked intersection have a dot in
+their middle, as dark as the lines. The cell without a dot is the cell towards +X and +Y.
 """
 
 from dataclasses import dataclass
@@ -14,23 +14,25 @@ from dic.targets.lattice import LatticeShape
 from dic.targets.sampled_image import GridImage
 from dic.typing import Float
 
-# Radii in pitches at which grey levels are sampled: within a dot, whose radius is 0.15, and just outside it.
+# Grey levels are sampled on two circles around the middle of a cell: within a dot and just outside it. These
+# are the radii of the circles in pitches. The radius of a dot is 0.15 pitches.
 _DOT, _RING = 0.07, 0.26
-# Least darkness of a dot relative to the lines.
+# Smallest darkness of a dot, relative to the darkness of the lines.
 _DARK = 0.5
-# Least darkness of the faintest of the three dots relative to the darkest.
+# Smallest darkness of the palest of the three dots, relative to the darkest of them.
 _ALIKE = 0.5
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A mark found in an image.
+    """A mark that was found in an image of a line grid.
 
     Attributes
     ----------
     axes : Axes
+        Directions of X and Y.
     spans : tuple of range
-        Lattice indices of all lines of the grid, hidden lines included.
+        Lattice indices of all lines of the grid, including hidden lines.
     """
 
     axes: Axes
@@ -40,18 +42,20 @@ class Mark:
 def find_mark(
     image: GridImage, shape: LatticeShape, spans: tuple[range, range], vectors: Float, lines: tuple[int, int]
 ) -> Mark | None:
-    """Return the mark, or None if there is not exactly one that agrees with the visible lines.
+    """Return the mark of a line grid.
+
+    The function returns None if no mark, or more than one, agrees with the visible lines.
 
     Parameters
     ----------
     image, shape
-        The image, and the map that predicts where the lattice lies in it.
+        The image, and the map that predicts the positions of the lattice points in the image.
     spans : tuple of range
         Lattice indices of the visible lines.
     vectors : ndarray, shape (2, 2)
-        The two lattice vectors at the middle of the grid, px.
+        The two vectors, px, from the middle of the grid to the next intersections.
     lines : tuple of int
-        Number of lines along X and along Y.
+        Numbers of lines along X and along Y.
     """
     darkness = _darkness(image, shape, spans)
     found = []
@@ -77,14 +81,14 @@ def grid_spans(axes: Axes, origin: tuple[int, int], lines: tuple[int, int]) -> t
 
 
 def within(seen: tuple[range, range], whole: tuple[range, range]) -> bool:
-    """Tell whether the lines `seen` are all among the lines of the `whole` grid."""
+    """Return True if all visible lines `seen` are among the lines of the `whole` grid."""
     return all(every[0] <= some[0] and some[-1] <= every[-1] for some, every in zip(seen, whole, strict=True))
 
 
 def _darkness(image: GridImage, shape: LatticeShape, spans: tuple[range, range]) -> Float:
     """Return the darkness of the middle of each cell, shape (n0 − 1, n1 − 1).
 
-    It is measured against the cell's own background, in units of the darkness of the lines.
+    The darkness is relative to the background of the same cell, in units of the darkness of the lines.
     """
     cells = np.stack(np.meshgrid(spans[0][:-1], spans[1][:-1], indexing="ij"), axis=-1) + 0.5
     angle = np.arange(12) * (np.pi / 6)
@@ -99,7 +103,10 @@ def _darkness(image: GridImage, shape: LatticeShape, spans: tuple[range, range])
 
 
 def _empty_quarter(block: Float) -> tuple[int, int] | None:
-    """Return the direction (±1, ±1) of the cell without a dot among 2 × 2 cells; None if they are no mark."""
+    """Return the direction (±1, ±1) of the cell without a dot in a block of 2 × 2 cells.
+
+    The function returns None if the block is not a mark: exactly three cells must have similar dots.
+    """
     marked = block > _DARK
     if np.count_nonzero(marked) != 3 or block[marked].min() < _ALIKE * block[marked].max():
         return None

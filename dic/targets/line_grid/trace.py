@@ -1,4 +1,8 @@
-"""Sub-pixel centres of grid lines, measured across each line at many stations."""
+"""Measurement of the centres of grid lines with sub-pixel resolution.
+
+A segment is the part of a line between two neighbouring intersections. The centre of the line is measured at
+several places ("stations") of each segment, from grey level profiles across the line.
+"""
 
 from dataclasses import dataclass
 
@@ -10,24 +14,24 @@ from dic.typing import Float, Mask
 
 _SAMPLE_PX = 0.5
 _PASSES = 3
-# A misfit below this fraction of a line's depth is always accepted: interpolation and rounding of grey levels
-# cause it in images without noise.
+# A misfit below this fraction of a line's contrast is always accepted. Even in images without noise, the
+# interpolation and the rounding of grey levels cause such a misfit.
 _MISFIT_OF_ROUNDING = 0.03
-# Upper limit of the brightness of a line relative to the background. A larger ratio means that the background
-# is too dark to be measured.
+# Upper limit for the grey level of a line divided by that of the background. If the ratio is larger, the
+# background is too dark to be measured.
 _BRIGHTEST_LINE = 4.0
 
 
 @dataclass(frozen=True)
 class LineTrace:
-    """All lines of one direction, divided into segments between neighbouring intersections.
+    """The measured centres of all lines of one direction, divided into segments between intersections.
 
     Attributes
     ----------
     station_px : ndarray, shape (lines, segments, stations, 2)
-        Measured points on the centre lines, px.
+        Measured points on the centres of the lines, px.
     valid : ndarray of bool, shape (lines, segments, stations)
-        True where the profile has the usual contrast and shape of a line.
+        True for each measuring place where the profile has the usual contrast and shape of a line.
     """
 
     station_px: Float
@@ -36,7 +40,10 @@ class LineTrace:
 
 @dataclass(frozen=True)
 class _Template:
-    """The mean profile of all lines of one direction, made symmetric; 0 beside the line and 1 on it."""
+    """The mean grey level profile of all lines of one direction, made symmetric.
+
+    The profile is scaled to 0 beside the line and 1 on the line.
+    """
 
     offsets_px: Float
     level: Float
@@ -50,12 +57,12 @@ class _Template:
 
     @property
     def half_width_px(self) -> float:
-        """Half of the full width of the line."""
+        """Half of the full width of the line, including its blurred edges."""
         return float(np.abs(self.offsets_px[self.level > 0.05]).max())
 
     @property
     def width_px(self) -> float:
-        """Width of the line at half height."""
+        """Width of the line at half of its contrast."""
         return float(np.count_nonzero(self.level > 0.5) * _SAMPLE_PX)
 
     @property
@@ -66,13 +73,14 @@ class _Template:
         return np.column_stack([np.ones_like(step), step - step.mean(), self.level, slope, widening])
 
     def shading(self, profiles: Float) -> tuple[Float, Float]:
-        """Return the gradient of the light across each segment: on the background and on the line.
+        """Return the gradient of the light across each segment, on the background and on the line.
 
-        Both have the shape (lines, segments, 1), in grey levels per px. Light multiplies the reflectance, so
-        the gradient on a dark line is smaller, in proportion to the line's grey level. One station alone
-        cannot tell a gradient from an offset of the line. So the gradient is smoothed over neighbouring
-        segments and lines. The outermost lines use the gradient of the lines next to them, because the
-        background may change beyond the grid's rim.
+        Both gradients have the shape (lines, segments, 1), in grey levels per px. The grey level is the
+        product of light and reflectance. Therefore the gradient on a dark line is smaller than on the
+        background, in proportion to the grey levels. At a single measuring place, a gradient of the light
+        looks like an offset of the line. For this reason the gradient is smoothed over neighbouring segments
+        and lines. The outermost lines use the gradient of the lines next to them, because the background may
+        be different outside the grid.
         """
         from scipy.ndimage import median_filter
 
@@ -87,17 +95,24 @@ class _Template:
         return beside, beside * np.clip(line_to_ground, 0.0, _BRIGHTEST_LINE)
 
     def shaded(self, shading: tuple[Float, Float]) -> Float:
-        """Return the grey levels (lines, segments, 1, offsets) that `shading` adds to profiles."""
+        """Return the grey levels that the gradient of the light adds to the profiles.
+
+        The argument `shading` is the result of the method `shading`. The result has the shape (lines,
+        segments, 1, offsets).
+        """
         beside, on_line = (slope[..., None] for slope in shading)
         result: Float = self.offsets_px * (beside + (on_line - beside) * self.level)
         return result
 
     def offsets(self, profiles: Float) -> tuple[Float, Mask]:
-        """Return the lines' offsets c in px, and which of them are valid, both (lines, segments, stations).
+        """Return the offsets c, px, of the lines from the middle of their profiles, and a mask.
 
-        ``I(s) ≈ b + e·S(s) + d·T(s) − d·c·T'(s) − w·s·T'(s)`` is fitted by least squares. T is the template.
-        S, the running integral of |T'|, is a step. It allows for different brightness on the two sides of an
-        outermost line. The term w·s·T' allows for the width of the line, which varies with perspective.
+        The mask is True for valid offsets. Both arrays have the shape (lines, segments, stations). The
+        function ``I(s) ≈ b + e·S(s) + d·T(s) − d·c·T'(s) − w·s·T'(s)`` is fitted to each profile by least
+        squares. In this formula, I is the grey level at the distance s from the middle of the profile, T is
+        the mean profile, d is the contrast and b is the grey level of the background. The function S is a
+        smooth step, the running integral of |T'|. The term e·S allows for a different grey level on each side
+        of an outermost line. The term w·s·T' allows for the width of the line, which varies with perspective.
         """
         design = self._shapes
         coefficients = profiles @ np.linalg.pinv(design).T
@@ -106,7 +121,7 @@ class _Template:
         usual_depth = regional_median(depth)
         usual_misfit = np.maximum(4 * regional_median(misfit), _MISFIT_OF_ROUNDING * usual_depth)
         valid = (depth > 0.3 * usual_depth) & (usual_depth > 0) & (misfit < usual_misfit)
-        # the median over the segment, because the depth d of one station is noisy
+        # Use the median of the contrast d over the segment, because the value of a single station is noisy.
         segment_depth = median_where(valid, depth, fallback=np.inf)
         offsets = -coefficients[..., 3] / segment_depth
         valid &= np.abs(offsets) < self.half_width_px
@@ -114,7 +129,10 @@ class _Template:
 
 
 def median_where(mask: Mask, values: Float, fallback: float) -> Float:
-    """Return the medians (…, 1) of `values` (…, n) where `mask` is True; `fallback` where it is all False."""
+    """Return the medians (…, 1), along the last axis, of the `values` (…, n) at which `mask` is True.
+
+    Where the mask has no True element along the last axis, the result is `fallback`.
+    """
     some = mask.any(axis=-1, keepdims=True)
     medians: Float = np.nanmedian(
         np.where(some, np.where(mask, values, np.nan), fallback), axis=-1, keepdims=True
@@ -123,7 +141,10 @@ def median_where(mask: Mask, values: Float, fallback: float) -> Float:
 
 
 def regional_median(values: Float) -> Float:
-    """Return the median over stations and over 7 × 7 lines and segments, (lines, segments, 1)."""
+    """Return the median over the measuring places of a segment, then over 7 × 7 neighbouring segments.
+
+    The result has the shape (lines, segments, 1).
+    """
     from scipy.ndimage import median_filter
 
     finite = np.isfinite(values)
@@ -140,18 +161,18 @@ def trace_lines(image: GridImage, shape: LatticeShape, axis: int, numbers: range
     Parameters
     ----------
     image, shape
-        The image, and the map that predicts where the lattice lies in it, to about a quarter of the pitch.
+        The image, and the map that predicts the positions of the lattice points in the image, with an error
+        of at most about a quarter of the pitch.
     axis : int
-        0 for the lines of constant first index, 1 for those of constant second index.
+        Direction of the lines: 0 for lines of constant first index, 1 for lines of constant second index.
     numbers : range
         Indices of the lines.
     across : range
-        Indices of the lines of the other direction, which bound the segments.
+        Indices of the lines of the other direction, which divide the lines into segments.
 
-    Notes
-    -----
-    Profiles are sampled across the predicted lines. Their offsets from the mean profile of all lines are
-    fitted, and the stations are moved by them. This is done three times.
+    Notes ----- The function samples grey level profiles across the predicted lines. The mean profile of all
+    lines is fitted to each profile, which gives the offset of the line. The measuring place is moved by this
+    offset. Sampling, fitting and moving are done three times.
     """
     middle = station_index(axis, numbers, across, np.array([0.5]))
     pitch_px = float(np.median(np.linalg.norm(_across(shape, axis, middle), axis=-1)))
@@ -166,12 +187,12 @@ def trace_lines(image: GridImage, shape: LatticeShape, axis: int, numbers: range
     template = _Template.of(profiles, wide)
     shading = template.shading(profiles)
 
-    clear = min(0.35, (template.half_width_px + 1) / along_px)
+    near = _offsets_px(min(0.45 * pitch_px, template.half_width_px + 3))
+    clear = min(0.35, _clearance_px(shape, axis, middle, template.half_width_px, near[-1]) / along_px)
     count = int(np.clip((1 - 2 * clear) * along_px, 6, 40))
     fractions = np.linspace(clear, 1 - clear, count)
     base, normal = _stations(shape, axis, numbers, across, fractions, pitch_px)
     moved = np.repeat(start[..., :1], count, axis=-1)
-    near = _offsets_px(min(0.45 * pitch_px, template.half_width_px + 3))
     for _ in range(_PASSES):
         profiles = _profiles(image, base + moved[..., None] * normal, normal, near)
         template = _Template.of(profiles, near)
@@ -190,7 +211,7 @@ def _offsets_px(reach_px: float) -> Float:
 
 
 def _across(shape: LatticeShape, axis: int, index: Float) -> Float:
-    """Return vectors perpendicular to the lines at `index`; their length is the line spacing there, px."""
+    """Return vectors perpendicular to the lines at `index`, as long as the local line spacing in px."""
     tangent = shape.step(index, 1 - axis)
     normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
@@ -201,21 +222,40 @@ def _across(shape: LatticeShape, axis: int, index: Float) -> Float:
 def _stations(
     shape: LatticeShape, axis: int, numbers: range, across: range, fractions: Float, pitch_px: float
 ) -> tuple[Float, Float]:
-    """Return predicted stations and normals, both (lines, segments, stations, 2), in px.
+    """Return the predicted measuring places on the lines, and the normals of the lines, in px.
 
-    The length of a normal is the local line spacing divided by `pitch_px`. So profiles are stretched where
-    perspective makes lines wider, and one template fits all of them.
+    Both arrays have the shape (lines, segments, stations, 2). The length of a normal is the local line
+    spacing divided by `pitch_px`. Therefore a profile is longer where perspective makes the lines wider, and
+    one mean profile fits all lines.
     """
     index = station_index(axis, numbers, across, fractions)
     return shape.map(index), _across(shape, axis, index) / pitch_px
 
 
-def _eccentricity(shape: LatticeShape, axis: int, index: Float, width: float) -> Float:
-    """Return the distance of the middle between a line's edges from the image of the line's centre.
+def _clearance_px(
+    shape: LatticeShape, axis: int, index: Float, half_width_px: float, reach_px: float
+) -> float:
+    """Return the smallest allowed distance, px, between a measuring place and an intersection.
 
-    In perspective the near half of a line looks wider than the far half. Both edges, ± `width`/2 from the
-    centre, are projected into the image and intersected with the normal. `width` and the result are in
-    pitches.
+    A profile at this distance from an intersection does not reach the crossing line. In an oblique view, the
+    lines do not meet at 90°. Therefore the end of a profile is closer to the crossing line than its middle,
+    by ``reach·cot(angle)``. In the direction of the measured line, the crossing line is wider by the factor
+    ``1/sin(angle)``. The crossing lines end soon beyond an outermost line. If a profile of the outermost line
+    reaches the crossing lines, its two sides differ, and the measured centre is too far out.
+    """
+    along, step = shape.step(index, 1 - axis), shape.step(index, axis)
+    cross = np.abs(along[..., 0] * step[..., 1] - along[..., 1] * step[..., 0])
+    sine = cross / (np.linalg.norm(along, axis=-1) * np.linalg.norm(step, axis=-1))
+    cotangent = np.abs((along * step).sum(axis=-1)) / cross
+    return float(np.median((half_width_px + 1) / sine + reach_px * cotangent))
+
+
+def _eccentricity(shape: LatticeShape, axis: int, index: Float, width: float) -> Float:
+    """Return the distance, in the image, from a line's centre to the middle between the line's two edges.
+
+    In perspective the near half of a line looks wider than the far half. The function projects both edges of
+    the line into the image and intersects them with the normal of the line. The edges are at ± `width`/2 from
+    the centre. `width` and the result are in pitches.
     """
     centre, normal = shape.map(index), _across(shape, axis, index)
     met = []
@@ -224,7 +264,7 @@ def _eccentricity(shape: LatticeShape, axis: int, index: Float, width: float) ->
         edge[..., axis] += side * width
         beside, tangent = shape.map(edge) - centre, shape.step(edge, 1 - axis)
         turned = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
-        # the edge is straight on this scale: it meets the normal where turned · (s·normal − beside) = 0
+        # The edge is nearly straight. The normal intersects it where turned · (s·normal − beside) = 0.
         met.append((turned * beside).sum(axis=-1) / (turned * normal).sum(axis=-1))
     middle: Float = (met[0] + met[1]) / 2
     return middle
@@ -240,19 +280,23 @@ def _coarse_offsets(profiles: Float, offsets_px: Float) -> Float:
 
     inside = np.isfinite(profiles)
     filled = np.where(inside, profiles, profiles[inside].min())
-    # the line is the same at all stations of a segment, so averages suppress noise and dirt
+    # The profile of a line is the same at all stations of a segment, so an average suppresses noise and dirt.
     together = uniform_filter1d(np.median(filled, axis=-2), size=5, axis=-1)
-    # wide lines have a flat top, so take the centroid above half height and not the highest sample
+    # Wide lines have a flat top. Therefore take the centroid above half height, not the highest sample.
     low, high = together.min(axis=-1, keepdims=True), together.max(axis=-1, keepdims=True)
     above = np.maximum(together - (low + high) / 2, 0.0)
     streak = (above * offsets_px).sum(axis=-1) / np.maximum(above.sum(axis=-1), 1e-9)
-    # the error of the prediction changes smoothly along a line, dirt does not: a median removes dirt
+    # The error of the prediction changes smoothly along a line; an error from dirt does not. The median
+    # removes the errors from dirt.
     usual: Float = median_filter(streak, size=(1, 7), mode="nearest")[..., None]
     return usual
 
 
 def _straightened(measured: Float, valid: Mask, fractions: Float, fallback: Float) -> Float:
-    """Return the offsets on a straight line fitted to each segment; `fallback` if few stations are valid."""
+    """Replace the measured offsets of each segment by those of a straight line fitted to them.
+
+    If at most half of the measuring places of a segment are valid, the result is `fallback` in this segment.
+    """
     t = fractions - fractions.mean()
     weight = valid.astype(float)
     count = weight.sum(axis=-1, keepdims=True)

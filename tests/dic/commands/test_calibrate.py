@@ -131,12 +131,12 @@ def test_a_camera_that_looks_straight_says_what_it_needs_and_takes_it(
 
     done = run_dic("calibrate", image)
     assert done.status == 0
-    assert "the focal length is open by" in done.out
+    assert "the focal length is uncertain by" in done.out
 
     known = ["--distance-mm", 40, "--distance-std-mm", 0.4, "--principal-px", 224.8, 224.3]
     done = run_dic("calibrate", image, *known, "--json", tmp_path / "cal.json")
     assert done.status == 0
-    assert "the focal length is open by" not in done.out
+    assert "the focal length is uncertain by" not in done.out
     camera = done.report["camera"]
     assert camera["focal_px"] == pytest.approx(1400, rel=0.01)
     assert camera["centre_std_mm"][2] == pytest.approx(0.4, rel=0.05)

@@ -43,7 +43,7 @@ class Studio:
 
     def correlate(self, reference, deformed, *options):
         report = self.folder / "report.json"
-        files = [reference, *deformed, "--calibration", self.calibration, "--json", report]
+        files = [reference, *deformed, "--calibration", self.calibration, "--json", report, "--force"]
         done = run_dic("correlate", *files, "--subset", 31, "--step", 12, "--shape", "quadratic", *options)
         assert done.status == 0, done
         return done.out, done.report
@@ -97,7 +97,16 @@ def test_rigid_motion_loses_its_false_strain_and_tells_the_misalignment(turned, 
 def test_figures_are_kept_although_there_is_no_alignment_to_save(turned, tmp_path):
     studio, reference, images = turned
     report = tmp_path / "report.json"
-    files = ["correlate", reference, images[0], "--calibration", studio.calibration, "--json", report]
+    files = [
+        "correlate",
+        reference,
+        images[0],
+        "--calibration",
+        studio.calibration,
+        "--json",
+        report,
+        "--force",
+    ]
     assert "none: see why" in refusal(*files, "--motion", "rigid", "--save-alignment", tmp_path / "a.json")
     assert len(json.loads(report.read_text())["images"]) == 1
 

@@ -149,7 +149,9 @@ def test_memory_does_not_grow_with_the_number_of_images(speckle, incremental, im
         for _ in range(images):
             series.correlate(image.copy())
         gc.collect()
-        return tracemalloc.get_traced_memory()[0]
+        # Arrays alone: whatever else lives in this process, another test's thread too, allocates as it likes.
+        arrays = tracemalloc.DomainFilter(inclusive=True, domain=np.lib.tracemalloc_domain)
+        return sum(trace.size for trace in tracemalloc.take_snapshot().filter_traces([arrays]).traces)
 
     tracemalloc.start()
     try:
@@ -157,8 +159,8 @@ def test_memory_does_not_grow_with_the_number_of_images(speckle, incremental, im
         growth = -in_use_after_all() + in_use_after_all()
     finally:
         tracemalloc.stop()
-    # One image kept for each that was measured would be 60 or 15 times as much.
-    assert growth < image.nbytes
+    # One image kept for each that was measured would be 60 or 15 images.
+    assert growth < images / 4 * image.nbytes
 
 
 def test_an_unknown_way_of_taking_new_references_is_refused(speckle):

@@ -1,11 +1,14 @@
+import struct
+import zlib
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageOps
 
-from dic.errors import ImageError
+from dic.errors import ImageError, ImageWarning
+from dic.image.container import Container, Damage, require_bounded
 from dic.image.read import read_image, require_same_size
 
 
@@ -168,3 +171,80 @@ def test_levels_that_no_arithmetic_survives_are_refused(tmp_path: Path, level: f
     cv2.imwrite(str(tmp_path / "huge.tif"), grey)
     with pytest.raises(ImageError, match="beyond"):
         read_image(tmp_path / "huge.tif")
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+def _png(width: int, height: int, pixels: bytes, *others: bytes) -> bytes:
+    header = _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0))
+    return b"\x89PNG\r\n\x1a\n" + header + b"".join(others) + _chunk(b"IDAT", pixels) + _chunk(b"IEND", b"")
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "got"),
+    [(2**31 - 1, 2**31 - 1, "megapixels"), (12_000, 12_000, "no camera"), (0, 50, "no pixels")],
+)
+def test_a_declared_size_that_no_camera_has_is_refused_before_decoding(
+    tmp_path: Path, width: int, height: int, got: str
+) -> None:
+    (tmp_path / "bomb.png").write_bytes(_png(width, height, zlib.compress(b"\0" * 1000)))
+
+    with pytest.raises(ImageError, match=got):
+        read_image(tmp_path / "bomb.png")
+
+
+@pytest.mark.parametrize("pixels", [b"\x78\x9cgarbage", zlib.compress(b"\0" * 1000), b""])
+def test_pixels_that_are_damaged_or_missing_are_refused_without_a_word_of_the_decoder(
+    tmp_path: Path, pixels: bytes, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.png").write_bytes(_png(64, 64, pixels))
+
+    with pytest.raises(ImageError, match="pixels"):
+        read_image(tmp_path / "a.png")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_wrong_colour_profile_changes_nothing_and_prints_nothing(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    grey = _grey(shape=(64, 64))
+    rows = zlib.compress(b"".join(b"\0" + row.tobytes() for row in grey))
+    profile = _chunk(b"iCCP", b"x\0\0" + zlib.compress(b"none"))
+    (tmp_path / "a.png").write_bytes(_png(64, 64, rows, profile))
+
+    assert np.array_equal(read_image(tmp_path / "a.png"), grey)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_further_pages_are_said_aloud(tmp_path: Path) -> None:
+    pages = [Image.fromarray(_grey()) for _ in range(3)]
+    pages[0].save(tmp_path / "stack.tif", save_all=True, append_images=pages[1:])
+
+    with pytest.warns(ImageWarning, match=r"stack.tif: holds 3 pages, and only the first one is read"):
+        first = read_image(tmp_path / "stack.tif")
+    assert first.shape == (90, 120)
+
+
+@pytest.mark.parametrize("orientation", range(2, 9))
+@pytest.mark.parametrize("suffix", ["tif", "png"])
+def test_a_tag_of_orientation_is_obeyed_and_said_aloud(tmp_path: Path, suffix: str, orientation: int) -> None:
+    path, exif = tmp_path / f"a.{suffix}", Image.Exif()
+    exif[274] = orientation
+    for suffix_ in (suffix, "png"):
+        Image.fromarray(_grey()).save(tmp_path / f"a.{suffix_}", exif=exif)
+    # Pillow turns a PNG only here; of a TIFF it may have turned the pixels already.
+    upright = ImageOps.exif_transpose(Image.open(tmp_path / "a.png"))
+
+    with pytest.warns(ImageWarning, match=rf"orientation says \({orientation}\)"):
+        image = read_image(path)
+    assert np.array_equal(image, np.asarray(upright))
+
+
+def test_large_real_sizes_are_accepted() -> None:
+    # 151 megapixels of 16 bit, the largest area sensor on sale
+    image = Container(b"", 14204, 10652, 16)
+    require_bounded(image, file_bytes=14204 * 10652 * 2 // 3)
+    with pytest.raises(Damage, match="no camera"):
+        require_bounded(image, file_bytes=10_000)

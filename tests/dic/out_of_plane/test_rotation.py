@@ -99,7 +99,7 @@ def test_a_camera_straight_on_keeps_its_strain_and_tells_no_wobble():
     assert found.alignment is None
     assert len(found.corrections) == len(TURNS_DEG)
     for correction in found.corrections:
-        assert "too straight on to tell tilts" in correction.declined
+        assert "too straight on to measure tilts" in correction.declined
         assert np.abs(strains(correction)).max() < 20
 
 

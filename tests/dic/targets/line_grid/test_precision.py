@@ -58,6 +58,15 @@ def test_fine_lines_hold_to_the_limit_in_a_blurred_noisy_image(noise: int) -> No
     assert _rms(_error_px(_grey(render(camera, surface), 0.8, noise), camera, surface)) < LIMIT_PX[noise]
 
 
+def test_outermost_lines_that_meet_obliquely_are_not_moved_outwards() -> None:
+    """The lines meet at 107°. The profiles of an outermost line must not reach the crossing lines."""
+    camera = PinholeCamera(1024, 1024, focal_px=2700.0, pan_deg=45.0)
+    surface = _turned(LineGrid(line_width_mm=0.15), -30.0)
+    error_px = _error_px(_grey(render(camera, surface), 1.0, 0.0), camera, surface)
+
+    assert np.linalg.norm(error_px, axis=1).max() < 0.02
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("line_width_mm", [0.03, 0.08, 0.15])
 @pytest.mark.parametrize(("pan_deg", "roll_deg"), [(0, 3), (0, 44), (15, 20), (30, 43), (45, 10), (45, -30)])

@@ -1,0 +1,170 @@
+"""Inspect an HDF5 file in a process of its own, because a damaged file can crash HDF5 or keep it busy.
+
+The command `python -m dic.hdf5.inspection FILE` visits every object in the file. If the file is refused, the
+command prints the reason, otherwise nothing. The files of this program are trees of groups and data sets,
+each with one name. A file is refused if it holds anything else: links to places outside the tree, data stored
+in other files, references to objects, or declared sizes that the file cannot hold.
+"""
+
+import os
+import resource
+import sys
+from pathlib import Path
+from typing import Any
+
+import h5py
+
+_MEMORY_BYTES = 4 << 30
+PROCESSOR_S = 8
+"""Time on the processor that an inspection may take, however busy the machine is; a good file takes 0.3 s."""
+
+_OBJECTS_MAX = 10_000
+_ATTRIBUTES_MAX = 1_000
+_DEPTH_MAX = 8
+_RANK_MAX = 5
+_ATTRIBUTE_BYTES_MAX = 1 << 20
+_DECLARED_BYTES_MIN = 64 << 20
+"""Every file may declare this number of bytes, because HDF5 does not store rows that are not written."""
+_READ_BYTES_MAX = 16 << 20
+_FILTERS = {h5py.h5z.FILTER_FLETCHER32, h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE}
+
+
+class Refusal(Exception):
+    """The file is refused. The message names the object because of which the file is refused."""
+
+
+def open_for_reading(path: Path) -> Any:
+    """Open an HDF5 file, even one that is being written, or whose writer was killed.
+
+    Raises
+    ------
+    OSError
+        If the file is truncated or not HDF5.
+    """
+    try:
+        # Do not try SWMR mode (reading during writing) first: HDF5 would wait forever for the writer of a
+        # truncated file.
+        return h5py.File(path, "r")
+    except OSError as error:
+        if "already open for write" not in str(error):
+            raise
+        return h5py.File(path, "r", swmr=True)
+
+
+def inspect(path: Path) -> None:
+    """Visit all objects in a file, and read their attributes and small data sets.
+
+    Raises
+    ------
+    Refusal
+        If the file holds an object that files of this program do not hold.
+    Exception
+        If the file is damaged. The type of the exception depends on the damage.
+    """
+    try:
+        opened = open_for_reading(path)
+    except OSError as error:
+        raise Refusal("a file that was cut off or is no HDF5") from error
+    with opened as file:
+        # A sparse file holds less than its size says.
+        stored = os.stat(path).st_blocks * 512  # noqa: PTH116
+        _Walk(2 * stored + _DECLARED_BYTES_MIN).group(h5py.h5g.open(file.id, b"/"), "/", 0)
+
+
+class _Walk:
+    """Visit all objects in a file. All data sets together may declare at most `declared_bytes_max` bytes."""
+
+    def __init__(self, declared_bytes_max: int) -> None:
+        self._left_bytes = self._declared_bytes_max = declared_bytes_max
+        self._seen: set[Any] = set()
+
+    def group(self, identifier: Any, name: str, depth: int) -> None:
+        """Visit a group and all groups and data sets in it."""
+        self._enter(identifier, name, depth)
+        for key in identifier:
+            place = f"{name.rstrip('/')}/{key.decode()}"
+            if identifier.links.get_info(key).type != h5py.h5l.TYPE_HARD:
+                raise Refusal(f"the link {place} to another place or file")
+            child = h5py.h5o.open(identifier, key)
+            if isinstance(child, h5py.h5g.GroupID):
+                self.group(child, place, depth + 1)
+            elif isinstance(child, h5py.h5d.DatasetID):
+                self._enter(child, place, depth + 1)
+                self._dataset(h5py.Dataset(child), place)
+            else:
+                raise Refusal(f"the data type {place}, which is neither a group nor a data set")
+
+    def _enter(self, identifier: Any, name: str, depth: int) -> None:
+        info = h5py.h5o.get_info(identifier)
+        if depth > _DEPTH_MAX or len(self._seen) >= _OBJECTS_MAX:
+            raise Refusal(f"too many groups and data sets, at {name}")
+        if info.addr in self._seen or info.rc != 1:
+            raise Refusal(f"{name}, which has two names in the file")
+        self._seen.add(info.addr)
+        if info.num_attrs > _ATTRIBUTES_MAX:
+            raise Refusal(f"{info.num_attrs} attributes of {name}")
+        for number in range(info.num_attrs):
+            self._attribute(h5py.h5a.open(identifier, index=number), name)
+        # The types and sizes of the attributes are acceptable, so read the values as well.
+        named = h5py.Dataset if isinstance(identifier, h5py.h5d.DatasetID) else h5py.Group
+        dict(named(identifier).attrs)
+
+    def _attribute(self, attribute: Any, name: str) -> None:
+        place = f"attribute {attribute.name.decode()} of {name}"
+        _require_plain(attribute.get_type(), place)
+        size = attribute.get_space().get_simple_extent_npoints() * attribute.get_type().get_size()
+        if size > _ATTRIBUTE_BYTES_MAX:
+            raise Refusal(f"{place}, of {size} bytes")
+
+    def _dataset(self, dataset: Any, name: str) -> None:
+        _require_plain(dataset.id.get_type(), name)
+        properties = dataset.id.get_create_plist()
+        if properties.get_external_count():
+            raise Refusal(f"{name}, whose data are stored in another file")
+        if properties.get_layout() == h5py.h5d.VIRTUAL:
+            raise Refusal(f"{name}, whose data are views of other files")
+        for number in range(properties.get_nfilters()):
+            if properties.get_filter(number)[0] not in _FILTERS:
+                raise Refusal(f"{name}, compressed by an unknown filter")
+        if dataset.shape is None or len(dataset.shape) > _RANK_MAX:
+            raise Refusal(f"{name}, of {'no' if dataset.shape is None else len(dataset.shape)} dimensions")
+        size = _product(dataset.shape) * dataset.id.get_type().get_size()
+        chunk = _product(dataset.chunks or ()) * dataset.id.get_type().get_size()
+        self._left_bytes -= size
+        if max(size, chunk) > self._declared_bytes_max or self._left_bytes < 0:
+            raise Refusal(f"{name}, with {max(size, chunk)} bytes declared in a file that holds far less")
+        if dataset.chunks:
+            dataset.id.chunk_iter(lambda _: None)
+        if size <= _READ_BYTES_MAX and dataset.ndim < 3:
+            dataset[()]
+
+
+def _require_plain(kind: Any, place: str) -> None:
+    """Refuse a data type if it is not a number, a truth value or a text."""
+    plain = isinstance(kind, h5py.h5t.TypeIntegerID | h5py.h5t.TypeFloatID | h5py.h5t.TypeStringID)
+    if not plain and not isinstance(kind, h5py.h5t.TypeEnumID):
+        raise Refusal(f"{place}, which is neither a number nor a text")
+
+
+def _product(shape: tuple[int, ...]) -> int:
+    product = 1
+    for length in shape:
+        product *= length
+    return product
+
+
+def main(path: str) -> None:
+    """Print the reason why a file is refused, or nothing if the file is good."""
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_S, PROCESSOR_S + 1))
+    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
+    try:
+        inspect(Path(path))
+    except Refusal as refusal:
+        print(refusal)
+    except Exception as error:
+        print(f"a damaged file ({type(error).__name__})")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,103 @@
+"""Check an image file before it is decoded: the file must be complete, and the image not too large.
+
+Decoders fill missing pixels with grey, often without an error. Correlation would measure a wrong strain in
+such grey areas. A file of a few kilobytes can also declare an image that fills the memory. So the structure
+of PNG, TIFF and BMP files is checked first.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+MOST_PIXELS = 160_000_000
+"""Largest number of pixels of an image; the largest area sensors have 151 megapixels."""
+
+MOST_DECODED_BYTES = 640 * 2**20
+"""Largest size of a decoded image, which is enough for 160 megapixels of 32 bit."""
+
+SMALL_BYTES = 64 * 2**20
+MOST_COMPRESSION = 300
+"""Largest compression factor of an image above `SMALL_BYTES`; more compressed images are refused.
+
+An image with camera noise is compressed by a factor below 10. An image of zeros reaches a factor of 1032 with
+the deflate method.
+"""
+
+_PIECE = 2**20
+
+
+class Damage(Exception):
+    """An image file is damaged; the message names the damage and becomes a part of an `ImageError`."""
+
+
+@dataclass(frozen=True)
+class Container:
+    """An undamaged image file that has not been decoded yet.
+
+    Attributes
+    ----------
+    content : bytes
+        The file's content for the decoder, without colour profiles and without the orientation tag. OpenCV
+        5.0 applies the orientation tag wrongly to TIFF files, and ignores the orientation tag of PNG files.
+    width_px, height_px : int
+        Width and height that the file declares.
+    pixel_bits : int
+        Number of bits of a pixel: the sum over its colour channels.
+    orientation : int
+        The value of the orientation tag, 1 to 8. An image with the value 1 is upright (TIFF 6.0, section 8).
+    pages : int
+        Number of pages in the file.
+    """
+
+    content: bytes
+    width_px: int
+    height_px: int
+    pixel_bits: int
+    orientation: int = 1
+    pages: int = 1
+
+
+def require_bounded(container: Container, file_bytes: int) -> None:
+    """Raise `Damage` if the declared image exceeds the largest size, or is far larger than its file."""
+    width, height = container.width_px, container.height_px
+    decoded_bytes = width * height * container.pixel_bits // 8
+    shown = f"an image of {width} × {height} px"
+    if width <= 0 or height <= 0:
+        raise Damage(f"{shown}, which has no pixels")
+    if width * height > MOST_PIXELS or decoded_bytes > MOST_DECODED_BYTES:
+        raise Damage(f"{shown} and {container.pixel_bits} bits, more than {MOST_PIXELS // 10**6} megapixels")
+    if decoded_bytes > max(SMALL_BYTES, MOST_COMPRESSION * file_bytes):
+        raise Damage(f"{shown} in a file of {file_bytes / 1000:.0f} kB, which no camera's image fits in")
+
+
+def inflated_bytes(pieces: Iterable[bytes], most_bytes: int) -> int:
+    """Return the number of bytes that deflated data have after decompression.
+
+    The decompressed bytes are only counted, not kept. Counting ends when the number exceeds `most_bytes`.
+    Damaged or incomplete data raise `zlib.error`.
+    """
+    inflate, count = zlib.decompressobj(), 0
+    for piece in pieces:
+        waiting = piece
+        while waiting and count <= most_bytes and not inflate.eof:
+            count += len(inflate.decompress(waiting, _PIECE))
+            waiting = inflate.unconsumed_tail
+    while not inflate.eof and count <= most_bytes:
+        rest = inflate.decompress(b"", _PIECE)
+        if not rest:
+            raise zlib.error("cut off")
+        count += len(rest)
+    return count
+
+
+def read_bmp(content: bytes) -> Container:
+    """Read the header of a BMP file; raise `Damage` or `struct.error` if the file was cut off."""
+    _, pixels, header, width, height, _, bits, compression = struct.unpack_from("<IxxxxIIiiHHI", content, 2)
+    row_bytes = (abs(width) * bits + 31) // 32 * 4
+    uncompressed = header >= 40 and compression in (0, 3)
+    needed = pixels + row_bytes * abs(height) if uncompressed else struct.unpack_from("<I", content, 2)[0]
+    if len(content) < needed:
+        raise Damage(f"a BMP that was cut off after {len(content)} bytes")
+    # OpenCV decodes at least 8 bits per channel, and decodes an image with a palette to three channels.
+    return Container(content, abs(width), abs(height), max(bits, 24))

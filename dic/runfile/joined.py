@@ -1,0 +1,95 @@
+"""Read a run that goes on with an earlier one as a single run."""
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.errors import RunFileError
+from dic.runfile.reader import RunFile, RunStep
+
+_PIECE_BYTES = 1 << 20
+
+
+def file_sha256(path: Path) -> str:
+    """Return the SHA-256 of a whole file, as the program `sha256sum` prints it."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while piece := file.read(_PIECE_BYTES):
+            digest.update(piece)
+    return digest.hexdigest()
+
+
+def open_run(path: str | Path) -> RunFile:
+    """Open a run file, together with the earlier run that it goes on with, if there is one.
+
+    Raises
+    ------
+    RunFileError
+        If a file cannot be read, or if the earlier run is missing or is another one.
+    """
+    run = RunFile(path)
+    if run.continues is None:
+        return run
+    run.close()
+    return JoinedRun(path)
+
+
+class JoinedRun(RunFile):
+    """A run that goes on with an earlier run, whose file is in the same folder.
+
+    The steps are those of the earlier run, followed by those of the run itself.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        super().__init__(path)
+        self._own = self.steps
+        try:
+            self._earlier = self._open_earlier()
+        except BaseException:
+            self.close()
+            raise
+        self.steps = [*self._earlier.steps, *self._own]
+
+    def close(self) -> None:
+        """Close both files."""
+        super().close()
+        if hasattr(self, "_earlier"):
+            self._earlier.close()
+
+    def rows(self, camera: str, step: RunStep) -> range:
+        """Return the row numbers of the frames that a camera took at a step, in the file of that step."""
+        if not self._is_own(step):
+            return self._earlier.rows(camera, step)
+        return self._rows[camera][self._own.index(step)]
+
+    def image(self, camera: str, step: RunStep) -> NDArray[np.float32]:
+        """Return the mean of a camera's frames at a step: grey levels, shape (height, width)."""
+        return super().image(camera, step) if self._is_own(step) else self._earlier.image(camera, step)
+
+    def _is_own(self, step: RunStep) -> bool:
+        return any(step is own for own in self._own)
+
+    def _open_earlier(self) -> RunFile:
+        known: dict[str, Any] = self.continues or {}
+        name = str(known.get("file", ""))
+        # A name only: a run file must not bring another file of the computer into a report.
+        if not name or name != Path(name).name:
+            raise self._damaged(f"the earlier run {name!r}")
+        place = self.path.parent / name
+        if not place.is_file():
+            raise self._not_the_earlier(place, "no such file")
+        if file_sha256(place) != known.get("sha256"):
+            raise self._not_the_earlier(place, "another file of that name, or a changed one")
+        return open_run(place)
+
+    def _not_the_earlier(self, place: Path, got: str) -> RunFileError:
+        return RunFileError(
+            str(self.path),
+            "read the earlier run",
+            f"the run file {place} with the digest in this file",
+            got,
+            "copy the earlier run file into the same folder, unchanged",
+        )

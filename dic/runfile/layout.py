@@ -1,0 +1,98 @@
+"""Compare an open run file with the layout in `dic.runfile.schema`, before any value is used."""
+
+from typing import Any
+
+import h5py
+import numpy as np
+
+from dic.runfile import schema
+
+_DEVICES = {"stage": schema.STAGE, "load_frame": schema.LOAD_FRAME}
+
+
+class Unlike(ValueError):
+    """A run file does not have the layout of run files. The message names the difference."""
+
+
+def camera_names(file: Any) -> list[str]:
+    """Return the names of the cameras in an open run file."""
+    instrument = _group(file, "entry/instrument")
+    names = [name for name in instrument if name not in _DEVICES]
+    for name in names:
+        # The names of cameras become names of files and of columns.
+        if not name.isidentifier():
+            raise Unlike(f"a camera with the name {name!r}")
+    if not names:
+        raise Unlike("no camera")
+    return names
+
+
+def require_layout(file: Any) -> None:
+    """Check all types, dimensions and lengths of a run file.
+
+    Raises
+    ------
+    Unlike
+        If a group or data set is missing or of another type. The message names the first such group or data
+        set.
+    """
+    entry = _group(file, "entry")
+    for name, layout in (("", schema.ENTRY), ("sample", schema.SAMPLE), ("grid", schema.GRID)):
+        group = _group(entry, name) if name else entry
+        for item in layout.items:
+            _require_item(group, item, (2,) if item.name == "lines" else ())
+    cameras = camera_names(file)
+    for name in cameras:
+        camera = _group(file, f"entry/instrument/{name}")
+        frames = _table(camera, schema.DETECTOR)
+        pixels = _dataset(camera, schema.PIXELS)
+        if pixels.ndim != 3 or pixels.dtype not in (np.uint8, np.uint16) or 0 in pixels.shape[1:]:
+            raise Unlike(f"images of {name} as {pixels.dtype} {pixels.shape}")
+        if pixels.shape[0] < frames:
+            raise Unlike(f"{pixels.shape[0]} images of {name} for {frames} rows")
+    for name, layout in _DEVICES.items():
+        if name in file["entry/instrument"]:
+            _table(_group(file, f"entry/instrument/{name}"), layout)
+    _table(_group(file, "entry/steps"), schema.steps(cameras))
+    _table(_group(file, "entry/events"), schema.EVENTS)
+
+
+def _table(group: Any, layout: schema.Group) -> int:
+    """Check the columns of a table, and return the number of its complete rows."""
+    for item in layout.items:
+        _require_item(group, item, None)
+    lengths = {item.name: len(group[item.name]) for item in layout.items if item.name in group}
+    # In the file of a killed run, other columns may be longer than the last column, which is written last.
+    rows = lengths[layout.items[-1].name]
+    for name, length in lengths.items():
+        if length < rows:
+            raise Unlike(f"{length} rows of {group.name}/{name} instead of {rows}")
+    return rows
+
+
+def _require_item(group: Any, item: schema.Item, shape: tuple[int, ...] | None) -> None:
+    if item in schema.LATER and item.name not in group:
+        return
+    dataset = _dataset(group, item.name)
+    if item.text_bytes is None:
+        alike = dataset.dtype == np.dtype(item.dtype)
+    else:
+        alike = dataset.dtype.kind == "S" and item.text_bytes in (0, dataset.dtype.itemsize)
+    if not alike:
+        raise Unlike(f"{dataset.name} as {dataset.dtype}")
+    if dataset.ndim != 1 if shape is None else dataset.shape != shape:
+        raise Unlike(f"{dataset.name} of shape {dataset.shape}")
+
+
+def _group(parent: Any, name: str) -> Any:
+    found = parent.get(name)
+    if not isinstance(found, h5py.Group):
+        raise Unlike(f"no group {parent.name.rstrip('/')}/{name}")
+    return found
+
+
+def _dataset(group: Any, name: str) -> Any:
+    found = group.get(name)
+    if not isinstance(found, h5py.Dataset):
+        raise Unlike(f"no data set {group.name}/{name}")
+    return found

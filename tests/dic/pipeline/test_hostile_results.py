@@ -1,0 +1,108 @@
+"""Result files and calibrations that are damaged, or made by somebody who means harm: one sentence each."""
+
+import random
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from dic.errors import RunFileError
+from dic.pipeline.run_result_file import load_run_result, save_run_result
+from tests.command_line import refusal, run_dic
+from tests.dic.report.runs import tension_run
+
+SERIES = "cameras/on_axis/series"
+Change = Callable[[h5py.File], None]
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("results") / "r.h5"
+    save_run_result(tension_run(), path)
+    return path
+
+
+def _external(file: h5py.File) -> None:
+    del file[f"{SERIES}/x_px"]
+    file.create_dataset(f"{SERIES}/x_px", (8,), "i8", external=[("/etc/passwd", 0, 64)])
+
+
+def _replaced(path: str, **options: object) -> Change:
+    def change(file: h5py.File) -> None:
+        del file[path]
+        file.create_dataset(path, **options)
+
+    return change
+
+
+def _linked(path: str, link: object) -> Change:
+    def change(file: h5py.File) -> None:
+        del file[path]
+        file[path] = link
+
+    return change
+
+
+def _circle(file: h5py.File) -> None:
+    file["cameras/again"] = file["/"]
+
+
+HOSTILE: dict[str, Change] = {
+    "storage in another file": _external,
+    "a link to another file": _linked("cameras/on_axis", h5py.ExternalLink("/etc/hosts", "/x")),
+    "a soft link": _linked("cameras/on_axis", h5py.SoftLink("/cameras/off_axis")),
+    "a link to itself": _linked("cameras/on_axis", h5py.SoftLink("/cameras/on_axis")),
+    "a circle": _circle,
+    "eight tebibytes": _replaced(f"{SERIES}/u_px", shape=(4, 1 << 20, 1 << 18), dtype="f8", chunks=(1, 8, 8)),
+    "maps of another size": _replaced(f"{SERIES}/u_px", data=np.zeros((4, 3, 5))),
+    "texts for numbers": _replaced(f"{SERIES}/zncc", data=["a", "b"], dtype=h5py.string_dtype()),
+    "no strain": lambda file: file[SERIES].__delitem__("exx"),
+    "numbers that are none": lambda file: file["run"].attrs.update(thickness_mm=[1, 2]),
+    "a camera without anything": lambda file: file.create_group("cameras/third"),
+    "a reference of no size": _replaced("cameras/on_axis/reference", shape=(0, 0), dtype="f4"),
+}
+
+
+def changed(good: Path, path: Path, change: Change) -> Path:
+    path.write_bytes(good.read_bytes())
+    with h5py.File(path, "r+") as file:
+        change(file)
+    return path
+
+
+def test_the_results_that_are_changed_here_are_good(good: Path, tmp_path: Path) -> None:
+    assert run_dic("report", good, "-o", tmp_path / "report.html").status == 0
+
+
+@pytest.mark.parametrize("harm", HOSTILE)
+def test_hostile_results_are_one_sentence(good: Path, tmp_path: Path, harm: str) -> None:
+    results, page = changed(good, tmp_path / "r.h5", HOSTILE[harm]), tmp_path / "report.html"
+    assert str(results) in refusal("report", results, "-o", page)
+    assert not page.exists()
+
+
+def check_a_flipped_byte(good: Path, folder: Path, rng: random.Random) -> None:
+    """Result files carry no digest: what can still be read is read, or refused in one sentence."""
+    content = bytearray(good.read_bytes())
+    content[rng.randrange(len(content))] ^= rng.randrange(1, 256)
+    (folder / "r.h5").write_bytes(content)
+    try:
+        load_run_result(folder / "r.h5")
+    except RunFileError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+
+
+def test_flipped_bytes_give_no_traceback(good: Path, tmp_path: Path) -> None:
+    rng = random.Random(1)
+    for _ in range(8):
+        check_a_flipped_byte(good, tmp_path, rng)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+def test_thousand_flipped_bytes_give_no_traceback(good: Path, tmp_path: Path) -> None:
+    rng = random.Random(2)
+    for _ in range(1000):
+        check_a_flipped_byte(good, tmp_path, rng)
