@@ -13,7 +13,7 @@ help:
 	@echo "make test       lint, types, import laws and the whole suite"
 	@echo "make test-kernel  the camera drivers on a real kernel and a real GigE Vision peer, with their figures"
 	@echo "make test-long  campaigns of many minutes"
-	@echo "make bench      speed of correlation beside other engines, and accuracy against theory"
+	@echo "make bench      speed of correlation beside other engines, accuracy against theory, speed of the recorder"
 	@echo "make docs       the documentation site in docs/_build/html; a warning is an error"
 	@echo "make gallery    every picture of the documentation, drawn anew"
 
@@ -40,7 +40,8 @@ laws: $(STAMP)
 	$(BIN)/lint-imports
 
 test: lint types laws
-	$(BIN)/pytest -n 2 --dist worksteal -m "not long"
+	$(BIN)/pytest -n 2 --dist worksteal -m "not long and not realtime"
+	$(BIN)/pytest -m "realtime and not long"
 
 test-kernel: $(STAMP)
 	$(BIN)/pytest -rA tests/real_cameras/kernel_vm tests/real_cameras/gige
@@ -51,6 +52,7 @@ test-long: $(STAMP)
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks.speed --peers
 	$(BIN)/python -m benchmarks.accuracy
+	$(BIN)/python -m benchmarks.recorder
 
 docs: $(STAMP)
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html

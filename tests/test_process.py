@@ -82,15 +82,18 @@ def test_a_killed_run_is_measured_as_far_as_it_went(tmp_path):
     script = f"""
 import os, signal
 from pathlib import Path
+from rig.recorder import Recorder
 from rig.run import run_protocol
-done = []
-def on_step(record):
-    done.append(record)
-    if len(done) == 3:
+def step(self, record, record_step=Recorder.step):
+    written = record_step(self, record)
+    if record.step.index == 2:
+        written.result()
         os.kill(os.getpid(), signal.SIGKILL)
+    return written
+Recorder.step = step
 folder = Path({str(tmp_path)!r})
 rig = Path({str(EXAMPLES)!r}) / "rig-virtual-rotation-30.toml"
-run_protocol(Path({str(short_protocol(tmp_path))!r}), rig, folder / "killed.h5", on_step=[on_step])
+run_protocol(Path({str(short_protocol(tmp_path))!r}), rig, folder / "killed.h5")
 """
     ended = subprocess.run([sys.executable, "-c", script], check=False)
     assert ended.returncode == -signal.SIGKILL
@@ -153,8 +156,9 @@ def test_a_run_whose_grid_image_is_no_grid_says_so(run_file, tmp_path):
     spoiled = tmp_path / "no-grid.h5"
     spoiled.write_bytes(run_file.read_bytes())
     with h5py.File(spoiled, "r+") as file:
-        data = file["entry/instrument/off_axis/data"]
-        data[0] = data[1]
+        camera = file["entry/instrument/off_axis"]
+        for name in ("data", "digest"):
+            camera[name][0] = camera[name][1]
     with pytest.raises(CalibrationError, match=r"no-grid\.h5: off_axis"):
         process_run(spoiled)
 

@@ -191,6 +191,6 @@ def test_a_second_program_is_refused_the_control(camera: AravisCamera) -> None:
 def test_a_stream_has_the_camera_to_itself(camera: AravisCamera) -> None:
     with camera.stream() as stream:
         assert stream.next(5.0).flags == 0
-        with pytest.raises(DeviceFault, match="expected no open stream, got one that takes every frame"):
+        with pytest.raises(DeviceFault, match="expected no open stream, got a stream that takes every frame"):
             camera.grab(1.0)
     assert camera.grab(5.0).flags == 0

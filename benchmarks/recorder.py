@@ -1,0 +1,123 @@
+"""The recorder beside plain writing: the same images, synchronised with the disk equally often, in turns.
+
+    python -m benchmarks.recorder --folder /data
+
+Plain writing is `os.pwrite` of every image, and `os.fsync` after as many images as the recorder is set to.
+The recorder also computes a SHA-256 of every image, and writes its tables. A ratio of 1 is as fast as plain
+writing; the status is 1 below 0.8.
+"""
+
+import argparse
+import os
+import statistics
+import sys
+import tempfile
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from drivers.clock import SystemClock
+from drivers.interfaces import CameraInfo, Frame
+from rig.protocol.grid import Grid
+from rig.protocol.tables import Sample
+from rig.recorder import Recorder, RunHeader
+from rig.recording import RecordingSettings
+
+SIDE_PX = 2048
+LEAST_RATIO = 0.8
+START = datetime(2026, 1, 1, tzinfo=UTC)
+CAMERAS = {
+    name: CameraInfo("benchmark", "noise", name, width_px=SIDE_PX, height_px=SIDE_PX)
+    for name in ("left", "right")
+}
+
+
+def header() -> RunHeader:
+    """Describe a run without protocol and rig file."""
+    sample = Sample(name="noise", thickness_mm=1.0, width_mm=10.0, gauge_length_mm=50.0)
+    return RunHeader("benchmark", "", "", "", START, "", sample, Grid(), simulated=True)
+
+
+def noise(count: int) -> list[np.ndarray]:
+    """Return images that no compression makes smaller, and that nobody changes."""
+    random = np.random.default_rng(1)
+    images = [random.integers(0, 256, (SIDE_PX, SIDE_PX), np.uint8) for _ in range(count)]
+    for image in images:
+        image.flags.writeable = False
+    return images
+
+
+def frames(images: list[np.ndarray], count: int) -> Iterator[tuple[str, Frame]]:
+    """Yield so many frames, from both cameras in turn."""
+    for number in range(count):
+        image = images[number % len(images)]
+        yield list(CAMERAS)[number % 2], Frame(image, 0.0, 0.0, START, number // 2, 0, 900.0, 1.0)
+
+
+def plainly(path: Path, images: list[np.ndarray], count: int, settings: RecordingSettings) -> float:
+    """Return the seconds that plain writing takes."""
+    clock = SystemClock()
+    descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY)
+    began_s = clock.now_s()
+    for number, (_, frame) in enumerate(frames(images, count), 1):
+        os.pwrite(descriptor, frame.image.data, (number - 1) * frame.image.nbytes)
+        if number % settings.sync_frames == 0:
+            os.fsync(descriptor)
+    os.fsync(descriptor)
+    took_s = clock.now_s() - began_s
+    os.close(descriptor)
+    path.unlink()
+    return took_s
+
+
+def recorded(path: Path, images: list[np.ndarray], count: int, settings: RecordingSettings) -> float:
+    """Return the seconds that the recorder takes until all images are on the disk."""
+    clock = SystemClock()
+    recorder = Recorder(path, header(), CAMERAS, settings=settings)
+    began_s = clock.now_s()
+    for camera, frame in frames(images, count):
+        while not recorder.wait_for_room(camera, 60.0):
+            pass
+        recorder.frame(camera, frame)
+    recorder.synchronise().result(600)
+    took_s = clock.now_s() - began_s
+    recorder.close("completed", "", START)
+    path.unlink()
+    return took_s
+
+
+def compare(folder: Path, rounds: int, count: int) -> float:
+    """Print the speed of both in every round, and return the median of the ratios."""
+    images, settings = noise(8), RecordingSettings()
+    size_mb = count * images[0].nbytes / 1e6
+    ratios = []
+    for number in range(rounds):
+        measured = {}
+        # Whoever comes second may find the disk busy: take turns in coming first.
+        for run in (plainly, recorded) if number % 2 == 0 else (recorded, plainly):
+            measured[run.__name__] = run(folder / f"{run.__name__}.h5", images, count, settings)
+        ratios.append(measured["plainly"] / measured["recorded"])
+        speeds = ", ".join(f"{name} {size_mb / s:.0f} MB/s" for name, s in sorted(measured.items()))
+        print(f"round {number + 1}: {speeds}, ratio {ratios[-1]:.2f}", flush=True)
+    median = statistics.median(ratios)
+    print(
+        f"median ratio of {rounds} rounds: {median:.2f} ({count} images of {images[0].nbytes / 1e6:.1f} MB)"
+    )
+    return median
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--folder", type=Path, help="where to write; a temporary folder by default")
+    parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--images", type=int, default=200)
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory(dir=given.folder) as folder:
+        ratio = compare(Path(folder), given.rounds, given.images)
+    sys.exit(ratio < LEAST_RATIO)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+"""Commands with one bad input each, drawn at random; the same number gives the same ones."""
+
+import random
+import re
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.fuzz.bad_files import ANY, IMAGES, JSONS, PNGS, POLYGONS, Maker
+from tests.fuzz.bad_hdf5 import HDF5
+from tests.fuzz.bad_options import bad_options
+from tests.fuzz.bad_toml import TOMLS
+from tests.fuzz.commands import COMMANDS
+
+KINDS: dict[str, Mapping[str, Maker]] = {
+    "image": PNGS,
+    "deformed": PNGS,
+    "grid": PNGS,
+    "mask": PNGS,
+    "tiff": IMAGES,
+    "bmp": IMAGES,
+    "polygons": POLYGONS,
+    "alignment": JSONS,
+    "protocol": TOMLS,
+    "tension": TOMLS,
+    "rig": TOMLS,
+    "calibration": HDF5,
+    "run": HDF5,
+    "results": HDF5,
+}
+"""The special ways of being bad of each file; `ANY` are those that every file can have."""
+
+SHARE_OF_OPTIONS = 0.25
+
+
+@dataclass(frozen=True)
+class BadInput:
+    """A command line that must be refused, and what is bad about it."""
+
+    what: str
+    arguments: list[str]
+
+
+def draw(count: int, good: Mapping[str, Path], folder: Path, seed: int) -> Iterator[BadInput]:
+    """Make bad inputs one by one; the files of one are made when it is asked for."""
+    for number in range(count):
+        chance = random.Random(zlib.crc32(f"{seed} {number}".encode()))
+        command = chance.choice(list(COMMANDS))
+        place = folder / f"bad{number}"
+        if chance.random() < SHARE_OF_OPTIONS and (options := list(_options(command))):
+            bad = chance.choice(options)
+            what = f"{command}: {bad[0]} {bad[1][:20]!r}"
+            yield BadInput(what, _filled(COMMANDS[command] + bad, good, place))
+            continue
+        names = [name for name in re.findall(r"{(\w+)}", " ".join(COMMANDS[command])) if name in good]
+        name = chance.choice(names)
+        kind, make = chance.choice(list((ANY | dict(KINDS[name])).items()))
+        bad_file = make(good[name], place.with_suffix(good[name].suffix), chance)
+        yield BadInput(
+            f"{command}: {name} {kind}", _filled(COMMANDS[command], {**good, name: bad_file}, place)
+        )
+
+
+def _options(command: str) -> Iterator[list[str]]:
+    program, name, *_ = COMMANDS[command]
+    return bad_options(program, name)
+
+
+def _filled(arguments: list[str], files: Mapping[str, Path], place: Path) -> list[str]:
+    new = place.with_name(f"{place.name}.new")
+    return [argument.format(new=new, **files) for argument in arguments]

@@ -1,0 +1,33 @@
+"""The commands and the files they read, by the names of the good files."""
+
+COMMANDS: dict[str, list[str]] = {
+    "correlate": ["dic", "correlate", "{image}", "{deformed}"],
+    "correlate a TIFF": ["dic", "correlate", "{tiff}", "{deformed}"],
+    "correlate a BMP": ["dic", "correlate", "{image}", "{bmp}"],
+    "correlate in a mask": ["dic", "correlate", "{image}", "{deformed}", "--roi", "{mask}"],
+    "correlate in polygons": ["dic", "correlate", "{image}", "{deformed}", "--polygon", "{polygons}"],
+    "correlate in mm": ["dic", "correlate", "{image}", "{deformed}", "--calibration", "{calibration}"],
+    "correlate by an alignment": [
+        *("dic", "correlate", "{image}", "{deformed}", "--calibration", "{calibration}"),
+        *("--motion", "rigid", "--alignment", "{alignment}"),
+    ],
+    "calibrate": ["dic", "calibrate", "{grid}"],
+    "quality": ["dic", "quality", "{image}"],
+    "quality of two": ["dic", "quality", "{image}", "--second", "{deformed}", "--roi", "{mask}"],
+    "process": ["dic", "process", "{run}", "-o", "{new}.h5"],
+    "report": ["dic", "report", "{results}", "-o", "{new}.html"],
+    "plan": ["rig", "plan", "{protocol}"],
+    "plan a tension": ["rig", "plan", "{tension}", "--rig", "{rig}"],
+    "run": ["rig", "run", "{protocol}", "--rig", "{rig}", "-o", "{new}.h5"],
+    "check": ["rig", "check", "{rig}"],
+    "verify": ["rig", "verify", "{run}"],
+    "repair": ["rig", "repair", "{run}"],
+    "replay": ["rig", "replay", "{run}"],
+    "go on": ["rig", "run", "{protocol}", "--rig", "{rig}", "--continue", "{run}", "-o", "{new}.h5"],
+    "status": ["rig", "status", "{rig}"],
+    "hold": ["rig", "hold", "{rig}"],
+    "unload": ["rig", "unload", "{rig}", "--yes"],
+    "jog": ["rig", "jog", "{rig}", "--angle-deg", "1.0", "--yes"],
+    "simulate": ["rig", "simulate", "{rig}"],
+}
+"""Each command as it is typed. ``{new}`` is a path where nothing is yet."""
