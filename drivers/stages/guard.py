@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 from drivers.errors import DeviceError, DeviceTimeout, LinkLost
 from drivers.interfaces import OpenContext
 from drivers.lines.addresses import shared_line
-from drivers.lines.channel import CHANNEL_ERRORS, TCP_PREFIX, open_channel
+from drivers.lines.channel import CHANNEL_ERRORS, TCP_PREFIX, Channel, open_channel
 from drivers.lines.relay import Relay, whole_lines
 from drivers.lines.stop_deadline import STOP_TIMES, StopDeadline, StopTimes
 from drivers.registry import GuardSpec
@@ -27,7 +27,7 @@ class StageTalk(Generic[P]):
     ends : bytes
         The bytes that can end a message to the stage; each byte alone ends a message.
     open_port : callable
-        ``open_port(name, url, reply_timeout_s, channel=…)`` returns a port on an open channel.
+        ``open_port(name, channel, reply_timeout_s)`` returns a port on an open channel.
     stop : callable
         ``stop(port, answer_s)`` commands a stop once. The function returns an empty text if the stage stands
         still, otherwise a reason.
@@ -37,7 +37,7 @@ class StageTalk(Generic[P]):
 
     baud: int
     ends: bytes
-    open_port: Callable[..., P]
+    open_port: Callable[[str, Channel, float], P]
     stop: Callable[[P, float], str]
     identity: Callable[[P, float], str]
 
@@ -124,7 +124,7 @@ class StageGuard(Generic[P]):
                     str(error),
                     "check address and cable, and that no other program holds the port",
                 ) from error
-            self._port = self._talk.open_port(self._name, self._url, self._answer_s, channel=channel)
+            self._port = self._talk.open_port(self._name, channel, self._answer_s)
         return self._port
 
     def _release_port(self) -> None:

@@ -11,6 +11,7 @@ from typing import Any, Generic, TypeVar
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import DeviceInfo, OpenContext, StageState
 from drivers.lines.addresses import resolve_address
+from drivers.lines.channel import Channel, open_device
 from drivers.lines.stop_deadline import StopDeadline, StopTimes, calling_for_the_emergency_stop
 from drivers.stages.own_motion import OwnMotion
 from drivers.stages.port import StagePort
@@ -25,8 +26,10 @@ class GuardedStage(ABC, Generic[P]):
     Parameters
     ----------
     open_port : callable
-        ``open_port(name, url, reply_timeout_s)`` opens the port. The function is called again for a stop
-        after the link was lost. `name` is the device's name and port, used in error messages.
+        ``open_port(name, channel, reply_timeout_s)`` returns a port on an open channel. The function is
+        called again for a stop after the link was lost. `name` is the device's name and port, used in error
+        messages.
+    baud : int
     settings : StageSettings
     context : OpenContext
     stop_times : StopTimes
@@ -41,7 +44,8 @@ class GuardedStage(ABC, Generic[P]):
 
     def __init__(
         self,
-        open_port: Callable[..., P],
+        open_port: Callable[[str, Channel, float], P],
+        baud: int,
         settings: StageSettings,
         context: OpenContext,
         stop_times: StopTimes,
@@ -49,10 +53,12 @@ class GuardedStage(ABC, Generic[P]):
         self._url = resolve_address(settings.port, context)
         self._name = f"{context.name} ({self._url})"
         self._fault = partial(DeviceFault, self._name)
-        self._open_port = partial(open_port, relay=context.relay) if context.relay else open_port
+        self._open_port = open_port
+        self._baud = baud
+        self._relay = context.relay
         self._reply_timeout_s = settings.reply_timeout_s
         self._stop_times = stop_times
-        self._port = self._open_port(self._name, self._url, self._reply_timeout_s)
+        self._port = self._opened_port(self._reply_timeout_s)
         self._closed = False
         self._limits_deg = (settings.angle_min_deg, settings.angle_max_deg)
         self._clock = context.clock
@@ -131,12 +137,16 @@ class GuardedStage(ABC, Generic[P]):
                     raise
                 self._stop_on_new_link()
 
+    def _opened_port(self, timeout_s: float) -> P:
+        channel = open_device(self._name, self._url, self._baud, timeout_s, self._relay)
+        return self._open_port(self._name, channel, timeout_s)
+
     def _stop_on_new_link(self) -> None:
         """Stop the stage over a new connection after the link was lost; all other requests still fail."""
         with self._new_link_lock:
             self._port.close()
             timeout_s = min(self._reply_timeout_s, self._stop_times.answer_s)
-            port = self._open_port(self._name, self._url, timeout_s)
+            port = self._opened_port(timeout_s)
             try:
                 self._stop_on(port, lambda: self._stranger(port))
             finally:

@@ -1,11 +1,11 @@
-"""Base class of the ports of all stages: opens the connection, and sends one message at a time."""
+"""Base class of the ports of all stages: sends one message at a time on a channel."""
 
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from drivers.errors import DeviceTimeout, LinkLost
-from drivers.lines.channel import CHANNEL_ERRORS, Channel, open_device
+from drivers.lines.channel import CHANNEL_ERRORS, Channel
 
 
 class StagePort(ABC):
@@ -15,36 +15,18 @@ class StagePort(ABC):
     ----------
     name : str
         The device's name and port, used in error messages.
-    url : str
-        Path of a serial port, or ``socket://host:port``.
-    baud : int
+    channel : Channel
+        The open channel to the device. The port closes it.
     reply_timeout_s : float
         Longest wait for a complete answer, in seconds of real time.
-    relay : str
-        Address ``host:port`` of a guardian's relay to the device; empty without a relay.
-    channel : Channel, optional
-        An open channel, which the port uses instead of opening `url`.
-
-    Raises
-    ------
-    LinkLost
-        If the port cannot be opened.
     """
 
-    def __init__(
-        self,
-        name: str,
-        url: str,
-        baud: int,
-        reply_timeout_s: float,
-        relay: str = "",
-        channel: Channel | None = None,
-    ) -> None:
+    def __init__(self, name: str, channel: Channel, reply_timeout_s: float) -> None:
         self.name = name
         self._reply_timeout_s = reply_timeout_s
         self._write_lock = threading.Lock()
         self._lost: str | None = None
-        self._channel = channel or open_device(name, url, baud, reply_timeout_s, relay)
+        self._channel = channel
 
     @abstractmethod
     def close(self) -> None:

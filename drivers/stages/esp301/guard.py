@@ -32,9 +32,7 @@ def identity(axis: int, port: EspPort, answer_s: float) -> str:
 def _talk(settings: StageSettings) -> StageTalk[EspPort]:
     assert isinstance(settings, EspSettings)
     axis = settings.axis
-    return StageTalk(
-        settings.baud, END, partial(EspPort, settings.baud), partial(stop_once, axis), partial(identity, axis)
-    )
+    return StageTalk(settings.baud, END, EspPort, partial(stop_once, axis), partial(identity, axis))
 
 
 GUARD = guard_spec(_talk)

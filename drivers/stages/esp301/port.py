@@ -26,16 +26,8 @@ T = TypeVar("T")
 class EspPort(StagePort):
     """A port to an ESP301 that only this program may open; any thread may call the methods."""
 
-    def __init__(
-        self,
-        baud: int,
-        name: str,
-        url: str,
-        reply_timeout_s: float,
-        relay: str = "",
-        channel: Channel | None = None,
-    ) -> None:
-        super().__init__(name, url, baud, reply_timeout_s, relay, channel)
+    def __init__(self, name: str, channel: Channel, reply_timeout_s: float) -> None:
+        super().__init__(name, channel, reply_timeout_s)
         self._clock = SystemClock()
         self._turn = Turn()
         self._buffer = b""

@@ -1,7 +1,6 @@
 """Driver for a rotation stage on a Newport ESP301, ESP300 or ESP302 motion controller."""
 
 from collections.abc import Callable
-from functools import partial
 
 from drivers.errors import DeviceTimeout
 from drivers.interfaces import DeviceInfo, OpenContext, StageState
@@ -37,7 +36,7 @@ class EspStage(GuardedStage[EspPort]):
     """A `RotationStage` on an ESP301; to construct this class, call `open_stage`."""
 
     def __init__(self, settings: EspSettings, context: OpenContext, stop_times: StopTimes) -> None:
-        super().__init__(partial(EspPort, settings.baud), settings, context, stop_times)
+        super().__init__(EspPort, settings.baud, settings, context, stop_times)
         self._settings = settings
         self._reference = Reference()
         self._target_deg: float | None = None

@@ -29,22 +29,15 @@ Answer = Reply | DamagedLineError | None
 class ZaberPort(StagePort):
     """A port to Zaber devices that only this program may open; any thread may call `ask`."""
 
-    def __init__(
-        self,
-        name: str,
-        url: str,
-        reply_timeout_s: float,
-        relay: str = "",
-        channel: Channel | None = None,
-    ) -> None:
-        super().__init__(name, url, BAUD, reply_timeout_s, relay, channel)
+    def __init__(self, name: str, channel: Channel, reply_timeout_s: float) -> None:
+        super().__init__(name, channel, reply_timeout_s)
         self._waiting: dict[int, queue.SimpleQueue[Answer]] = {}
         # begin at a random id: two programs on one line should not use the same ids
         self._next_id = secrets.randbelow(len(IDS))
         self._used: deque[int] = deque(maxlen=len(IDS) // 2)
         self.foreign = ""
         self._closing = False
-        self._reader = threading.Thread(target=self._read, name=f"read {url}", daemon=True)
+        self._reader = threading.Thread(target=self._read, name=f"read {name}", daemon=True)
         self._reader.start()
 
     def ask(

@@ -9,7 +9,7 @@ from drivers.registry import DriverSpec
 from drivers.stages.guarded import GuardedStage, set_up
 from drivers.stages.zaber.find import FINDER
 from drivers.stages.zaber.guard import GUARD, foreign, serial_number, stop_once
-from drivers.stages.zaber.port import ZaberPort
+from drivers.stages.zaber.port import BAUD, ZaberPort
 from drivers.stages.zaber.protocol import (
     ACCELERATION_UNIT,
     FLAGS,
@@ -30,7 +30,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
     """A `RotationStage` with the Zaber ASCII protocol; to construct this class, call `open_stage`."""
 
     def __init__(self, settings: ZaberSettings, context: OpenContext, stop_times: StopTimes) -> None:
-        super().__init__(ZaberPort, settings, context, stop_times)
+        super().__init__(ZaberPort, BAUD, settings, context, stop_times)
         self._settings = settings
         # After a fault the stage may still report a valid reference; the driver then requires a home search.
         self._doubted = self._seeking = False

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from drivers.stages.zaber.port import ZaberPort
+from drivers.lines.channel import open_channel
+from drivers.stages.zaber.port import BAUD, ZaberPort
 from drivers.stages.zaber.protocol import decode
 from simulators.wire.tcp_server import TcpServer
 
@@ -36,7 +37,7 @@ def replayed():
             connection.sendall(answer)
 
     server = TcpServer(converse, "127.0.0.1", 0)
-    port = ZaberPort("stage", f"socket://{server.address}", 5.0)
+    port = ZaberPort("stage", open_channel(f"socket://{server.address}", BAUD, 5.0), 5.0)
     # the recorded client counts from 0
     port._next_id = 99
     yield port, heard
