@@ -133,60 +133,95 @@ def open_rig(
     DeviceError
         If a device cannot be opened, or not in time. The devices that are already open are closed.
     """
-    lost: dict[str, str] = {}
-    clock: Clock = SystemClock()
-    environment = None
     with ExitStack() as stack:
-        known = relays or {}
-
-        def opened(entry: DeviceEntry | None) -> Any:
-            if entry is None:
-                return None
-            guarded, relay = entry.name in known, known.get(entry.name, "")
-            context = OpenContext(entry.name, clock, environment, guarded, relay)
-            try:
-                device = _open(entry, context, opening_s)
-            except (DeviceError, ConfigurationError) as error:
-                if failed is None or entry.spec.kind not in ("stage", "load_frame", "camera"):
-                    raise
-                failed[entry.name] = str(error)
-                return None
-            stack.callback(_close, entry.name, device, lost, closing_s)
-            return device
-
+        opener = _Opener(stack, relays or {}, failed, opening_s, closing_s)
         if rig_file.simulation is not None:
-            environment = opened(rig_file.simulation)
-            clock = environment.clock
-        stage, load_frame = opened(rig_file.stage), opened(rig_file.load_frame)
-        tried = {name: opened(entry) for name, entry in rig_file.cameras.items()}
-        cameras = {name: camera for name, camera in tried.items() if camera is not None}
-        operator = opened(rig_file.operator)
+            opener.open_environment(rig_file.simulation)
+        stage, load_frame = opener.open(rig_file.stage), opener.open(rig_file.load_frame)
+        cameras = {name: opener.open(entry) for name, entry in rig_file.cameras.items()}
+        operator = opener.open(rig_file.operator)
         interlocks = {
-            name: OpenedInterlock(opened(each.device), each.allowed_min, each.allowed_max)
+            name: OpenedInterlock(opener.open(each.device), each.allowed_min, each.allowed_max)
             for name, each in rig_file.interlocks.items()
         }
-        virtual = rig_file.simulated or environment is not None
-        timeout_s = rig_file.call_timeout_s
-
-        def reopen(entry: DeviceEntry) -> Camera:
-            camera: Camera = entry.spec.open(entry.settings, OpenContext(entry.name, clock, environment))
-            stack.callback(_close, entry.name, camera, lost, closing_s)
-            return camera
-
-        again = {name: partial(reopen, entry) for name, entry in rig_file.cameras.items()}
         yield Rig(
-            clock,
-            operator,
-            cameras,
-            stage,
-            load_frame,
-            virtual,
-            timeout_s,
-            lost,
-            again,
-            rig_file.limits,
-            interlocks,
+            clock=opener.clock,
+            operator=operator,
+            cameras={name: camera for name, camera in cameras.items() if camera is not None},
+            stage=stage,
+            load_frame=load_frame,
+            virtual=rig_file.simulated or rig_file.simulation is not None,
+            call_timeout_s=rig_file.call_timeout_s,
+            lost=opener.lost,
+            reopen={name: partial(opener.reopen, entry) for name, entry in rig_file.cameras.items()},
+            limits=rig_file.limits,
+            interlocks=interlocks,
         )
+
+
+def require_interlocks(rig: Rig) -> None:
+    """Read every interlock once.
+
+    Raises
+    ------
+    InterlockOpen
+        If the value of an interlock is outside its allowed range.
+    DeviceError
+        If an interlock cannot be read.
+    """
+    for name, interlock in rig.interlocks.items():
+        first = Bounded(f"interlocks.{name}", "read", interlock.device.read)
+        state = first.result(rig.call_timeout_s, "check the interlock and its cable")
+        interlock.require_good(name, state, "before the start")
+
+
+class _Opener:
+    """Opens devices and leaves to a stack that they are closed. `lost` is described for `Rig`."""
+
+    def __init__(
+        self,
+        stack: ExitStack,
+        relays: Mapping[str, str],
+        failed: dict[str, str] | None,
+        opening_s: float,
+        closing_s: float,
+    ) -> None:
+        self._stack, self._relays, self._failed = stack, relays, failed
+        self._opening_s, self._closing_s = opening_s, closing_s
+        self._environment: Any = None
+        self.clock: Clock = SystemClock()
+        self.lost: dict[str, str] = {}
+
+    def open_environment(self, entry: DeviceEntry) -> None:
+        """Open the simulated environment; all devices opened after it use its clock."""
+        self._environment = self.open(entry)
+        self.clock = self._environment.clock
+
+    def open(self, entry: DeviceEntry | None) -> Any:
+        """Open a device. Return None if there is none, or if it is noted in `failed`."""
+        if entry is None:
+            return None
+        guarded, relay = entry.name in self._relays, self._relays.get(entry.name, "")
+        context = OpenContext(entry.name, self.clock, self._environment, guarded, relay)
+        try:
+            device = _open(entry, context, self._opening_s)
+        except (DeviceError, ConfigurationError) as error:
+            if self._failed is None or entry.spec.kind not in ("stage", "load_frame", "camera"):
+                raise
+            self._failed[entry.name] = str(error)
+            return None
+        self._close_at_end(entry, device)
+        return device
+
+    def reopen(self, entry: DeviceEntry) -> Camera:
+        """Open a camera again after it was closed."""
+        context = OpenContext(entry.name, self.clock, self._environment)
+        camera: Camera = entry.spec.open(entry.settings, context)
+        self._close_at_end(entry, camera)
+        return camera
+
+    def _close_at_end(self, entry: DeviceEntry, device: Any) -> None:
+        self._stack.callback(_close, entry.name, device, self.lost, self._closing_s)
 
 
 def _open(entry: DeviceEntry, context: OpenContext, within_s: float) -> Any:

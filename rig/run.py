@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from drivers.errors import ConfigurationError
-from rig.devices import Rig, open_rig
+from rig.devices import Rig, open_rig, require_interlocks
 from rig.engine.devices import OnQuestion, unannounced
 from rig.engine.engine import Engine
 from rig.engine.signals import aborting_on_signals
@@ -19,11 +19,10 @@ from rig.limits.run_limits import slowed
 from rig.news.run_news import NewsOptions, RunNews
 from rig.plan import Plan, make_plan, require_feasible
 from rig.protocol.protocol import Protocol, read_protocol, read_protocol_text
-from rig.recorder import Recorder, RunHeader, StepRecord, run_file_exists
+from rig.recorder import Recorder, StepRecord, run_file_exists
 from rig.recorder.header import make_header
-from rig.resume import read_earlier, require_same_folder, require_unchanged
+from rig.resume import Earlier, read_earlier, require_same_folder, require_unchanged
 from rig.rigfile import RigFile, read_rig
-from rig.threads import Bounded
 
 _NO_OPTIONS = NewsOptions()
 
@@ -100,10 +99,7 @@ def run_protocol(
     protocol = files.protocol
     if run_path.exists():
         raise run_file_exists(run_path)
-    earlier = None
-    if continues is not None:
-        earlier = read_earlier(Path(continues), protocol, files.definition, files.rig_file.text)
-        require_same_folder(earlier, run_path)
+    earlier = None if continues is None else _read_earlier_run(Path(continues), files, run_path)
     facts = facts_of_file(files.rig_file)
     require_feasible(make_plan(protocol, facts, files.rig_file.limits), run_path.parent)
     rig_file = slowed(narrowed(files.rig_file, protocol), protocol)
@@ -116,32 +112,15 @@ def run_protocol(
         ):
             rig = announce(opened, guardian)
             require_feasible(make_plan(protocol, confirm(facts, rig), rig.limits), run_path.parent)
-            for name, interlock in rig.interlocks.items():
-                first = Bounded(f"interlocks.{name}", "read", interlock.device.read)
-                state = first.result(rig.call_timeout_s, "check the interlock and its cable")
-                interlock.require_good(name, state, "before the start")
-            continued = ""
-            if earlier is not None:
-                start = require_unchanged(earlier, protocol, rig)
-                news.on_continue(earlier, start)
-                continued = earlier.record(start)
-            header = make_header(protocol, files.definition, files.rig_file, rig, continued)
-            told.begin(rig, header, protocol.kind)
-            recorder = _create_run_file(run_path, header, files.rig_file, rig)
-            for caution in cautions(files.rig_file):
-                recorder.event(rig.clock.now_s(), "warning", "rig", caution)
-
-            def progress(moving: bool) -> None:
-                guardian.progress(moving)
-                on_progress(moving)
-
+            require_interlocks(rig)
+            continued = "" if earlier is None else _tell_continuing(earlier, protocol, rig, news)
             engine = Engine(
                 _often_enough(protocol, files.rig_file, guardian),
                 rig,
-                recorder,
+                _begin_recording(files, rig, run_path, told, continued),
                 on_status=on_status,
                 on_step=on_step,
-                on_progress=progress,
+                on_progress=_both(guardian.progress, on_progress),
                 on_question=on_question,
                 on_news=[told.add],
                 earlier=None if earlier is None else earlier.readings,
@@ -153,6 +132,45 @@ def run_protocol(
                 guardian.done()
         # Closing the devices may have added lost devices.
         return told.end(replace(outcome, lost_devices=opened.lost_devices))
+
+
+def _read_earlier_run(path: Path, files: _ReadFiles, run_path: Path) -> Earlier:
+    """Read the run that is continued, and require that the new run file is in its folder."""
+    earlier = read_earlier(path, files.protocol, files.definition, files.rig_file.text)
+    require_same_folder(earlier, run_path)
+    return earlier
+
+
+def _tell_continuing(earlier: Earlier, protocol: Protocol, rig: Rig, news: NewsOptions) -> str:
+    """Require that the machine is where the earlier run left it; return the JSON about that run."""
+    start = require_unchanged(earlier, protocol, rig)
+    news.on_continue(earlier, start)
+    return earlier.record(start)
+
+
+def _begin_recording(files: _ReadFiles, rig: Rig, run_path: Path, told: RunNews, continued: str) -> Recorder:
+    """Open the news files, then create the run file and write the rig's cautions into it."""
+    header = make_header(files.protocol, files.definition, files.rig_file, rig, continued)
+    told.begin(rig, header, files.protocol.kind)
+    recorder = Recorder(
+        run_path,
+        header,
+        {name: camera.info for name, camera in rig.cameras.items()},
+        stage=None if rig.stage is None else rig.stage.info,
+        load_frame=None if rig.load_frame is None else rig.load_frame.info,
+        settings=files.rig_file.recording,
+    )
+    for caution in cautions(files.rig_file):
+        recorder.event(rig.clock.now_s(), "warning", "rig", caution)
+    return recorder
+
+
+def _both(first: Callable[[bool], None], second: Callable[[bool], None]) -> Callable[[bool], None]:
+    def call(moving: bool) -> None:
+        first(moving)
+        second(moving)
+
+    return call
 
 
 def _often_enough(protocol: Protocol, rig_file: RigFile, guardian: Guardian) -> Protocol:
@@ -176,14 +194,3 @@ def _read_both(protocol_path: str | Path, rig_path: str | Path) -> _ReadFiles:
             raise ConfigurationError(f"{protocol_path} and {rig_path}", mistakes) from other
         raise
     return _ReadFiles(protocol, definition, read_rig(rig_path))
-
-
-def _create_run_file(run_path: Path, header: RunHeader, rig_file: RigFile, rig: Rig) -> Recorder:
-    return Recorder(
-        run_path,
-        header,
-        {name: camera.info for name, camera in rig.cameras.items()},
-        stage=None if rig.stage is None else rig.stage.info,
-        load_frame=None if rig.load_frame is None else rig.load_frame.info,
-        settings=rig_file.recording,
-    )

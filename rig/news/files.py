@@ -4,6 +4,7 @@ import json
 import os
 import stat
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -32,7 +33,7 @@ def heartbeat_path(run_path: Path) -> Path:
     return run_path.with_suffix(".heartbeat.json")
 
 
-class _Follower(threading.Thread):
+class _Follower(threading.Thread, ABC):
     """A thread that writes a news file. `failure` says why writing failed; empty if all was written."""
 
     def __init__(self, path: Path, name: str) -> None:
@@ -46,8 +47,9 @@ class _Follower(threading.Thread):
         except OSError as error:
             self.failure = f"{self.path}: {error.strerror or error}; it is not written any more"
 
+    @abstractmethod
     def _follow(self) -> None:
-        raise NotImplementedError
+        """Write until the end of the run."""
 
     def finish(self, timeout_s: float) -> list[str]:
         """Wait for the last write, and return the error message of a failed write."""

@@ -1,5 +1,6 @@
 """The table `[grid]` of a protocol: the calibration target that the operator attaches to the specimen."""
 
+from abc import ABC, abstractmethod
 from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -7,7 +8,17 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from drivers.settings import Settings
 
 
-class Grid(Settings):
+class _Target(Settings, ABC):
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Number of lines, squares or dots of the calibration target along X and along Y."""
+        return self._counts()
+
+    @abstractmethod
+    def _counts(self) -> tuple[int, int]: ...
+
+
+class Grid(_Target):
     """The calibration grid of lines. The default is the paper's grid, 10 mm x 10 mm."""
 
     target: Literal["lines"] = "lines"
@@ -15,13 +26,11 @@ class Grid(Settings):
     lines_y: int = Field(default=21, ge=4, le=1000, description="number of lines crossed on a path along Y")
     pitch_mm: float = Field(default=0.5, gt=0.0, description="distance between neighbouring lines")
 
-    @property
-    def counts(self) -> tuple[int, int]:
-        """Number of lines, squares or dots of the calibration target along X and along Y."""
+    def _counts(self) -> tuple[int, int]:
         return self.lines_x, self.lines_y
 
 
-class CheckerboardGrid(Settings):
+class CheckerboardGrid(_Target):
     """A checkerboard of dark and bright squares."""
 
     target: Literal["checkerboard"]
@@ -29,9 +38,7 @@ class CheckerboardGrid(Settings):
     squares_y: int = Field(ge=5, le=1000, description="number of whole squares along Y")
     pitch_mm: float = Field(gt=0.0, description="length of the side of a square")
 
-    @property
-    def counts(self) -> tuple[int, int]:
-        """Number of lines, squares or dots of the calibration target along X and along Y."""
+    def _counts(self) -> tuple[int, int]:
         return self.squares_x, self.squares_y
 
 
@@ -49,7 +56,7 @@ class CharucoGrid(CheckerboardGrid):
         return self
 
 
-class DotGrid(Settings):
+class DotGrid(_Target):
     """Round dots on a square lattice."""
 
     target: Literal["dots"]
@@ -57,9 +64,7 @@ class DotGrid(Settings):
     dots_y: int = Field(ge=5, le=1000, description="number of dots along Y")
     pitch_mm: float = Field(gt=0.0, description="distance between the centres of neighbouring dots")
 
-    @property
-    def counts(self) -> tuple[int, int]:
-        """Number of lines, squares or dots of the calibration target along X and along Y."""
+    def _counts(self) -> tuple[int, int]:
         return self.dots_x, self.dots_y
 
 

@@ -55,24 +55,24 @@ def test_a_load_cell_that_drifts_before_the_first_increment_moves_nothing(tmp_pa
     assert result.target_n == 0.0
 
 
-def test_a_fast_drift_in_an_increment_ends_the_run_before_the_next_increment(tmp_path, monkeypatch):
-    case = draw(random.Random(8))
-    drift_n_s = round(0.1 * case.increment_n)
-    begin_n = 1.3 * case.increment_n
+def drive_drifting(seed, begin_increments, tmp_path, monkeypatch):
+    """A test whose load cell drifts by a tenth of an increment per second from a load on."""
+    case = draw(random.Random(seed))
+    drift_n_s, begin_n = round(0.1 * case.increment_n), begin_increments * case.increment_n
     result = drive(case, tmp_path, monkeypatch, f"drifting-load:{drift_n_s}", lambda n: n >= begin_n)
     assert result.outcome.status == "failed"
-    assert "the load cell drifts" in result.outcome.reason
     assert result.target_n == 2 * case.increment_n
+    return result
+
+
+def test_a_fast_drift_in_an_increment_ends_the_run_before_the_next_increment(tmp_path, monkeypatch):
+    result = drive_drifting(8, 1.3, tmp_path, monkeypatch)
+    assert "the load cell drifts" in result.outcome.reason
 
 
 def test_a_drift_in_an_elastic_increment_overloads_no_specimen(tmp_path, monkeypatch):
-    case = draw(random.Random(11_013))
-    drift_n_s = round(0.1 * case.increment_n)
-    begin_n = 1.1 * case.increment_n
-    result = drive(case, tmp_path, monkeypatch, f"drifting-load:{drift_n_s}", lambda n: n >= begin_n)
-    assert result.outcome.status == "failed"
+    result = drive_drifting(11_013, 1.1, tmp_path, monkeypatch)
     assert "the load cell drifts, or the specimen yields" in result.outcome.reason
-    assert result.target_n == 2 * case.increment_n
     assert result.over <= OVER_MAX
 
 

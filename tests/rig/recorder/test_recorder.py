@@ -8,7 +8,6 @@ import subprocess
 import sys
 import textwrap
 import threading
-from datetime import UTC, datetime
 from pathlib import Path
 
 import h5py
@@ -17,26 +16,13 @@ import pytest
 
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame
 from rig.errors import RecordingError
-from rig.protocol.grid import Grid
 from rig.protocol.step import ProtocolStep, Reading
-from rig.protocol.tables import Sample
-from rig.recorder import Recorder, RunHeader, StepRecord
+from rig.recorder import Recorder, StepRecord
 from rig.recorder.space import CLOSING_BYTES
 from rig.recording import RecordingSettings
 from tests.places import ROOT
+from tests.run_files import HEADER, START
 
-START = datetime(2026, 3, 4, 5, 6, 7, 89000, tzinfo=UTC)
-HEADER = RunHeader(
-    title="Rotation at 30°",
-    run_id="r1",
-    definition="µ",
-    configuration="",
-    start=START,
-    versions="python 3",
-    sample=Sample(name="sheet", thickness_mm=1.0, width_mm=25.0, gauge_length_mm=60.0),
-    grid=Grid(),
-    simulated=True,
-)
 CAMERA = CameraInfo("v", "m", "s", width_px=5, height_px=4, bits=12)
 
 

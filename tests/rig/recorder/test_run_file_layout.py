@@ -12,7 +12,7 @@ from drivers.interfaces import CameraInfo, DeviceInfo, Frame, LoadFrameState, St
 from rig.protocol.step import ProtocolStep, Reading
 from rig.recorder import Recorder, StepRecord
 from tests.places import DOCS
-from tests.rig.recorder.test_recorder import HEADER, START
+from tests.run_files import HEADER, START
 
 CAMERAS = {
     "front": CameraInfo("v", "m", "s", width_px=5, height_px=4, bits=12),
