@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dic.errors import RunFileError
+    from dic.runfile.interlocks import RunInterlock
     from dic.runfile.reader import RunFile, RunInfo, RunStep
     from rig.commands.repair import Repair, repair_run
-    from rig.commands.verify import CameraCheck, Verification, verify_run
+    from rig.commands.verify import CameraCheck, InterlockCheck, Verification, verify_run
     from rig.devices import Rig, open_rig
     from rig.engine.engine import Engine
     from rig.engine.signals import aborting_on_signals
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
     from rig.protocol.rotation import RotationProtocol
     from rig.protocol.step import ProtocolStep, Reading
     from rig.protocol.tension import TensionProtocol
-    from rig.recorder import Recorder, RunHeader, StepRecord
+    from rig.recorder import InterlockRecord, Recorder, RunHeader, StepRecord
     from rig.replay.replay import Replay, replay_run
     from rig.rigfile import DeviceEntry, RigFile, read_rig
     from rig.run import plan_protocol, run_protocol
@@ -55,6 +56,8 @@ __all__ = [
     "CameraCheck",
     "DeviceEntry",
     "Engine",
+    "InterlockCheck",
+    "InterlockRecord",
     "LimitViolation",
     "NewsOptions",
     "Outcome",
@@ -78,6 +81,7 @@ __all__ = [
     "RunFileError",
     "RunHeader",
     "RunInfo",
+    "RunInterlock",
     "RunStep",
     "SettleTimeout",
     "SpecimenBroken",
@@ -101,9 +105,10 @@ __all__ = [
 
 _NAMES_OF = {
     "dic.errors": ("RunFileError",),
+    "dic.runfile.interlocks": ("RunInterlock",),
     "dic.runfile.reader": ("RunFile", "RunInfo", "RunStep"),
     "rig.commands.repair": ("Repair", "repair_run"),
-    "rig.commands.verify": ("CameraCheck", "Verification", "verify_run"),
+    "rig.commands.verify": ("CameraCheck", "InterlockCheck", "Verification", "verify_run"),
     "rig.devices": ("Rig", "open_rig"),
     "rig.engine.engine": ("Engine",),
     "rig.engine.signals": ("aborting_on_signals",),
@@ -126,7 +131,7 @@ _NAMES_OF = {
     "rig.protocol.rotation": ("RotationProtocol",),
     "rig.protocol.step": ("ProtocolStep", "Reading"),
     "rig.protocol.tension": ("TensionProtocol",),
-    "rig.recorder": ("Recorder", "RunHeader", "StepRecord"),
+    "rig.recorder": ("InterlockRecord", "Recorder", "RunHeader", "StepRecord"),
     "rig.replay.replay": ("Replay", "replay_run"),
     "rig.rigfile": ("DeviceEntry", "RigFile", "read_rig"),
     "rig.run": ("plan_protocol", "run_protocol"),

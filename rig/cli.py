@@ -242,6 +242,10 @@ def verify(run_file: Path, json_path: Path | None, force: bool) -> None:
         f"{name}: {camera.valid} images, {camera.in_steps} in finished steps, {len(camera.damaged)} damaged"
         for name, camera in found.cameras.items()
     ]
+    lines += [
+        f"interlock {name}: {interlock.readings} readings, {interlock.outside} outside its range"
+        for name, interlock in found.interlocks.items()
+    ]
     lines += [f"digest: {found.digest}"]
     lines += [f"not good: {problem}" for problem in found.problems]
     _finish(lines, asdict(found) | {"path": str(found.path)}, json_path, good=not found.problems)

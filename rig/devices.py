@@ -99,6 +99,7 @@ class Rig:
         """True if the rig file declares a simulation or if any device of the rig is simulated."""
         infos: list[DeviceInfo] = [camera.info for camera in self.cameras.values()]
         infos += [device.info for device in (self.stage, self.load_frame) if device is not None]
+        infos += [interlock.device.info for interlock in self.interlocks.values()]
         return self.virtual or any(info.simulated for info in infos)
 
 

@@ -203,6 +203,8 @@ def _read_interlocks(tables: object, mistakes: list[str]) -> dict[str, Interlock
     interlocks = {}
     for name, table in tables.items():
         where = f"interlocks.{name}"
+        if not name.isidentifier():
+            mistakes.append(f"{where}: a name of letters, digits and _ is expected, such as door")
         if not isinstance(table, dict):
             mistakes.append(f'{where}: a table with driver = "NAME" is expected; add the driver')
             continue

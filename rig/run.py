@@ -20,7 +20,7 @@ from rig.news.run_news import NewsOptions, RunNews
 from rig.plan import Plan, make_plan, require_feasible
 from rig.protocol.protocol import Protocol, read_protocol, read_protocol_text
 from rig.recorder import Recorder, StepRecord, run_file_exists
-from rig.recorder.header import make_header
+from rig.recorder.header import interlock_records, make_header
 from rig.resume import Earlier, read_earlier, require_same_folder, require_unchanged
 from rig.rigfile import RigFile, read_rig
 
@@ -158,6 +158,7 @@ def _begin_recording(files: _ReadFiles, rig: Rig, run_path: Path, told: RunNews,
         {name: camera.info for name, camera in rig.cameras.items()},
         stage=None if rig.stage is None else rig.stage.info,
         load_frame=None if rig.load_frame is None else rig.load_frame.info,
+        interlocks=interlock_records(rig),
         settings=files.rig_file.recording,
     )
     for caution in cautions(files.rig_file):

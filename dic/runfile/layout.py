@@ -27,6 +27,18 @@ def camera_names(file: Any) -> list[str]:
     return names
 
 
+def interlock_names(file: Any) -> list[str]:
+    """Return the names of the interlocks in an open run file; files of earlier programs have none."""
+    entry = _group(file, "entry")
+    if schema.INTERLOCKS_GROUP not in entry:
+        return []
+    names = list(_group(entry, schema.INTERLOCKS_GROUP))
+    for name in names:
+        if not name.isidentifier():
+            raise Unlike(f"an interlock with the name {name!r}")
+    return names
+
+
 def require_layout(file: Any) -> None:
     """Check all types, dimensions and lengths of a run file.
 
@@ -53,6 +65,12 @@ def require_layout(file: Any) -> None:
     for name, layout in _DEVICES.items():
         if name in file["entry/instrument"]:
             _table(_group(file, f"entry/instrument/{name}"), layout)
+    for name in interlock_names(file):
+        group = _group(file, f"entry/{schema.INTERLOCKS_GROUP}/{name}")
+        _table(group, schema.INTERLOCK)
+        missing = [attribute for attribute in schema.INTERLOCK.attributes if attribute not in group.attrs]
+        if missing:
+            raise Unlike(f"the interlock {name} without {missing[0]}")
     _table(_group(file, "entry/steps"), schema.steps(cameras))
     _table(_group(file, "entry/events"), schema.EVENTS)
 

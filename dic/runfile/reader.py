@@ -16,6 +16,7 @@ from dic.hdf5.open import NotReadable, open_hdf5
 from dic.runfile import schema, superblock
 from dic.runfile.chunks import pixel_places
 from dic.runfile.digests import BLOCK_BYTES, file_digest, frame_digest, read_user_block
+from dic.runfile.interlocks import RANGE, read_interlocks
 from dic.runfile.layout import Unlike, camera_names, require_layout
 
 
@@ -73,6 +74,8 @@ class RunFile:
         Length of a marker's side, and OpenCV's dictionary of the markers, for a ChArUco board.
     cameras : list of str
         Names of the cameras.
+    interlocks : dict of str to RunInterlock
+        The interlocks by name; empty for a run without interlocks.
     steps : list of RunStep
         All finished steps, in order.
 
@@ -180,8 +183,9 @@ class RunFile:
             raise self._damaged(f"a damaged image {row} of {camera}") from error
 
     def columns(self, table: str) -> dict[str, NDArray[Any]]:
-        """Return the complete rows of a table below the entry, such as "instrument/stage", by column.
+        """Return the complete rows of a table below the entry, by column.
 
+        A table's name is, for example, "instrument/stage" or, for the interlock door, "interlocks/door".
         A table that the run does not have gives an empty dict.
         """
         group = self._file["entry"].get(table)
@@ -197,10 +201,14 @@ class RunFile:
         return int(height), int(width)
 
     def identity(self, device: str) -> dict[str, Any]:
-        """Return the attributes of a camera, of "stage" or of "load_frame": vendor, model and others."""
-        attributes = dict(self._detectors[device].attrs)
-        attributes.pop("NX_class", None)
-        return attributes
+        """Return vendor, model, serial number and firmware of a device, and the bits of a camera.
+
+        A device's name is a camera's name, "stage", "load_frame" or, for the interlock door,
+        "interlocks.door".
+        """
+        folder, dot, name = device.partition(".")
+        group = self._file["entry"][folder][name] if dot else self._detectors[device]
+        return {key: value for key, value in group.attrs.items() if key not in {"NX_class", *RANGE}}
 
     def _reads(self, camera: str, row: int) -> bool:
         try:
@@ -275,6 +283,7 @@ class RunFile:
             self.grid_dictionary = _text(entry["grid"]["dictionary"])
         self._detectors = entry["instrument"]
         self.cameras = camera_names(self._file)
+        self.interlocks = read_interlocks(self._file)
         self._rows_on_file = {
             name: np.flatnonzero(self._detectors[name]["valid"][:] == 1).tolist() for name in self.cameras
         }

@@ -145,6 +145,14 @@ LOAD_FRAME = Group(
     ),
     _IDENTITY,
 )
+INTERLOCKS_GROUP = "interlocks"
+"""Name of the group that has one table for each interlock; a run without interlocks has no such group."""
+INTERLOCKS = Group("NXcollection")
+INTERLOCK = Group(
+    "NXsensor",
+    (Item("value", "float64", "by attribute unit"), ORDER, Item("time_s", "float64", "s")),
+    (*_IDENTITY, "unit", "allowed_min", "allowed_max"),
+)
 STEP_ITEMS = (
     Item("index", "int64", "1"),
     Item("kind", "S16"),

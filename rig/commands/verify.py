@@ -3,9 +3,10 @@
 import hashlib
 import math
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 from pydantic import ValidationError
 
 from dic.runfile.lock import is_recorded
@@ -26,6 +27,14 @@ class CameraCheck:
 
 
 @dataclass(frozen=True)
+class InterlockCheck:
+    """Number of an interlock's readings in the file, and number of readings outside its allowed range."""
+
+    readings: int
+    outside: int
+
+
+@dataclass(frozen=True)
 class Verification:
     """The result of `rig verify` for one run file.
 
@@ -41,6 +50,7 @@ class Verification:
     digest : str
         Result of the check of the file's own digest, which covers everything but the images: "right" or
         "wrong". "none" if the file has no digest, because an old program recorded it or it was not closed.
+    interlocks : dict of str to InterlockCheck
     """
 
     path: Path
@@ -51,6 +61,7 @@ class Verification:
     cameras: dict[str, CameraCheck]
     problems: list[str]
     digest: str = "none"
+    interlocks: dict[str, InterlockCheck] = field(default_factory=dict)
 
 
 def verify_run(path: str | Path) -> Verification:
@@ -78,12 +89,22 @@ def verify_run(path: str | Path) -> Verification:
         problems += [] if begun else ["the steps are out of order"]
         problems += _check_steps(run) + _check_files(run.info, bool(planned))
         cameras = {name: _check_camera(run, name, problems) for name in run.cameras}
+        interlocks = {name: _check_interlock(run, name, problems) for name in run.interlocks}
+        problems += _missing_interlocks(run)
         matches = run.digest_matches()
         if matches is False:
             problems.append("the digest of the file is wrong: something was changed after the run")
         digest = "none" if matches is None else "right" if matches else "wrong"
         return Verification(
-            run.path, status, run.info.status_reason, done, len(planned), cameras, problems, digest
+            run.path,
+            status,
+            run.info.status_reason,
+            done,
+            len(planned),
+            cameras,
+            problems,
+            digest,
+            interlocks,
         )
 
 
@@ -115,6 +136,32 @@ def _check_files(info: RunInfo, planned: bool) -> list[str]:
     elif info.definition and not planned:
         problems.append("the protocol in the run cannot be read")
     return problems
+
+
+def _check_interlock(run: RunFile, name: str, problems: list[str]) -> InterlockCheck:
+    """Check the readings of one interlock, and append each problem to `problems`."""
+    allowed, values = run.interlocks[name], run.columns(f"interlocks/{name}")["value"]
+    good = (values >= allowed.allowed_min) & (values <= allowed.allowed_max)
+    outside = int(np.count_nonzero(~good))
+    if outside and run.info.status == "completed":
+        problems.append(f"interlock {name}: {outside} readings are outside its range, but the run went on")
+    machines = [run.columns(f"instrument/{device}") for device in ("load_frame", "stage")]
+    expected = max((len(table["time_s"]) for table in machines if table), default=len(values))
+    # The run may have ended between two readings. A killed program may have left one table longer.
+    spare = {"completed": 0, "running": expected}.get(run.info.status, 1)
+    if abs(expected - len(values)) > spare:
+        problems.append(f"interlock {name}: {len(values)} readings on file, {expected} of the machines")
+    return InterlockCheck(len(values), outside)
+
+
+def _missing_interlocks(run: RunFile) -> list[str]:
+    """Return one sentence for each interlock of the rig file whose readings are missing in the run file."""
+    try:
+        declared = tomllib.loads(run.info.configuration).get("interlocks", {})
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return []
+    names = declared if isinstance(declared, dict) else {}
+    return [f"interlock {name}: its readings are missing" for name in names if name not in run.interlocks]
 
 
 def _check_camera(run: RunFile, name: str, problems: list[str]) -> CameraCheck:

@@ -237,9 +237,9 @@ class CalledInterlock:
         """Begin to read the value."""
         return self.calls.begin(f"interlocks.{self.name}", "read", self.interlock.device.read, self.deadline)
 
-    def finish(self, call: Call[InterlockState], step: str) -> None:
-        """Wait for the interlock's value; raise `InterlockOpen` if the value is out of bounds."""
-        self.interlock.require_good(self.name, self.calls.finish(call), step)
+    def require_good(self, state: InterlockState, step: str) -> None:
+        """Raise `InterlockOpen` if the interlock's value is out of bounds."""
+        self.interlock.require_good(self.name, state, step)
 
 
 @dataclass(frozen=True)

@@ -235,3 +235,6 @@ class _Unrecorded:
 
     def stage_state(self, state: Any) -> None:
         pass
+
+    def interlock_state(self, name: str, state: Any) -> None:
+        pass

@@ -1,19 +1,19 @@
-"""Read the stage and the load frame together, record every reading, and check it against the limits."""
+"""Read stage, load frame and interlocks together, record every reading, and check it against the limits."""
 
 import math
 
 from drivers.clock import Clock
 from drivers.errors import DeviceFault
-from drivers.interfaces import LoadFrameState
-from rig.engine.calls import Calls
-from rig.engine.devices import Devices
+from drivers.interfaces import InterlockState, LoadFrameState
+from rig.engine.calls import Call, Calls
+from rig.engine.devices import CalledInterlock, Devices
 from rig.engine.watch import Watch
 from rig.protocol.step import Reading
 from rig.recorder import Recorder
 
 
 class Monitor:
-    """Takes readings of the stage and the load frame.
+    """Takes readings of the stage, the load frame and the interlocks.
 
     Parameters
     ----------
@@ -36,14 +36,16 @@ class Monitor:
         self.homed = False
 
     def read(self, step: str) -> Reading:
-        """Read the stage and the load frame. Each reading also feeds the watchdog of the load frame.
+        """Read all devices but the cameras. Each reading also feeds the watchdog of the load frame.
 
         Raises
         ------
         DeviceError
             If a device does not answer or reports a fault.
         LimitViolation, SpecimenBroken
-            If the reading violates a limit of the run, or an interlock's value is out of bounds.
+            If the reading violates a limit of the run.
+        InterlockOpen
+            If an interlock's value is out of bounds.
         """
         load_n = displacement_mm = angle_deg = math.nan
         time_s, moving = -math.inf, False
@@ -68,11 +70,17 @@ class Monitor:
         time_s = self._clock.now_s() if time_s == -math.inf else time_s
         reading = Reading(time_s, load_n, displacement_mm, angle_deg, moving)
         self._watch.check(reading, step)
-        # Read the interlocks after the limits were checked, because a slow interlock must not delay this
-        # check.
-        for interlock, call in of_interlocks:
-            interlock.finish(call, step)
+        # Wait for the interlocks after the limits were checked, because a slow interlock must not delay this
+        # check. Record all values before one of them ends the run.
+        values = [(interlock, self._record(interlock, call)) for interlock, call in of_interlocks]
+        for interlock, value in values:
+            interlock.require_good(value, step)
         return reading
+
+    def _record(self, interlock: CalledInterlock, call: Call[InterlockState]) -> InterlockState:
+        state = self._calls.finish(call)
+        self._recorder.interlock_state(interlock.name, state)
+        return state
 
 
 def _require_no_faults(state: LoadFrameState, step: str) -> None:

@@ -14,7 +14,7 @@ from dic.runfile.chunks import pixel_places
 from dic.runfile.digests import BLOCK_BYTES, UserBlock, file_digest
 from dic.runfile.superblock import SUPERBLOCK_BYTES, mark_closed
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame
-from rig.recorder.records import RunHeader, StepRecord
+from rig.recorder.records import NO_INTERLOCKS, InterlockRecord, RunHeader, StepRecord
 from rig.recorder.space import ReservedSpace
 from rig.recorder.tables import CameraTable, Table, create_entry, create_group, create_text, fit
 
@@ -43,6 +43,7 @@ class OpenRunFile:
     cameras : mapping of str to CameraInfo
     devices : mapping of str to DeviceInfo
         The identities of ``stage`` and ``load_frame``, as far as the rig has them.
+    interlocks : mapping of str to InterlockRecord, optional
     """
 
     def __init__(
@@ -51,6 +52,7 @@ class OpenRunFile:
         header: RunHeader,
         cameras: Mapping[str, CameraInfo],
         devices: Mapping[str, DeviceInfo],
+        interlocks: Mapping[str, InterlockRecord] = NO_INTERLOCKS,
     ) -> None:
         self._path = path
         # Mode "x" raises an error for an existing file and never overwrites that file.
@@ -63,8 +65,9 @@ class OpenRunFile:
         try:
             self._space = ReservedSpace(self._descriptor)
             texts = [header.definition, header.configuration, header.provenance, *header.devices.values()]
-            self.require_space(len("".join(texts).encode()) + (len(cameras) + 4) * ROW_BYTES)
-            self._create(header, cameras, devices)
+            tables = len(cameras) + len(interlocks) + 4
+            self.require_space(len("".join(texts).encode()) + tables * ROW_BYTES)
+            self._create(header, cameras, devices, interlocks)
             _synchronise_folder(path.parent)
         except BaseException:
             self.abandon()
@@ -73,7 +76,11 @@ class OpenRunFile:
             raise
 
     def _create(
-        self, header: RunHeader, cameras: Mapping[str, CameraInfo], devices: Mapping[str, DeviceInfo]
+        self,
+        header: RunHeader,
+        cameras: Mapping[str, CameraInfo],
+        devices: Mapping[str, DeviceInfo],
+        interlocks: Mapping[str, InterlockRecord],
     ) -> None:
         self._entry = create_entry(self._hdf5, header)
         instrument = create_group(self._entry, "instrument", schema.INSTRUMENT)
@@ -85,6 +92,8 @@ class OpenRunFile:
         }
         for name in (*self._cameras, *self._states):
             create_text(instrument[name], schema.SETTINGS, header.devices.get(name, "{}"))
+        if interlocks:
+            self._create_interlocks(header, interlocks)
         steps = schema.steps(cameras)
         self._steps = Table(create_group(self._entry, "steps", steps), steps)
         self._events = Table(create_group(self._entry, "events", schema.EVENTS), schema.EVENTS)
@@ -100,6 +109,14 @@ class OpenRunFile:
         self._write_block(UserBlock(self._superblock))
         self.synchronise()
 
+    def _create_interlocks(self, header: RunHeader, interlocks: Mapping[str, InterlockRecord]) -> None:
+        parent = create_group(self._entry, schema.INTERLOCKS_GROUP, schema.INTERLOCKS)
+        for name, interlock in interlocks.items():
+            device = f"{schema.INTERLOCKS_GROUP}.{name}"
+            group = create_group(parent, name, schema.INTERLOCK, interlock)
+            self._states[device] = Table(group, schema.INTERLOCK)
+            create_text(group, schema.SETTINGS, header.devices.get(device, "{}"))
+
     def require_space(self, size: int) -> None:
         """Reserve disk space for `size` more bytes and for closing the file; OSError if the space is not
         available."""
@@ -110,7 +127,7 @@ class OpenRunFile:
         self._cameras[camera].append(frame, step, digest, order)
 
     def add_state(self, device: str, values: Mapping[str, float]) -> None:
-        """Add a reading of the stage or of the load frame."""
+        """Add a reading of the stage, of the load frame, or of an interlock such as ``interlocks.door``."""
         self._states[device].append(**values)
 
     def add_step(self, record: StepRecord, order: int) -> None:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import os
 import platform
 import shlex
@@ -15,7 +16,7 @@ import h5py
 
 from rig.devices import Rig
 from rig.protocol.protocol import Protocol
-from rig.recorder.records import RunHeader
+from rig.recorder.records import InterlockRecord, RunHeader
 from rig.rigfile import DeviceEntry, RigFile
 
 _PACKAGES = ("offaxis", "numpy", "h5py", "pydantic")
@@ -43,6 +44,24 @@ def make_header(
     )
 
 
+def interlock_records(rig: Rig) -> dict[str, InterlockRecord]:
+    """Return the interlocks of an opened rig as the run file describes them."""
+    records = {}
+    for name, each in rig.interlocks.items():
+        info = each.device.info
+        records[name] = InterlockRecord(
+            vendor=info.vendor,
+            model=info.model,
+            serial=info.serial,
+            firmware=info.firmware,
+            simulated=info.simulated,
+            unit=each.device.unit,
+            allowed_min=-math.inf if each.allowed_min is None else each.allowed_min,
+            allowed_max=math.inf if each.allowed_max is None else each.allowed_max,
+        )
+    return records
+
+
 def _devices(rig_file: RigFile, rig: Rig) -> dict[str, str]:
     opened: dict[str, tuple[DeviceEntry | None, Any]] = {
         name: (rig_file.cameras.get(name), camera) for name, camera in rig.cameras.items()
@@ -51,6 +70,9 @@ def _devices(rig_file: RigFile, rig: Rig) -> dict[str, str]:
         opened["stage"] = rig_file.stage, rig.stage
     if rig.load_frame is not None:
         opened["load_frame"] = rig_file.load_frame, rig.load_frame
+    for name, interlock in rig.interlocks.items():
+        entry = rig_file.interlocks.get(name)
+        opened[f"interlocks.{name}"] = None if entry is None else entry.device, interlock.device
     return {name: _json(_device(*found)) for name, found in opened.items()}
 
 

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from dic.runfile import schema
 from dic.runfile.digests import frame_digest
 from drivers.clock import SystemClock
-from drivers.interfaces import CameraInfo, DeviceInfo, Frame, LoadFrameState, StageState
+from drivers.interfaces import CameraInfo, DeviceInfo, Frame, InterlockState, LoadFrameState, StageState
 from rig.errors import RecordingError
 from rig.recorder.file import OpenRunFile
-from rig.recorder.records import RunHeader, StepRecord
+from rig.recorder.records import NO_INTERLOCKS, InterlockRecord, RunHeader, StepRecord
 from rig.recorder.writer import Job, Writer
 from rig.recording import RecordingSettings
 
@@ -46,6 +46,8 @@ class Recorder:
         The description of each camera, by the camera's name in the rig file.
     stage, load_frame : DeviceInfo or None
         The descriptions of the stage and the load frame; None for a missing device.
+    interlocks : mapping of str to InterlockRecord, optional
+        The interlocks, by their names in the rig file.
     settings : RecordingSettings, optional
     """
 
@@ -57,6 +59,7 @@ class Recorder:
         *,
         stage: DeviceInfo | None = None,
         load_frame: DeviceInfo | None = None,
+        interlocks: Mapping[str, InterlockRecord] = NO_INTERLOCKS,
         settings: RecordingSettings | None = None,
     ) -> None:
         self.path = Path(path)
@@ -64,8 +67,9 @@ class Recorder:
         self._cameras = dict(cameras)
         devices = {"stage": stage, "load_frame": load_frame}
         self._devices = {name: info for name, info in devices.items() if info is not None}
+        self._interlocks = frozenset(interlocks)
         try:
-            file = OpenRunFile(self.path, header, self._cameras, self._devices)
+            file = OpenRunFile(self.path, header, self._cameras, self._devices, interlocks)
         except FileExistsError as error:
             raise run_file_exists(self.path) from error
         except (OSError, RuntimeError, ValueError) as error:
@@ -106,12 +110,20 @@ class Recorder:
     def load_frame_state(self, state: LoadFrameState) -> None:
         """Append a reading of the load frame, if the rig has a load frame."""
         values = {name: getattr(state, name) for name in _LOAD_FRAME}
-        self._state("load_frame", "recording the load", values)
+        if "load_frame" in self._devices:
+            self._state("load_frame", "recording the load", values)
 
     def stage_state(self, state: StageState) -> None:
         """Append a reading of the stage, if the rig has a stage."""
         values = {name: getattr(state, name) for name in _STAGE}
-        self._state("stage", "recording the angle", values)
+        if "stage" in self._devices:
+            self._state("stage", "recording the angle", values)
+
+    def interlock_state(self, name: str, state: InterlockState) -> None:
+        """Append a reading of an interlock, if the run file has this interlock."""
+        values = {"value": state.value, "time_s": state.time_s}
+        if name in self._interlocks:
+            self._state(f"{schema.INTERLOCKS_GROUP}.{name}", f"recording interlock {name}", values)
 
     def step(self, record: StepRecord) -> "Future[None]":
         """Append a finished step; the future is done when the step and its images are on the disk."""
@@ -192,10 +204,9 @@ class Recorder:
         return np.array(image, dtype, order="C")
 
     def _state(self, device: str, what: str, values: Mapping[str, float]) -> None:
-        if device in self._devices:
-            with self._order:
-                numbered = {**values, "order": next(self._numbers)}
-                self._put(what, lambda file: file.add_state(device, numbered))
+        with self._order:
+            numbered = {**values, "order": next(self._numbers)}
+            self._put(what, lambda file: file.add_state(device, numbered))
 
     def _put(self, what: str, write: Callable[[OpenRunFile], None], **options: Any) -> "Future[None]":
         """Give a job to the writer's thread; raise `RecordingError` if this thread cannot write any more."""

@@ -1,9 +1,11 @@
 """Records for the run file: the data about a run, and its finished steps."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 
+from drivers.interfaces import DeviceInfo
 from rig.protocol.grid import AnyGrid
 from rig.protocol.step import ProtocolStep, Reading
 from rig.protocol.tables import Sample
@@ -25,7 +27,8 @@ class RunHeader:
     provenance : str
         The command line, the folder, the computer and the process of the program, as JSON.
     devices : mapping of str to str
-        For each device of the run file (a camera's name, ``stage``, ``load_frame``) its settings, as JSON.
+        For each device of the run file (a camera's name, ``stage``, ``load_frame``, or for the interlock door
+        ``interlocks.door``) its settings, as JSON.
     continues : str
         The earlier run that this run continues, as JSON; empty if there is no earlier run.
     """
@@ -42,6 +45,21 @@ class RunHeader:
     provenance: str = "{}"
     devices: Mapping[str, str] = field(default_factory=dict)
     continues: str = ""
+
+
+@dataclass(frozen=True)
+class InterlockRecord(DeviceInfo):
+    """An interlock of a run: its identity, and the range of its value in which the run continues.
+
+    A missing bound is -inf or inf.
+    """
+
+    unit: str = ""
+    allowed_min: float = -math.inf
+    allowed_max: float = math.inf
+
+
+NO_INTERLOCKS: Mapping[str, InterlockRecord] = {}
 
 
 @dataclass(frozen=True)

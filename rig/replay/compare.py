@@ -17,6 +17,7 @@ def differences(run: RunFile, replayed: RunFile) -> list[str]:
     """Return one sentence for each difference in images, readings and steps; none if both are identical."""
     found = []
     tables = ["steps", *(f"instrument/{name}" for name in ("stage", "load_frame", *run.cameras))]
+    tables += [f"interlocks/{name}" for name in sorted(run.interlocks.keys() | replayed.interlocks.keys())]
     for table in tables:
         found += _of_tables(table, run.columns(table), replayed.columns(table))
     for camera in run.cameras:

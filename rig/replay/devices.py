@@ -11,6 +11,7 @@ from drivers.interfaces import (
     CameraInfo,
     DeviceInfo,
     Frame,
+    InterlockState,
     LoadFrameLimits,
     LoadFrameState,
     OperatorAction,
@@ -21,7 +22,7 @@ from rig.replay.script import Script
 _LAG_S = 1e-9
 """Time in s by which the replay's clock stays behind the record, to allow for rounding errors."""
 
-S = TypeVar("S", bound=StageState | LoadFrameState)
+S = TypeVar("S", bound=StageState | LoadFrameState | InterlockState)
 
 
 class Readings(Generic[S]):
@@ -115,6 +116,22 @@ class ReplayedLoadFrame:
 
     def tare(self) -> None:
         """Do nothing."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class ReplayedInterlock:
+    """An interlock of an archived run."""
+
+    def __init__(self, info: DeviceInfo, unit: str, readings: Readings[InterlockState]) -> None:
+        self.info = info
+        self.unit = unit
+        self.readings = readings
+
+    def read(self) -> InterlockState:
+        """Return the next reading."""
+        return self.readings.next()
 
     def close(self) -> None:
         """Do nothing."""

@@ -1,6 +1,7 @@
 """Replay a run: the same protocol, engine and recorder, with devices that return the recorded data."""
 
 import json
+import math
 import shlex
 import sys
 import tempfile
@@ -9,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,15 +21,17 @@ from dic.runfile.reader import RunFile
 from drivers.clock import VirtualClock
 from drivers.errors import DeviceError
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame, LoadFrameState, StageState
-from rig.devices import Rig
+from rig.devices import OpenedInterlock, Rig
 from rig.engine.engine import Engine
 from rig.engine.status import Outcome
 from rig.protocol.protocol import Protocol, parse_protocol
 from rig.recorder import Recorder, RunHeader
+from rig.recorder.header import interlock_records
 from rig.replay.compare import differences
 from rig.replay.devices import (
     Readings,
     ReplayedCamera,
+    ReplayedInterlock,
     ReplayedLoadFrame,
     ReplayedOperator,
     ReplayedStage,
@@ -87,7 +91,9 @@ def replay_run(path: str | Path, new_path: str | Path | None = None) -> Replay:
         with RunFile(place) as replayed:
             found = differences(run, replayed)
             images = sum(len(replayed.rows_on_file(name)) for name in replayed.cameras)
-            tables = [replayed.columns(f"instrument/{name}") for name in ("stage", "load_frame")]
+            names = [f"instrument/{name}" for name in ("stage", "load_frame")]
+            names += [f"interlocks/{name}" for name in replayed.interlocks]
+            tables = [replayed.columns(name) for name in names]
             readings = sum(len(table["time_s"]) for table in tables if table)
             steps = len(replayed.steps)
         return Replay(outcome, run.info.status, images, readings, steps, found)
@@ -115,6 +121,15 @@ def _feed(script: Script, protocol: Protocol, place: Path) -> Outcome:
     if script.load_frame:
         of_frame = readings = Readings("load_frame", script.load_frame_state, clock, ended)
         load_frame = ReplayedLoadFrame(DeviceInfo(**run.identity("load_frame")), of_frame)
+    interlocks = {}
+    for name, range_of in run.interlocks.items():
+        values = Readings(f"interlocks.{name}", partial(script.interlock_state, name), clock, ended)
+        info = DeviceInfo(**run.identity(f"interlocks.{name}"))
+        interlocks[name] = OpenedInterlock(
+            ReplayedInterlock(info, range_of.unit, values),
+            _bound(range_of.allowed_min),
+            _bound(range_of.allowed_max),
+        )
     cameras = {name: ReplayedCamera(name, _camera_info(run, name), script) for name in script.cameras}
     rig = Rig(
         clock,
@@ -124,6 +139,7 @@ def _feed(script: Script, protocol: Protocol, place: Path) -> Outcome:
         load_frame,
         virtual=run.info.simulated,
         call_timeout_s=_NEVER_S,
+        interlocks=interlocks,
     )
     assert readings is not None  # `Script.of` has checked this
     recorder = _ReplayRecorder(place, script, cameras, readings, rig)
@@ -160,6 +176,7 @@ class _ReplayRecorder(Recorder):
             {name: camera.info for name, camera in cameras.items()},
             stage=None if rig.stage is None else rig.stage.info,
             load_frame=None if rig.load_frame is None else rig.load_frame.info,
+            interlocks=interlock_records(rig),
         )
         self.read: Callable[[], None] = lambda: None
         self._replayed = cameras
@@ -194,6 +211,10 @@ def _protocol(run: RunFile) -> Protocol:
             " ".join(str(error).split())[:200],
             "replay it with the version of offaxis that recorded it",
         ) from error
+
+
+def _bound(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _camera_info(run: RunFile, name: str) -> CameraInfo:

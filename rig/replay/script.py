@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dic.runfile import schema
 from dic.runfile.reader import RunFile
-from drivers.interfaces import Frame, LoadFrameState, StageState
+from drivers.interfaces import Frame, InterlockState, LoadFrameState, StageState
 from rig.errors import RigError
 from rig.recorder.records import OPERATOR_DONE, STEP_ON_FILE
 
@@ -31,6 +31,8 @@ class Script:
     run : RunFile
     stage, load_frame : mapping of str to ndarray
         The columns of the readings; empty for a missing device.
+    interlocks : dict of str to mapping
+        The columns of the readings of each interlock.
     readings_before : dict of str to list of int
         Numbers of readings that were recorded before each image, keyed by the camera's name, and before each
         event that ends a wait, keyed by the event's message.
@@ -39,6 +41,7 @@ class Script:
     run: RunFile
     stage: Columns
     load_frame: Columns
+    interlocks: dict[str, Columns] = field(default_factory=dict)
     readings_before: dict[str, list[int]] = field(default_factory=dict)
 
     @classmethod
@@ -53,7 +56,8 @@ class Script:
         tables = {name: run.columns(f"instrument/{name}") for name in ("stage", "load_frame")}
         cameras = {name: run.columns(f"instrument/{name}") for name in run.cameras}
         events = run.columns("events")
-        columns = [*filter(None, tables.values()), *cameras.values(), events]
+        interlocks: dict[str, Columns] = {name: run.columns(f"interlocks/{name}") for name in run.interlocks}
+        columns = [*filter(None, tables.values()), *cameras.values(), *interlocks.values(), events]
         order = schema.ORDER.name
         if not any(tables.values()) or any(order not in found for found in columns):
             raise ReplayError(
@@ -71,7 +75,7 @@ class Script:
         for message in (OPERATOR_DONE, STEP_ON_FILE):
             chosen = events["message"] == message.encode()
             counts[message] = before(events[order][chosen])
-        return cls(run, tables["stage"], tables["load_frame"], counts)
+        return cls(run, tables["stage"], tables["load_frame"], interlocks, counts)
 
     @property
     def cameras(self) -> list[str]:
@@ -113,6 +117,11 @@ class Script:
             faults=(),
             time_s=float(table["time_s"][row]),
         )
+
+    def interlock_state(self, name: str, row: int) -> InterlockState:
+        """Return an interlock's reading in a row; raise IndexError after the last row."""
+        table = self.interlocks[name]
+        return InterlockState(float(table["value"][row]), float(table["time_s"][row]))
 
     def frame(self, camera: str, row: int, columns: Columns) -> Frame:
         """Return an image of a camera, with the columns of its table."""

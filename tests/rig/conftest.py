@@ -15,17 +15,19 @@ from drivers.interfaces import (
     CameraInfo,
     DeviceInfo,
     Frame,
+    InterlockState,
     LoadFrameLimits,
     LoadFrameState,
     OperatorAction,
     StageState,
 )
-from rig.devices import Rig
+from rig.devices import OpenedInterlock, Rig
 from rig.engine.engine import Engine
 from rig.protocol.protocol import Protocol
 from rig.protocol.rotation import RotationProtocol
 from rig.protocol.tension import TensionProtocol
 from rig.recorder import Recorder, RunHeader
+from rig.recorder.header import interlock_records
 from tests.command_line import Program
 from tests.places import example
 
@@ -36,6 +38,7 @@ LOADS_N = np.array([0.0, 0.0, 500.0, 8500.0, 18000.0])
 FRAME = DeviceInfo("fakes", "frame", "1", simulated=True)
 FRAME_LIMITS = LoadFrameLimits(-100.0, 15000.0, -1.0, 6.0, 0.1, 1000.0)
 STAGE = DeviceInfo("fakes", "stage", "2", simulated=True)
+INTERLOCK = DeviceInfo("fakes", "interlock", "", simulated=True)
 CAMERA = CameraInfo("fakes", "camera", "3", simulated=True, width_px=8, height_px=6, bits=8)
 
 
@@ -158,6 +161,22 @@ class FakeCamera:
 
 
 @dataclass
+class FakeInterlock:
+    clock: Clock
+    value_of: Callable[[int], float]
+    reads: int = 0
+    info: DeviceInfo = INTERLOCK
+    unit: str = "°C"
+
+    def read(self) -> InterlockState:
+        self.reads += 1
+        return InterlockState(self.value_of(self.reads), self.clock.now_s())
+
+    def close(self) -> None:
+        pass
+
+
+@dataclass
 class FakeOperator:
     calls: list[str]
     on_perform: Callable[[OperatorAction], None] = lambda action: None
@@ -177,6 +196,7 @@ class FakeRig:
     states: list[str] = field(default_factory=list)
     definition: str = ""
     clock: Clock = field(default_factory=VirtualClock)
+    interlocks: dict[str, OpenedInterlock] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.cameras = {"on_axis": FakeCamera(self.clock), "off_axis": FakeCamera(self.clock)}
@@ -186,7 +206,15 @@ class FakeRig:
         self.stage = FakeStage(self.clock, self.calls) if "stage" in devices else None
 
     def engine(self, *, on_status=(), on_step=(), **options) -> Engine:
-        rig = Rig(self.clock, self.operator, self.cameras, self.stage, self.load_frame, virtual=True)
+        rig = Rig(
+            self.clock,
+            self.operator,
+            self.cameras,
+            self.stage,
+            self.load_frame,
+            virtual=True,
+            interlocks=self.interlocks,
+        )
         header = RunHeader(
             title=self.protocol.title,
             run_id="test",
@@ -204,6 +232,7 @@ class FakeRig:
             {name: camera.info for name, camera in self.cameras.items()},
             stage=self.stage.info if self.stage else None,
             load_frame=self.load_frame.info if self.load_frame else None,
+            interlocks=interlock_records(rig),
         )
         return Engine(
             self.protocol, rig, recorder, on_status=[self._note, *on_status], on_step=on_step, **options

@@ -8,9 +8,9 @@ import h5py
 import numpy as np
 import pytest
 
-from drivers.interfaces import CameraInfo, DeviceInfo, Frame, LoadFrameState, StageState
+from drivers.interfaces import CameraInfo, DeviceInfo, Frame, InterlockState, LoadFrameState, StageState
 from rig.protocol.step import ProtocolStep, Reading
-from rig.recorder import Recorder, StepRecord
+from rig.recorder import InterlockRecord, Recorder, StepRecord
 from tests.places import DOCS
 from tests.run_files import HEADER, START
 
@@ -19,18 +19,20 @@ CAMERAS = {
     "side": CameraInfo("v", "m", "s", width_px=7, height_px=6, bits=8),
 }
 DEVICE = DeviceInfo("v", "m", "s")
+DOOR = {"door": InterlockRecord("v", "m", "", allowed_min=1.0)}
 FRAMES, READINGS, STEPS, EVENTS = 6, 5, 3, 4
 LENGTHS = {"n": FRAMES, "m": READINGS, "k": STEPS, "e": EVENTS, "2": 2}
 
 
 @pytest.fixture
 def recorded(tmp_path) -> Path:
-    """A run with two cameras, a stage and a load frame; each kind of table has a length of its own."""
+    """A run with all kinds of devices; each kind of table has a length of its own."""
     path = tmp_path / "run.h5"
-    recorder = Recorder(path, HEADER, CAMERAS, stage=DEVICE, load_frame=DEVICE)
+    recorder = Recorder(path, HEADER, CAMERAS, stage=DEVICE, load_frame=DEVICE, interlocks=DOOR)
     for _ in range(READINGS):
         recorder.stage_state(StageState(1.0, False, True, (), 2.0))
         recorder.load_frame_state(LoadFrameState(1.0, 2.0, False, True, True, 1, (), 3.0))
+        recorder.interlock_state("door", InterlockState(1.0, 3.0))
     for index in range(STEPS):
         frames = {}
         for name, camera in CAMERAS.items():
@@ -52,7 +54,8 @@ def documented() -> dict[str, tuple[str, set[str]]]:
     stated = {}
     for path, kind, attributes in rows:
         for camera in CAMERAS:
-            stated[path.replace("<camera>", camera)] = (kind, set(attributes.replace("`", "").split(", ")))
+            named = path.replace("<camera>", camera).replace("<interlock>", "door")
+            stated[named] = (kind, set(attributes.replace("`", "").split(", ")))
     return stated
 
 

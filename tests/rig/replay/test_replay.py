@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from dic.runfile.reader import RunFile
+from rig.commands.verify import verify_run
+from rig.devices import OpenedInterlock
 from rig.protocol.protocol import parse_protocol
 from rig.replay.replay import replay_run
 from rig.replay.script import ReplayError
 from tests.places import example
-from tests.rig.conftest import FakeRig
+from tests.rig.conftest import FakeInterlock, FakeRig
 from tests.rig.engine.test_phases import SLOW
 from tests.rig.protocol.test_phases import CYCLES, HOLD, MOVING, text
 
@@ -21,6 +23,7 @@ def identical(path: Path, new: Path) -> None:
     """Compare both files without any code of the replay; the order of rows differs by device warnings."""
     with h5py.File(path) as ours, h5py.File(new) as theirs:
         tables = ["entry/steps", *(f"entry/instrument/{name}" for name in ours["entry/instrument"])]
+        tables += [f"entry/interlocks/{name}" for name in ours.get("entry/interlocks", ())]
         for table in tables:
             assert set(ours[table]) == set(theirs[table])
             for name, column in ours[table].items():
@@ -52,6 +55,19 @@ def test_a_replay_is_identical(tmp_path, name):
     identical(rig.path, tmp_path / "new.h5")
     assert replayed.steps > 3
     assert replayed.images == 2 * replayed.steps
+
+
+def test_a_replay_of_a_completed_run_with_interlocks_is_identical(tmp_path):
+    rig = fake(tmp_path, "rotation")
+    for interlock, value in {"oven": lambda count: 20.0 + count % 7, "door": lambda count: 1.0}.items():
+        rig.interlocks[interlock] = OpenedInterlock(FakeInterlock(rig.clock, value), 0.5, 27.0)
+    assert rig.engine().run().status == "completed"
+    replayed = replay_run(rig.path, tmp_path / "new.h5")
+    assert (replayed.outcome.status, replayed.differences) == ("completed", [])
+    identical(rig.path, tmp_path / "new.h5")
+    assert verify_run(tmp_path / "new.h5").interlocks["oven"].readings == (
+        rig.interlocks["oven"].device.reads
+    )
 
 
 def test_readings_during_a_slow_camera_and_a_slow_operator_are_replayed_in_their_places(tmp_path):
