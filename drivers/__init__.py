@@ -32,7 +32,9 @@ if TYPE_CHECKING:
         OpenContext,
         Operator,
         OperatorAction,
+        ReadsSettings,
         RotationStage,
+        Setting,
         StageState,
     )
     from drivers.registry import (
@@ -74,8 +76,10 @@ __all__ = [
     "OpenContext",
     "Operator",
     "OperatorAction",
+    "ReadsSettings",
     "RotationStage",
     "SerialPort",
+    "Setting",
     "Settings",
     "StageState",
     "SystemClock",
@@ -100,7 +104,9 @@ _NAMES_OF = {
         "InterlockState",
         "Operator",
         "OperatorAction",
+        "ReadsSettings",
         "RotationStage",
+        "Setting",
         "StageState",
     ),
     "drivers.registry": (

@@ -9,7 +9,7 @@ caller that waits for the end of a motion must set a deadline itself.
 from dataclasses import dataclass
 from datetime import datetime
 from enum import Enum
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -210,6 +210,26 @@ class Interlock(Protocol):
 
     def close(self) -> None:
         """Release the link; a repeated call has no effect."""
+
+
+Setting: TypeAlias = str | float | int | bool
+"""Value of a setting that a device reports."""
+
+
+class ReadsSettings(Protocol):
+    """Optional part of the interface of a camera, a stage, a load frame or an interlock: its settings.
+
+    The settings are written into the run file before the first image and at the end of the run, so that the
+    run file says how the device was really set. A driver without the method reports no settings.
+    """
+
+    def read_settings(self) -> dict[str, Setting]:
+        """Read the present settings back from the device, without a motion; raise `DeviceError` if it fails.
+
+        The method returns settings only, and no readings such as a temperature. So two calls in a row return
+        the same values. A name has lower-case letters, digits and underscores, and ends with the unit of a
+        number, as in ``exposure_us``. The method ends within two seconds.
+        """
 
 
 class OperatorAction(Enum):

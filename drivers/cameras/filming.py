@@ -9,12 +9,14 @@ from typing import Generic, Protocol, TypeVar
 from drivers.cameras.stream import CAPACITY, FrameStream
 from drivers.clock import Clock, VirtualClock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
-from drivers.interfaces import CameraInfo, Frame, OpenContext
+from drivers.interfaces import CameraInfo, Frame, OpenContext, Setting
 
 SILENCE_S = 1.0
 SILENCE_FRAMES = 10
 LOST_FRAMES = 3
 """A camera counts as lost if it sends no frame for this number of frame times."""
+READING_S = 2.0
+"""Longest time, in seconds, for which `read_settings` waits for the camera."""
 OPENING_S = 20.0
 """Longest time, in seconds, for reopening a camera when a stream is opened."""
 
@@ -39,6 +41,9 @@ class Session(Protocol):
 
     def verify(self) -> None:
         """Read the settings back; raise `DeviceFault` if a setting has changed, `LinkLost` without answer."""
+
+    def read_settings(self) -> dict[str, Setting]:
+        """Read all settings back from the camera; the errors are those of `verify`."""
 
     def close(self) -> None:
         """Stop filming and release all resources; a repeated call has no effect."""
@@ -137,6 +142,19 @@ class FilmingCamera(ABC, Generic[S]):
                 on_close=self._stream_closed,
             )
             return self._stream
+
+    def read_settings(self) -> dict[str, Setting]:
+        """Read all settings back from the camera.
+
+        Raises
+        ------
+        DeviceError
+            If the camera does not answer, is used by another call, or a stream is open; see `grab`.
+        """
+        with to_itself(self._lock, self._name, "read settings", READING_S):
+            session = self._ready("read settings", self._clock.now_s() + READING_S)
+            with self._giving_up_lost():
+                return session.read_settings()
 
     def close(self) -> None:
         """Release the camera; a repeated call has no effect."""

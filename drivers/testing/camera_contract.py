@@ -18,7 +18,7 @@ from drivers.clock import SystemClock
 from drivers.errors import DeviceError
 from drivers.interfaces import Camera, Frame
 from drivers.testing.camera_bench import GRAB_S, ROUNDS, CameraBench
-from drivers.testing.common import Handle, assert_identified, needed, wait_until
+from drivers.testing.common import Handle, assert_identified, assert_settings, needed, wait_until
 from drivers.testing.stream_contract import StreamContract
 
 ANSWER_S = 30.0
@@ -46,6 +46,24 @@ class CameraContract(StreamContract):
         assert frame.image.shape == (info.height_px, info.width_px)
         assert frame.image.dtype == (np.uint8 if info.bits <= BYTE_BITS else np.uint16)
         assert 0 < int(frame.image.max()) < 1 << info.bits
+
+    def test_settings_are_read_back(self, bench: CameraBench) -> None:
+        """A camera that offers settings must report size, exposure time and gain as its frames have them."""
+        found = assert_settings(needed(getattr(bench.camera, "read_settings", None), "read settings"))
+        info = bench.camera.info
+        assert (found["width_px"], found["height_px"]) == (info.width_px, info.height_px)
+        for name in ("exposure_us", "gain"):
+            if name in found:
+                assert found[name] == pytest.approx(getattr(bench, name), rel=1e-3)
+        bench.grab()
+
+    def test_settings_of_a_closed_camera_are_an_error(self, bench: CameraBench) -> None:
+        """A closed camera must raise an error instead of reporting settings."""
+        read = needed(getattr(bench.camera, "read_settings", None), "read settings")
+        bench.camera.close()
+        with pytest.raises(DeviceError) as closed:
+            read()
+        bench.assert_says_all(closed.value)
 
     def test_tells_exposure_and_gain(self, bench: CameraBench) -> None:
         """A frame must contain exposure time in µs and gain in the camera's unit; NaN if unknown."""

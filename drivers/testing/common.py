@@ -1,5 +1,7 @@
 """Functions that the tests of all kinds of devices use."""
 
+import math
+import re
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -7,7 +9,7 @@ import pytest
 
 from drivers.clock import Clock
 from drivers.errors import DeviceError
-from drivers.interfaces import DeviceInfo
+from drivers.interfaces import DeviceInfo, Setting
 
 Handle = Callable[[], object]
 H = TypeVar("H")
@@ -37,6 +39,37 @@ def assert_identified(info: DeviceInfo) -> None:
     assert info.vendor
     assert info.model
     assert info.serial
+
+
+UNITS = (
+    *("n", "mm", "n_s", "mm_s", "s", "us", "hz", "px", "bytes", "deg", "deg_s", "deg_s2", "v", "a"),
+    *("per_deg", "per_mm", "raw"),
+)
+"""Ends of the names of settings with a fraction; ``raw`` is a number in the device's own unit."""
+RATIOS = ("gain",)
+NAME_MAX, TEXT_MAX, SETTINGS_MAX = 64, 200, 100
+
+
+def assert_settings(read: Callable[[], dict[str, Setting]]) -> dict[str, Setting]:
+    """Check that the settings of a device fit the run file and are repeatable; return the settings.
+
+    A name has lower-case letters, digits and underscores. The name of a float ends with a unit. A text is one
+    line.
+    """
+    found = read()
+    assert 0 < len(found) <= SETTINGS_MAX
+    for name, value in found.items():
+        assert re.fullmatch("[a-z][a-z0-9_]*", name)
+        assert len(name) <= NAME_MAX
+        assert type(value) in (str, float, int, bool), f"{name} is a {type(value).__name__}"
+        if isinstance(value, float):
+            assert math.isfinite(value), f"{name} is {value}"
+            assert name in RATIOS or name.endswith(tuple(f"_{unit}" for unit in UNITS)), f"{name} has no unit"
+        if isinstance(value, str):
+            assert len(value) <= TEXT_MAX
+            assert value.isprintable()
+    assert read() == found, "a setting changed from one reading to the next"
+    return found
 
 
 def assert_says_all(error: DeviceError) -> None:

@@ -2,14 +2,22 @@
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import pytest
 
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import LoadFrame
-from drivers.testing.common import Counter, Handle, assert_identified, assert_says_all, needed, wait_until
+from drivers.testing.common import (
+    Counter,
+    Handle,
+    assert_identified,
+    assert_says_all,
+    assert_settings,
+    needed,
+    wait_until,
+)
 
 ANSWER_S = 30.0
 
@@ -69,6 +77,27 @@ class LoadFrameContract:
     def test_tells_who_it_is(self, bench: LoadFrameBench) -> None:
         """The load frame must report its identity, because the run file contains the identity."""
         assert_identified(bench.load_frame.info)
+
+    def test_settings_are_read_back_without_a_motion(self, bench: LoadFrameBench) -> None:
+        """A load frame that offers settings must report its limits in the units of the rig file."""
+        read = needed(getattr(bench.load_frame, "read_settings", None), "read settings")
+        commands = bench.commands or (lambda: 0)
+        count = commands()
+        found = assert_settings(read)
+        for name, limit in asdict(bench.load_frame.limits).items():
+            assert found[name] == pytest.approx(limit, rel=1e-3)
+        assert commands() == count
+        assert not bench.load_frame.read().moving
+
+    def test_settings_that_cannot_be_read_are_an_error_in_time(self, bench: LoadFrameBench) -> None:
+        """If the machine does not answer, the driver must raise an error instead of reporting settings."""
+        read = needed(getattr(bench.load_frame, "read_settings", None), "read settings")
+        lose, restore = needed(bench.lose_answers, "lose answers"), needed(bench.restore, "restore")
+        lose()
+        with ThreadPoolExecutor(1) as pool, pytest.raises(DeviceTimeout) as silence:
+            pool.submit(read).result(ANSWER_S)
+        assert_says_all(silence.value)
+        restore()
 
     def test_opening_moves_nothing(self, bench: LoadFrameBench) -> None:
         """Opening must not start a motion, because a motion could injure a person at the rig."""

@@ -9,7 +9,15 @@ import pytest
 from drivers.clock import Clock
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import RotationStage
-from drivers.testing.common import Counter, Handle, assert_identified, assert_says_all, needed, wait_until
+from drivers.testing.common import (
+    Counter,
+    Handle,
+    assert_identified,
+    assert_says_all,
+    assert_settings,
+    needed,
+    wait_until,
+)
 
 ANSWER_S = 30.0
 
@@ -70,6 +78,27 @@ class StageContract:
     def test_tells_who_it_is(self, bench: StageBench) -> None:
         """The stage must report its identity, because the run file contains the identity."""
         assert_identified(bench.stage.info)
+
+    def test_settings_are_read_back_without_a_motion(self, bench: StageBench) -> None:
+        """A stage that offers settings must report its limits and its speed in degrees."""
+        read = needed(getattr(bench.stage, "read_settings", None), "read settings")
+        motions = needed(bench.motions, "count motions")
+        found = assert_settings(read)
+        assert found["angle_min_deg"] == pytest.approx(bench.angle_min_deg, abs=bench.tolerance_deg)
+        assert found["angle_max_deg"] == pytest.approx(bench.angle_max_deg, abs=bench.tolerance_deg)
+        if bench.speed_deg_s is not None:
+            assert found["speed_deg_s"] == pytest.approx(bench.speed_deg_s, rel=1e-3)
+        assert motions() == 0
+
+    def test_settings_that_cannot_be_read_are_an_error_in_time(self, bench: StageBench) -> None:
+        """If the stage does not answer, the driver must raise an error instead of reporting settings."""
+        read = needed(getattr(bench.stage, "read_settings", None), "read settings")
+        lose, restore = needed(bench.lose_answers, "lose answers"), needed(bench.restore, "restore")
+        lose()
+        with ThreadPoolExecutor(1) as pool, pytest.raises(DeviceTimeout) as silence:
+            pool.submit(read).result(ANSWER_S)
+        assert_says_all(silence.value)
+        restore()
 
     def test_opening_moves_nothing(self, bench: StageBench) -> None:
         """Opening must not start a motion, because a motion could injure a person at the rig."""

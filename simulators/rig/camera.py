@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
-from drivers.interfaces import CameraInfo, Frame, OpenContext
+from drivers.interfaces import CameraInfo, Frame, OpenContext, Setting
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
 from simulators.rig.picture_faults import PictureFaults
@@ -146,7 +146,7 @@ class SimulatedCamera:
             return self._grab(timeout_s)
 
     def _grab(self, timeout_s: float) -> Frame:
-        self._require_open()
+        self._require_open("grab")
         exposure_s = self._settings.exposure_us * 1e-6
         readout_s = self._settings.readout_us * 1e-6 + float(self._faults.take("delay") or 0)
         stalled = "stall" in self._faults.active
@@ -194,6 +194,19 @@ class SimulatedCamera:
             gain=self._settings.gain,
         )
 
+    def read_settings(self) -> dict[str, Setting]:
+        """Return the settings of sensor and readout; raise the errors of `grab` for a camera that is gone."""
+        self._require_open("read settings")
+        settings = self._settings
+        return {
+            "width_px": settings.width_px,
+            "height_px": settings.height_px,
+            "bits": settings.bits,
+            "exposure_us": settings.exposure_us,
+            "gain": settings.gain,
+            "readout_us": settings.readout_us,
+        }
+
     def close(self) -> None:
         """Release the camera; a repeated call does nothing."""
         self._open = False
@@ -201,10 +214,10 @@ class SimulatedCamera:
     def _noise_of(self, sequence: int) -> np.random.Generator:
         return np.random.default_rng([self._scene.seed, crc32(self.info.serial.encode()), sequence])
 
-    def _require_open(self) -> None:
+    def _require_open(self, step: str) -> None:
         if not self._open:
-            raise DeviceFault(self.info.serial, "grab", "an open camera", "a closed one", "open it again")
-        self.require_plugged("grab")
+            raise DeviceFault(self.info.serial, step, "an open camera", "a closed one", "open it again")
+        self.require_plugged(step)
 
     def require_plugged(self, step: str) -> None:
         """Raise `LinkLost` while the camera is unplugged, or switched off by the fault `dropout`."""

@@ -12,10 +12,13 @@ from pydantic import Field
 
 from drivers import errors
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
-from drivers.interfaces import CameraInfo, Frame, OpenContext, OperatorAction
+from drivers.interfaces import CameraInfo, Frame, OpenContext, OperatorAction, Setting
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
 from simulators.rig.operator import notice
+
+ANSWER_S = 2.0
+"""Timeout in s for a request that needs no rendering."""
 
 RENDERING_S = 30.0
 """Time in s added to the timeout of a frame, because rendering is slow on a busy machine."""
@@ -144,6 +147,15 @@ class RemoteCamera:
         image = np.frombuffer(pixels, head.pop("dtype")).reshape(head.pop("shape"))
         head.pop("bytes")
         return Frame(image=image, utc=datetime.fromisoformat(head.pop("utc")), **head)
+
+    def read_settings(self) -> dict[str, Setting]:
+        """Return the settings of the simulated camera; the errors are those of `grab`."""
+        with self._turn:
+            if self._closed:
+                raise self._error(DeviceFault, "an open camera", "a closed one", "open it again")
+            head, _ = self._client.ask(ANSWER_S, do="settings", camera=self._camera)
+        settings: dict[str, Setting] = head["settings"]
+        return settings
 
     def close(self) -> None:
         """Release the camera; a repeated call does nothing."""

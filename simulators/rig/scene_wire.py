@@ -84,6 +84,8 @@ class SceneServer:
             match request["do"]:
                 case "camera":
                     return asdict(self._cameras[request["camera"]].info), b""
+                case "settings":
+                    return {"settings": self._cameras[request["camera"]].read_settings()}, b""
                 case "grab":
                     return self._grab(request["camera"], float(request["timeout_s"]))
                 case "operator":
@@ -124,7 +126,7 @@ def _misunderstood(got: str) -> dict[str, Any]:
         "error": "DeviceError",
         "device": "the simulated scene",
         "step": "understand a request",
-        "expected": "camera, grab or operator with what belongs to it",
+        "expected": "camera, settings, grab or operator with what belongs to it",
         "got": got,
         "remedy": "see docs/simulators.md",
     }

@@ -159,6 +159,7 @@ class NewportServer(Server):
             "SL": lambda: f"{device.limit_min / device.microsteps_per_deg:.4f}",
             "SR": lambda: f"{device.limit_max / device.microsteps_per_deg:.4f}",
             "SN": lambda: str(DEGREE),
+            "SU": lambda: f"{1 / device.microsteps_per_deg:.9f}",
             "ID": lambda: f"URS100BCC, SN {self._serial}",
             "OM": lambda: str(self.home_mode),
             "ZE": lambda: "3H",

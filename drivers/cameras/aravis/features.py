@@ -1,14 +1,18 @@
 """Write the settings of an opened GigE Vision camera and read them back; a difference is an error."""
 
 import ctypes
+import re
 from functools import partial
 from typing import Any
 
 from drivers.cameras.aravis.library import Aravis, AravisError
 from drivers.cameras.aravis.settings import AravisSettings
 from drivers.errors import DeviceFault, LinkLost
+from drivers.interfaces import Setting
 
 AUTOMATICS = ("ExposureAuto", "GainAuto", "BlackLevelAuto", "BalanceWhiteAuto")
+VERSIONS = ("DeviceVersion", "DeviceFirmwareVersion")
+_NAMES = {"frame_rate": "rate_hz", "exposure_time": "exposure_us", "gain": "gain"}
 CONTINUOUS = 0
 TOLERANCE = 1e-3
 ANOTHER = "choose a value that the camera takes"
@@ -85,10 +89,53 @@ class Features:
             try:
                 got = float(self._library.call(f"camera_get_{name}", self._camera))
             except AravisError as error:
-                remedy = "check cable, power and address, and that no other program controls the camera"
-                raise LinkLost(self._device, step, f"{wanted:g}", str(error), remedy) from error
+                raise self._lost(step, f"{wanted:g}", error) from error
             if not _agree(got, wanted):
                 raise self._fault(step, f"{wanted:g}", f"{got:g}", "open the camera again")
+
+    def read(self, settings: AravisSettings) -> dict[str, Setting]:
+        """Read the settings that `write` has written, and those of the transfer, back from the camera.
+
+        Raises
+        ------
+        LinkLost
+            If the camera does not answer.
+        """
+        try:
+            return self._read_picture() | self._read_transfer() | self._read_texts(settings)
+        except AravisError as error:
+            raise self._lost("read settings", "its settings", error) from error
+
+    def _read_picture(self) -> dict[str, Setting]:
+        names = ("offset_x_px", "offset_y_px", "width_px", "height_px")
+        numbers = {
+            _NAMES[name]: float(self._library.call(f"camera_get_{name}", self._camera))
+            for name in self.numbers
+        }
+        return {
+            "format": self._library.text("camera_get_pixel_format_as_string", self._camera),
+            **dict(zip(names, self._region(), strict=True)),
+            **numbers,
+        }
+
+    def _read_transfer(self) -> dict[str, Setting]:
+        call, camera = self._library.call, self._camera
+        found: dict[str, Setting] = {"payload_bytes": int(call("camera_get_payload", camera))}
+        if call("camera_is_gv_device", camera):
+            found["packet_bytes"] = int(call("camera_gv_get_packet_size", camera))
+        return found
+
+    def _read_texts(self, settings: AravisSettings) -> dict[str, Setting]:
+        names = dict.fromkeys([*AUTOMATICS, *VERSIONS, *settings.features])
+        return {
+            f"feature_{_snake(name)}": self._library.text("camera_get_string", self._camera, name.encode())
+            for name in names
+            if self._has(name)
+        }
+
+    def _lost(self, step: str, expected: str, error: AravisError) -> LinkLost:
+        remedy = "check cable, power and address, and that no other program controls the camera"
+        return LinkLost(self._device, step, expected, str(error), remedy)
 
     def attempt(self, step: str, name: str, *arguments: Any) -> Any:
         """Call a library function for the camera; raise `DeviceFault` if the call fails."""
@@ -100,10 +147,14 @@ class Features:
     def _set_region(self, settings: AravisSettings) -> None:
         wanted = (settings.offset_x_px, settings.offset_y_px, settings.width_px, settings.height_px)
         self.attempt("set size", "camera_set_region", *wanted)
-        got = [ctypes.c_int() for _ in wanted]
-        self._library.call("camera_get_region", self._camera, *(ctypes.byref(value) for value in got))
         names = "{2} x {3} px at ({0}, {1})"
-        self._require("set size", names.format(*wanted), names.format(*(value.value for value in got)))
+        self._require("set size", names.format(*wanted), names.format(*self._region()))
+
+    def _region(self) -> list[int]:
+        """Return horizontal and vertical offset, width and height of the picture, in pixels."""
+        got = [ctypes.c_int() for _ in range(4)]
+        self._library.call("camera_get_region", self._camera, *(ctypes.byref(value) for value in got))
+        return [value.value for value in got]
 
     def _set_number(self, name: str, wanted: float) -> None:
         step = f"set {name}"
@@ -124,6 +175,11 @@ class Features:
     def _require(self, step: str, wanted: str, got: str) -> None:
         if got != wanted:
             raise self._fault(step, wanted, f"{got} on reading back", ANOTHER)
+
+
+def _snake(feature: str) -> str:
+    """Return the name of a GenICam feature in lower case, with underscores between its words."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|[^A-Za-z0-9]+", "_", feature).strip("_").lower()
 
 
 def _agree(got: float, wanted: float) -> bool:

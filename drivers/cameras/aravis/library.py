@@ -43,6 +43,7 @@ _FALLIBLE: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "arv_camera_set_gain": (None, (c_void_p, c_double)),
     "arv_camera_get_gain": (c_double, (c_void_p,)),
     "arv_camera_is_feature_available": (c_int, (c_void_p, c_char_p)),
+    "arv_camera_gv_get_packet_size": (c_uint, (c_void_p,)),
     "arv_camera_set_string": (None, (c_void_p, c_char_p, c_char_p)),
     "arv_camera_get_string": (c_char_p, (c_void_p, c_char_p)),
     "arv_camera_start_acquisition": (None, (c_void_p,)),

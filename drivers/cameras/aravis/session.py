@@ -14,7 +14,7 @@ from drivers.cameras.aravis.library import Aravis, AravisError
 from drivers.cameras.aravis.settings import AravisSettings
 from drivers.clock import Clock
 from drivers.errors import DeviceFault
-from drivers.interfaces import Frame
+from drivers.interfaces import Frame, Setting
 
 UNSETTLED_FRAMES = 2
 CLOCK_SET_S = 0.01
@@ -105,6 +105,10 @@ class Session:
         If the camera does not answer, `LinkLost` is raised.
         """
         self._features.verify()
+
+    def read_settings(self) -> dict[str, Setting]:
+        """Read all settings back from the camera; raise `LinkLost` if the camera does not answer."""
+        return self._features.read(self._settings)
 
     def close(self) -> None:
         """Stop filming and release all resources; a repeated call has no effect."""

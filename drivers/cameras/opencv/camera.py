@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.cameras.filming import refuse_simulated_time, to_itself
+from drivers.cameras.filming import READING_S, refuse_simulated_time, to_itself
 from drivers.cameras.opencv.settings import OpencvCameraSettings
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
-from drivers.interfaces import CameraInfo, Frame, OpenContext
+from drivers.interfaces import CameraInfo, Frame, OpenContext, Setting
 from drivers.registry import DriverSpec
 
 UNPROVEN = "frame loss unproven"
@@ -26,6 +26,7 @@ UNPROVEN = "frame loss unproven"
 file contains the warning."""
 GREEN, DIMENSIONS = 1, 2
 TOLERANCE = 1e-3
+_NAMES = {"FRAME_WIDTH": "width_px", "FRAME_HEIGHT": "height_px", "FPS": "rate_hz"}
 
 
 class OpencvCamera:
@@ -74,7 +75,7 @@ class OpencvCamera:
         """
         asked_s, utc = self._clock.now_s(), self._clock.utc()
         with to_itself(self._lock, self._name, "grab", timeout_s):
-            self._require_open()
+            self._require_open("grab")
             for _ in range(self._settings.buffered_frames + 1):
                 self._next(asked_s, timeout_s)
             image = self._grey(self._next(asked_s, timeout_s))
@@ -89,6 +90,20 @@ class OpencvCamera:
                 gain=math.nan if self._settings.gain is None else self._settings.gain,
             )
 
+    def read_settings(self) -> dict[str, Setting]:
+        """Read all properties that the driver has written back from OpenCV, by their names in OpenCV.
+
+        Raises
+        ------
+        DeviceFault
+            If the camera is closed.
+        """
+        with to_itself(self._lock, self._name, "read settings", READING_S):
+            self._require_open("read settings")
+            return {
+                _NAMES.get(name, f"property_{name.lower()}_raw"): self._get(name) for name in self._wanted()
+            }
+
     def close(self) -> None:
         """Release the camera; a repeated call has no effect."""
         with self._lock:
@@ -99,6 +114,27 @@ class OpencvCamera:
     def _configure(self) -> None:
         import cv2
 
+        wanted = self._wanted()
+        for name, value in wanted.items():
+            number = getattr(cv2, f"CAP_PROP_{name}", None)
+            if number is None:
+                raise self._fault(f"set {name}", "a property of OpenCV", repr(name), "correct `properties`")
+            # ignore the return value: some backends report a failure for a value that is already set
+            self._capture.set(number, value)
+        for name, value in wanted.items():
+            got = self._get(name)
+            if not abs(got - value) <= TOLERANCE * max(1.0, abs(value)):
+                raise self._fault(
+                    f"set {name}", f"{value:g}", f"{got:g} on reading back", "choose another value"
+                )
+
+    def _get(self, name: str) -> float:
+        import cv2
+
+        return float(self._capture.get(getattr(cv2, f"CAP_PROP_{name}")))
+
+    def _wanted(self) -> dict[str, float]:
+        """Return the values of all properties that the driver writes, by their names in OpenCV."""
         wanted = {
             "FRAME_WIDTH": float(self._settings.width_px),
             "FRAME_HEIGHT": float(self._settings.height_px),
@@ -109,18 +145,7 @@ class OpencvCamera:
             value = getattr(self._settings, name)
             if value is not None:
                 wanted[name.upper()] = value
-        for name, value in wanted.items():
-            number = getattr(cv2, f"CAP_PROP_{name}", None)
-            if number is None:
-                raise self._fault(f"set {name}", "a property of OpenCV", repr(name), "correct `properties`")
-            # ignore the return value: some backends report a failure for a value that is already set
-            self._capture.set(number, value)
-        for name, value in wanted.items():
-            got = float(self._capture.get(getattr(cv2, f"CAP_PROP_{name}")))
-            if not abs(got - value) <= TOLERANCE * max(1.0, abs(value)):
-                raise self._fault(
-                    f"set {name}", f"{value:g}", f"{got:g} on reading back", "choose another value"
-                )
+        return wanted
 
     def _next(self, asked_s: float, timeout_s: float) -> NDArray[np.uint8]:
         if not self._clock.now_s() - asked_s <= timeout_s:  # treat a timeout of NaN as 0
@@ -160,9 +185,9 @@ class OpencvCamera:
 
         return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
-    def _require_open(self) -> None:
+    def _require_open(self, step: str) -> None:
         if self._capture is None:
-            raise self._fault("grab", "an open camera", "a closed one", "open it again")
+            raise self._fault(step, "an open camera", "a closed one", "open it again")
 
 
 def open_camera(settings: OpencvCameraSettings, context: OpenContext) -> OpencvCamera:

@@ -205,6 +205,7 @@ class Request(IntEnum):
     DQBUF = _request(_READ | _WRITE, 17, ctypes.sizeof(Buffer))
     STREAMON = _request(_WRITE, 18, 4)
     STREAMOFF = _request(_WRITE, 19, 4)
+    G_PARM = _request(_READ | _WRITE, 21, ctypes.sizeof(CaptureParameters))
     S_PARM = _request(_READ | _WRITE, 22, ctypes.sizeof(CaptureParameters))
     G_CTRL = _request(_READ | _WRITE, 27, ctypes.sizeof(ControlValue))
     S_CTRL = _request(_READ | _WRITE, 28, ctypes.sizeof(ControlValue))

@@ -194,6 +194,10 @@ class Controls:
                     "end the program that changes the camera, then start again",
                 )
 
+    def read(self) -> dict[str, int]:
+        """Return the present values of all controls that `verify` checks, by name."""
+        return {self.known[id].name: self.get(self.known[id]) for id in self._set}
+
     def _require(self, control: Control, value: int) -> None:
         if (got := self.get(control)) != value:
             raise self._fault(

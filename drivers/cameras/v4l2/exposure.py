@@ -7,6 +7,7 @@ from drivers.cameras.v4l2.abi import ControlId
 from drivers.cameras.v4l2.controls import AUTOMATICS, Control, Controls
 from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.errors import DeviceFault
+from drivers.interfaces import Setting
 
 EXPOSURE_UNIT_US = 100.0
 """Unit of the control ``V4L2_CID_EXPOSURE_ABSOLUTE`` in µs, from the kernel's documentation."""
@@ -39,7 +40,7 @@ def set_exposure(controls: Controls, settings: V4l2Settings, device: str) -> Exp
     controls.switch_automatics_off(settings.controls)
     exposure, unit_us = _exposure_control(controls, settings)
     time_us = _set_exposure_time(controls, exposure, unit_us, settings.exposure_us, device)
-    gain = controls.known.get(ControlId.GAIN) or controls.known.get(ControlId.ANALOGUE_GAIN)
+    gain = _gain_control(controls)
     for name, value in settings.controls.items():
         control = controls.named(name)
         if control in (exposure, gain):
@@ -48,6 +49,26 @@ def set_exposure(controls: Controls, settings: V4l2Settings, device: str) -> Exp
         if control.id not in AUTOMATICS:
             controls.set_active(control, value)
     return Exposure(time_us, _set_gain(controls, gain, settings.gain, device))
+
+
+def read_exposure(controls: Controls, settings: V4l2Settings) -> dict[str, Setting]:
+    """Return exposure time and gain, read from the camera, as far as the camera has them.
+
+    The exposure time is missing if the camera counts it in lines of unknown duration.
+    """
+    found: dict[str, Setting] = {}
+    control, unit_us = _exposure_control(controls, settings)
+    if control is not None and unit_us is not None:
+        found["exposure_us"] = controls.get(control) * unit_us
+    gain = _gain_control(controls)
+    # while an automatic gain control is on, the gain is no setting
+    if gain is not None and not controls.is_held(gain):
+        found["gain"] = controls.get(gain)
+    return found
+
+
+def _gain_control(controls: Controls) -> Control | None:
+    return controls.known.get(ControlId.GAIN) or controls.known.get(ControlId.ANALOGUE_GAIN)
 
 
 def _exposure_control(controls: Controls, settings: V4l2Settings) -> tuple[Control | None, float | None]:

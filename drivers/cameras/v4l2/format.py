@@ -9,6 +9,7 @@ from drivers.cameras.v4l2.abi import CAPTURE, CaptureParameters, Format, PixelFo
 from drivers.cameras.v4l2.node import Node, translate
 from drivers.cameras.v4l2.pixels import FORMATS, Grey, bytes_needed
 from drivers.errors import DeviceFault
+from drivers.interfaces import Setting
 
 RATE_TOLERANCE = 1e-3
 PROGRESSIVE = 1
@@ -93,6 +94,24 @@ def set_picture(
             "report it to the maker of the camera's kernel driver",
         )
     return picture
+
+
+def read_picture(node: Node, device: str) -> dict[str, Setting]:
+    """Return picture format and frame rate, as the kernel reports them; raise `DeviceError` if this fails."""
+    format, parameters = Format(type=CAPTURE), CaptureParameters(type=CAPTURE)
+    try:
+        node.ioctl(Request.G_FMT, format)
+        node.ioctl(Request.G_PARM, parameters)
+    except OSError as error:
+        raise translate(error, device, "read settings", "format and frame rate") from error
+    pix = format.fmt.pix
+    return {
+        "format": code_of(pix.pixelformat),
+        "width_px": int(pix.width),
+        "height_px": int(pix.height),
+        "stride_bytes": int(pix.bytesperline),
+        "rate_hz": parameters.denominator / parameters.numerator if parameters.numerator else 0.0,
+    }
 
 
 def _require(device: str, wanted: str, pix: PixelFormat, stride: int) -> None:

@@ -7,16 +7,16 @@ from functools import partial
 from drivers.cameras.v4l2.abi import PRIORITY_RECORD, BufferFlag, Request
 from drivers.cameras.v4l2.buffers import Buffers, Filled
 from drivers.cameras.v4l2.controls import Controls
-from drivers.cameras.v4l2.exposure import set_exposure
+from drivers.cameras.v4l2.exposure import read_exposure, set_exposure
 from drivers.cameras.v4l2.find import Identity
-from drivers.cameras.v4l2.format import set_picture
+from drivers.cameras.v4l2.format import read_picture, set_picture
 from drivers.cameras.v4l2.node import Node, translate
 from drivers.cameras.v4l2.pixels import Image, grey_levels
 from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.cameras.v4l2.stamps import FrameNumbers, StampRule, require_monotonic
 from drivers.clock import Clock
 from drivers.errors import DeviceError, DeviceFault
-from drivers.interfaces import Frame
+from drivers.interfaces import Frame, Setting
 
 UNSETTLED_FRAMES = 2
 """Number of frames that may still be exposed with the old settings after a control was changed."""
@@ -48,6 +48,7 @@ class Session:
     ) -> None:
         self.identity = identity
         self._node = node
+        self._settings = settings
         self._device = device
         self._fault = partial(DeviceFault, self._device, "get frame")
         self._clock = clock
@@ -91,6 +92,13 @@ class Session:
     def verify(self) -> None:
         """Read all control values back; raise `DeviceFault` if a value has changed."""
         self._controls.verify()
+
+    def read_settings(self) -> dict[str, Setting]:
+        """Read format, frame rate, exposure time, gain and all set controls back from the camera."""
+        controls = {f"control_{name}": value for name, value in self._controls.read().items()}
+        return (
+            read_picture(self._node, self._device) | read_exposure(self._controls, self._settings) | controls
+        )
 
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
         """Return the next frame whose exposure began after `after_s`; return None after `timeout_s`.

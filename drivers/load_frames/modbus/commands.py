@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 
 from drivers.clock import Clock
 from drivers.errors import DeviceTimeout, LinkLost
+from drivers.interfaces import Setting
 from drivers.lines.stop_deadline import StopTimes
 from drivers.load_frames.modbus.bus.link import Overtaken
 from drivers.load_frames.modbus.command_sequence import CommandSequence
@@ -18,6 +19,7 @@ from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 # The connection for `hold` is used at this interval, because switches and machines drop unused connections.
 HOLD_PROVEN_EVERY_S = 10.0
 COMMAND_ATTEMPTS = 2
+SUFFIXES = {"": "", "N": "_n", "mm": "_mm", "N/s": "_n_s", "mm/s": "_mm_s", "s": "_s"}
 
 
 class LoadFrameCommands:
@@ -75,6 +77,17 @@ class LoadFrameCommands:
             remedy = "hold, check the controller, then open the load frame again"
             raise self._work.fault(step, "a new reading", str(error), remedy) from error
         return values
+
+    def read_settings(self, step: str) -> dict[str, Setting]:
+        """Return the values of the blocks `limits` and `watchdog`, read back from the machine."""
+        found: dict[str, Setting] = {}
+        for _, block, values in self._settings:
+            with self._doubting():
+                read = self._work.read_valid(block, step, values)
+            for name, value in read.items():
+                own = "watchdog" if name == "timeout" else name
+                found[f"{own}{SUFFIXES[block.registers[name].unit]}"] = value
+        return found
 
     def stay_in_charge(self) -> None:
         """Reset the machine's watchdog, and check regularly that the connection for `hold` works."""

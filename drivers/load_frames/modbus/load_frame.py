@@ -3,7 +3,7 @@
 import math
 
 from drivers.errors import DeviceTimeout, LinkLost
-from drivers.interfaces import DeviceInfo, LoadFrameLimits, LoadFrameState, OpenContext
+from drivers.interfaces import DeviceInfo, LoadFrameLimits, LoadFrameState, OpenContext, Setting
 from drivers.lines.addresses import resolve_address
 from drivers.lines.stop_deadline import STOP_TIMES, StopTimes
 from drivers.load_frames.modbus.bus.link import ModbusLink
@@ -91,6 +91,17 @@ class ModbusLoadFrame:
             faults=tuple(dict.fromkeys(faults)),
             time_s=read_s,
         )
+
+    def read_settings(self) -> dict[str, Setting]:
+        """Read limits, watchdog time and all other registers of these two blocks back from the machine.
+
+        Raises
+        ------
+        DeviceFault
+            If a limit or the watchdog time has no valid value.
+        DeviceTimeout, LinkLost
+        """
+        return {**self._commands.read_settings("read settings"), "firmware": self.info.firmware}
 
     def go_to_load(self, load_n: float, rate_n_s: float) -> None:
         """Start a ramp to a load, in N; raise `DeviceFault` if the load or the rate exceeds the limits."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from drivers.errors import DeviceTimeout
-from drivers.interfaces import DeviceInfo, OpenContext, StageState
+from drivers.interfaces import DeviceInfo, OpenContext, Setting, StageState
 from drivers.lines.stop_deadline import STOP_TIMES, StopTimes
 from drivers.registry import DriverSpec
 from drivers.stages.esp301.axis import EspAxis
@@ -81,6 +81,28 @@ class EspStage(GuardedStage[EspPort]):
         warnings = [str(error) for error in errors] + ([] if on else [MOTOR_OFF])
         self._notice_another_target()
         return self._judged(StageState(angle_deg, moving, referenced, tuple(warnings), self._clock.now_s()))
+
+    def read_settings(self) -> dict[str, Setting]:
+        """Read limits, speeds, accelerations, resolution and other settings back from the controller."""
+        ask = self._axis.ask
+        found: dict[str, Setting] = {
+            name: ask(question, read_number)
+            for name, question in {
+                "angle_min_deg": "SL?",
+                "angle_max_deg": "SR?",
+                "speed_deg_s": "VA?",
+                "speed_max_deg_s": "VU?",
+                "acceleration_deg_s2": "AC?",
+                "deceleration_deg_s2": "AG?",
+                "acceleration_max_deg_s2": "AU?",
+                "encoder_step_deg": "SU?",
+            }.items()
+        }
+        return found | {
+            "home_mode": int(ask("OM?", read_number)),
+            "soft_limit_bits": ask("ZS?", read_bits),
+            "firmware": self.info.firmware,
+        }
 
     def home(self) -> None:
         """Clear recorded failures, switch the motor on and start the search for the reference position."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from drivers.errors import DeviceTimeout
-from drivers.interfaces import DeviceInfo, OpenContext, StageState
+from drivers.interfaces import DeviceInfo, OpenContext, Setting, StageState
 from drivers.lines.stop_deadline import STOP_TIMES, StopTimes
 from drivers.registry import DriverSpec
 from drivers.stages.guarded import GuardedStage, set_up
@@ -83,6 +83,27 @@ class ZaberStage(GuardedStage[ZaberPort]):
             )
         )
 
+    def read_settings(self) -> dict[str, Setting]:
+        """Read limits, speed, acceleration, resolution and firmware back from the stage."""
+        scale = self._settings.microsteps_per_deg
+        found: dict[str, Setting] = {}
+        for name, setting, factor in (
+            ("angle_min_deg", "limit.min", 1.0),
+            ("angle_max_deg", "limit.max", 1.0),
+            ("speed_deg_s", "maxspeed", SPEED_UNIT),
+            ("acceleration_deg_s2", "accel", ACCELERATION_UNIT),
+        ):
+            step = f"read {setting}"
+            found[name] = self._integer(self._query(f"get {setting}", step), step) / (factor * scale)
+        # older firmware does not have these two settings
+        for name, setting in (
+            ("microsteps_per_step", "resolution"),
+            ("microsteps_per_turn", "limit.cycle.dist"),
+        ):
+            if (number := self._number_if_known(setting)) is not None:
+                found[name] = number
+        return found | {"firmware": self._get("version", axis=0)}
+
     def home(self) -> None:
         """Clear the flags of failed motions and start the search for the reference position."""
         permit = self._unless_stopped("home")
@@ -146,8 +167,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
         """Compare the scale with the number of microsteps per turn, if the stage reports this number."""
         step = "read limit.cycle.dist"
         # older firmware, and stages that cannot make a full turn, do not have this setting
-        reply = self._query("get limit.cycle.dist", step, tolerated=UNKNOWN_COMMAND)
-        turn = self._integer(reply, step) if reply.accepted else 0
+        turn = self._number_if_known("limit.cycle.dist") or 0
         if turn > 0 and turn != round(360 * scale):
             raise self._fault(
                 step,
@@ -162,6 +182,11 @@ class ZaberStage(GuardedStage[ZaberPort]):
             raise self._fault(
                 f"set {name}", str(value), f"{got} on reading back", "check the stage's own limits"
             )
+
+    def _number_if_known(self, name: str) -> int | None:
+        """Return the whole number of a setting; None if the stage does not know the setting."""
+        reply = self._query(f"get {name}", f"read {name}", tolerated=UNKNOWN_COMMAND)
+        return self._integer(reply, f"read {name}") if reply.accepted else None
 
     def _get(self, name: str, axis: int | None = None) -> str:
         return self._query(f"get {name}", f"read {name}", axis).data

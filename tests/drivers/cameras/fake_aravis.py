@@ -90,6 +90,9 @@ class FakeLibrary:
         for pointer, value in zip(out, self.values["region"], strict=True):
             pointer._obj.value = value
 
+    def camera_gv_get_packet_size(self) -> int:
+        return 1400
+
     def camera_start_acquisition(self) -> None:
         self.begun_s, self.taken = self.clock.now_s(), -1
 

@@ -89,6 +89,7 @@ class FakeCamera:
 
     def __post_init__(self) -> None:
         self.stride = 0
+        self.rate = (1, 32)
         self.streaming = False
         self.queued: deque[int] = deque()
         self.filled: deque[Buffer] = deque()
@@ -210,10 +211,15 @@ class FakeNode:
 
     def g_fmt(self, format) -> None:
         pix, camera = format.fmt.pix, self.camera
+        pix.width, pix.height = camera.width, camera.height
         pix.pixelformat = fourcc(camera.code)
         pix.bytesperline, pix.sizeimage, pix.field = camera.stride, camera.stride * camera.height, 1
 
+    def g_parm(self, parameters) -> None:
+        parameters.numerator, parameters.denominator = self.camera.rate
+
     def s_parm(self, parameters) -> None:
+        self.camera.rate = parameters.numerator, parameters.denominator
         if not self.camera.offers_rate:
             parameters.numerator, parameters.denominator = 1, 25
 

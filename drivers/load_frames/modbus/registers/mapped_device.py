@@ -36,6 +36,22 @@ class MappedDevice:
         """
         return self._decoded(block, self._words(block, step), step, names)
 
+    def read_valid(self, block: Block, step: str, names: Collection[str]) -> dict[str, Number]:
+        """Return the values of all registers of a block that have a valid value.
+
+        Raises
+        ------
+        DeviceFault
+            If a register in `names` has no valid value.
+        """
+        words = self._words(block, step)
+        found = self._decoded(block, words, step, names)
+        for name in block.registers.keys() - names:
+            # an unused register may contain anything
+            with contextlib.suppress(ValueError):
+                found |= block.decode(words, self._map.word_order, (name,))
+        return found
+
     def identify(self, step: str) -> dict[str, Number]:
         """Return the values of the block `identity`; from now on the link identifies the machine by them."""
         block = self._map.blocks.identity
