@@ -5,6 +5,7 @@ After the answer to ``grab``, the pixels of the frame follow.
 
 ====================================================  ================================================
 ``{"do": "camera", "camera": NAME}``                  the camera's `drivers.interfaces.CameraInfo`
+``{"do": "settings", "camera": NAME}``                ``settings``: the settings that the camera reports
 ``{"do": "grab", "camera": NAME, "timeout_s": S}``    all values of `drivers.interfaces.Frame` except the
                                                       image; ``shape`` and ``dtype`` of the image; and
                                                       ``bytes``, the number of pixel bytes that follow, row
