@@ -37,21 +37,30 @@ class OpenedInterlock:
     allowed_min: float | None
     allowed_max: float | None
 
+    @property
+    def unit(self) -> str:
+        """The unit of the value after a number: a space and the unit, or an empty text for a contact."""
+        return f" {self.device.unit}" if self.device.unit else ""
+
+    @property
+    def allowed(self) -> str:
+        """The allowed range in words, such as "at least 1"."""
+        ends = (("at least", self.allowed_min), ("at most", self.allowed_max))
+        return " and ".join(f"{words} {bound:g}{self.unit}" for words, bound in ends if bound is not None)
+
+    def allows(self, state: InterlockState) -> bool:
+        """Return True if the value of the interlock is within its allowed range."""
+        low, high, value = self.allowed_min, self.allowed_max, state.value
+        # NaN is outside of every range.
+        return (low is None or value >= low) and (high is None or value <= high)
+
     def require_good(self, name: str, state: InterlockState, step: str) -> None:
         """Raise `InterlockOpen` if the value of the interlock is outside its allowed range."""
-        low, high, value = self.allowed_min, self.allowed_max, state.value
-        # The tests are `not >=` and `not <=`, because NaN must be refused too.
-        if (low is not None and not value >= low) or (high is not None and not value <= high):
-            unit = f" {self.device.unit}" if self.device.unit else ""
-            ends = [
-                f"{words} {bound:g}{unit}"
-                for words, bound in (("at least", low), ("at most", high))
-                if bound is not None
-            ]
+        if not self.allows(state):
             raise InterlockOpen(
                 step,
-                f"interlock {name} {' and '.join(ends)}",
-                f"{value:g}{unit}",
+                f"interlock {name} {self.allowed}",
+                f"{state.value:g}{self.unit}",
                 f"find out why the interlock {name} does not allow a run, then start again",
             )
 
@@ -124,8 +133,8 @@ def open_rig(
     relays : mapping of str to str, optional
         For each device that a guardian watches, the address of its relay, or an empty text.
     failed : dict of str to str, optional
-        If given, a stage, a load frame or a camera that cannot be opened raises no error. The rig is opened
-        without this device, and the dictionary receives the device's name and the reason.
+        If given, a stage, a load frame, a camera or an interlock that cannot be opened raises no error. The
+        rig is opened without this device, and the dictionary receives the device's name and the reason.
     opening_s, closing_s : float
         Longest real time for opening and for closing one device.
 
@@ -142,8 +151,9 @@ def open_rig(
         cameras = {name: opener.open(entry) for name, entry in rig_file.cameras.items()}
         operator = opener.open(rig_file.operator)
         interlocks = {
-            name: OpenedInterlock(opener.open(each.device), each.allowed_min, each.allowed_max)
+            name: OpenedInterlock(device, each.allowed_min, each.allowed_max)
             for name, each in rig_file.interlocks.items()
+            if (device := opener.open(each.device)) is not None
         }
         yield Rig(
             clock=opener.clock,
@@ -207,7 +217,7 @@ class _Opener:
         try:
             device = _open(entry, context, self._opening_s)
         except (DeviceError, ConfigurationError) as error:
-            if self._failed is None or entry.spec.kind not in ("stage", "load_frame", "camera"):
+            if self._failed is None or entry.spec.kind in ("environment", "operator"):
                 raise
             self._failed[entry.name] = str(error)
             return None

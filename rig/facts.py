@@ -10,10 +10,21 @@ from rig.rigfile import RigFile
 
 
 @dataclass(frozen=True)
+class AllowedRange:
+    """The range of an interlock's value in which a run starts and continues. A missing bound is None."""
+
+    name: str
+    unit: str
+    allowed_min: float | None
+    allowed_max: float | None
+
+
+@dataclass(frozen=True)
 class RigFacts:
     """Limits and image sizes of a rig, for the check of a plan. None means that a value is unknown.
 
-    `image_bytes` is the total size of one image from each camera.
+    `image_bytes` is the total size of one image from each camera. `interlocks` are the allowed ranges of all
+    interlocks.
     """
 
     has_stage: bool | None = None
@@ -27,6 +38,7 @@ class RigFacts:
     angle_min_deg: float | None = None
     angle_max_deg: float | None = None
     speed_deg_s: float | None = None
+    interlocks: tuple[AllowedRange, ...] = ()
 
 
 UNKNOWN_RIG = RigFacts()
@@ -35,7 +47,8 @@ UNKNOWN_RIG = RigFacts()
 def facts_of_file(rig_file: RigFile) -> RigFacts:
     """Collect limits and image sizes from the settings in a rig file, without opening a device.
 
-    A value is found only if the driver uses the usual name of the setting, such as ``load_max_n``.
+    A value is found only if the driver uses the usual name of the setting, such as ``load_max_n``, or
+    ``quantity`` for the unit of an interlock.
     """
     facts: dict[str, float | None] = {}
     if rig_file.load_frame is not None:
@@ -53,6 +66,10 @@ def facts_of_file(rig_file: RigFile) -> RigFacts:
         has_load_frame=rig_file.load_frame is not None,
         cameras=len(sizes),
         image_bytes=None if any(None in size for size in sizes) else sum(_bytes(*size) for size in sizes),
+        interlocks=tuple(
+            AllowedRange(name, each.device.setting("quantity") or "", each.allowed_min, each.allowed_max)
+            for name, each in rig_file.interlocks.items()
+        ),
         **facts,
     )
 
@@ -61,7 +78,11 @@ def confirm(facts: RigFacts, rig: Rig) -> RigFacts:
     """Replace image sizes and load frame limits from the rig file with the values of the opened devices."""
     infos: list[CameraInfo] = [camera.info for camera in rig.cameras.values()]
     image_bytes = sum(_bytes(info.width_px, info.height_px, info.bits) for info in infos)
-    facts = replace(facts, image_bytes=image_bytes, cameras=len(infos))
+    interlocks = tuple(
+        AllowedRange(name, each.device.unit, each.allowed_min, each.allowed_max)
+        for name, each in rig.interlocks.items()
+    )
+    facts = replace(facts, image_bytes=image_bytes, cameras=len(infos), interlocks=interlocks)
     if rig.load_frame is None:
         return facts
     limits = rig.load_frame.limits

@@ -3,11 +3,12 @@
 The package `dic.quality` judges one image of each camera, in the same way as the command `dic quality`.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
@@ -18,10 +19,13 @@ from dic.files.writing import replacing
 from dic.quality.findings import picture_findings, quality_findings
 from dic.quality.picture import assess_picture
 from dic.quality.quality import assess_quality
+from drivers.clock import SystemClock
 from drivers.errors import DeviceError
-from drivers.interfaces import Camera, LoadFrame, RotationStage
-from rig.devices import Rig
+from drivers.interfaces import Camera, Frame, LoadFrame, RotationStage
+from rig.devices import OpenedInterlock, Rig
+from rig.engine.calls import CAMERA_MARGIN_S, PATIENCE_S
 from rig.errors import RigError
+from rig.threads import Bounded
 
 NO_PATTERN = (
     "shows no speckle pattern that can be measured; put the specimen into view, and check light and focus"
@@ -30,6 +34,7 @@ _TIMEOUT_S = 5.0
 _PRINTED = ("speckle_x_px", "speckle_y_px", "noise", "floor_px", "contrast", "blur_px")
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -82,22 +87,27 @@ def judge(image: Image, bits: int) -> tuple[dict[str, Any], list[str]]:
 
 
 def check_rig(rig: Rig, keep: Callable[[str, Image], None] = lambda name, image: None) -> RigCheck:
-    """Read every device once and take one image with each camera; go on after a device that fails.
+    """Read every device once, take one image with each camera, and go on after a device that fails or hangs.
 
     Parameters
     ----------
     rig : Rig
+        Each call of a driver has the deadline `call_timeout_s` of the rig; the call of a camera has more
+        time. A device in whose driver a call hangs is added to `lost`, and is not closed.
     keep : callable, optional
         Function that is called with the name of each camera and its image.
     """
     found = RigCheck([], {}, [], {})
+    call = _Calls(rig)
     checks: dict[str, Callable[[], None]] = {}
     if rig.stage is not None:
-        checks["stage"] = partial(_check_stage, found, rig.stage)
+        checks["stage"] = partial(_check_stage, found, rig.stage, call)
     if rig.load_frame is not None:
-        checks["load_frame"] = partial(_check_load_frame, found, rig.load_frame)
+        checks["load_frame"] = partial(_check_load_frame, found, rig.load_frame, call)
+    for name, interlock in rig.interlocks.items():
+        checks[f"interlocks.{name}"] = partial(_check_interlock, found, name, interlock, call)
     for name, camera in rig.cameras.items():
-        checks[f"cameras.{name}"] = partial(_check_camera, found, name, camera, keep)
+        checks[f"cameras.{name}"] = partial(_check_camera, found, name, camera, call, keep)
     for name, check in checks.items():
         try:
             check()
@@ -125,16 +135,46 @@ def keep_in(folder: Path) -> Callable[[str, Image], None]:
     return keep
 
 
-def _check_stage(found: RigCheck, stage: RotationStage) -> None:
-    state = stage.read()
+class _Calls:
+    """Calls drivers on separate threads with deadlines, so that a call that hangs ends only one check."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+        # Devices on a simulated clock compute while their clock stands still.
+        self._spare_s = 0.0 if isinstance(rig.clock, SystemClock) else PATIENCE_S
+
+    def read(self, device: str, function: Callable[[], T]) -> T:
+        """Read a device; raise `DeviceTimeout` after `call_timeout_s`."""
+        timeout_s = self._rig.call_timeout_s
+        remedy = "check the device and its cable; if its calls may take longer, raise call_timeout_s in [rig]"
+        return self._call(device, "read", function, timeout_s, remedy)
+
+    def grab(self, device: str, camera: Camera) -> Frame:
+        """Take an image; raise `DeviceTimeout` if the driver exceeds its own deadline."""
+        deadline_s = _TIMEOUT_S + CAMERA_MARGIN_S
+        return self._call(
+            device, "grab", lambda: camera.grab(_TIMEOUT_S), deadline_s, "check the camera and its cable"
+        )
+
+    def _call(self, device: str, action: str, function: Callable[[], T], deadline_s: float, remedy: str) -> T:
+        call = Bounded(device, action, function)
+        try:
+            return call.result(deadline_s + self._spare_s, remedy)
+        finally:
+            if call.hangs:
+                self._rig.lost[device] = f"{action}, which has not returned for {deadline_s:g} s"
+
+
+def _check_stage(found: RigCheck, stage: RotationStage, call: _Calls) -> None:
+    state = call.read("stage", stage.read)
     _add(found, "stage", stage.info, state)
     # A stage without a reference position gives a warning. It is no problem, because a run homes the stage
     # first.
     found.problems.extend(f"stage: warning {warning}" for warning in state.warnings if state.homed)
 
 
-def _check_load_frame(found: RigCheck, load_frame: LoadFrame) -> None:
-    state = load_frame.read()
+def _check_load_frame(found: RigCheck, load_frame: LoadFrame, call: _Calls) -> None:
+    state = call.read("load_frame", load_frame.read)
     _add(found, "load_frame", load_frame.info, state)
     limits = asdict(load_frame.limits)
     found.devices["load_frame"]["limits"] = limits
@@ -142,11 +182,31 @@ def _check_load_frame(found: RigCheck, load_frame: LoadFrame) -> None:
     found.problems.extend(f"load_frame: fault {fault}" for fault in state.faults)
 
 
+def _check_interlock(found: RigCheck, lock_name: str, interlock: OpenedInterlock, call: _Calls) -> None:
+    name = f"interlocks.{lock_name}"
+    state = call.read(name, interlock.device.read)
+    _add(found, name, interlock.device.info, state)
+    allowed = {
+        "unit": interlock.device.unit,
+        "allowed_min": interlock.allowed_min,
+        "allowed_max": interlock.allowed_max,
+    }
+    found.devices[name] |= {**allowed, "allows": interlock.allows(state)}
+    # JSON has no number for a value that is none.
+    found.devices[name]["state"]["value"] = state.value if math.isfinite(state.value) else None
+    found.lines.append(f"  allowed: {interlock.allowed}")
+    if not interlock.allows(state):
+        found.problems.append(
+            f"{name}: the value is {state.value:g}{interlock.unit}, but a run needs {interlock.allowed}; "
+            "find out why the interlock does not allow a run"
+        )
+
+
 def _check_camera(
-    found: RigCheck, camera_name: str, camera: Camera, keep: Callable[[str, Image], None]
+    found: RigCheck, camera_name: str, camera: Camera, call: _Calls, keep: Callable[[str, Image], None]
 ) -> None:
     name, bits = f"cameras.{camera_name}", camera.info.bits
-    image = camera.grab(_TIMEOUT_S).image
+    image = call.grab(name, camera).image
     keep(camera_name, image)
     _add(found, name, camera.info, grey_levels(image, bits))
     figures, sentences = judge(image, bits)

@@ -18,7 +18,7 @@ def limit_table(protocol: Protocol, facts: RigFacts, rig: RigLimits, string: Loa
     ----------
     protocol : TensionProtocol or RotationProtocol
     facts : RigFacts
-        The limits of load frame and stage, from the rig file or from the opened devices.
+        The limits of load frame, stage and interlocks, from the rig file or from the opened devices.
     rig : RigLimits
         The table [limits] of the rig file.
     string : LoadString or None
@@ -52,6 +52,16 @@ def limit_table(protocol: Protocol, facts: RigFacts, rig: RigLimits, string: Loa
                     _bound(greatest, f"{where}.angle_max_deg"),
                 )
             )
+    for each in facts.interlocks:
+        key = f"the rig's interlocks.{each.name}"
+        limits.append(
+            Limit(
+                f"interlock {each.name}",
+                each.unit,
+                _bound(each.allowed_min, f"{key}.allowed_min"),
+                _bound(each.allowed_max, f"{key}.allowed_max"),
+            )
+        )
     return LimitTable(limits)
 
 

@@ -16,6 +16,7 @@ from rig import (
     RunFile,
     RunFileError,
     RunInterlock,
+    plan_protocol,
     replay_run,
     run_protocol,
     verify_run,
@@ -109,6 +110,15 @@ def test_an_interlock_that_opens_during_a_motion_ends_the_run_in_the_safe_state(
     assert outcome.unsafe == ()
     assert rigs[0].load_frame.executed[-1][1] == "hold"
     assert rigs[0].load_frame.load_n() < 800.0
+
+
+def test_the_plan_names_what_each_interlock_allows(files):
+    table = plan_protocol(*files[:2]).limits.table
+    lines = [str(limit) for limit in table]
+    assert "interlock door: at least 1 (the rig's interlocks.door.allowed_min)" in lines
+    assert "interlock oven: at most 40 °C (the rig's interlocks.oven.allowed_max)" in lines
+    row = next(row for row in table.rows() if row["quantity"] == "interlock oven")
+    assert (row["unit"], row["least"], row["greatest"]) == ("°C", None, 40.0)
 
 
 def test_an_interlock_without_a_condition_is_a_mistake_in_the_rig_file(files):

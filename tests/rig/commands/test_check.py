@@ -1,5 +1,7 @@
 """`rig check` on pictures whose speckles, light and focus are known, and on the virtual rig."""
 
+import threading
+
 import cv2
 import numpy as np
 import pytest
@@ -7,9 +9,13 @@ from scipy.ndimage import gaussian_filter
 
 from dic.quality.findings import quality_findings
 from dic.quality.quality import assess_quality
-from rig.commands.check import NO_PATTERN, judge
+from drivers.clock import SystemClock
+from drivers.interfaces import CameraInfo, Frame
+from rig.commands.check import NO_PATTERN, check_rig, judge
+from rig.devices import OpenedInterlock, Rig
 from tests.command_line import run_rig
 from tests.places import example
+from tests.rig.conftest import FakeInterlock, FakeLoadFrame, FakeOperator, FakeStage
 
 SIGMA_PX = 1.5
 
@@ -68,10 +74,10 @@ def test_a_picture_without_a_pattern_is_judged_by_light_and_focus():
 
 @pytest.fixture
 def check(tmp_path):
-    def call(camera: str) -> tuple[int, str, dict]:
+    def call(camera: str, others: str = "") -> tuple[int, str, dict]:
         driver = 'driver = "simulated-camera"'
         rig_file = tmp_path / "rig.toml"
-        rig_file.write_text(example("rig-virtual-rotation-30", (driver, f"{driver}\n{camera}")))
+        rig_file.write_text(example("rig-virtual-rotation-30", (driver, f"{driver}\n{camera}")) + others)
         done = run_rig("check", rig_file, "--json", tmp_path / "check.json")
         return done.status, done.out, done.report
 
@@ -112,6 +118,90 @@ def test_goes_on_after_devices_that_fail_and_keeps_the_pictures(tmp_path):
         assert (picture.min(), picture.max()) == (state["minimum"], state["maximum"])
     # earlier pictures are replaced only if the user says so
     assert "--force" in run_rig(*arguments).err
+
+
+SMALL = "width_px = 160\nheight_px = 120"
+DOOR = """
+[interlocks.door]
+driver = "modbus-input"
+address = "@interlocks"
+number = 2
+allowed_min = 1
+[interlocks.oven]
+driver = "modbus-input"
+address = "@interlocks"
+table = "input"
+number = 0
+quantity = "°C"
+offset = 21.5
+allowed_min = 15
+allowed_max = 20
+"""
+
+
+def test_shows_interlocks_with_value_and_range_and_says_which_one_allows_no_run(check):
+    # The simulated door is closed. The register of the oven is 0 at first, so the oven is at 21.5 °C.
+    status, out, table = check(SMALL, DOOR)
+    assert status == 1
+    assert "interlocks.door: vendor Modbus, model discrete 2 of unit 1" in out
+    assert "  allowed: at least 15 °C and at most 20 °C" in out
+    problem = (
+        "interlocks.oven: the value is 21.5 °C, but a run needs at least 15 °C and at most 20 °C; "
+        "find out why the interlock does not allow a run"
+    )
+    assert table["problems"] == [problem]
+    assert f"not good: {problem}" in out
+    door, oven = (table["devices"][f"interlocks.{name}"] for name in ("door", "oven"))
+    assert (door["state"]["value"], door["unit"], door["allows"]) == (1.0, "", True)
+    assert (door["allowed_min"], door["allowed_max"]) == (1.0, None)
+    assert (oven["state"]["value"], oven["unit"], oven["allows"]) == (21.5, "°C", False)
+
+
+def test_goes_on_after_an_interlock_that_cannot_be_opened(check):
+    status, out, table = check(SMALL, DOOR.replace("number = 2", "number = 99"))
+    assert status == 2
+    assert list(table["failed"]) == ["interlocks.door"]
+    assert "illegal data address" in table["failed"]["interlocks.door"]
+    assert {"stage", "interlocks.oven", "cameras.on_axis", "cameras.off_axis"} == set(table["devices"])
+    assert "interlocks.oven: " in out
+
+
+class SpeckledCamera:
+    """A camera that shows good speckles."""
+
+    info = CameraInfo("v", "m", "s", width_px=220, height_px=200, bits=8)
+
+    def grab(self, timeout_s: float) -> Frame:
+        clock = SystemClock()
+        image = speckles(120.0, 35.0)
+        return Frame(image, clock.now_s(), clock.now_s(), clock.utc(), 1, 0, 1000.0, 1.0)
+
+    def close(self) -> None:
+        pass
+
+
+def test_a_device_that_hangs_fails_alone_and_is_not_closed():
+    clock, released = SystemClock(), threading.Event()
+    stage, frame = FakeStage(clock, []), FakeLoadFrame(clock, [])
+    door, oven = (FakeInterlock(clock, lambda count: 1.0) for _ in range(2))
+    stage.on_read = door.value_of = lambda state: released.wait() and state
+    rig = Rig(
+        clock,
+        FakeOperator([]),
+        {"front": SpeckledCamera()},
+        stage,
+        frame,
+        call_timeout_s=1.0,
+        interlocks={"door": OpenedInterlock(door, 1.0, None), "oven": OpenedInterlock(oven, 1.0, None)},
+    )
+    try:
+        found = check_rig(rig)
+    finally:
+        released.set()
+    assert set(found.devices) == {"load_frame", "interlocks.oven", "cameras.front"}
+    assert set(found.failed) == set(rig.lost) == {"stage", "interlocks.door"}
+    assert "stage: read: expected an end within 1 s, got none: the call hangs" in found.failed["stage"]
+    assert found.problems == []
 
 
 def test_says_when_an_image_is_saturated(check):
