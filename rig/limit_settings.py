@@ -14,6 +14,9 @@ class RigLimits(Settings):
     load_rate_max_n_s: float | None = Field(default=None, gt=0.0)
     angle_min_deg: float | None = Field(default=None)
     angle_max_deg: float | None = Field(default=None)
+    unloaded_max_n: float | None = Field(
+        default=None, gt=0.0, description="load up to which a specimen counts as unloaded in a rotation test"
+    )
     machine_stiffness_min_n_mm: float | None = Field(
         default=None, gt=0.0, description="smallest stiffness of grips and load frame in series"
     )

@@ -16,7 +16,7 @@ from rig.engine.filing import Filing
 from rig.engine.imaging import StepImages, Surroundings
 from rig.engine.keep import Keeper
 from rig.engine.listeners import LEAVING_S, Listeners
-from rig.engine.look import look
+from rig.engine.look import look, unloaded
 from rig.engine.monitor import Monitor
 from rig.engine.motion import begin
 from rig.engine.preparation import Actions, Preparation
@@ -116,6 +116,7 @@ class Engine:
             Actions(
                 self._read, self._wait, self._ask, lambda text: self._event("info", text), self._note_motion
             ),
+            unloaded(protocol.conditions, rig),
         )
         around = Surroundings(self._read, self._settle_again, self._calls.pause, self._event)
         self._images = StepImages(self._devices.cameras, protocol.images, rig.clock, self._filing, around)

@@ -1,12 +1,19 @@
 """Read the present state of the devices, and check whether the specimen is under load."""
 
+from dataclasses import dataclass
+
 from drivers.interfaces import LoadFrameState, StageState
+from rig.devices import Rig
 from rig.engine.calls import Calls
 from rig.engine.devices import Devices
 from rig.engine.status import AtRest
 from rig.errors import LimitViolation
-from rig.protocol.conditions import Zeroing
+from rig.protocol.conditions import Conditions
 from rig.protocol.step import Reading
+
+UNLOADED_SHARE = 0.01
+"""Fraction of the largest load of the load frame that an unloaded load cell may show: its zero error and the
+weight of grips."""
 
 
 def look(devices: Devices, calls: Calls) -> AtRest:
@@ -29,17 +36,53 @@ def look(devices: Devices, calls: Calls) -> AtRest:
     return AtRest(frame, stage, silent)
 
 
-def require_unloaded(reading: Reading, zeroing: Zeroing, step: str) -> None:
-    """Raise `LimitViolation` if the load is above `tare_max_n`, for example after a failed run.
+@dataclass(frozen=True)
+class Unloaded:
+    """The load up to which a specimen counts as unloaded, before a person touches it.
 
-    The operator must not touch a loaded specimen, and its load must not be set to zero.
+    Attributes
+    ----------
+    load_max_n : float
+        In tension and in compression.
+    remedy : str
+        What to do if the specimen is unloaded but its reading is higher.
     """
-    if not abs(reading.load_n) <= zeroing.tare_max_n:
-        raise LimitViolation(
-            step,
-            f"a load within {zeroing.tare_max_n:g} N",
-            f"{reading.load_n:.1f} N",
-            "unload the specimen with rig unload, as a real load must not be zeroed; if the specimen is "
-            f"unloaded, raise {zeroing.key} above {abs(reading.load_n):.1f} (at most a tenth of an "
-            "increment), or zero the load cell at the machine",
+
+    load_max_n: float
+    remedy: str
+
+    def require(self, reading: Reading, step: str) -> None:
+        """Raise `LimitViolation` if the load is higher, for example after a failed run.
+
+        The operator must not touch a loaded specimen, and its load must not be set to zero.
+        """
+        if not abs(reading.load_n) <= self.load_max_n:
+            raise LimitViolation(
+                step,
+                f"a load within {self.load_max_n:g} N",
+                f"{reading.load_n:.1f} N",
+                "unload the specimen with rig unload, as a real load must not be zeroed; if the specimen is "
+                f"unloaded, {self.remedy.format(load_n=abs(reading.load_n))}",
+            )
+
+
+def unloaded(conditions: Conditions, rig: Rig) -> Unloaded | None:
+    """Return the load of an unloaded specimen, from the protocol or from the rig; None without a load frame.
+
+    A protocol that does not pull the specimen says nothing about loads.
+    """
+    if conditions.zeroing is not None:
+        key = conditions.zeroing.key
+        return Unloaded(
+            conditions.zeroing.tare_max_n,
+            f"raise {key} above {{load_n:.1f}} (at most a tenth of an increment), or zero the load cell at "
+            "the machine",
         )
+    if rig.load_frame is None:
+        return None
+    most_n = rig.limits.unloaded_max_n
+    return Unloaded(
+        UNLOADED_SHARE * rig.load_frame.limits.load_max_n if most_n is None else most_n,
+        "zero the load cell at the machine, or raise limits.unloaded_max_n in the rig file above "
+        "{load_n:.1f}",
+    )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from drivers.interfaces import OperatorAction
 from rig.engine.devices import Devices
-from rig.engine.look import require_unloaded
+from rig.engine.look import Unloaded
 from rig.engine.monitor import Monitor
 from rig.engine.watch import Watch
 from rig.protocol.conditions import Conditions, Zeroing
@@ -40,20 +40,24 @@ class Actions:
 
 @dataclass(frozen=True)
 class Preparation:
-    """Prepares the rig as the conditions of a protocol require."""
+    """Prepares the rig as the conditions of a protocol require.
+
+    `unloaded` is the load of an unloaded specimen; None without a load frame.
+    """
 
     conditions: Conditions
     devices: Devices
     monitor: Monitor
     watch: Watch
     actions: Actions
+    unloaded: Unloaded | None = None
 
     def for_grid(self, step: ProtocolStep) -> None:
         """Check that the specimen is unloaded, turn the stage to 0 degrees, and ask for the grid to be
         attached."""
         reading = self.actions.read()
-        if self.conditions.zeroing is not None:
-            require_unloaded(reading, self.conditions.zeroing, f"{step}, before the grid is attached")
+        if self.unloaded is not None:
+            self.unloaded.require(reading, f"{step}, before the grid is attached")
         if self.conditions.zero_tolerance_deg is not None:
             self._bring_to_zero(self.conditions.zero_tolerance_deg)
         self.actions.ask(OperatorAction.ATTACH_GRID)
@@ -93,7 +97,8 @@ class Preparation:
     def _zero_load_frame(self, zeroing: Zeroing, step: ProtocolStep) -> None:
         assert self.devices.load_frame is not None  # `require_devices` has checked this
         reading = self.actions.read()
-        require_unloaded(reading, zeroing, f"{step}, zeroing the load frame")
+        if self.unloaded is not None:
+            self.unloaded.require(reading, f"{step}, zeroing the load frame")
         self.actions.log(f"load frame: zero at {reading.load_n:.1f} N, {reading.displacement_mm:.4f} mm")
         self.devices.load_frame.tare()
         self.watch.tared()

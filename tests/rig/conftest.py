@@ -23,6 +23,7 @@ from drivers.interfaces import (
 )
 from rig.devices import OpenedInterlock, Rig
 from rig.engine.engine import Engine
+from rig.limit_settings import RigLimits
 from rig.protocol.protocol import Protocol
 from rig.protocol.rotation import RotationProtocol
 from rig.protocol.tension import TensionProtocol
@@ -197,6 +198,7 @@ class FakeRig:
     definition: str = ""
     clock: Clock = field(default_factory=VirtualClock)
     interlocks: dict[str, OpenedInterlock] = field(default_factory=dict)
+    limits: RigLimits = field(default_factory=RigLimits)
 
     def __post_init__(self) -> None:
         self.cameras = {"on_axis": FakeCamera(self.clock), "off_axis": FakeCamera(self.clock)}
@@ -213,6 +215,7 @@ class FakeRig:
             self.stage,
             self.load_frame,
             virtual=True,
+            limits=self.limits,
             interlocks=self.interlocks,
         )
         header = RunHeader(

@@ -1,11 +1,14 @@
 """What the engine sees at the machine before it asks the operator, and after the end of a run."""
 
+import math
 import threading
 from contextlib import contextmanager
 
 import pytest
 
 from drivers.errors import LinkLost
+from rig.limit_settings import RigLimits
+from tests.rig.conftest import FakeLoadFrame
 
 
 def test_a_loaded_specimen_is_not_offered_a_grid(tension):
@@ -16,6 +19,34 @@ def test_a_loaded_specimen_is_not_offered_a_grid(tension):
     assert outcome.reason.startswith(expected)
     assert "rig unload" in outcome.reason
     assert "ATTACH_GRID" not in tension.calls
+
+
+@pytest.mark.parametrize(
+    ("load_n", "limits", "offered"),
+    [
+        # one per cent of the largest load of the load frame, 15 kN
+        (151.0, RigLimits(), False),
+        (-151.0, RigLimits(), False),
+        (149.0, RigLimits(), True),
+        (149.0, RigLimits(unloaded_max_n=100.0), False),
+        (400.0, RigLimits(unloaded_max_n=500.0), True),
+        (math.nan, RigLimits(), False),
+    ],
+)
+def test_a_rotation_on_a_rig_with_a_load_frame_offers_the_grid_only_without_load(
+    rotation, load_n, limits, offered
+):
+    rotation.load_frame = FakeLoadFrame(rotation.clock, rotation.calls, zero_n=load_n)
+    rotation.limits = limits
+    outcome = rotation.engine().run()
+    assert ("ATTACH_GRID" in rotation.calls) == offered
+    assert outcome.status == ("completed" if offered else "failed")
+    if not offered:
+        assert f"before the grid is attached: expected a load within {limits.unloaded_max_n or 150:g} N" in (
+            outcome.reason
+        )
+        assert "raise limits.unloaded_max_n in the rig file" in outcome.reason
+    assert "tare" not in rotation.calls
 
 
 @pytest.mark.parametrize("ending", ["completed", "failed", "aborted"])
