@@ -2,6 +2,7 @@
 
 from functools import partial
 
+from simulators.interlock.module import InputModuleRtuServer
 from simulators.load_frame.modbus import LoadFrameRtuServer
 from simulators.stage.newport import NewportServer
 from simulators.stage.zaber import ZaberServer
@@ -10,3 +11,4 @@ from simulators.wire.ports import LOCALHOST
 zaber_on_tcp = partial(ZaberServer, host=LOCALHOST)
 newport_on_tcp = partial(NewportServer, host=LOCALHOST)
 load_frame_rtu_on_tcp = partial(LoadFrameRtuServer, host=LOCALHOST)
+interlocks_rtu_on_tcp = partial(InputModuleRtuServer, host=LOCALHOST)

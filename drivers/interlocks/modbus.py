@@ -4,6 +4,7 @@ from typing import Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
+from drivers.errors import DeviceFault
 from drivers.interfaces import DeviceInfo, InterlockState, OpenContext
 from drivers.lines.addresses import resolve_address
 from drivers.load_frames.modbus.bus.address import SERIAL_UNITS, ModbusAddress, address_mistake
@@ -28,6 +29,9 @@ class ModbusInputSettings(Settings):
         Address of the input in the request, counted from 0.
     signed : bool
         True if the register is a signed number.
+    invalid : list of int
+        Numbers of a register that mean "no value", such as 0x7FFF for a broken wire. For a signed register,
+        write them as signed numbers.
     scale, offset : float
         The value of a register is its number × scale + offset.
     quantity : str
@@ -39,6 +43,7 @@ class ModbusInputSettings(Settings):
     table: Literal["discrete", "coil", "input", "holding"] = "discrete"
     number: int = Field(ge=0, le=65_535)
     signed: bool = False
+    invalid: list[int] = Field(default_factory=list, max_length=16)
     scale: float = 1.0
     offset: float = 0.0
     quantity: str = Field(default="", max_length=20)
@@ -58,8 +63,13 @@ class ModbusInputSettings(Settings):
     def _consistent(self) -> Self:
         if ModbusAddress(self.address).rtu and self.unit not in SERIAL_UNITS:
             raise ValueError("a unit from 1 to 247 is expected on a serial line: broadcasts have no answer")
-        if self.table in _BITS and self.model_fields_set & {"signed", "scale", "offset"}:
-            raise ValueError("signed, scale and offset belong to a register; remove them for a contact")
+        if self.table in _BITS and self.model_fields_set & {"signed", "invalid", "scale", "offset"}:
+            raise ValueError(
+                "signed, invalid, scale and offset belong to a register; remove them for a contact"
+            )
+        lowest, highest = (-0x8000, 0x7FFF) if self.signed else (0, 0xFFFF)
+        if beyond := [number for number in self.invalid if not lowest <= number <= highest]:
+            raise ValueError(f"invalid has {beyond[0]}, expected numbers from {lowest} to {highest}")
         return self
 
 
@@ -84,12 +94,20 @@ class ModbusInput:
         Raises
         ------
         DeviceError
-            If the module does not answer in time, or refuses the request.
+            If the module does not answer in time, refuses the request, or reports that it has no value.
         """
         settings = self._settings
         (number,) = self._link.read(settings.table, settings.number, 1)
         if settings.signed and number >= 0x8000:
             number -= 0x10000
+        if number in settings.invalid:
+            raise DeviceFault(
+                self._link.name,
+                f"read {settings.table} {settings.number}",
+                "a value",
+                f"{number}, which means that there is none",
+                "check the sensor and its cable at the module",
+            )
         return InterlockState(number * settings.scale + settings.offset, self._clock.now_s())
 
     def close(self) -> None:

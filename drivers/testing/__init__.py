@@ -16,12 +16,15 @@ function of the bench is None, the tests that need this function are skipped.
 
 from drivers.testing.camera_bench import CameraBench
 from drivers.testing.camera_contract import CameraContract
+from drivers.testing.interlock_contract import InterlockBench, InterlockContract
 from drivers.testing.load_frame_contract import LoadFrameBench, LoadFrameContract
 from drivers.testing.stage_contract import StageBench, StageContract
 
 __all__ = [
     "CameraBench",
     "CameraContract",
+    "InterlockBench",
+    "InterlockContract",
     "LoadFrameBench",
     "LoadFrameContract",
     "StageBench",

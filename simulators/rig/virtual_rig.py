@@ -25,7 +25,7 @@ from simulators.stage.device import StageDevice
 from simulators.stage.faults import stage_faults
 from simulators.stage.newport import NewportServer
 from simulators.stage.zaber import ZaberServer
-from simulators.wire.faults import CAMERA, LOAD_FRAME, NEWPORT, STAGE, FaultPanel
+from simulators.wire.faults import CAMERA, INTERLOCK, LOAD_FRAME, NEWPORT, STAGE, FaultPanel
 from simulators.wire.ports import LOCALHOST
 from simulators.wire.rig_faults import RigFaults
 
@@ -103,6 +103,7 @@ class VirtualRig:
             stage_faults(FaultPanel(STAGE), self.stage),
             stage_faults(FaultPanel(NEWPORT), self.stage),
             load_frame_faults(FaultPanel(LOAD_FRAME), self.load_frame),
+            FaultPanel(INTERLOCK),
             FaultPanel(CAMERA),
             self.picture_faults.panel,
         )
@@ -141,7 +142,7 @@ class VirtualRig:
         rtu_port = port("load_frame_rtu_tcp")
         rtu_tcp = LoadFrameRtuServer(frame, LOCALHOST, rtu_port, faults=of_frame, registers=tcp.registers)
         serve("load_frame_rtu_tcp", rtu_tcp, "rtu://")
-        serve("interlocks", InputModuleServer(self.interlocks, port("interlocks")))
+        serve("interlocks", InputModuleServer(self.interlocks, port("interlocks"), self.faults[INTERLOCK]))
         return addresses
 
     def truth(self) -> dict[str, float | bool]:

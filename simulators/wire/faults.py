@@ -9,7 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 STAGE, NEWPORT, LOAD_FRAME, CAMERA = "stage", "newport", "load_frame", "camera"
-LINES = (STAGE, NEWPORT, LOAD_FRAME)
+INTERLOCK = "interlock"
+MACHINES = (STAGE, NEWPORT, LOAD_FRAME)
+LINES = (*MACHINES, INTERLOCK)
 DEVICES = (*LINES, CAMERA)
 PICTURE = "picture"
 """The device name for faults of the pictures of all cameras, such as blur. No driver can notice such
@@ -65,11 +67,16 @@ FAULTS = {
         Fault("duplicate", "the answer arrives twice", LINES, counted=True),
         Fault("late", "the answer arrives only after the next message", LINES, counted=True),
         Fault("stale", "the previous answer or frame comes again", DEVICES, counted=True),
-        Fault("wrong-unit", "the answer has another device's address", (STAGE, LOAD_FRAME), counted=True),
+        Fault(
+            "wrong-unit",
+            "the answer has another device's address",
+            (STAGE, LOAD_FRAME, INTERLOCK),
+            counted=True,
+        ),
         Fault(
             "exception",
             "the device answers with a Modbus exception",
-            (LOAD_FRAME,),
+            (LOAD_FRAME, INTERLOCK),
             "CODE",
             "6",
             counted=True,
@@ -88,10 +95,10 @@ FAULTS = {
             highest=999,
         ),
         Fault("unplug", "the cable is unplugged", DEVICES),
-        Fault("reset", "the device is switched off and on, even in motion", LINES),
-        Fault("stall", "the drive stalls, or the camera gives no frame", DEVICES),
-        Fault("limit", "a limit switch trips", LINES),
-        Fault("e-stop", "the emergency stop is pressed", LINES),
+        Fault("reset", "the device is switched off and on, even in motion", MACHINES),
+        Fault("stall", "the drive stalls, or the camera gives no frame", (*MACHINES, CAMERA)),
+        Fault("limit", "a limit switch trips", MACHINES),
+        Fault("e-stop", "the emergency stop is pressed", MACHINES),
         Fault("nan-load", "the load cell is broken, and the load is NaN", (LOAD_FRAME,)),
         Fault("zero-load", "the load cell shows no load, also to the controller", (LOAD_FRAME,)),
         Fault("tenth-load", "the load cell shows a tenth, also to the controller", (LOAD_FRAME,)),
@@ -124,7 +131,7 @@ class FaultPanel:
     Parameters
     ----------
     device : str
-        ``stage``, ``newport``, ``load_frame``, ``camera`` or ``picture``.
+        ``stage``, ``newport``, ``load_frame``, ``interlock``, ``camera`` or ``picture``.
     """
 
     def __init__(self, device: str) -> None:

@@ -43,6 +43,8 @@ class Bench(ABC):
         driver calls something good that is not.
     ways_back : dict of str to callable
         What a person may have to do once the fault is gone, the least first.
+    unproven : frozenset of str
+        The faults under which the protocol of the line cannot tell an old answer from a new one.
     talks_on_opening : bool
         Whether opening the driver sends messages that a fault can strike.
     """
@@ -50,6 +52,7 @@ class Bench(ABC):
     faults: FaultPanel
     uses: dict[str, Callable[[], object]]
     ways_back: dict[str, Callable[[], object]]
+    unproven: frozenset[str] = frozenset()
     talks_on_opening = True
 
     def __init__(self) -> None:

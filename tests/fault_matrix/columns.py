@@ -7,10 +7,11 @@ from drivers.stages.esp301.settings import EspSettings
 from drivers.stages.esp301.stage import open_stage as open_esp301
 from drivers.stages.zaber.settings import ZaberSettings
 from drivers.stages.zaber.stage import open_stage as open_zaber
+from simulators.interlock.module import InputModuleRtuServer, InputModuleServer
 from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameServer
 from simulators.stage.newport import NewportServer
 from simulators.stage.zaber import ZaberServer
-from simulators.wire.faults import CAMERA, LOAD_FRAME, NEWPORT, STAGE
+from simulators.wire.faults import CAMERA, INTERLOCK, LOAD_FRAME, NEWPORT, STAGE
 from tests.fault_matrix.bench import Bench
 from tests.fault_matrix.camera_benches import (
     AravisBench,
@@ -20,8 +21,9 @@ from tests.fault_matrix.camera_benches import (
     V4l2Bench,
     V4l2StreamBench,
 )
+from tests.fault_matrix.interlock_benches import ContactBench, RegisterBench
 from tests.fault_matrix.machine_benches import LoadFrameBench, StageBench
-from tests.tcp_servers import load_frame_rtu_on_tcp, zaber_on_tcp
+from tests.tcp_servers import interlocks_rtu_on_tcp, load_frame_rtu_on_tcp, zaber_on_tcp
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,15 @@ COLUMNS = [
         "modbus-frame, RTU over TCP, separate-words",
         LOAD_FRAME,
         lambda: LoadFrameBench(load_frame_rtu_on_tcp, "separate-words", "rtu://"),
+    ),
+    Column("modbus-input, contact, TCP", INTERLOCK, lambda: ContactBench(InputModuleServer)),
+    Column(
+        "modbus-input, register, RTU", INTERLOCK, lambda: RegisterBench(InputModuleRtuServer, numbered=False)
+    ),
+    Column(
+        "modbus-input, contact, RTU over TCP",
+        INTERLOCK,
+        lambda: ContactBench(interlocks_rtu_on_tcp, "rtu://", numbered=False),
     ),
     Column("simulated-camera", CAMERA, SimulatedCameraBench),
     Column("v4l2, image", CAMERA, V4l2Bench),

@@ -55,6 +55,9 @@ def test_a_module_that_is_gone_is_an_error_and_no_value(server):
     ("settings", "said"),
     [
         ({"number": 0, "scale": 0.1}, "belong to a register"),
+        ({"number": 0, "invalid": [0]}, "belong to a register"),
+        ({"number": 0, "table": "input", "invalid": [-1]}, "expected numbers from 0 to 65535"),
+        ({"number": 0, "table": "input", "signed": True, "invalid": [0x8000]}, "from -32768 to 32767"),
         ({"number": 0, "address": "here"}, "expected host:port"),
         ({"number": 0, "address": "/dev/ttyUSB0", "unit": 0}, "from 1 to 247"),
     ],
