@@ -6,8 +6,10 @@ commanded load. This module checks whether a correct load cell could show the lo
 displacement.
 """
 
+from dataclasses import replace
+
 from rig.errors import ImplausibleReading
-from rig.limits.following import Following
+from rig.limits.following import Following, History
 from rig.limits.noise import Noise, Rest
 from rig.limits.stiffness import LoadString
 from rig.protocol.conditions import Pull, Zeroing
@@ -60,7 +62,7 @@ class Agreement:
         self._verified = False
         self._was_moving = False
         self._tared = False
-        self._stiffness_n_mm: float | None = None
+        self._history = History()
         self._secant_n_mm: float | None = None
         self._highest_n = 0.0
         self._of_step_n = pull.increment_n
@@ -163,7 +165,8 @@ class Agreement:
                 increment_n=self._of_step_n,
                 noise_n=self.noise_n,
                 noise_mm=self.noise_mm,
-                stiffness_n_mm=self._stiffness_n_mm,
+                history=self._history,
+                elastic_n=self._pull.elastic_n,
                 flow_mm=self._string.flow_mm,
             )
 
@@ -290,6 +293,13 @@ class Agreement:
         if is_first_loading and change_n > 0.5 * self._increment_n and travel_mm > 0.0:
             self._secant_n_mm = max(self._secant_n_mm or 0.0, change_n / travel_mm)
         self._highest_n = max(self._highest_n, settled.load_n)
-        if self._following is not None and self._following.stiffness_n_mm is not None:
-            known = self._stiffness_n_mm or 0.0
-            self._stiffness_n_mm = max(known, self._following.stiffness_n_mm)
+        if self._following is not None:
+            self._history = self._followed(self._history, self._following, settled)
+
+    def _followed(self, history: History, following: Following, settled: Reading) -> History:
+        """Return what is known of the load over the displacement after a finished increment."""
+        found = [each for each in (history.stiffness_n_mm, following.stiffness_n_mm) if each is not None]
+        history = replace(history, stiffness_n_mm=max(found, default=None))
+        if self._outward() < 0.0 or settled.load_n < history.highest_n:
+            return history
+        return replace(history, highest_n=settled.load_n, beyond_n_mm=following.tangent_n_mm)

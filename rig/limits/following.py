@@ -1,28 +1,56 @@
 """Check during a load increment that the load rises steadily with the motion of the crosshead."""
 
+import math
 from collections import deque
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from rig.errors import ImplausibleReading
 from rig.protocol.step import Reading
 
 WINDOW_SHARE = 0.03
-"""Fraction of a load increment by which the load should rise in one window.
+"""Fraction of a load increment by which the load should rise in one window; more if the noise is large.
 
-A stuck load cell is noticed at the first reading after the end of a window. At that time, the specimen
-carries more than the load cell shows, by about this fraction of the increment."""
+The stiffness is measured over windows. A load cell that is stuck is noticed at the first reading after a
+travel of a window. At that time, the specimen carries more than the load cell shows, by about this fraction
+of the increment."""
 _WINDOW_MAX_SHARE = 0.08
+_WINDOW_SIGMAS, _RISE_SIGMAS, _MARGIN_SIGMAS = 10.0, 3.0, 4.0
 _SOFTENING_SHARE = 0.03
-_WINDOW_SIGMAS, _RISE_SIGMAS = 12.0, 3.0
+"""A load that rises by less than this fraction of the expected rise does not follow the motion."""
+_YIELDING_SHARE = 0.1
+"""Where yielding is expected, the travel is so long that a specimen which keeps this fraction of its
+stiffness shows a rise above the noise, within `_WINDOW_MAX_SHARE`."""
 _SOFTEST_SHARE = 0.02
-_SMOOTH, _SMOOTH_BELOW_SIGMAS = 3, 250.0
-"""Number of readings of which the mean is used, in an increment of less than so many deviations."""
+_SMOOTH = 3
+"""Number of readings of which the mean is used. A window ends at a reading that noise has raised, so single
+readings would be biased."""
+_TANGENT_WINDOWS = 3
+"""Number of windows over which a stiffness is measured."""
+
+
+@dataclass(frozen=True)
+class History:
+    """What earlier increments have shown of the load over the displacement.
+
+    Attributes
+    ----------
+    stiffness_n_mm : float or None
+        Largest stiffness so far; None in the first increment.
+    highest_n : float
+        Highest load so far. Up to this load, the specimen is elastic.
+    beyond_n_mm : float or None
+        Stiffness of the first loading at the highest load, from which a further increment goes on.
+    """
+
+    stiffness_n_mm: float | None = None
+    highest_n: float = -math.inf
+    beyond_n_mm: float | None = None
 
 
 class Following:
     """Divides an increment of load into windows, and expects a rise of the load in each window.
 
-    The length of a window is computed from the stiffness in the window before. A yielding specimen becomes
+    The length of a window is computed from the stiffness in the windows before. A yielding specimen becomes
     softer from window to window, so plastic deformation is no error. If the load suddenly stops rising from
     one window to the next, this is an error.
 
@@ -36,8 +64,9 @@ class Following:
         Size of the increment.
     noise_n, noise_mm : float
         Standard deviations of load and displacement.
-    stiffness_n_mm : float or None
-        Stiffness measured in earlier load increments; None in the first increment.
+    history : History
+    elastic_n : float
+        Load up to which the specimen is not expected to yield.
     flow_mm : float
         Travel in mm at constant load that the protocol allows.
     """
@@ -50,60 +79,121 @@ class Following:
         increment_n: float,
         noise_n: float,
         noise_mm: float,
-        stiffness_n_mm: float | None,
+        history: History,
+        elastic_n: float,
         flow_mm: float,
     ) -> None:
         self.stiffness_n_mm: float | None = None
-        self._begin = start
         self._outward = outward
-        window_n = max(WINDOW_SHARE * increment_n, _WINDOW_SIGMAS * noise_n)
-        self._window_n = min(window_n, _WINDOW_MAX_SHARE * increment_n)
-        self._rise_min_n = max(_RISE_SIGMAS * noise_n, _SOFTENING_SHARE * self._window_n)
-        self._margin_mm = 4.0 * noise_mm + flow_mm
-        self._tangent_n_mm = stiffness_n_mm
-        smooth = _SMOOTH if increment_n < _SMOOTH_BELOW_SIGMAS * noise_n else 1
-        self._readings: deque[Reading] = deque(maxlen=smooth)
+        self._increment_n = increment_n
+        self._noise_n, self._noise_mm = noise_n, noise_mm
+        self._history = history
+        self._elastic_n = elastic_n
+        self._flow_mm = flow_mm
+        self._tangent_n_mm: float | None = None
+        self._tangent_before_n_mm: float | None = None
+        self._ends = deque([start], maxlen=_TANGENT_WINDOWS + 1)
+        self._judged = deque([start])
+        self._last: deque[Reading] = deque(maxlen=_SMOOTH)
+        self._same_since = start
+
+    @property
+    def tangent_n_mm(self) -> float | None:
+        """Stiffness in the last windows; None before the end of the first window."""
+        return self._tangent_n_mm
 
     def check(self, reading: Reading, step: str) -> None:
         """Check one reading; raise `ImplausibleReading` if the load does not follow the motion."""
-        reading = self._mean(reading)
-        rise_n = self._outward * (reading.load_n - self._begin.load_n)
-        travel_mm = self._outward * (reading.displacement_mm - self._begin.displacement_mm)
-        if rise_n >= self._window_n:
-            self._next_window(reading, rise_n, travel_mm)
-        elif self._tangent_n_mm is not None:
-            window_mm = self._window_n / self._tangent_n_mm
-            if travel_mm > window_mm + self._margin_mm:
-                if rise_n < self._rise_min_n:
-                    raise self._stopped_to_follow(reading, step, rise_n, travel_mm)
-                self._next_window(reading, rise_n, travel_mm)
+        if reading.load_n != self._same_since.load_n:
+            self._same_since = reading
+        self._last.append(reading)
+        shown, reading = reading, _mean(self._last)
+        expected_n_mm = self._expected_n_mm(reading)
+        # An error of the displacement changes the load that belongs to it.
+        noise_n = math.hypot(self._noise_n, (expected_n_mm or 0.0) * self._noise_mm)
+        longest_n = _WINDOW_MAX_SHARE * self._increment_n
+        window_n = min(max(WINDOW_SHARE * self._increment_n, _WINDOW_SIGMAS * noise_n), longest_n)
+        if expected_n_mm is None:
+            if self._since(self._ends[-1], reading)[0] >= window_n:
+                self._end_window(reading)
+            return
+        # A load cell with noise never repeats a number.
+        repeated_mm = self._since(self._same_since, shown)[1]
+        if repeated_mm > self._travel_mm(window_n / expected_n_mm):
+            raise self._stopped_to_follow(shown, step, self._noise_n, 0.0, repeated_mm)
+        rise_noise_n = noise_n * math.sqrt(2.0 / _SMOOTH)
+        least_n = max(_RISE_SIGMAS * rise_noise_n, _SOFTENING_SHARE * window_n)
+        judged_n = window_n
+        if reading.load_n > self._elastic_n:
+            yielding_n = (least_n + _RISE_SIGMAS * rise_noise_n) / _YIELDING_SHARE
+            judged_n = min(max(window_n, yielding_n), longest_n)
+        self._judge(reading, step, least_n, self._travel_mm(judged_n / expected_n_mm))
+        rise_n, travel_mm = self._since(self._ends[-1], reading)
+        if rise_n >= window_n or travel_mm > self._travel_mm(judged_n / expected_n_mm):
+            self._end_window(reading)
 
-    def _mean(self, reading: Reading) -> Reading:
-        # A window ends at a reading that noise has raised, so single readings would be biased.
-        self._readings.append(reading)
-        count = len(self._readings)
-        return replace(
-            reading,
-            load_n=sum(each.load_n for each in self._readings) / count,
-            displacement_mm=sum(each.displacement_mm for each in self._readings) / count,
+    def _judge(self, reading: Reading, step: str, least_n: float, judged_mm: float) -> None:
+        """Check the rise of the load over the last `judged_mm` of the travel."""
+        begins = self._judged
+        begins.append(reading)
+        while self._since(begins[1], reading)[1] > judged_mm:
+            begins.popleft()
+        rise_n, travel_mm = self._since(begins[0], reading)
+        if travel_mm > judged_mm and rise_n < least_n:
+            raise self._stopped_to_follow(reading, step, least_n, rise_n, travel_mm)
+
+    def _travel_mm(self, needed_mm: float) -> float:
+        return needed_mm + self._flow_mm + _MARGIN_SIGMAS * self._noise_mm
+
+    def _expected_n_mm(self, reading: Reading) -> float | None:
+        """Return the stiffness that the next readings should show; None if nothing is known about it."""
+        known = self._history
+        # The load may have stopped rising within the last window, so the window before counts too.
+        tangents = [each for each in (self._tangent_n_mm, self._tangent_before_n_mm) if each is not None]
+        expected_n_mm = max(tangents, default=known.stiffness_n_mm)
+        if expected_n_mm is None or known.beyond_n_mm is None or self._outward < 0.0:
+            return expected_n_mm
+        margin_n = _WINDOW_MAX_SHARE * self._increment_n
+        if self._ends[0].load_n < known.highest_n <= reading.load_n + margin_n:
+            # Beyond the highest load so far, the specimen yields again as softly as it yielded there.
+            return min(expected_n_mm, known.beyond_n_mm)
+        return expected_n_mm
+
+    def _since(self, begin: Reading, reading: Reading) -> tuple[float, float]:
+        return (
+            self._outward * (reading.load_n - begin.load_n),
+            self._outward * (reading.displacement_mm - begin.displacement_mm),
         )
 
-    def _next_window(self, reading: Reading, rise_n: float, travel_mm: float) -> None:
-        self._begin = reading
+    def _end_window(self, reading: Reading) -> None:
+        self._ends.append(reading)
+        rise_n, travel_mm = self._since(self._ends[0], reading)
         if travel_mm <= 0.0:
             return
         tangent_n_mm = rise_n / travel_mm
-        self.stiffness_n_mm = max(self.stiffness_n_mm or 0.0, tangent_n_mm)
-        self._tangent_n_mm = max(tangent_n_mm, _SOFTEST_SHARE * self.stiffness_n_mm)
+        if len(self._ends) > _TANGENT_WINDOWS:
+            self.stiffness_n_mm = max(self.stiffness_n_mm or 0.0, tangent_n_mm)
+        stiffest_n_mm = max(self.stiffness_n_mm or 0.0, self._history.stiffness_n_mm or 0.0)
+        self._tangent_before_n_mm = self._tangent_n_mm
+        self._tangent_n_mm = max(tangent_n_mm, _SOFTEST_SHARE * stiffest_n_mm)
 
     def _stopped_to_follow(
-        self, reading: Reading, step: str, rise_n: float, travel_mm: float
+        self, reading: Reading, step: str, least_n: float, rise_n: float, travel_mm: float
     ) -> ImplausibleReading:
         return ImplausibleReading(
             step,
-            f"a load that follows the motion, by {self._rise_min_n:.3g} N or more over {travel_mm:.3g} mm",
+            f"a load that follows the motion, by {least_n:.3g} N or more over {travel_mm:.3g} mm",
             f"{rise_n:+.3g} N at {reading.load_n:.5g} N: the load cell is stuck, or the specimen yields or "
             "slips at constant load",
             "look at the specimen and check the load cell; if the specimen yields or slips at constant load, "
             f"set plausible.flow_mm above {travel_mm:.2g}",
         )
+
+
+def _mean(readings: deque[Reading]) -> Reading:
+    count = len(readings)
+    return replace(
+        readings[-1],
+        load_n=sum(each.load_n for each in readings) / count,
+        displacement_mm=sum(each.displacement_mm for each in readings) / count,
+    )
