@@ -1,6 +1,5 @@
 """The engine executes the steps of a protocol and makes the rig safe at the end of every run."""
 
-import math
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -14,15 +13,13 @@ from rig.engine.calls import Calls
 from rig.engine.devices import OnQuestion, called, unannounced
 from rig.engine.filing import Filing
 from rig.engine.imaging import StepImages, Surroundings
-from rig.engine.keep import Keeper
 from rig.engine.listeners import LEAVING_S, Listeners
 from rig.engine.look import look, unloaded
 from rig.engine.monitor import Monitor
-from rig.engine.motion import begin
+from rig.engine.motion import Around, Motion
 from rig.engine.preparation import Actions, Preparation
 from rig.engine.requirements import require_devices
 from rig.engine.safety import SafeState
-from rig.engine.settle import settle
 from rig.engine.status import LogEntry, News, Outcome, State, Status
 from rig.engine.watch import Watch
 from rig.errors import Aborted, RigError
@@ -108,26 +105,27 @@ class Engine:
         self._devices = called(rig, self._calls, self._read, protocol.settle.poll_s, on_question)
         self._filing = Filing(recorder, self._calls, self._read, protocol.settle.poll_s)
         self._monitor = Monitor(self._devices, self._calls, rig.clock, recorder, self._watch)
+        waits = Around(self._read, self._calls.pause, self._check_abort, lambda: str(self._status.step))
+        motion = Motion(protocol.settle, self._devices, self._watch, rig.clock, waits)
+        self._motion = motion
         self._preparation = Preparation(
             protocol.conditions,
             self._devices,
             self._monitor,
             self._watch,
             Actions(
-                self._read, self._wait, self._ask, lambda text: self._event("info", text), self._note_motion
+                self._read, motion.wait, self._ask, lambda text: self._event("info", text), motion.note_motion
             ),
             unloaded(protocol.conditions, rig),
         )
-        around = Surroundings(self._read, self._settle_again, self._calls.pause, self._event)
+        around = Surroundings(self._read, motion.settle_again, self._calls.pause, self._event)
         self._images = StepImages(self._devices.cameras, protocol.images, rig.clock, self._filing, around)
         self._on_status = Listeners(on_status, self.abort)
         self._on_step = Listeners(on_step, self.abort)
         self._on_news = Listeners[News](on_news, self.abort)
         self._on_progress = on_progress
-        self._keeper: Keeper | None = None
         self._earlier = dict(earlier or {})
         self._goes_on = bool(earlier)
-        self._may_move = True  # A device may still be moving for an earlier program that was killed.
         self._records: list[StepRecord] = []
         self._lost_listeners: list[str] = []
         self._status = Status(State.IDLE, None, len(protocol.steps()), 0, None, rig.simulated)
@@ -194,7 +192,8 @@ class Engine:
             return self._earlier[step.index]
         if self._goes_on or step.kind in ("grid", "reference"):
             self._prepare(step)
-        reading = self._reach(step)
+        self._enter(State.MOVING, step)
+        reading = self._motion.reach(step)
         arrived_early = step.timed and not step.holds and not reading.moving and step.is_reached(reading)
         return self._take(step, reading) if step.images and not arrived_early else reading
 
@@ -208,11 +207,8 @@ class Engine:
         else:
             self._preparation.for_reference(step)
 
-    def _note_motion(self) -> None:
-        self._may_move = True
-
     def _ask(self, action: OperatorAction) -> None:
-        self._stand_still()
+        self._motion.stand_still()
         self._event("info", f"operator: {action.value}")
         try:
             self._waiting_for_operator = True
@@ -221,74 +217,6 @@ class Engine:
             self._filing.mark(self._rig.clock.now_s(), OPERATOR_DONE)
         finally:
             self._waiting_for_operator = False
-
-    def _stand_still(self) -> None:
-        """Hold the load frame and wait until no device moves; then the operator may reach into the rig.
-
-        A device may still be moving for an earlier program that was killed.
-        """
-        if self._devices.load_frame is not None:
-            self._devices.load_frame.hold()
-        self._wait("standing still for the operator", "standstill", lambda _: True)
-
-    def _reach(self, step: ProtocolStep) -> Reading:
-        """Move to the target of a step and settle there, or wait until the time of the step's images."""
-        self._enter(State.MOVING, step)
-        if step.begins:
-            if self._may_move:
-                # The step before took its images during this motion, which still continues.
-                self._stand_still()
-            self._command(step)
-        self._watch.expect(step.load_drop)
-        if not step.timed:
-            return self._settle(step)
-        if step.begins:
-            begun = self._settle(step) if step.holds else self._read()
-            times = self._protocol.settle
-            self._keeper = Keeper(
-                begun.time_s,
-                self._read,
-                self._calls.pause,
-                timeout_s=times.timeout_s,
-                poll_s=self._watch.poll_s(times.poll_s),
-            )
-        assert self._keeper is not None  # the first timed step has set it
-        return self._keeper.wait(step, correct=lambda: self._command(step))
-
-    def _command(self, step: ProtocolStep) -> None:
-        self._check_abort()
-        self._watch.begin(step)
-        self._may_move = self._may_move or not math.isnan(step.target)
-        begin(step, self._devices)
-
-    def _settle(self, step: ProtocolStep) -> Reading:
-        if math.isnan(step.target):
-            return self._wait("settling", "standstill", lambda _: True)
-        expected = f"{step.target:.6g} ± {step.tolerance:g}"
-        return self._wait("settling", expected, step.is_reached, step.motion_s)
-
-    def _settle_again(self, step: ProtocolStep) -> Reading:
-        """Wait until the readings have settled again, before images are repeated. During a motion or hold, do
-        not wait."""
-        return self._read() if step.timed else self._settle(step)
-
-    def _wait(
-        self, doing: str, expected: str, within: Callable[[Reading], bool], motion_s: float = 0.0
-    ) -> Reading:
-        times = self._protocol.settle
-        reading = settle(
-            self._read,
-            lambda reading: not reading.moving and within(reading),
-            dwell_s=times.dwell_s,
-            timeout_s=times.timeout_s + motion_s,
-            poll_s=self._watch.poll_s(times.poll_s),
-            clock=self._rig.clock,
-            pause=self._calls.pause,
-            step=f"{self._status.step}, {doing}",
-            expected=expected,
-        )
-        self._may_move = False
-        return reading
 
     def _take(self, step: ProtocolStep, settled: Reading) -> Reading:
         """Take and record the images of all cameras, then record the step."""
@@ -306,7 +234,7 @@ class Engine:
         self._check_abort()
         reading = self._monitor.read(str(self._status.step))
         self._publish(replace(self._status, reading=reading))
-        self._on_progress(self._may_move or reading.moving)
+        self._on_progress(self._motion.may_move or reading.moving)
         self._check_abort()
         return reading
 
