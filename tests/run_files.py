@@ -150,6 +150,7 @@ HOSTILE: dict[str, Change] = {
     "texts for numbers": _replace("entry/steps/load_n", data=[b"abc"] * 6),
     "a text that is no UTF-8": _put("entry/title", b"\xff\xfe\xfd"),
     "an unknown kind of step": _put("entry/steps/kind", b"dance"),
+    "settings that are numbers": _replace("entry/settings/value", data=np.zeros(3)),
     "a group for a data set": lambda file: (
         file.__delitem__("entry/steps/kind"),
         file.create_group("entry/steps/kind"),

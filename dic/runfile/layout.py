@@ -73,6 +73,8 @@ def require_layout(file: Any) -> None:
             raise Unlike(f"the interlock {name} without {missing[0]}")
     _table(_group(file, "entry/steps"), schema.steps(cameras))
     _table(_group(file, "entry/events"), schema.EVENTS)
+    if schema.REPORTED_GROUP in entry:
+        _table(_group(entry, schema.REPORTED_GROUP), schema.REPORTED)
 
 
 def _table(group: Any, layout: schema.Group) -> int:

@@ -18,6 +18,7 @@ from dic.runfile.chunks import pixel_places
 from dic.runfile.digests import BLOCK_BYTES, file_digest, frame_digest, read_user_block
 from dic.runfile.interlocks import RANGE, read_interlocks
 from dic.runfile.layout import Unlike, camera_names, require_layout
+from dic.runfile.settings import Setting, settings_of
 
 
 @dataclass(frozen=True)
@@ -206,9 +207,39 @@ class RunFile:
         A device's name is a camera's name, "stage", "load_frame" or, for the interlock door,
         "interlocks.door".
         """
+        attributes = self._group_of(device).attrs.items()
+        return {key: value for key, value in attributes if key not in {"NX_class", *RANGE}}
+
+    def _group_of(self, device: str) -> Any:
         folder, dot, name = device.partition(".")
-        group = self._file["entry"][folder][name] if dot else self._detectors[device]
-        return {key: value for key, value in group.attrs.items() if key not in {"NX_class", *RANGE}}
+        return self._file["entry"][folder][name] if dot else self._detectors[device]
+
+    def asked(self, device: str) -> dict[str, Any]:
+        """Return what the run knew of a device's settings before it began; empty for old files.
+
+        The keys are `driver`, `asked` (the settings in the rig file) and `reports_settings` (True if the
+        driver reads the settings back).
+        """
+        group = self._group_of(device)
+        try:
+            return _object(_text(group[schema.SETTINGS.name])) or {} if schema.SETTINGS.name in group else {}
+        except _UNREADABLE as error:
+            raise self._damaged(f"damaged settings of {device}") from error
+
+    def settings(self, device: str, moment: schema.Moment) -> dict[str, Setting]:
+        """Return the settings that a device reported at the start or at the end of the run, by name.
+
+        The names of devices are those of `identity`. The dict is empty if the device reported nothing.
+
+        Raises
+        ------
+        RunFileError
+            If the table of settings is damaged.
+        """
+        try:
+            return settings_of(self.columns(schema.REPORTED_GROUP), device, moment)
+        except _UNREADABLE as error:
+            raise self._damaged(f"damaged settings of {device}") from error
 
     def _reads(self, camera: str, row: int) -> bool:
         try:

@@ -9,6 +9,8 @@ VERSION = 1
 
 RunStatus: TypeAlias = Literal["running", "completed", "aborted", "failed"]
 Level: TypeAlias = Literal["info", "warning", "error"]
+Moment: TypeAlias = Literal["start", "end"]
+"""When the settings of a device were read: before the first image, or at the end of the run."""
 StepKind: TypeAlias = Literal[
     "grid", "reference", "load", "displacement", "rotation", "creep", "relaxation", "rest"
 ]
@@ -176,6 +178,23 @@ EVENTS = Group(
         Item("level", "S8"),
         Item("source", "S32"),
         Item("message", "S240"),
+        ORDER,
+        Item("time_s", "float64", "s"),
+    ),
+)
+
+
+REPORTED_GROUP = "settings"
+"""Name of the table of all settings that the devices reported; files of earlier programs lack this table."""
+SETTING_NAME_BYTES = 64
+SETTING_BYTES = 240
+REPORTED = Group(
+    "NXcollection",
+    (
+        Item("device", f"S{SETTING_NAME_BYTES}"),
+        Item("moment", "S8"),
+        Item("name", f"S{SETTING_NAME_BYTES}"),
+        Item("value", f"S{SETTING_BYTES}"),
         ORDER,
         Item("time_s", "float64", "s"),
     ),

@@ -21,9 +21,11 @@ from dic.quality.picture import assess_picture
 from dic.quality.quality import assess_quality
 from drivers.clock import SystemClock
 from drivers.errors import DeviceError
-from drivers.interfaces import Camera, Frame, LoadFrame, RotationStage
+from drivers.interfaces import Camera, Frame, LoadFrame, RotationStage, Setting
+from rig.device_settings import read_settings, reports_settings
 from rig.devices import OpenedInterlock, Rig
 from rig.engine.calls import CAMERA_MARGIN_S, PATIENCE_S
+from rig.engine.settings import READING_S
 from rig.errors import RigError
 from rig.threads import Bounded
 
@@ -108,9 +110,13 @@ def check_rig(rig: Rig, keep: Callable[[str, Image], None] = lambda name, image:
         checks[f"interlocks.{name}"] = partial(_check_interlock, found, name, interlock, call)
     for name, camera in rig.cameras.items():
         checks[f"cameras.{name}"] = partial(_check_camera, found, name, camera, call, keep)
+    devices: dict[str, Any] = {"stage": rig.stage, "load_frame": rig.load_frame}
+    devices |= {f"interlocks.{name}": interlock.device for name, interlock in rig.interlocks.items()}
+    devices |= {f"cameras.{name}": camera for name, camera in rig.cameras.items()}
     for name, check in checks.items():
         try:
             check()
+            _add_settings(found, name, devices[name], call)
         except DeviceError as error:
             found.failed[name] = str(error)
     return found
@@ -155,6 +161,11 @@ class _Calls:
         return self._call(
             device, "grab", lambda: camera.grab(_TIMEOUT_S), deadline_s, "check the camera and its cable"
         )
+
+    def settings(self, name: str, device: Any) -> dict[str, Setting]:
+        """Read the settings that a device reports."""
+        remedy = "check the device and its cable"
+        return self._call(name, "read settings", lambda: read_settings(name, device), READING_S, remedy)
 
     def _call(self, device: str, action: str, function: Callable[[], T], deadline_s: float, remedy: str) -> T:
         call = Bounded(device, action, function)
@@ -227,6 +238,14 @@ def _add(found: RigCheck, name: str, info: Any, state: Any) -> None:
         f"{name}: " + ", ".join(f"{key} {value}" for key, value in identity.items() if value != "")
     )
     found.lines.append("  " + ", ".join(f"{key} {_shown(value)}" for key, value in values.items()))
+
+
+def _add_settings(found: RigCheck, name: str, device: Any, call: _Calls) -> None:
+    if not reports_settings(device):
+        return
+    settings = call.settings(name, device)
+    found.devices[name]["settings"] = settings
+    found.lines.append("  settings: " + ", ".join(f"{key} {_shown(settings[key])}" for key in settings))
 
 
 def _shown(value: Any) -> str:

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from dic.runfile.lock import is_recorded
 from dic.runfile.reader import RunFile, RunInfo
+from dic.runfile.schema import Moment
 from rig.protocol.protocol import parse_protocol
 from rig.protocol.step import ProtocolStep
 
@@ -90,7 +91,7 @@ def verify_run(path: str | Path) -> Verification:
         problems += _check_steps(run) + _check_files(run.info, bool(planned))
         cameras = {name: _check_camera(run, name, problems) for name in run.cameras}
         interlocks = {name: _check_interlock(run, name, problems) for name in run.interlocks}
-        problems += _missing_interlocks(run)
+        problems += _missing_interlocks(run) + _missing_settings(run)
         matches = run.digest_matches()
         if matches is False:
             problems.append("the digest of the file is wrong: something was changed after the run")
@@ -162,6 +163,19 @@ def _missing_interlocks(run: RunFile) -> list[str]:
         return []
     names = declared if isinstance(declared, dict) else {}
     return [f"interlock {name}: its readings are missing" for name in names if name not in run.interlocks]
+
+
+def _missing_settings(run: RunFile) -> list[str]:
+    """Return one sentence for each device that reports its settings, but whose settings are missing."""
+    machines = [name for name in ("stage", "load_frame") if run.columns(f"instrument/{name}")]
+    moments: list[Moment] = ["start", "end"] if run.info.status == "completed" else ["start"]
+    return [
+        f"{device}: its settings at the {moment} of the run are missing"
+        for device in [*run.cameras, *machines, *(f"interlocks.{name}" for name in run.interlocks)]
+        if run.steps and run.asked(device).get("reports_settings")
+        for moment in moments
+        if not run.settings(device, moment)
+    ]
 
 
 def _check_camera(run: RunFile, name: str, problems: list[str]) -> CameraCheck:

@@ -133,6 +133,11 @@ class Calls:
         """Wake the engine from a wait, so that it calls `check` at once; any thread may call this method."""
         self._news.set()
 
+    def idle(self, device: str) -> bool:
+        """Return whether no call of the device runs or waits, and no call hangs."""
+        worker = self._workers.get(device)
+        return device not in self.lost and (worker is None or worker.idle)
+
     def begin(self, device: str, action: str, function: Callable[[], T], deadline: Deadline) -> Call[T]:
         """Begin a call on its device's thread; the calls of one device are made one after the other.
 
@@ -264,6 +269,11 @@ class _Worker(DeviceThread):
         self._news = news
         self._waiting: queue.SimpleQueue[tuple[Call[Any], Activity] | None] = queue.SimpleQueue()
         self._activities: list[Activity] = []
+
+    @property
+    def idle(self) -> bool:
+        """True if no call runs or waits on this thread."""
+        return not self._activities
 
     def add(self, call: Call[Any], activity: Activity) -> None:
         self._activities.append(activity)

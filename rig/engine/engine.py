@@ -20,6 +20,7 @@ from rig.engine.motion import Around, Motion
 from rig.engine.preparation import Actions, Preparation
 from rig.engine.requirements import require_devices
 from rig.engine.safety import SafeState
+from rig.engine.settings import SettingsRecord
 from rig.engine.status import LogEntry, News, Outcome, State, Status
 from rig.engine.watch import Watch
 from rig.errors import Aborted, RigError
@@ -120,6 +121,9 @@ class Engine:
         )
         around = Surroundings(self._read, motion.settle_again, self._calls.pause, self._event)
         self._images = StepImages(self._devices.cameras, protocol.images, rig.clock, self._filing, around)
+        self._settings = SettingsRecord(
+            self._devices, lambda: self._images.cameras, self._calls, recorder, rig.clock, self._event
+        )
         self._on_status = Listeners(on_status, self.abort)
         self._on_step = Listeners(on_step, self.abort)
         self._on_news = Listeners[News](on_news, self.abort)
@@ -162,6 +166,7 @@ class Engine:
         with self._rig.clock.activity():
             try:
                 require_devices(self._protocol, self._rig)
+                self._settings.at_start()
                 self._protocol.follow(self._execute)
                 self._end_well()
             except BaseException as error:
@@ -275,6 +280,7 @@ class Engine:
     def _end_well(self) -> None:
         if self._devices.load_frame is not None:
             self._devices.load_frame.hold()
+        self._settings.at_end()
         self._event("info", "protocol completed")
         self._recorder.close("completed", "", self._rig.clock.utc())
         self._enter(State.COMPLETED, self._status.step)
@@ -289,7 +295,9 @@ class Engine:
             reason = f"{self._aborted()}; meanwhile: {reason}"
         if unsafe:
             reason = f"SAFE STATE NOT CONFIRMED, use the emergency stop ({'; '.join(unsafe)}). {reason}"
-        # Even if this event cannot be written, the status of the run may still be written below.
+        # Even if the settings and this event cannot be written, the status of the run may still be written.
+        with suppress(RigError):
+            self._settings.at_end()
         with suppress(RigError):
             self._event("error", reason)
         try:

@@ -77,6 +77,11 @@ class StepImages:
         self._around = surroundings
         self._checks = {name: ImageChecks(camera.info, settings) for name, camera in cameras.items()}
 
+    @property
+    def cameras(self) -> dict[str, CalledCamera]:
+        """The cameras in use, by name; a camera that was opened again has replaced its predecessor."""
+        return dict(self._cameras)
+
     def take(self, step: ProtocolStep, settled: Reading) -> tuple[dict[str, tuple[int, int]], Reading]:
         """Take and record the images of one step.
 

@@ -65,7 +65,7 @@ class OpenRunFile:
         try:
             self._space = ReservedSpace(self._descriptor)
             texts = [header.definition, header.configuration, header.provenance, *header.devices.values()]
-            tables = len(cameras) + len(interlocks) + 4
+            tables = len(cameras) + len(interlocks) + 5
             self.require_space(len("".join(texts).encode()) + tables * ROW_BYTES)
             self._create(header, cameras, devices, interlocks)
             _synchronise_folder(path.parent)
@@ -97,6 +97,8 @@ class OpenRunFile:
         steps = schema.steps(cameras)
         self._steps = Table(create_group(self._entry, "steps", steps), steps)
         self._events = Table(create_group(self._entry, "events", schema.EVENTS), schema.EVENTS)
+        reported = create_group(self._entry, schema.REPORTED_GROUP, schema.REPORTED)
+        self._reported = Table(reported, schema.REPORTED)
         # Readers in SWMR mode (single writer, multiple readers) cannot see datasets that are created
         # later, so all datasets must exist before SWMR mode is switched on.
         self._hdf5.swmr_mode = True
@@ -152,12 +154,16 @@ class OpenRunFile:
         """Add an event to the table of events."""
         self._events.append(level=level, source=source, message=message, order=order, time_s=time_s)
 
+    def add_setting(self, device: str, moment: schema.Moment, name: str, value: str, **row: float) -> None:
+        """Add a setting that a device reported; `value` is JSON, and `row` has `order` and `time_s`."""
+        self._reported.append(device=device, moment=moment, name=name, value=value, **row)
+
     def commit(self) -> None:
         """Write all added rows: pixels before the rows that mark them as valid, images before their step."""
         for camera in self._cameras.values():
             camera.write()
             camera.table.acknowledge()
-        for table in (*self._states.values(), self._steps, self._events):
+        for table in (*self._states.values(), self._steps, self._events, self._reported):
             table.write()
             table.acknowledge()
 

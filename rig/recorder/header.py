@@ -8,12 +8,12 @@ import platform
 import shlex
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict, is_dataclass
 from importlib.metadata import version
 from typing import Any
 
 import h5py
 
+from rig.device_settings import reports_settings
 from rig.devices import Rig
 from rig.protocol.protocol import Protocol
 from rig.recorder.records import InterlockRecord, RunHeader
@@ -77,15 +77,12 @@ def _devices(rig_file: RigFile, rig: Rig) -> dict[str, str]:
 
 
 def _device(entry: DeviceEntry | None, device: Any) -> dict[str, Any]:
-    """Return a device's driver, its settings from the rig file, and the settings that the device reports."""
-    reported: dict[str, Any] = {}
-    if is_dataclass(limits := getattr(device, "limits", None)) and not isinstance(limits, type):
-        reported["limits"] = asdict(limits)
-    # A driver may have this method; see docs/drivers.md.
-    if callable(read_settings := getattr(device, "read_settings", None)):
-        reported.update(read_settings())
-    asked = {} if entry is None else entry.settings.model_dump(mode="json")
-    return {"driver": "" if entry is None else entry.driver, "asked": asked, "reported": reported}
+    """Return a device's driver, its settings from the rig file, and whether it reports its settings."""
+    return {
+        "driver": "" if entry is None else entry.driver,
+        "asked": {} if entry is None else entry.settings.model_dump(mode="json"),
+        "reports_settings": reports_settings(device),
+    }
 
 
 def _provenance() -> dict[str, Any]:

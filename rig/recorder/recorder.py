@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from datetime import datetime
+from functools import partial
 from itertools import count
 from pathlib import Path
 from threading import Lock
@@ -124,6 +125,24 @@ class Recorder:
         values = {"value": state.value, "time_s": state.time_s}
         if name in self._interlocks:
             self._state(f"{schema.INTERLOCKS_GROUP}.{name}", f"recording interlock {name}", values)
+
+    def settings(self, device: str, moment: schema.Moment, values: Mapping[str, str], time_s: float) -> None:
+        """Append the settings that a device reported, by name, each value as JSON."""
+        for name, value in values.items():
+            with self._order:
+                order = next(self._numbers)
+                self._put(
+                    f"recording the settings of {device}",
+                    partial(
+                        OpenRunFile.add_setting,
+                        device=device,
+                        moment=moment,
+                        name=name,
+                        value=value,
+                        order=order,
+                        time_s=time_s,
+                    ),
+                )
 
     def step(self, record: StepRecord) -> "Future[None]":
         """Append a finished step; the future is done when the step and its images are on the disk."""

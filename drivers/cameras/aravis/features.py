@@ -13,6 +13,7 @@ from drivers.interfaces import Setting
 AUTOMATICS = ("ExposureAuto", "GainAuto", "BlackLevelAuto", "BalanceWhiteAuto")
 VERSIONS = ("DeviceVersion", "DeviceFirmwareVersion")
 _NAMES = {"frame_rate": "rate_hz", "exposure_time": "exposure_us", "gain": "gain"}
+TEXT_MAX = 200
 CONTINUOUS = 0
 TOLERANCE = 1e-3
 ANOTHER = "choose a value that the camera takes"
@@ -127,11 +128,11 @@ class Features:
 
     def _read_texts(self, settings: AravisSettings) -> dict[str, Setting]:
         names = dict.fromkeys([*AUTOMATICS, *VERSIONS, *settings.features])
-        return {
-            f"feature_{_snake(name)}": self._library.text("camera_get_string", self._camera, name.encode())
-            for name in names
-            if self._has(name)
-        }
+        return {f"feature_{_snake(name)}": self._text(name) for name in names if self._has(name)}
+
+    def _text(self, feature: str) -> str:
+        text = self._library.text("camera_get_string", self._camera, feature.encode())
+        return "".join(sign for sign in text if sign.isprintable())[:TEXT_MAX]
 
     def _lost(self, step: str, expected: str, error: AravisError) -> LinkLost:
         remedy = "check cable, power and address, and that no other program controls the camera"

@@ -97,6 +97,10 @@ def test_shows_devices_and_images_and_moves_nothing(check):
     assert camera["findings"] == []
     assert "cameras.off_axis" in out
     assert "  quality: speckle_x_px " in out
+    # what the simulated stage and camera were set to by their drivers
+    assert devices["stage"]["settings"]["angle_max_deg"] == 365.0
+    assert camera["settings"]["exposure_us"] == 10_000.0
+    assert "  settings: angle_min_deg -5, angle_max_deg 365, " in out
 
 
 def test_goes_on_after_devices_that_fail_and_keeps_the_pictures(tmp_path):

@@ -20,8 +20,8 @@ CAMERAS = {
 }
 DEVICE = DeviceInfo("v", "m", "s")
 DOOR = {"door": InterlockRecord("v", "m", "", allowed_min=1.0)}
-FRAMES, READINGS, STEPS, EVENTS = 6, 5, 3, 4
-LENGTHS = {"n": FRAMES, "m": READINGS, "k": STEPS, "e": EVENTS, "2": 2}
+FRAMES, READINGS, STEPS, EVENTS, SETTINGS = 6, 5, 3, 4, 7
+LENGTHS = {"n": FRAMES, "m": READINGS, "k": STEPS, "e": EVENTS, "r": SETTINGS, "2": 2}
 
 
 @pytest.fixture
@@ -41,6 +41,7 @@ def recorded(tmp_path) -> Path:
             rows = [recorder.frame(name, replace(frame, sequence=i)) for i in range(FRAMES // STEPS)]
             frames[name] = (rows[0], len(rows))
         recorder.step(StepRecord(ProtocolStep(index, "load", 1.0), Reading(2.0), frames))
+    recorder.settings("stage", "start", {f"setting_{number}": "1.0" for number in range(SETTINGS)}, 3.0)
     for _ in range(EVENTS):
         recorder.event(3.0, "info", "engine", "something")
     recorder.close("completed", "", START)
