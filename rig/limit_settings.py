@@ -17,6 +17,11 @@ class RigLimits(Settings):
     unloaded_max_n: float | None = Field(
         default=None, gt=0.0, description="load up to which a specimen counts as unloaded in a rotation test"
     )
+    specimen_stiffness_min_n_mm: float | None = Field(
+        default=None,
+        gt=0.0,
+        description="smallest stiffness of the specimens that rig jog and rig unload move",
+    )
     machine_stiffness_min_n_mm: float | None = Field(
         default=None, gt=0.0, description="smallest stiffness of grips and load frame in series"
     )

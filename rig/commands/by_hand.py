@@ -6,46 +6,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from drivers.interfaces import LoadFrameLimits
 from drivers.terminal.question import Question, Withdrawn
 from rig import AtRest, Reading, Rig, RigError, open_rig, read_rig
+from rig.commands.hand_plan import Wish, plan, slowed
 from rig.engine.calls import Calls
 from rig.engine.devices import called
 from rig.engine.look import look
 from rig.engine.manual import Manual, Motion, Moved
 from rig.engine.signals import aborting_on_signals
-from rig.facts import RigFacts, facts_of_file
+from rig.facts import facts_of_file
 from rig.guardian.announced import announce
 from rig.guardian.guardian import guarded
 from rig.guardian.lock import MachineInUse, machines_locked
 from rig.rigfile import RigFile
-
-UNLOADED_SHARE = 0.01
-"""Default load rate, as a fraction of the largest load per second: from 0 to the largest load takes 100 s."""
-SPEED_SHARE = 0.01
-"""Default speed of the crosshead, as a fraction of the displacement range per second."""
-LOAD_TOLERANCE_SHARE = 0.002
-OVERSHOOT_SHARE = 0.02
-"""During a motion the load may go this far beyond its start and target, as a fraction of the largest load."""
-DISPLACEMENT_TOLERANCE_MM = 0.005
-OVERSHOOT_MM = 0.05
-ANGLE_TOLERANCE_DEG = 0.02
-TRAVEL_MAX_MM = 2.0
-"""Largest travel of the crosshead during a motion to a load, in case the load does not change."""
-
-
-@dataclass(frozen=True)
-class Wish:
-    """The motion that a person asks for: the target of one axis, absolute or relative to the present reading.
-
-    `rate` is in N/s or mm/s; None means the slow default rate.
-    """
-
-    axis: str
-    target: float
-    relative: bool = False
-    rate: float | None = None
-    travel_max_mm: float = TRAVEL_MAX_MM
 
 
 @dataclass(frozen=True)
@@ -107,7 +80,7 @@ def move(
     RigError, DeviceError, ConfigurationError
         If the rig cannot be opened, or lacks the device. Nothing has moved before such an error.
     """
-    rig_file = _without_cameras(read_rig(rig_path))
+    rig_file = slowed(_without_cameras(read_rig(rig_path)), wish)
     facts = facts_of_file(rig_file)
     log = Path(f"{rig_path.stem}.guardian.log")
     with (
@@ -123,21 +96,6 @@ def move(
         if not moved.unsafe:
             guardian.done()
     return moved
-
-
-def plan(wish: Wish, reading: Reading, rig: Rig, facts: RigFacts) -> Motion:
-    """Return the motion that fulfils a wish.
-
-    Raises
-    ------
-    RigError
-        If the target or the rate is beyond the limits of the rig.
-    """
-    if wish.axis == "angle":
-        return _turn(wish, reading, facts)
-    assert rig.load_frame is not None  # `move` has checked that the rig has this device
-    limits = rig.load_frame.limits
-    return _load(wish, reading, limits) if wish.axis == "load" else _travel(wish, reading, limits)
 
 
 @contextmanager
@@ -172,81 +130,6 @@ def confirmation(yes: bool, word: str) -> Iterator[Callable[[Motion, Reading], N
     finally:
         for question in asked:
             question.withdraw()
-
-
-def _load(wish: Wish, reading: Reading, limits: LoadFrameLimits) -> Motion:
-    target = wish.target + (reading.load_n if wish.relative else 0.0)
-    rate = _rate(wish, UNLOADED_SHARE * limits.load_max_n, limits.load_rate_max_n_s, "N/s")
-    _require_within(target, limits.load_min_n, limits.load_max_n, "load", "N")
-    spare_n = OVERSHOOT_SHARE * limits.load_max_n
-    travel_mm = wish.travel_max_mm
-    return Motion(
-        f"go from {reading.load_n:.1f} to {target:g} N at {rate:g} N/s",
-        "load",
-        target,
-        LOAD_TOLERANCE_SHARE * limits.load_max_n,
-        rate,
-        abs(target - reading.load_n) / rate,
-        load_n=(min(target, reading.load_n) - spare_n, max(target, reading.load_n) + spare_n),
-        displacement_mm=(reading.displacement_mm - travel_mm, reading.displacement_mm + travel_mm),
-    )
-
-
-def _travel(wish: Wish, reading: Reading, limits: LoadFrameLimits) -> Motion:
-    start_mm = reading.displacement_mm
-    target = wish.target + (start_mm if wish.relative else 0.0)
-    range_mm = limits.displacement_max_mm - limits.displacement_min_mm
-    rate = _rate(wish, SPEED_SHARE * range_mm, limits.speed_max_mm_s, "mm/s")
-    _require_within(target, limits.displacement_min_mm, limits.displacement_max_mm, "displacement", "mm")
-    return Motion(
-        f"go from {start_mm:.4f} to {target:g} mm at {rate:g} mm/s",
-        "displacement",
-        target,
-        DISPLACEMENT_TOLERANCE_MM,
-        rate,
-        abs(target - start_mm) / rate,
-        load_n=(limits.load_min_n, limits.load_max_n),
-        displacement_mm=(min(target, start_mm) - OVERSHOOT_MM, max(target, start_mm) + OVERSHOOT_MM),
-    )
-
-
-def _turn(wish: Wish, reading: Reading, facts: RigFacts) -> Motion:
-    target = wish.target + (reading.angle_deg if wish.relative else 0.0)
-    low = -math.inf if facts.angle_min_deg is None else facts.angle_min_deg
-    high = math.inf if facts.angle_max_deg is None else facts.angle_max_deg
-    _require_within(target, low, high, "angle", "deg")
-    speed_deg_s = facts.speed_deg_s or 1.0
-    return Motion(
-        f"turn from {reading.angle_deg:.2f} to {target:g} deg",
-        "angle",
-        target,
-        ANGLE_TOLERANCE_DEG,
-        math.nan,
-        abs(target - reading.angle_deg) / speed_deg_s,
-    )
-
-
-def _rate(wish: Wish, slow: float, greatest: float, unit: str) -> float:
-    rate = min(slow, greatest) if wish.rate is None else wish.rate
-    if not 0.0 < rate <= greatest:
-        raise RigError(
-            "the rate",
-            f"a rate above 0 up to {greatest:g} {unit}",
-            f"{rate:g} {unit}",
-            f"give --rate {min(slow, greatest):g}, or leave it out",
-        )
-    return rate
-
-
-def _require_within(target: float, low: float, high: float, name: str, unit: str) -> None:
-    # The test is `not <=`, because NaN must be refused too.
-    if not low <= target <= high:
-        raise RigError(
-            f"the target of the {name}",
-            f"a {name} from {low:g} to {high:g} {unit}, the limits of the rig",
-            f"{target:g} {unit}",
-            f"give a target within these limits, such as {max(low, min(high, 0.0)):g}",
-        )
 
 
 def _require_device(rig: Rig, axis: str) -> None:

@@ -10,7 +10,7 @@ from dic.shell.output_paths import FORCE, require_places
 from rig.commands.output import JSON, PATH, NumberRange, finish
 
 if TYPE_CHECKING:
-    from rig.commands.by_hand import Wish
+    from rig.commands.hand_plan import Wish
     from rig.engine.manual import Moved
 
 _RIG = click.argument("rig_path", metavar="RIG", type=PATH)
@@ -18,9 +18,8 @@ _YES = click.option("--yes", is_flag=True, help="Move without a question, for sc
 _TRAVEL = click.option(
     "--travel-max-mm",
     type=NumberRange(0.0, 1000.0, min_open=True),
-    default=2.0,
-    show_default=True,
-    help="Stop if the crosshead has moved this far and the load is not reached.",
+    help="Stop if the crosshead has moved this far and the load is not reached. Default: the travel that is "
+    "plausible for the load.",
 )
 
 
@@ -65,13 +64,13 @@ def hold(rig_path: Path, yes: bool, json_path: Path | None, force: bool) -> None
 def unload(
     rig_path: Path,
     rate: float | None,
-    travel_max_mm: float,
+    travel_max_mm: float | None,
     yes: bool,
     json_path: Path | None,
     force: bool,
 ) -> None:
     """Take the load off the specimen slowly, down to 0 N, then hold. Ctrl-C holds at once."""
-    from rig.commands.by_hand import Wish
+    from rig.commands.hand_plan import Wish
 
     require_places([rig_path], [json_path], force=force)
     _move(rig_path, Wish("load", 0.0, rate=rate, travel_max_mm=travel_max_mm), yes, "unload", json_path)
@@ -85,6 +84,12 @@ def unload(
 @click.option("--relative", is_flag=True, help="Count the target from the present reading.")
 @click.option("--rate", type=float, help="Rate in N/s, or speed in mm/s. Default: slow.")
 @_TRAVEL
+@click.option(
+    "--free",
+    is_flag=True,
+    help="No specimen is in the grips, so the load need not follow --displacement-mm. The motion ends if the "
+    "load changes.",
+)
 @_YES
 @JSON
 @FORCE
@@ -100,7 +105,7 @@ def jog(
 
     Give exactly one of --load-n, --displacement-mm and --angle-deg.
     """
-    from rig.commands.by_hand import Wish
+    from rig.commands.hand_plan import Wish
 
     wanted = {"load": load_n, "displacement": displacement_mm, "angle": angle_deg}
     given = [(axis, value) for axis, value in wanted.items() if value is not None]
@@ -108,7 +113,9 @@ def jog(
         raise click.UsageError("give exactly one of --load-n, --displacement-mm and --angle-deg")
     require_places([rig_path], [json_path], force=how["force"])
     (axis, value) = given[0]
-    wish = Wish(axis, value, how["relative"], how["rate"], how["travel_max_mm"])
+    if how["free"] and axis != "displacement":
+        raise click.UsageError("give --free only with --displacement-mm")
+    wish = Wish(axis, value, how["relative"], how["rate"], how["travel_max_mm"], how["free"])
     _move(rig_path, wish, how["yes"], "move", json_path)
 
 

@@ -16,11 +16,14 @@ from rig.engine.settle import settle
 from rig.engine.status import AtRest
 from rig.engine.watch import Watch
 from rig.errors import Aborted, LimitViolation, RigError
+from rig.limits.by_hand import HandAgreement, HandMotion
 from rig.protocol.step import Reading
 from rig.recorder import Recorder
 
-POLL_S = 0.1
+POLL_S, MOVING_POLL_S = 0.1, 0.05
+"""Time between two readings, in s, at rest and during a motion."""
 DWELL_S = 0.5
+REST_READINGS = 8
 SPARE_S = 30.0
 """A motion fails if it takes this time, in s, longer than twice its planned duration."""
 
@@ -43,6 +46,8 @@ class Motion:
         Planned duration.
     load_n, displacement_mm : tuple of float
         Smallest and largest permitted reading.
+    agreement : HandMotion or None
+        How load and displacement are compared; None without a specimen in the grips, and for an angle.
     """
 
     doing: str
@@ -53,6 +58,7 @@ class Motion:
     duration_s: float
     load_n: tuple[float, float] = (-math.inf, math.inf)
     displacement_mm: tuple[float, float] = (-math.inf, math.inf)
+    agreement: HandMotion | None = None
 
     def value(self, reading: Reading) -> float:
         """Return from a reading the load, displacement or angle that this motion changes."""
@@ -122,6 +128,7 @@ class Manual:
         self._safe_state = SafeState(rig)
         self._doing = "before the motion"
         self._motion: Motion | None = None
+        self._agreement: HandAgreement | None = None
         self._abort_reason: str | None = None
 
     def abort(self, reason: str) -> None:
@@ -135,6 +142,8 @@ class Manual:
         """Read all devices, and check the reading against the permitted range of the motion."""
         self._check_abort()
         reading = self._monitor.read(self._doing)
+        if self._agreement is not None:
+            self._agreement.check(reading)
         if self._motion is not None:
             self._motion.check(reading)
         self._on_reading(reading)
@@ -182,6 +191,8 @@ class Manual:
 
     def _execute(self, motion: Motion) -> None:
         self._check_abort()
+        if motion.agreement is not None:
+            self._agreement = HandAgreement(motion.agreement, self._rig.limits, self._rest())
         self._motion = motion
         frame, stage = self._devices.load_frame, self._devices.stage
         if motion.axis == "angle" and stage is not None:
@@ -195,12 +206,20 @@ class Manual:
             lambda r: not r.moving and abs(motion.value(r) - motion.target) <= motion.tolerance,
             dwell_s=DWELL_S,
             timeout_s=2.0 * motion.duration_s + SPARE_S,
-            poll_s=POLL_S,
+            poll_s=MOVING_POLL_S,
             clock=self._rig.clock,
             pause=self._calls.pause,
             step=motion.doing,
             expected=f"{motion.target:.6g} ± {motion.tolerance:g}",
         )
+
+    def _rest(self) -> list[Reading]:
+        """Read the machine some times at rest, to measure the noise of load and displacement."""
+        readings = [self.read()]
+        for _ in range(REST_READINGS - 1):
+            self._calls.pause(POLL_S)
+            readings.append(self.read())
+        return readings
 
     def _end(self, status: str, reason: str) -> Moved:
         unsafe = tuple(self._safe_state.confirm())

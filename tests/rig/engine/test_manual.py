@@ -1,15 +1,17 @@
 """Motions by hand on fake devices: each ends with a hold, and none leaves its envelope."""
 
 import threading
+from dataclasses import replace
 
 import pytest
 
 from drivers.errors import DeviceError
-from rig.commands.by_hand import Wish, plan
+from rig.commands.hand_plan import Wish, plan
 from rig.devices import Rig
 from rig.engine.manual import Manual
 from rig.errors import RigError
 from rig.facts import RigFacts
+from rig.limit_settings import RigLimits
 
 LOADED_MM = 0.4
 """The fake specimen carries 5833 N here."""
@@ -108,8 +110,7 @@ def test_the_machine_is_watched_while_a_person_is_asked(tension):
     assert tension.calls.count("load 2000") == 0
 
 
-def test_a_load_cell_that_tells_nothing_ends_the_motion_after_the_permitted_travel(tension):
-    tension.load_frame.load_scale = 0.0
+def test_a_travel_beyond_the_permitted_one_ends_the_motion(tension):
     done = moved(tension, Wish("load", 8000.0, travel_max_mm=0.2))
     assert done.status == "failed"
     assert "expected a displacement from -0.2 to 0.2 mm" in done.reason
@@ -117,12 +118,107 @@ def test_a_load_cell_that_tells_nothing_ends_the_motion_after_the_permitted_trav
     assert tension.calls[-1] == "hold"
 
 
-def test_a_load_that_goes_the_wrong_way_ends_the_motion(tension):
+def test_an_unload_that_pulls_ends_the_motion(tension):
     tension.load_frame.displacement_mm = LOADED_MM
     tension.load_frame.go_to_load = lambda load_n, rate_n_s: tension.load_frame.go_to_displacement(6.0, 0.02)
     done = moved(tension, Wish("load", 0.0))
-    assert "expected a load from -300 to 6" in done.reason
+    assert "expected a load that falls during this motion, below 6" in done.reason
+    # 5 % of the motion, 292 N, are 0.016 mm; a reading takes 0.002 mm
+    assert tension.load_frame.displacement_mm < LOADED_MM + 0.016 + 3 * 0.002
     assert tension.calls[-1] == "hold"
+
+
+def test_the_travel_of_an_unload_is_bounded_by_the_softest_plausible_specimen(tension):
+    tension.load_frame.displacement_mm = LOADED_MM
+    reading = Manual(rig_of(tension)).read()
+    limits = RigLimits(machine_stiffness_min_n_mm=10_000.0, specimen_stiffness_min_n_mm=10_000.0)
+    motion = plan(Wish("load", 0.0), reading, replace(rig_of(tension), limits=limits), RigFacts())
+    # 5833 N at 5 kN/mm, and a backlash of 0.02 mm
+    assert motion.displacement_mm == pytest.approx((LOADED_MM - 0.02 - 5833.333 / 5000.0, LOADED_MM + 0.02))
+
+
+LIES = {
+    "zero": lambda load_n, stuck_n: 0.0,
+    "tenth": lambda load_n, stuck_n: 0.1 * load_n,
+    "reversed": lambda load_n, stuck_n: -load_n,
+    "stuck": lambda load_n, stuck_n: stuck_n,
+}
+
+
+def lie(fakes, name: str, first: int, clean_n: float = 0.0) -> None:
+    """Make the load cell lie from its reading number `first` on; the readings have a noise of 1 N."""
+    stuck: list[float] = []
+
+    def on_read(count, state):
+        load_n = state.load_n
+        if count >= first:
+            stuck.append(load_n)
+            load_n = LIES[name](load_n, stuck[0])
+        return replace(state, load_n=load_n + (-1.0) ** count * clean_n)
+
+    fakes.load_frame.on_read = on_read
+
+
+@pytest.mark.parametrize("lied", LIES)
+@pytest.mark.parametrize("noise_n", [0.0, 1.0])
+@pytest.mark.parametrize(
+    ("wish", "start_mm", "target_mm"),
+    [
+        (Wish("load", 0.0), LOADED_MM, 0.0),
+        (Wish("load", 8000.0), 0.0, 0.52),
+        (Wish("load", 8000.0), 0.2, 0.52),
+        (Wish("displacement", 0.5), 0.0, 0.5),
+        (Wish("displacement", 0.1), LOADED_MM, 0.1),
+    ],
+)
+def test_a_load_cell_that_begins_to_lie_ends_every_motion(tension, wish, start_mm, target_mm, noise_n, lied):
+    tension.load_frame.displacement_mm = start_mm
+    # A motion to a load takes 700 readings or more, a motion to a displacement 85 or more.
+    lie(tension, lied, 300 if wish.axis == "load" else 70, noise_n)
+    done = moved(tension, wish)
+    assert done.status == "failed"
+    assert "load cell" in done.reason
+    assert tension.calls[-1] == "hold"
+    travelled = abs(tension.load_frame.displacement_mm - start_mm)
+    assert travelled < abs(target_mm - start_mm)
+
+
+@pytest.mark.parametrize("lied", ["zero", "reversed", "stuck"])
+@pytest.mark.parametrize("wish", [Wish("load", 8000.0), Wish("displacement", 0.5)])
+def test_a_load_cell_that_lied_before_ends_a_motion_that_loads_the_specimen(tension, wish, lied):
+    lie(tension, lied, 1, 1.0)
+    done = moved(tension, wish)
+    assert done.status == "failed"
+    # The slack of 0.1 mm, one window of the load and the margins for noise: before half of the way.
+    assert tension.load_frame.displacement_mm < 0.2
+    assert tension.calls[-1] == "hold"
+
+
+def test_declared_stiffnesses_notice_a_tenth_of_the_load_that_was_shown_from_the_beginning(tension):
+    lie(tension, "tenth", 1, 1.0)
+    limits = RigLimits(
+        machine_stiffness_min_n_mm=20_000.0,
+        specimen_stiffness_min_n_mm=20_000.0,
+        seating_mm=0.1,
+        seating_stiffness_n_mm=5_000.0,
+    )
+    rig = replace(rig_of(tension), limits=limits)
+    done = Manual(rig).move(lambda reading: plan(Wish("load", 8000.0), reading, rig, RigFacts()), agree)
+    assert done.status == "failed"
+    # 800 N would be shown at 0.52 mm, but they explain 0.1 mm of slack, 0.08 mm and 0.1 mm of seating.
+    assert tension.load_frame.displacement_mm < 0.1 + 0.08 + 0.1
+
+
+def test_without_a_specimen_only_a_free_motion_goes_on(tension):
+    tension.load_frame.load_scale = 0.0
+    assert moved(tension, Wish("displacement", 0.5)).status == "failed"
+    tension.load_frame.displacement_mm = 0.0
+    assert moved(tension, Wish("displacement", 0.5, free=True)).status == "completed"
+    tension.load_frame.load_scale = 1.0
+    tension.load_frame.displacement_mm = -0.2
+    done = moved(tension, Wish("displacement", 0.5, free=True))
+    # one per cent of 15 kN
+    assert "expected a load from -150 to 150 N" in done.reason
 
 
 @pytest.mark.parametrize("when", ["asked", "moving"])

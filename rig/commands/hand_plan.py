@@ -1,0 +1,188 @@
+"""Plan a motion by hand: its target, its rate, and what no reading of it may leave."""
+
+import math
+from dataclasses import dataclass, replace
+
+from drivers.interfaces import LoadFrameLimits
+from rig import Reading, Rig, RigError
+from rig.engine.manual import Motion
+from rig.facts import RigFacts
+from rig.limit_settings import RigLimits
+from rig.limits.by_hand import (
+    LOADED_SHARE,
+    HandMotion,
+    hand_string,
+    plausible_travel_mm,
+    speed_of_load_mm_s,
+)
+from rig.rigfile import RigFile
+
+UNLOADED_SHARE = 0.01
+"""Default load rate, as a fraction of the largest load per second: from 0 to the largest load takes 100 s."""
+SPEED_SHARE = 0.01
+"""Default speed of the crosshead, as a fraction of the displacement range per second."""
+LOAD_TOLERANCE_SHARE = 0.002
+OVERSHOOT_SHARE = 0.02
+"""During a motion the load may go this far beyond its start and target, as a fraction of the largest load."""
+DISPLACEMENT_TOLERANCE_MM = 0.005
+OVERSHOOT_MM = 0.05
+ANGLE_TOLERANCE_DEG = 0.02
+
+
+@dataclass(frozen=True)
+class Wish:
+    """The motion that a person asks for: the target of one axis, absolute or relative to the present reading.
+
+    `rate` is in N/s or mm/s; None means the slow default rate. `travel_max_mm` is the largest travel of the
+    crosshead on the way to a load; None means what is plausible for the load. `free` says that no specimen
+    is in the grips.
+    """
+
+    axis: str
+    target: float
+    relative: bool = False
+    rate: float | None = None
+    travel_max_mm: float | None = None
+    free: bool = False
+
+
+def plan(wish: Wish, reading: Reading, rig: Rig, facts: RigFacts) -> Motion:
+    """Return the motion that fulfils a wish.
+
+    Raises
+    ------
+    RigError
+        If the target or the rate is beyond the limits of the rig.
+    """
+    if wish.axis == "angle":
+        return _turn(wish, reading, facts)
+    assert rig.load_frame is not None  # `move` has checked that the rig has this device
+    limits = rig.load_frame.limits
+    if wish.axis == "load":
+        return _load(wish, reading, limits, rig.limits)
+    return _travel(wish, reading, limits)
+
+
+def slowed(rig_file: RigFile, wish: Wish) -> RigFile:
+    """Return the rig file with the speed that a motion to a load needs as the speed limit of the load frame.
+
+    The machine then moves slowly even if the load cell shows less than the real load.
+    """
+    entry = rig_file.load_frame
+    if entry is None or wish.axis != "load":
+        return rig_file
+    known, load_max_n = entry.setting("speed_max_mm_s"), entry.setting("load_max_n")
+    if not isinstance(known, float) or not isinstance(load_max_n, float):
+        return rig_file
+    rate_n_s = UNLOADED_SHARE * load_max_n if wish.rate is None else wish.rate
+    if not rate_n_s > 0.0:  # the plan of the motion refuses this rate
+        return rig_file
+    slower = min(known, speed_of_load_mm_s(rig_file.limits, rate_n_s))
+    settings = entry.settings.model_copy(update={"speed_max_mm_s": slower})
+    return replace(rig_file, load_frame=replace(entry, settings=settings))
+
+
+def _load(wish: Wish, reading: Reading, limits: LoadFrameLimits, rig_limits: RigLimits) -> Motion:
+    target = wish.target + (reading.load_n if wish.relative else 0.0)
+    rate = _rate(wish, UNLOADED_SHARE * limits.load_max_n, limits.load_rate_max_n_s, "N/s")
+    _require_within(target, limits.load_min_n, limits.load_max_n, "load", "N")
+    spare_n = OVERSHOOT_SHARE * limits.load_max_n
+    low_mm, high_mm = plausible_travel_mm(
+        hand_string(rig_limits, reading.load_n, limits.load_max_n), reading.load_n, target
+    )
+    if wish.travel_max_mm is not None:
+        low_mm, high_mm = -wish.travel_max_mm, wish.travel_max_mm
+    doing = f"go from {reading.load_n:.1f} to {target:g} N at {rate:g} N/s"
+    tolerance_n = LOAD_TOLERANCE_SHARE * limits.load_max_n
+    return Motion(
+        doing,
+        "load",
+        target,
+        tolerance_n,
+        rate,
+        abs(target - reading.load_n) / rate,
+        load_n=(min(target, reading.load_n) - spare_n, max(target, reading.load_n) + spare_n),
+        displacement_mm=(reading.displacement_mm + low_mm, reading.displacement_mm + high_mm),
+        agreement=_agreement(doing, True, target, tolerance_n, rate, limits),
+    )
+
+
+def _travel(wish: Wish, reading: Reading, limits: LoadFrameLimits) -> Motion:
+    start_mm = reading.displacement_mm
+    target = wish.target + (start_mm if wish.relative else 0.0)
+    range_mm = limits.displacement_max_mm - limits.displacement_min_mm
+    rate = _rate(wish, SPEED_SHARE * range_mm, limits.speed_max_mm_s, "mm/s")
+    _require_within(target, limits.displacement_min_mm, limits.displacement_max_mm, "displacement", "mm")
+    doing = f"go from {start_mm:.4f} to {target:g} mm at {rate:g} mm/s"
+    load_n = limits.load_min_n, limits.load_max_n
+    if wish.free:
+        spare_n = LOADED_SHARE * limits.load_max_n
+        load_n = reading.load_n - spare_n, reading.load_n + spare_n
+    agreement = _agreement(doing, False, target, DISPLACEMENT_TOLERANCE_MM, rate, limits)
+    return Motion(
+        doing,
+        "displacement",
+        target,
+        DISPLACEMENT_TOLERANCE_MM,
+        rate,
+        abs(target - start_mm) / rate,
+        load_n=load_n,
+        displacement_mm=(min(target, start_mm) - OVERSHOOT_MM, max(target, start_mm) + OVERSHOOT_MM),
+        agreement=None if wish.free else agreement,
+    )
+
+
+def _agreement(
+    doing: str, to_load: bool, target: float, tolerance: float, rate: float, limits: LoadFrameLimits
+) -> HandMotion:
+    """Return how load and displacement are compared during a motion of the load frame."""
+    load_tolerance_n = LOAD_TOLERANCE_SHARE * limits.load_max_n
+    return HandMotion(
+        doing,
+        to_load,
+        target,
+        tolerance,
+        rate,
+        limits.load_max_n,
+        load_tolerance_n,
+        DISPLACEMENT_TOLERANCE_MM,
+    )
+
+
+def _turn(wish: Wish, reading: Reading, facts: RigFacts) -> Motion:
+    target = wish.target + (reading.angle_deg if wish.relative else 0.0)
+    low = -math.inf if facts.angle_min_deg is None else facts.angle_min_deg
+    high = math.inf if facts.angle_max_deg is None else facts.angle_max_deg
+    _require_within(target, low, high, "angle", "deg")
+    speed_deg_s = facts.speed_deg_s or 1.0
+    return Motion(
+        f"turn from {reading.angle_deg:.2f} to {target:g} deg",
+        "angle",
+        target,
+        ANGLE_TOLERANCE_DEG,
+        math.nan,
+        abs(target - reading.angle_deg) / speed_deg_s,
+    )
+
+
+def _rate(wish: Wish, slow: float, greatest: float, unit: str) -> float:
+    rate = min(slow, greatest) if wish.rate is None else wish.rate
+    if not 0.0 < rate <= greatest:
+        raise RigError(
+            "the rate",
+            f"a rate above 0 up to {greatest:g} {unit}",
+            f"{rate:g} {unit}",
+            f"give --rate {min(slow, greatest):g}, or leave it out",
+        )
+    return rate
+
+
+def _require_within(target: float, low: float, high: float, name: str, unit: str) -> None:
+    # The test is `not <=`, because NaN must be refused too.
+    if not low <= target <= high:
+        raise RigError(
+            f"the target of the {name}",
+            f"a {name} from {low:g} to {high:g} {unit}, the limits of the rig",
+            f"{target:g} {unit}",
+            f"give a target within these limits, such as {max(low, min(high, 0.0)):g}",
+        )

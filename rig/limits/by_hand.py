@@ -1,0 +1,225 @@
+"""Check at every reading of a motion by hand that load and displacement agree.
+
+A motion by hand has no protocol, so nothing is known about the specimen. The bounds come from the table
+[limits] of the rig file, otherwise from defaults for stiff specimens. A motion that ends too early harms no
+specimen, so the defaults are strict.
+"""
+
+import math
+from dataclasses import dataclass
+
+from dic.runfile.schema import StepKind
+from rig.errors import ImplausibleReading
+from rig.limit_settings import RigLimits
+from rig.limits.agreement import DROP_SHARE, Agreement
+from rig.limits.following import Following, History
+from rig.limits.stiffness import MACHINE_MIN_N_MM, SEATING_MM, SEATING_N_MM, LoadString
+from rig.protocol.conditions import Pull, Zeroing
+from rig.protocol.step import ProtocolStep, Reading
+
+SPECIMEN_MIN_N_MM = 4_000.0
+"""Default of the smallest stiffness of a specimen: a laminate of 20 GPa, 20 mm² and 100 mm."""
+MACHINE_MAX_N_MM = 300_000.0
+"""Stiffness that no load frame for specimens of this kind exceeds."""
+SLACK_MM, BACKLASH_MM = 0.1, 0.02
+"""Travel of the crosshead, in mm, before the load begins to change: of an unloaded and a loaded specimen."""
+LOADED_SHARE = 0.01
+"""Fraction of the largest load above which a specimen is certainly loaded."""
+_DISPLACEMENT_STEP_SHARE = 0.1
+_SIGMAS = 8.0
+_RATE_MARGIN, _STIFFNESS_MARGIN = 3.0, 5.0
+_JUMP_SHARE = 0.01
+_LEARNED_MM = 0.02
+_REMEDY = (
+    "look at the specimen, then check the load cell, its cable and the displacement transducer before "
+    "anything moves again; if all are sound, set limits.specimen_stiffness_min_n_mm in the rig file for a "
+    "soft specimen, or give --free if no specimen is in the grips"
+)
+
+
+@dataclass(frozen=True)
+class HandMotion:
+    """A motion of the load frame by hand, with a specimen in the grips.
+
+    Attributes
+    ----------
+    doing : str
+        Description of the motion, for error messages.
+    to_load : bool
+        True for a motion to a load, False for a motion to a displacement.
+    target, tolerance, rate : float
+        In N and N/s, or in mm and mm/s.
+    load_max_n : float
+        Largest load of the load frame.
+    load_tolerance_n, displacement_tolerance_mm : float
+        Upper bounds of five standard deviations of the noise at rest.
+    """
+
+    doing: str
+    to_load: bool
+    target: float
+    tolerance: float
+    rate: float
+    load_max_n: float
+    load_tolerance_n: float
+    displacement_tolerance_mm: float
+
+    @property
+    def step(self) -> ProtocolStep:
+        """The motion as a step of a protocol."""
+        kind: StepKind = "load" if self.to_load else "displacement"
+        return ProtocolStep(0, kind, self.target, self.tolerance, self.rate)
+
+
+def hand_string(limits: RigLimits, start_n: float = 0.0, load_max_n: float = math.inf) -> LoadString:
+    """Return the bounds of specimen, grips and load frame in series, for a motion by hand from a load.
+
+    Parameters
+    ----------
+    limits : RigLimits
+        The table [limits] of the rig file.
+    start_n, load_max_n : float
+        Load before the motion, and largest load of the load frame.
+    """
+    machine_min = limits.machine_stiffness_min_n_mm or MACHINE_MIN_N_MM
+    specimen_min = limits.specimen_stiffness_min_n_mm or SPECIMEN_MIN_N_MM
+    is_loaded = abs(start_n) > LOADED_SHARE * load_max_n
+    return LoadString(
+        stiffness_min_n_mm=1.0 / (1.0 / machine_min + 1.0 / specimen_min),
+        stiffness_max_n_mm=limits.machine_stiffness_max_n_mm or MACHINE_MAX_N_MM,
+        seating_mm=SEATING_MM if limits.seating_mm is None else limits.seating_mm,
+        seating_n_mm=limits.seating_stiffness_n_mm or SEATING_N_MM,
+        slack_mm=BACKLASH_MM if is_loaded else SLACK_MM,
+        flow_mm=0.0,
+        relaxation=0.0,
+        speed_max_mm_s=None,
+        elastic_mm=math.inf,
+        first_n=math.inf,
+    )
+
+
+def plausible_travel_mm(string: LoadString, start_n: float, target_n: float) -> tuple[float, float]:
+    """Return the plausible travel of the crosshead, from the lowest to the highest, for a motion to a load.
+
+    On the way to a higher load the grips may seat. Against the direction of the motion, only the slack is
+    plausible.
+    """
+    change_n = abs(target_n - start_n)
+    if target_n >= start_n:
+        return -string.slack_mm, string.displacement_max_mm(change_n)
+    return -string.slack_mm - change_n / string.stiffness_min_n_mm, string.slack_mm
+
+
+def speed_of_load_mm_s(limits: RigLimits, rate_n_s: float) -> float:
+    """Return the largest speed of the crosshead that a plausible specimen needs for a load rate."""
+    string = hand_string(limits)
+    return rate_n_s * (1.0 / string.stiffness_min_n_mm + 1.0 / string.seating_n_mm)
+
+
+class HandAgreement:
+    """Compares load and displacement at every reading of one motion by hand.
+
+    Parameters
+    ----------
+    motion : HandMotion
+    limits : RigLimits
+        The table [limits] of the rig file.
+    rest : list of Reading
+        Readings of the machine at rest, the last one just before the motion.
+    """
+
+    def __init__(self, motion: HandMotion, limits: RigLimits, rest: list[Reading]) -> None:
+        self._motion, self._last = motion, rest[-1]
+        start, step = rest[-1], motion.step
+        string = hand_string(limits, start.load_n, motion.load_max_n)
+        self._start = rest[-1]
+        self._stiffness_max_n_mm = string.stiffness_max_n_mm
+        self._secant_n_mm: float | None = None
+        self._outward = 1.0 if motion.target >= step.value(start) else -1.0
+        self._best_n = self._outward * start.load_n
+        if motion.to_load:
+            size_n = abs(motion.target - start.load_n)
+        else:
+            size_n = max(abs(start.load_n), _DISPLACEMENT_STEP_SHARE * motion.load_max_n)
+        self._size_n = max(size_n, motion.load_tolerance_n)
+        pull = Pull(self._size_n, motion.rate if motion.to_load else None, assured_n=self._size_n)
+        zeroing = Zeroing(math.inf, "", motion.load_tolerance_n, motion.displacement_tolerance_mm)
+        self._agreement = Agreement(string, pull, zeroing)
+        for reading in rest:
+            self._agreement.check(reading, motion.doing)
+        self._agreement.begin(step)
+        self._following = Following(
+            start,
+            outward=self._outward,
+            increment_n=self._size_n,
+            noise_n=self._agreement.noise_n,
+            noise_mm=self._agreement.noise_mm,
+            history=History(stiffness_n_mm=string.stiffness_min_n_mm),
+            elastic_n=0.0,
+            flow_mm=string.slack_mm,
+        )
+
+    def check(self, reading: Reading) -> None:
+        """Check one reading of the motion.
+
+        Raises
+        ------
+        ImplausibleReading
+            If no correct load cell could show this load at this displacement.
+        """
+        try:
+            self._check_jump(reading)
+            self._check_direction(reading)
+            self._agreement.check(reading, self._motion.doing)
+            if reading.moving:
+                self._following.check(reading, self._motion.doing)
+        except ImplausibleReading as error:
+            # The remedies of a run name keys of its protocol.
+            raise ImplausibleReading(error.step, error.expected, error.got, _REMEDY) from None
+        self._last = reading
+
+    def _check_jump(self, reading: Reading) -> None:
+        """Check that the load does not change faster than the rate of the motion explains."""
+        change_n = abs(reading.load_n - self._last.load_n)
+        if self._motion.to_load:
+            explained_n = _RATE_MARGIN * self._motion.rate * (reading.time_s - self._last.time_s)
+            greatest_n = explained_n + self._margin_n(_JUMP_SHARE)
+        else:
+            travel_mm = abs(reading.displacement_mm - self._last.displacement_mm)
+            explained_n = (travel_mm + _SIGMAS * self._agreement.noise_mm) * self._stiffest_n_mm()
+            greatest_n = explained_n + self._margin_n(DROP_SHARE)
+        if change_n > greatest_n:
+            raise ImplausibleReading(
+                self._motion.doing,
+                f"a change of the load by {greatest_n:.4g} N at most from one reading to the next",
+                f"{change_n:.4g} N: the load cell shows a wrong load, or the specimen slips or breaks",
+                _REMEDY,
+            )
+
+    def _check_direction(self, reading: Reading) -> None:
+        """Check that the load does not fall while the crosshead pulls, and does not rise on the way back."""
+        load_n = self._outward * reading.load_n
+        self._best_n = max(self._best_n, load_n)
+        least_n = self._best_n - self._margin_n(DROP_SHARE)
+        if load_n < least_n:
+            rises, side = ("rises", "above") if self._outward > 0.0 else ("falls", "below")
+            bound_n = self._outward * least_n
+            raise ImplausibleReading(
+                self._motion.doing,
+                f"a load that {rises} during this motion, {side} {bound_n:.4g} N",
+                f"{reading.load_n:.4g} N: the load cell shows a wrong load, or the specimen slips or breaks",
+                _REMEDY,
+            )
+
+    def _stiffest_n_mm(self) -> float:
+        """Return the largest plausible stiffness of the motion that has been measured so far."""
+        travel_mm = abs(self._last.displacement_mm - self._start.displacement_mm)
+        if travel_mm > _LEARNED_MM:
+            secant_n_mm = abs(self._last.load_n - self._start.load_n) / travel_mm
+            self._secant_n_mm = max(self._secant_n_mm or 0.0, secant_n_mm)
+        if self._secant_n_mm is None:
+            return self._stiffness_max_n_mm
+        return min(self._stiffness_max_n_mm, _STIFFNESS_MARGIN * self._secant_n_mm)
+
+    def _margin_n(self, share: float) -> float:
+        return share * self._size_n + _SIGMAS * self._agreement.noise_n
