@@ -6,8 +6,11 @@ their recorded readings instead of new ones, so it makes the same decisions agai
 
 import json
 import math
-from dataclasses import asdict, dataclass
+import re
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from dic.runfile import superblock
 from dic.runfile.joined import file_sha256
@@ -17,11 +20,13 @@ from rig.devices import Rig
 from rig.errors import ProtocolError, RigError
 from rig.protocol.protocol import Protocol
 from rig.protocol.step import ProtocolStep, Reading
+from rig.recorder.records import PHASE_ENDED, STEP_REACHED
 
 _TOLERANCES = 5.0
 """Largest change of position since the end of the earlier run, in settling tolerances."""
 _LOAD_FRACTION = 0.1
 """Additional allowed change of the load, as a fraction of the load, because a held specimen relaxes."""
+_COLUMNS = ("time_s", "load_n", "displacement_mm", "angle_deg")
 
 
 class ContinueError(RigError):
@@ -117,10 +122,7 @@ def read_earlier(path: Path, protocol: Protocol, definition: str, configuration:
                     "another text",
                     f"give the {what} unchanged; the run file has a copy of its text",
                 )
-        readings = {
-            step.index: Reading(step.time_s, step.load_n, step.displacement_mm, step.angle_deg)
-            for step in run.steps
-        }
+        readings = _finished(run)
         following = _following(protocol, readings)
         if 1 not in readings or following is None:
             got = "no reference" if following is not None else "no step that is left"
@@ -186,6 +188,38 @@ def require_unchanged(earlier: Earlier, protocol: Protocol, rig: Rig) -> Reading
     return start
 
 
+def _finished(run: RunFile) -> dict[int, Reading]:
+    """Return the readings of the finished steps, with and without images, by their numbers."""
+    readings = {
+        step.index: Reading(step.time_s, step.load_n, step.displacement_mm, step.angle_deg)
+        for step in run.steps
+    }
+    events = run.columns("events")
+    # Run files of earlier versions have no order of their rows.
+    rows = list(zip(events["message"], events["order"], strict=True)) if "order" in events else []
+    for beginning in (STEP_REACHED, PHASE_ENDED):
+        said = re.compile(rf"{re.escape(beginning)} (\d+)")
+        for message, order in rows:
+            if found := said.match(message.decode(errors="replace")):
+                index = int(found[1])
+                # An event ends its phase, even if the run ended before the images of the step.
+                known = readings.get(index) or _reading_before(run, int(order))
+                readings[index] = replace(known, ends_phase=beginning == PHASE_ENDED)
+    return readings
+
+
+def _reading_before(run: RunFile, order: int) -> Reading:
+    """Return the last reading that was recorded before another row."""
+    values = dict.fromkeys(_COLUMNS, math.nan)
+    for device in ("stage", "load_frame"):
+        table = run.columns(f"instrument/{device}")
+        row = int(np.searchsorted(table["order"], order)) - 1 if table else -1
+        if row >= 0:
+            values |= {name: float(table[name][row]) for name in _COLUMNS if name in table}
+    time_s, load_n, displacement_mm, angle_deg = values.values()
+    return Reading(time_s, load_n, displacement_mm, angle_deg)
+
+
 def _following(protocol: Protocol, readings: dict[int, Reading]) -> ProtocolStep | str | None:
     """Return the first unfinished step; a reason if the run cannot continue there; None if all steps are
     finished."""
@@ -197,6 +231,8 @@ def _following(protocol: Protocol, readings: dict[int, Reading]) -> ProtocolStep
     last = max(readings, default=-1)
 
     def recall(step: ProtocolStep) -> Reading:
+        if step.passed:
+            return Reading(0.0)  # a step that is left out has no reading
         if step.index not in readings:
             found.append(step)
             raise Found

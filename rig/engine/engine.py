@@ -28,7 +28,7 @@ from rig.limits.run_limits import limits_on
 from rig.protocol.protocol import Protocol
 from rig.protocol.step import ProtocolStep, Reading
 from rig.recorder import Recorder, StepRecord
-from rig.recorder.records import OPERATOR_DONE, STEP_ON_FILE
+from rig.recorder.records import OPERATOR_DONE, PHASE_ENDED, STEP_ON_FILE, STEP_REACHED
 
 
 class Engine:
@@ -193,14 +193,28 @@ class Engine:
         self._calls.interrupt()
 
     def _execute(self, step: ProtocolStep) -> Reading:
+        if step.passed:
+            return self._leave_out(step)
         if step.index in self._earlier:
             return self._earlier[step.index]
         if self._goes_on or step.kind in ("grid", "reference"):
             self._prepare(step)
         self._enter(State.MOVING, step)
         reading = self._motion.reach(step)
-        arrived_early = step.timed and not step.holds and not reading.moving and step.is_reached(reading)
-        return self._take(step, reading) if step.images and not arrived_early else reading
+        has_arrived = not reading.moving and step.is_reached(reading) and not self._motion.phase_ended
+        if not step.images:
+            self._filing.mark(self._rig.clock.now_s(), f"{STEP_REACHED} {step.index}")
+        elif not (step.timed and not step.holds and has_arrived):
+            reading = self._take(step, reading)
+        return replace(reading, ends_phase=self._motion.phase_ended)
+
+    def _leave_out(self, step: ProtocolStep) -> Reading:
+        reading = self._read()
+        self._event(
+            "warning",
+            f"{step} is left out, because its target has been passed: {step.value(reading):.6g} {step.unit}",
+        )
+        return reading
 
     def _prepare(self, step: ProtocolStep) -> None:
         self._enter(State.PREPARING, step)
@@ -239,6 +253,10 @@ class Engine:
         self._check_abort()
         reading = self._monitor.read(str(self._status.step))
         self._publish(replace(self._status, reading=reading))
+        if self._motion.see(reading):
+            step = self._status.step
+            number = "" if step is None else step.index
+            self._event("info", f"{PHASE_ENDED} {number}: the load is {reading.load_n:.6g} N")
         self._on_progress(self._motion.may_move or reading.moving)
         self._check_abort()
         return reading

@@ -24,6 +24,8 @@ class Keeper:
         Longest time for which the held load or displacement may be outside its tolerance.
     poll_s : float
         Time between two readings.
+    ended : callable
+        Returns True if an event has ended the motion.
     """
 
     def __init__(
@@ -34,17 +36,19 @@ class Keeper:
         *,
         timeout_s: float,
         poll_s: float,
+        ended: Callable[[], bool],
     ) -> None:
         self._begun_s = begun_s
         self._read = read
         self._pause = pause
         self._timeout_s = timeout_s
         self._poll_s = poll_s
+        self._ended = ended
         self._kept_s = begun_s
 
     def wait(self, step: ProtocolStep, correct: Callable[[], None]) -> Reading:
-        """Read until the image time of a step, and return the last reading. If the motion ends, the wait ends
-        too.
+        """Read until the image time of a step, and return the last reading. If the motion ends, or an
+        event ends it, the wait ends too.
 
         Parameters
         ----------
@@ -62,6 +66,8 @@ class Keeper:
         due_s = self._begun_s + step.at_s
         while True:
             reading = self._read()
+            if self._ended():
+                return reading
             if step.is_reached(reading):
                 self._kept_s = reading.time_s
                 if not (step.holds or reading.moving):

@@ -52,10 +52,14 @@ class Motion:
     may_move : bool
         True if a device may be moving. At the beginning of a run, a device may still be moving for an earlier
         program that was killed.
+    phase_ended : bool
+        True if the event that ends the phase has happened during the present step.
     """
 
     def __init__(self, times: Settle, devices: Devices, watch: Watch, clock: Clock, around: Around) -> None:
         self.may_move = True
+        self.phase_ended = False
+        self._event: Callable[[Reading], bool] | None = None
         self._times = times
         self._devices = devices
         self._watch = watch
@@ -67,13 +71,28 @@ class Motion:
         """Record that a device may be moving from now on."""
         self.may_move = True
 
+    def see(self, reading: Reading) -> bool:
+        """Hold the load frame if the event of the present step happens, and return True then.
+
+        The engine calls this method with every reading, also while images are taken.
+        """
+        if self.phase_ended or self._event is None or not self._event(reading):
+            return False
+        self.phase_ended = True
+        if self._devices.load_frame is not None:
+            self._devices.load_frame.hold()
+        return True
+
     def reach(self, step: ProtocolStep) -> Reading:
-        """Move to the target of a step and settle there, or wait until the time of the step's images."""
+        """Move to the target of a step and settle there, or wait until the time of the step's images. The
+        event of the step ends the motion, and then everything stands still."""
+        self.phase_ended, self._event = False, None
         if step.begins:
             if self.may_move:
                 # The step before took its images during this motion, which still continues.
                 self.stand_still()
             self._command(step)
+        self._event = step.event
         self._watch.expect(step.load_drop)
         if not step.timed:
             return self._settle(step)
@@ -85,9 +104,11 @@ class Motion:
                 self._around.pause,
                 timeout_s=self._times.timeout_s,
                 poll_s=self._watch.poll_s(self._times.poll_s),
+                ended=lambda: self.phase_ended,
             )
         assert self._keeper is not None  # the first timed step has set it
-        return self._keeper.wait(step, correct=lambda: self._command(step))
+        reading = self._keeper.wait(step, correct=lambda: self._command(step))
+        return self._settle(step) if self.phase_ended else reading
 
     def stand_still(self) -> None:
         """Hold the load frame and wait until no device moves; then the operator may reach into the rig."""
@@ -98,7 +119,7 @@ class Motion:
     def settle_again(self, step: ProtocolStep) -> Reading:
         """Wait until the readings have settled again, before images are repeated. During a motion or hold, do
         not wait."""
-        return self._around.read() if step.timed else self._settle(step)
+        return self._around.read() if step.timed and not self.phase_ended else self._settle(step)
 
     def wait(
         self, doing: str, expected: str, within: Callable[[Reading], bool], motion_s: float = 0.0
@@ -138,7 +159,12 @@ class Motion:
         if math.isnan(step.target):
             return self.wait("settling", "standstill", lambda _: True)
         expected = f"{step.target:.6g} ± {step.tolerance:g}"
-        return self.wait("settling", expected, step.is_reached, step.motion_s)
+        return self.wait(
+            "settling",
+            expected,
+            lambda reading: self.phase_ended or step.is_reached(reading),
+            step.motion_s,
+        )
 
 
 def _begin(step: ProtocolStep, devices: Devices) -> None:

@@ -144,7 +144,7 @@ class Agreement:
         if outward > 0.0:
             if not self._verified:
                 self._check_softest(reading, step)
-            if self._step.quantity == "load" and not self._pull.may_drop:
+            if self._step.quantity == "load" and self._step.event is None:
                 self._check_drop(reading, step)
             self._check_softening(reading, step)
         if self._following is not None:
@@ -158,7 +158,7 @@ class Agreement:
         self._of_step_n = self._increment_n
         if self._step.quantity == "load":
             self._of_step_n = max(self._of_step_n, abs(self._step.target - start.load_n))
-        if self._step.quantity == "load" and not self._pull.may_drop:
+        if self._step.quantity == "load" and self._step.event is None:
             self._following = Following(
                 start,
                 outward=self._outward(),

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from rig.errors import ProtocolError
 from rig.protocol import phases as tables
@@ -56,7 +57,6 @@ class Compiler:
         self._ranges_n: list[float] = []
         self._assured_n = 0.0
         self._elastic_n = 0.0
-        self._may_drop = False
         self._moved: set[Quantity] = set()
         self._where = ""
         start = Place(
@@ -120,7 +120,6 @@ class Compiler:
             max(rates_n_s, default=None),
             assured_n=self._assured_n,
             elastic_n=self._elastic_n,
-            may_drop=self._may_drop,
         )
 
     def _compile(self, number: int, phase: tables.Phase) -> Part:
@@ -130,10 +129,14 @@ class Compiler:
             case tables.ToLoad():
                 move = self._load(phase.load_n, phase.rate_n_s)
                 self._expect_load(phase)
-                return self._approach(move, phase.load_n, phase.images, self._ending(phase.until))
+                approach = self._approach(move, phase.load_n, phase.images, self._ending(phase.until))
+                return self._if_passed(approach, phase.if_passed)
             case tables.ToDisplacement():
                 move = self._displacement(phase.displacement_mm, phase.speed_mm_s)
-                return self._approach(move, phase.displacement_mm, phase.images, self._ending(phase.until))
+                approach = self._approach(
+                    move, phase.displacement_mm, phase.images, self._ending(phase.until)
+                )
+                return self._if_passed(approach, phase.if_passed)
             case tables.Unload():
                 move = self._load(phase.load_n, phase.rate_n_s)
                 return self._approach(move, phase.load_n, phase.images, down=True)
@@ -152,7 +155,7 @@ class Compiler:
             assured_n = min(phase.load_n, first_judged_n(until.plastic, increment_n))
             self._elastic_n = max(self._elastic_n, until.plastic.judged_above_n)
         elif until is not None:
-            assured_n, self._may_drop = 0.0, True
+            assured_n = 0.0
         self._assured_n = max(self._assured_n, assured_n)
 
     def _preload(self, number: int, phase: tables.Preload) -> Beginning:
@@ -199,8 +202,12 @@ class Compiler:
         if increment is not None:
             key = f"{self._where}: images.every_{unit.lower()}"
             self.mistakes += too_fine(key, increment, move.tolerance)
-        if ending is not None and increment is None and images.every_s is None:
-            self._mistake("until needs images at increments or times, because it is judged with the images")
+        judged_at_readings = ending is None or ending.criterion.at_readings() is not None
+        if not judged_at_readings and increment is None and images.every_s is None:
+            self._mistake(
+                "until.plastic needs images at increments or times, because it compares stiffnesses between "
+                "images; add images.every_n or images.every_s"
+            )
         return Approach(
             move,
             target,
@@ -209,6 +216,22 @@ class Compiler:
             down,
             images=not images.never,
             ending=ending,
+        )
+
+    def _if_passed(self, approach: Approach, if_passed: tables.IfPassed) -> Approach:
+        """Add to an approach what happens if its target has been passed already."""
+        if if_passed != "fail":
+            return replace(approach, goes_back=if_passed == "go-back")
+        where, quantity = self._where, approach.move.quantity
+        unit = UNITS[quantity]
+        return replace(
+            approach,
+            refusal=lambda reading: ProtocolError(
+                where,
+                f"a {quantity} below {approach.target:g} {unit}, so that the motion pulls",
+                f"{reading.of(quantity):.6g} {unit}",
+                'go farther in this phase, or set if_passed = "go-on" or "go-back"',
+            ),
         )
 
     def _rotate(self, phase: tables.Rotate) -> Approach:
@@ -284,7 +307,7 @@ class Compiler:
             return None
         if until.load_drop is not None:
             return self._drop(until.load_drop, until.if_never)
-        criterion = until.criterion()
+        criterion = until.criterion(self._carried_n())
         assert criterion is not None
         return Ending(criterion, self._failure(criterion.describe(), until.if_never))
 
@@ -295,7 +318,7 @@ class Compiler:
                 f"until.load_drop must be below limits.break_load_drop, {limits.break_load_drop:g}, which "
                 f"ends the run, got {fraction:g}"
             )
-        criterion = LoadDropCriterion(fraction)
+        criterion = LoadDropCriterion(fraction, self._carried_n())
         return Ending(criterion, self._failure(criterion.describe(), if_never))
 
     def _failure(self, expected: str, if_never: str) -> Callable[[Reading], ProtocolError] | None:

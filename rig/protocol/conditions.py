@@ -85,15 +85,12 @@ class Pull:
         Load that the specimen carries in every test that ends as planned.
     elastic_n : float
         Load up to which the specimen is not expected to yield.
-    may_drop : bool
-        True if the protocol waits for a fall of the load while a load is approached.
     """
 
     increment_n: float
     rate_n_s: float | None
     assured_n: float
     elastic_n: float = 0.0
-    may_drop: bool = False
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """The criteria that end a phase: plastic deformation, or a drop of the load."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from pydantic import Field
@@ -20,6 +21,10 @@ class Criterion(Protocol):
     def is_met(self, readings: Sequence[Reading]) -> bool:
         """Return True if the last of the readings meets the criterion; the first was taken before the
         phase."""
+
+    def at_readings(self) -> Callable[[Reading], bool] | None:
+        """Return a function that returns True at the reading that meets the criterion, for all readings of a
+        motion; None if the criterion can be checked only after a step."""
 
     def describe(self) -> str:
         """Return a description of the criterion for an error message."""
@@ -41,6 +46,9 @@ class Plastic:
         loads_n = [reading.load_n for reading in readings]
         return self._settings.is_evident(loads_n, [reading.displacement_mm for reading in readings])
 
+    def at_readings(self) -> None:
+        """Return None, because the stiffness of an increment is known at its end."""
+
     def describe(self) -> str:
         """Return a description of this criterion for an error message."""
         return f"an increment of less than {self._settings.stiffness_fraction:g} of the highest stiffness"
@@ -52,19 +60,33 @@ class LoadDropCriterion:
     Parameters
     ----------
     fraction : float
+    carried_n : float
+        Load in N from which a drop counts at the readings, so that noise and grips that seat end no phase.
     """
 
-    def __init__(self, fraction: float) -> None:
+    def __init__(self, fraction: float, carried_n: float) -> None:
         self._fraction = fraction
+        self._carried_n = carried_n
 
     def can_end(self, number: int, _: ProtocolStep) -> bool:
-        """Return True from the second step on, because a drop needs two loads."""
-        return number >= 2
+        """Return True, because the load can drop during any step."""
+        return True
 
     def is_met(self, readings: Sequence[Reading]) -> bool:
         """Return True if the last load has fallen by the fraction."""
         highest_n = max(reading.load_n for reading in readings[1:])
         return readings[-1].load_n < (1.0 - self._fraction) * highest_n
+
+    def at_readings(self) -> Callable[[Reading], bool]:
+        """Return a function that compares each reading with the highest load of the motion."""
+        highest_n = -math.inf
+
+        def has_dropped(reading: Reading) -> bool:
+            nonlocal highest_n
+            highest_n = max(highest_n, reading.load_n)
+            return highest_n >= self._carried_n and reading.load_n < (1.0 - self._fraction) * highest_n
+
+        return has_dropped
 
     def describe(self) -> str:
         """Return a description of this criterion for an error message."""
@@ -79,8 +101,8 @@ class Until(Settings):
     load_drop: float | None = Field(default=None, gt=0.0, lt=1.0)
     if_never: str = Field(default="fail", pattern="^(fail|go-on)$")
 
-    def criterion(self) -> Criterion | None:
-        """Return the criterion that the table gives."""
+    def criterion(self, carried_n: float) -> Criterion | None:
+        """Return the criterion that the table gives; `carried_n` is described for `LoadDropCriterion`."""
         if self.plastic is not None:
             return Plastic(self.plastic)
-        return None if self.load_drop is None else LoadDropCriterion(self.load_drop)
+        return None if self.load_drop is None else LoadDropCriterion(self.load_drop, carried_n)

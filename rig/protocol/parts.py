@@ -1,7 +1,7 @@
 """The parts of a course that move or hold the specimen: motion to a target, hold, and cycles."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from dic.runfile.schema import StepKind
@@ -75,6 +75,29 @@ class Move:
         )
 
 
+_NEAR_START = 2.0
+_NEAR_HOLD: dict[Quantity, float] = {"load": 2.0, "displacement": 0.5}
+"""A measured value counts as the commanded one up to so many tolerances from it. A hold of the displacement
+commands nothing, so that its readings would leave the tolerance of a target near its end."""
+
+
+def _commanded_or_measured(place: Place, move: Move, reading: Reading, tolerances: float) -> float:
+    """Return the value at which a part of the course begins.
+
+    The commanded value is not the actual one if the motion to it was left out.
+    """
+    span, measured = place.of(move.quantity), reading.of(move.quantity)
+    is_there = span.is_known and not abs(measured - span.low) > tolerances * move.tolerance
+    return span.low if is_there else measured
+
+
+def _has_ended(ending: Ending, number: int, step: ProtocolStep, readings: Sequence[Reading]) -> bool:
+    """Return True if the event that ends a phase has happened up to the last of the readings."""
+    if readings[-1].ends_phase:
+        return True
+    return ending.criterion.can_end(number, step) and ending.criterion.is_met(readings)
+
+
 @dataclass(frozen=True)
 class Approach:
     """The motion to a load, a displacement or an angle, in one or several increments.
@@ -96,6 +119,11 @@ class Approach:
         False for a motion without images.
     ending : Ending or None
         The event that ends the motion before its target.
+    goes_back : bool
+        True if a motion outwards goes back to a target that has been passed already. Otherwise such a motion
+        is left out, because moving back would unload the specimen.
+    refusal : callable or None
+        Makes the error that ends the run if the target has been passed already.
     """
 
     move: Move
@@ -105,32 +133,40 @@ class Approach:
     down: bool = False
     images: bool = True
     ending: Ending | None = None
+    goes_back: bool = False
+    refusal: Failure | None = None
 
     def steps(self, index: int, place: Place) -> list[ProtocolStep]:
         """Return the steps of the motion from the start that is farthest from the target."""
         span = place.of(self.move.quantity)
-        return self._from(index, span.farther(self.target), conditional=not span.is_known)
+        start = span.high if self.down else span.low
+        steps = self._from(index, start, conditional=not span.is_known)
+        # The target may have been passed at any start that is not known.
+        return steps or [self._back(index, start)]
 
     def follow(self, index: int, place: Place, reading: Reading | None, execute: Execute) -> Reading:
         """Execute the steps from the actual start to the target, or until the criterion is met."""
         assert reading is not None
         span = place.of(self.move.quantity)
-        start = span.low if span.is_known else reading.of(self.move.quantity)
+        start = _commanded_or_measured(place, self.move, reading, _NEAR_START)
         steps = self._from(index, start, conditional=not span.is_known)
+        if self._is_passed(start):
+            reading = self._pass(index + len(self.steps(index, place)) - 1, reading, start, execute)
         if self.every_s < math.inf and steps:
             # The last step has the number from the plan, even if fewer steps were needed before it.
             last = index + len(self.steps(index, place)) - 1
             steps[-1] = replace(steps[-1], index=last)
         readings = [reading]
         arrived = False
+        ending = self.ending
+        event = None if ending is None else ending.criterion.at_readings()
         for number, step in enumerate(steps, 1):
             if arrived and step.timed:
                 continue
-            reading = execute(step)
+            reading = execute(replace(step, event=event))
             readings.append(reading)
             arrived = step.timed and not reading.moving and step.is_reached(reading)
-            ending = self.ending
-            if ending and ending.criterion.can_end(number, step) and ending.criterion.is_met(readings):
+            if ending and _has_ended(ending, number, step, readings):
                 return reading
         if self.ending is not None and self.ending.failure is not None:
             raise self.ending.failure(reading)
@@ -139,6 +175,23 @@ class Approach:
     def end(self, place: Place) -> Place:
         """Return the place at the target, or anywhere on the way if a criterion can end the motion."""
         return place.after(self.move.quantity, self.target, early=self.ending is not None)
+
+    def _is_passed(self, start: float) -> bool:
+        beyond = self.target - start if self.down else start - self.target
+        return self.move.quantity != "rotation" and beyond > self.move.tolerance
+
+    def _pass(self, index: int, reading: Reading, start: float, execute: Execute) -> Reading:
+        """Leave the motion out, or go back to the target, or raise the error of `refusal`."""
+        if self.refusal is not None:
+            raise self.refusal(reading)
+        step = self._back(index, start)
+        if self.goes_back:
+            return execute(step)
+        execute(replace(step, passed=True))
+        return reading
+
+    def _back(self, index: int, start: float) -> ProtocolStep:
+        return self.move.step(index, start, self.target, conditional=True, images=self.images)
 
     def _from(self, index: int, start: float, *, conditional: bool) -> list[ProtocolStep]:
         if self.every_s < math.inf:
@@ -221,8 +274,7 @@ class Hold:
         assert reading is not None
         target = math.nan
         if self.move is not None:
-            span = place.of(self.move.quantity)
-            target = span.low if span.is_known else reading.of(self.move.quantity)
+            target = _commanded_or_measured(place, self.move, reading, _NEAR_HOLD[self.move.quantity])
         for step in self._at(index, target):
             reading = execute(step)
         return reading
@@ -306,16 +358,27 @@ class Cycles:
         """Execute all cycles, or end after the cycle in which the criterion is met."""
         assert reading is not None
         peaks = [reading]
-        for number, step in enumerate(self.steps(index, place)):
-            reading = execute(step)
-            if number % 2 == 0 and self.ending is not None:
-                peaks.append(reading)
-                criterion = self.ending.criterion
-                if criterion.can_end(number // 2 + 1, step) and criterion.is_met(peaks):
-                    return reading
+        for number, step in enumerate(self._steps_from(index, place, reading)):
+            is_pull = number % 2 == 0
+            if not is_pull or self.ending is None:
+                reading = execute(step)
+                continue
+            reading = execute(replace(step, event=self.ending.criterion.at_readings()))
+            peaks.append(reading)
+            if _has_ended(self.ending, number // 2 + 1, step, peaks):
+                return reading
         if self.ending is not None and self.ending.failure is not None:
             raise self.ending.failure(reading)
         return reading
+
+    def _steps_from(self, index: int, place: Place, reading: Reading) -> list[ProtocolStep]:
+        """Return the steps from the actual start; from beyond the higher end, the first motion unloads."""
+        steps = self.steps(index, place)
+        start = reading.of(self.move.quantity)
+        if start > self.high + self.move.tolerance:
+            first = self.move.step(index, start, self.high, conditional=False, images=steps[0].images)
+            steps[0] = first
+        return steps
 
     def end(self, place: Place) -> Place:
         """Return the place at the lower end, or between both ends if a criterion can end the cycles."""

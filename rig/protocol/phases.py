@@ -10,6 +10,9 @@ from rig.protocol.criteria import Until
 
 HOURS_MAX = 30 * 24
 CYCLES_MAX = 20_000
+IfPassed: TypeAlias = Literal["go-on", "go-back", "fail"]
+"""What a motion outwards does if its target has been passed already: leave the phase out, move back to the
+target, or end the run."""
 _SECONDS_MAX = HOURS_MAX * 3600.0
 
 
@@ -69,7 +72,7 @@ class LoadUntil(Until):
     @model_validator(mode="after")
     def _exactly_one(self) -> "LoadUntil":
         _at_most_one(self, "plastic", "load_drop")
-        if self.criterion() is None:
+        if self.plastic is None and self.load_drop is None:
             raise ValueError("plastic or load_drop is expected; add one of them")
         return self
 
@@ -97,6 +100,7 @@ class ToLoad(Settings):
     rate_n_s: float = Field(gt=0.0)
     images: LoadImages = LoadImages()
     until: LoadUntil | None = None
+    if_passed: IfPassed = "go-on"
 
 
 class ToDisplacement(Settings):
@@ -107,6 +111,7 @@ class ToDisplacement(Settings):
     speed_mm_s: float = Field(gt=0.0)
     images: DisplacementImages = DisplacementImages()
     until: LoadUntil | None = None
+    if_passed: IfPassed = "go-on"
 
 
 class Hold(Settings):

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 from dic.runfile.schema import StepKind
@@ -38,13 +38,17 @@ _QUANTITIES: dict[StepKind, Quantity] = {
 
 @dataclass(frozen=True)
 class Reading:
-    """Load, displacement and angle at `time_s` of the rig's clock. Values of a missing device are NaN."""
+    """Load, displacement and angle at `time_s` of the rig's clock. Values of a missing device are NaN.
+
+    `ends_phase` is True for the last reading of a step during which the event happened that ends the phase.
+    """
 
     time_s: float
     load_n: float = math.nan
     displacement_mm: float = math.nan
     angle_deg: float = math.nan
     moving: bool = False
+    ends_phase: bool = False
 
     def by_unit(self) -> dict[str, float]:
         """Return load, displacement and angle under the keys "N", "mm" and "deg"; leave out NaN values."""
@@ -89,6 +93,10 @@ class ProtocolStep:
         Planned time of the motion in s, which is allowed in addition to `settle.timeout_s`.
     load_drop : str
         The meaning of a fall of the load during the step.
+    passed : bool
+        True if the target has been passed already: the step is left out, and nothing moves.
+    event : callable or None
+        Called with every reading of the step; returns True at the event that ends the phase at once.
     """
 
     index: int
@@ -103,6 +111,8 @@ class ProtocolStep:
     travel: float = math.nan
     motion_s: float = 0.0
     load_drop: LoadDrop = "break"
+    passed: bool = False
+    event: Callable[[Reading], bool] | None = field(default=None, compare=False, repr=False)
 
     @property
     def quantity(self) -> Quantity | None:

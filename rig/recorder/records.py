@@ -15,6 +15,11 @@ STEP_ON_FILE = "the step is on file"
 """Messages of events that end a wait during which the devices were read; a replay ends its waits there
 too."""
 
+STEP_REACHED = "reached without images: step"
+PHASE_ENDED = "the event of the phase has happened in step"
+"""Beginnings of the messages of events about a step, followed by the number of the step. A run that is
+continued needs these events, because a step without images is not in the table of steps."""
+
 
 @dataclass(frozen=True)
 class RunHeader:

@@ -140,7 +140,7 @@ class Case:
             "machine_stiffness_n_mm": self.machine_n_mm,
         }
         tables = {
-            "rig": {"name": "a rig of the campaign"},
+            "rig": {"name": "a rig of the campaign", "call_timeout_s": 45.0},
             "simulation": {"driver": "virtual-rig", "seed": self.seed, "specimen": specimen},
             "cameras": {"only": {"driver": "simulated-camera", "width_px": 64, "height_px": 64}},
             "load_frame": {
@@ -149,6 +149,8 @@ class Case:
                 "load_max_n": 49_000.0,
                 "displacement_max_mm": 20.0,
                 "load_rate_max_n_s": 5_000.0,
+                # The reply needs real time, which a busy computer may not have.
+                "reply_timeout_s": 20.0,
             },
             "operator": {"driver": "simulated-operator"},
         }

@@ -348,6 +348,11 @@ until.load_drop = 0.5
 [[phases]]
 do = "rotate"
 angle_deg = 5.0
+[[phases]]
+do = "to-load"
+load_n = 12000.0
+rate_n_s = 200.0
+until.plastic = {stiffness_fraction = 0.8, judged_above_n = 4000.0}
 """
     found = mistakes(tmp_path, phases, PULLING.replace("[start]\ntare_max_n = 100.0\n", ""))
     for sentence in (
@@ -356,7 +361,7 @@ angle_deg = 5.0
         "phase 2 (to-load): a target above 14000 N, where the phase starts, is expected, got 9000",
         "phase 3 (preload): only the first phase can be a preload",
         "phase 4 (to-displacement): limits.displacement_max_mm must be at least 9.002",
-        "phase 4 (to-displacement): until needs images at increments or times",
+        "phase 6 (to-load): until.plastic needs images at increments or times",
         "phase 4 (to-displacement): until.load_drop must be below limits.break_load_drop, 0.3",
         "settle.angle_tolerance_deg is missing",
         "start.tare_max_n is missing",
