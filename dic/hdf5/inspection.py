@@ -1,14 +1,16 @@
 """Inspect an HDF5 file in a process of its own, because a damaged file can crash HDF5 or keep it busy.
 
-The command `python -m dic.hdf5.inspection FILE` visits every object in the file. If the file is refused, the
-command prints the reason, otherwise nothing. The files of this program are trees of groups and data sets,
-each with one name. A file is refused if it holds anything else: links to places outside the tree, data stored
-in other files, references to objects, or declared sizes that the file cannot hold.
+The command `python -m dic.hdf5.inspection` reads paths of files and answers whether each file is good;
+`serve` describes the lines. Every file is inspected in a process of its own. The inspection visits every
+object in the file. The files of this program are trees of groups and data sets, each with one name. A file
+is refused if it holds anything else: links to places outside the tree, data stored in other files,
+references to objects, or declared sizes that the file cannot hold.
 """
 
+import json
 import os
 import resource
-import sys
+import select
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,11 @@ import h5py
 
 _MEMORY_BYTES = 4 << 30
 PROCESSOR_S = 8
-"""Time on the processor that an inspection may take, however busy the machine is; a good file takes 0.3 s."""
+"""Time on the processor that an inspection may take, however busy the machine is; a good file takes 0.1 s."""
+
+_IDLE_S = 60.0
+"""The process ends if it gets no request for this time."""
+_REPORT_BYTES_MAX = 4096
 
 _OBJECTS_MAX = 10_000
 _ATTRIBUTES_MAX = 1_000
@@ -153,18 +159,56 @@ def _product(shape: tuple[int, ...]) -> int:
     return product
 
 
-def main(path: str) -> None:
-    """Print the reason why a file is refused, or nothing if the file is good."""
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_S, PROCESSOR_S + 1))
-    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
+def _report(path: Path) -> str:
+    """Return the reason why a file is refused, or an empty text if the file is good."""
     try:
-        inspect(Path(path))
+        inspect(path)
     except Refusal as refusal:
-        print(refusal)
+        return " ".join(str(refusal).split())
     except Exception as error:
-        print(f"a damaged file ({type(error).__name__})")
+        return f"a damaged file ({type(error).__name__})"
+    return ""
+
+
+def _inspect_in_child(path: Path) -> tuple[int, str]:
+    """Inspect a file in a child process; return the child's exit status and its report.
+
+    The status is negative for the number of a signal that ended the child.
+    This process has one thread, so forking is safe; and it has loaded HDF5, so forking is quick.
+    """
+    read_end, write_end = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(read_end)
+        status = 1
+        try:
+            resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_S, PROCESSOR_S + 1))
+            os.write(write_end, _report(path).encode("utf-8", "replace")[:_REPORT_BYTES_MAX])
+            status = 0
+        finally:
+            os._exit(status)
+    os.close(write_end)
+    with os.fdopen(read_end, "rb") as pipe:
+        said = pipe.read().decode("utf-8", "replace")
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), said
+
+
+def serve(requests: int, answers: int) -> None:
+    """Inspect file after file, until the other program ends or sends nothing for a minute.
+
+    A request is a JSON text with the path of a file, on a line of its own. The answer is a line with the JSON
+    list of the exit status of the inspecting process, negative for a signal, and its report.
+    """
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
+    with os.fdopen(requests, "rb", buffering=0) as incoming:
+        while select.select([incoming], [], [], _IDLE_S)[0]:
+            line = incoming.readline()
+            if not line:
+                return
+            answer = _inspect_in_child(Path(json.loads(line)))
+            os.write(answers, json.dumps(answer).encode() + b"\n")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    serve(0, 1)

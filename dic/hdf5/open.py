@@ -2,12 +2,11 @@
 
 import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 from dic.files.reading import kind_of
+from dic.hdf5.inspector import ask_inspector
 
 _TIMEOUT_S = 18.0
 """For a process that sleeps: one that works is ended earlier, by its own limit."""
@@ -52,30 +51,17 @@ def open_hdf5(path: Path) -> Any:
 def _inspect(path: Path) -> None:
     with path.open("rb"):  # raises an error with the reason if permission is missing
         pass
-    command = [sys.executable, "-P", "-m", "dic.hdf5.inspection", str(path)]
-    # Prevent HDF5 from loading a plugin that the file asks for.
-    environment = os.environ | {"HDF5_PLUGIN_PRELOAD": "::", "OPENBLAS_NUM_THREADS": "1"}
     try:
-        done = subprocess.run(
-            command,
-            capture_output=True,
-            text=True,
-            errors="replace",
-            timeout=_TIMEOUT_S,
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            check=False,
-        )
-    except subprocess.TimeoutExpired as error:
+        status, said = ask_inspector(path, _TIMEOUT_S)
+    except TimeoutError as error:
         raise NotReadable(f"a file that was not read through within {_TIMEOUT_S:g} s") from error
     except OSError as error:
-        raise NotReadable(f"no process to inspect it ({error.strerror})") from error
-    if done.returncode == -signal.SIGXCPU:
+        raise NotReadable(f"no process to inspect it ({error.strerror or error})") from error
+    if status == -signal.SIGXCPU:
         raise NotReadable("a damaged file, with which HDF5 does not come to an end")
-    if done.returncode < 0:
-        raise NotReadable(f"a damaged file: HDF5 crashed on it (signal {-done.returncode})")
-    if done.returncode > 0:
-        *_, last = done.stderr.strip().splitlines() or ["no reason"]
-        raise NotReadable(f"a file whose inspection failed ({last})")
-    if found := " ".join(done.stdout.split()):
-        raise NotReadable(found)
+    if status < 0:
+        raise NotReadable(f"a damaged file: HDF5 crashed on it (signal {-status})")
+    if status > 0:
+        raise NotReadable("a file whose inspection failed")
+    if said:
+        raise NotReadable(said)

@@ -1,0 +1,102 @@
+"""The process that inspects HDF5 files, started at the first file and used for all further files."""
+
+import atexit
+import json
+import os
+import select
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+_lock = threading.Lock()
+_process: subprocess.Popen[bytes] | None = None
+_owner = 0
+"""The process that started the inspector; a copy made by `os.fork` must not use the same pipes."""
+_of_others: list["subprocess.Popen[bytes]"] = []
+"""Inspectors of the process from which this process was copied, kept not to be waited for."""
+
+
+def ask_inspector(path: Path, timeout_s: float) -> tuple[int, str]:
+    """Let the inspecting process visit a file.
+
+    Parameters
+    ----------
+    path : Path
+    timeout_s : float
+        Longest wait for the answer, in seconds of real time.
+
+    Returns
+    -------
+    status : int
+        Exit status of the process that visited the file, negative for the number of a signal.
+    said : str
+        The reason why the file is refused; empty if the file is good.
+
+    Raises
+    ------
+    TimeoutError
+        If no answer came in time. The inspecting process was ended.
+    OSError
+        If no process can be started.
+    """
+    with _lock:
+        for _ in range(2):
+            line = _answer(_started(), json.dumps(str(path.absolute())).encode() + b"\n", timeout_s)
+            if line:
+                status, said = json.loads(line)
+                return int(status), str(said)
+            # The process had ended, because it was idle or was killed: start it again.
+            _end()
+    raise OSError("the process ended twice without an answer")
+
+
+def _started() -> "subprocess.Popen[bytes]":
+    global _process, _owner
+    if _process is not None and _owner != os.getpid():
+        _of_others.append(_process)
+        _process = None
+    if _process is None:
+        command = [sys.executable, "-P", "-m", "dic.hdf5.inspection"]
+        # Prevent HDF5 from loading a plugin that the file asks for.
+        environment = os.environ | {"HDF5_PLUGIN_PRELOAD": "::", "OPENBLAS_NUM_THREADS": "1"}
+        _process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=environment,
+            bufsize=0,
+            # Ctrl-C ends this program, which then ends the inspector.
+            start_new_session=True,
+        )
+        _owner = os.getpid()
+    return _process
+
+
+def _answer(process: "subprocess.Popen[bytes]", request: bytes, timeout_s: float) -> bytes:
+    """Return the line that answers a request, or nothing if the process has ended."""
+    assert process.stdin is not None
+    assert process.stdout is not None
+    try:
+        process.stdin.write(request)
+    except BrokenPipeError:
+        return b""
+    if not select.select([process.stdout], [], [], timeout_s)[0]:
+        _end()
+        raise TimeoutError
+    return process.stdout.readline()
+
+
+@atexit.register
+def _end() -> None:
+    """End the inspecting process and everything that it has started."""
+    global _process
+    process, _process = _process, None
+    if process is None or _owner != os.getpid():
+        return
+    os.killpg(process.pid, 9)
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            pipe.close()
+    process.wait()
