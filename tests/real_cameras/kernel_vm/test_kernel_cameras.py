@@ -18,6 +18,7 @@ BOOTS = {
 """What runs in the machine, and what each part must have printed."""
 
 
+@pytest.mark.long
 @pytest.mark.timeout(2 * machine.DEADLINE_S)
 @pytest.mark.parametrize("cameras", BOOTS)
 def test_the_driver_on_the_kernels_own_cameras(cameras: str) -> None:
