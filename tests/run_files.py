@@ -18,7 +18,7 @@ START = datetime(2026, 3, 4, 5, 6, 7, 89000, tzinfo=UTC)
 HEADER = RunHeader(
     title="Rotation at 30°",
     run_id="r1",
-    definition="µ",
+    definition="",
     configuration="",
     start=START,
     versions="python 3",

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import textwrap
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -20,9 +21,11 @@ from rig.protocol.step import ProtocolStep, Reading
 from rig.recorder import Recorder, StepRecord
 from rig.recorder.space import CLOSING_BYTES
 from rig.recording import RecordingSettings
+from tests import run_files
 from tests.places import ROOT
-from tests.run_files import HEADER, START
+from tests.run_files import START
 
+HEADER = replace(run_files.HEADER, definition="µ")
 CAMERA = CameraInfo("v", "m", "s", width_px=5, height_px=4, bits=12)
 
 
