@@ -144,8 +144,8 @@ def drawn(machine: Machine, seed: int) -> tuple[random.Random, Case]:
     stiffness_n_mm = MATERIALS[case.material][0] * area_mm2 / case.length_mm
     declared = f"[limits]\nspecimen_stiffness_min_n_mm = {stiffness_n_mm / 1.25}\n"
     # A busy computer may take long to answer for the simulated machine.
-    text = case.rig().replace("[rig]\n", "[rig]\ncall_timeout_s = 9.0\n")
-    text = text.replace("[load_frame]\n", "[load_frame]\nreply_timeout_s = 2.0\n")
+    text = case.rig().replace("call_timeout_s = 45.0", "call_timeout_s = 9.0")
+    text = text.replace("reply_timeout_s = 20.0", "reply_timeout_s = 2.0")
     machine.path.write_text(text.replace("[limits]\n", declared))
     return rng, case
 
