@@ -55,6 +55,7 @@ class OpenRunFile:
         interlocks: Mapping[str, InterlockRecord] = NO_INTERLOCKS,
     ) -> None:
         self._path = path
+        self._abandoned = False
         # Mode "x" raises an error for an existing file and never overwrites that file.
         self._hdf5 = h5py.File(
             path, "x", libver="latest", userblock_size=BLOCK_BYTES, rdcc_nbytes=_CACHE_BYTES
@@ -174,7 +175,7 @@ class OpenRunFile:
     def close(self, status: schema.RunStatus, reason: str, end: datetime) -> None:
         """Write the status of the run, close the file, write the file's digest, and make the file
         read-only."""
-        if not self._hdf5:
+        if self._abandoned or not self._hdf5:
             return
         # Write the status last, so that a file with the status "completed" is complete.
         for name, text in (("status_reason", reason), ("end_time", end.isoformat()), ("status", status)):
@@ -197,8 +198,11 @@ class OpenRunFile:
 
         HDF5 writes when it closes a file, and h5py may crash when it releases a file whose close failed. So
         HDF5's file descriptor is first replaced by one of a file in memory, where these last writes succeed
-        and have no effect. Then the file is marked as closed, so that every program can open it.
+        and have no effect. Then the file is marked as closed, so that every program can open it. HDF5 may
+        keep the file open nevertheless, so `close` does nothing after `abandon`. Otherwise HDF5 would read
+        from the empty file in memory, and repeat these reads for ever.
         """
+        self._abandoned = True
         if self._hdf5:
             try:
                 memory = os.memfd_create("abandoned run file")
