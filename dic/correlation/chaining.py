@@ -55,7 +55,7 @@ def chain(first: Field, second: Field) -> Field:
     zncc[rows, columns], iterations[rows, columns] = moved.zncc, moved.iterations
     return Field(
         first.x_px, first.y_px, warps, std, zncc, iterations, status, first.active, second.start,
-        first.settings, first.updates + 1 + second.updates,
+        first.settings, first.updates + 1 + second.updates, first.region,
     )  # fmt: skip
 
 

@@ -114,7 +114,7 @@ class Correlator:
         grid = self._reference.grid
         return Field(
             grid.x, grid.y, solution.warps, solution.std, solution.zncc, solution.iterations,
-            solution.status, grid.active, seeds.start, self.settings,
+            solution.status, grid.active, seeds.start, self.settings, region=self.region,
         )  # fmt: skip
 
     def _checked_deformed(self, deformed: ImageLike) -> Grey:

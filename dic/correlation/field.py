@@ -39,6 +39,9 @@ class Field:
     updates : int
         Number of new references between the first reference and this image. Each new reference increases
         `std`.
+    region : ndarray of bool, shape (height, width), or None
+        True for pixels of the region of interest; local strain never reaches across its edge. None if the
+        region is not known, such as in a field that was read from a result file.
     """
 
     x_px: Indices
@@ -52,6 +55,7 @@ class Field:
     start: str
     settings: CorrelationSettings
     updates: int = 0
+    region: Mask | None = None
 
     def __repr__(self) -> str:
         converged = f"{self.count(Status.CONVERGED)} of {self.in_view} points in view converged"

@@ -21,16 +21,18 @@ def write_csv(measurement: Measurement, path: PathLike) -> None:
     calibration, the columns X_mm, Y_mm, U_mm, V_mm (grid axes: X right, Y up) and calibration follow. The
     column calibration holds "inside", or "outside" if the calibrated values are extrapolated. The last
     columns hold the local strains (without a unit), the direction of the first principal strain in degrees,
-    and the standard deviations of the strains and of the direction. If the correlation of a point failed, the
-    status of the point gives the reason, and the results of the point are nan.
+    and the standard deviations of the strains and of the direction. The column local_strain is empty if the
+    point has a local strain, and holds the reason otherwise. If the correlation of a point failed, the status
+    of the point gives the reason, and the results of the point are nan.
     """
     field, calibrated, strain = measurement.field, measurement.calibrated, measurement.strain
     points, u, v = field.points, field.u_px.ravel(), field.v_px.ravel()
     zncc, status = field.zncc.ravel(), field.status.ravel()
     strains = np.stack([getattr(strain, name).ravel() for name in STRAIN_KEYS], axis=-1)
+    reasons = measurement.strain_reasons.ravel()
     with replacing(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow([*_PIXELS, *(_MILLIMETRES if calibrated else []), *STRAIN_KEYS])
+        writer.writerow([*_PIXELS, *(_MILLIMETRES if calibrated else []), *STRAIN_KEYS, "local_strain"])
         if calibrated:
             position, vector = calibrated.position.reshape(-1, 2), calibrated.vector.reshape(-1, 2)
             valid = calibrated.valid.ravel()
@@ -41,4 +43,4 @@ def write_csv(measurement: Measurement, path: PathLike) -> None:
                 line += [f"{value:.7f}" for value in (*position[k], *vector[k])]
                 line.append("inside" if valid[k] else "outside" if status[k] == Status.CONVERGED else "")
             line += [f"{value:.9f}" for value in strains[k]]
-            writer.writerow(line)
+            writer.writerow([*line, reasons[k]])

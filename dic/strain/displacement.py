@@ -11,6 +11,7 @@ import numpy as np
 from dic.calibration.calibration import Calibration
 from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
+from dic.strain.sight import Sight
 from dic.typing import Float, Mask
 
 _UPWARDS = np.diag([1.0, -1.0])
@@ -63,6 +64,8 @@ class Displacement:
         Displacement gradient ∂u_i/∂x_j within each point's subset, from the shape function.
     noise : Noise or None
         Errors of the displacements; None if they are not known.
+    sight : Sight or None
+        Tells which neighbours of a point lie on the same piece of the surface; None if this is not known.
     """
 
     position: Float
@@ -71,6 +74,7 @@ class Displacement:
     unit: str
     gradient: Float | None = None
     noise: Noise | None = None
+    sight: Sight | None = None
 
     def __repr__(self) -> str:
         return f"Displacement({int(self.valid.sum())} of {self.valid.size} points valid, {self.unit})"
@@ -83,7 +87,7 @@ def raw_displacement(field: Field) -> Displacement:
     position = (field.points * np.array([1.0, -1.0])).reshape(shape)
     everywhere = np.broadcast_to(_UPWARDS, (*shape, 2))
     gradient, noise = _in_axes(field, everywhere, everywhere)
-    return Displacement(position, vector, field.converged, "px", gradient, noise)
+    return Displacement(position, vector, field.converged, "px", gradient, noise, _sight(field))
 
 
 def calibrated_displacement(field: Field, calibration: Calibration) -> Displacement:
@@ -108,7 +112,12 @@ def calibrated_displacement(field: Field, calibration: Calibration) -> Displacem
         "mm",
         gradient,
         noise,
+        _sight(field),
     )
+
+
+def _sight(field: Field) -> Sight | None:
+    return None if field.region is None else Sight(field.region, field.x_px, field.y_px)
 
 
 def _in_axes(field: Field, here: Float, there: Float) -> tuple[Float, Noise]:

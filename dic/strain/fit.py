@@ -130,6 +130,10 @@ def fitted_gradients(displacement: Displacement, window: int, degree: int) -> tu
     for some in np.array_split(fits, 1 + fits.size * places * 8 // _TERMS_IN_MEMORY):
         at = np.unravel_index(some, shape)
         use = valid[at].reshape(-1, places)
+        if displacement.sight is not None:
+            use = use & displacement.sight.neighbours(at[0], at[1], window).reshape(-1, places)
+            enough = use.sum(axis=1) >= needed
+            at, use = (at[0][enough], at[1][enough]), use[enough]
         offset = position[at].reshape(-1, 2, places) - displacement.position[at][:, :, None]
         weights = _slope_weights(offset, use, degree)
         moved = np.where(use[:, None], vector[at].reshape(-1, 2, places), 0.0)

@@ -4,6 +4,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dic.calibration.calibration import Calibration
 from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
@@ -74,6 +77,21 @@ class Measurement:
     def strain(self) -> StrainField:
         """Local strain, calibrated if there is a calibration, raw otherwise."""
         return self.stored_strain or strain_field(self.calibrated or self.raw, self.strain_settings)
+
+    @property
+    def strain_reasons(self) -> NDArray[np.str_]:
+        """The reason why a point has no local strain, shape (rows, columns); empty where it has one.
+
+        "no displacement": the correlation of the point failed. "outside the calibration": the displacement is
+        extrapolated. "too few neighbours": fewer points than the window needs lie on the point's piece of the
+        surface and have a displacement.
+        """
+        valid = (self.calibrated or self.raw).valid
+        reasons = np.full(valid.shape, "too few neighbours", dtype=object)
+        reasons[~valid] = "outside the calibration"
+        reasons[~self.field.converged] = "no displacement"
+        reasons[np.isfinite(self.strain.exx)] = ""
+        return reasons.astype(np.str_)
 
     @property
     def good(self) -> bool:

@@ -1,0 +1,120 @@
+"""Local strain beside a crack: the opening of the crack is no strain, whatever window, step and region."""
+
+import numpy as np
+import pytest
+
+from dic.correlation.correlator import Correlator
+from dic.correlation.settings import CorrelationSettings
+from dic.strain.displacement import Displacement
+from dic.strain.measurement import measure
+from dic.strain.sight import Sight
+from dic.strain.strain import StrainSettings, strain_field
+
+STRAIN = 800e-6
+SHAPE = (200, 260)
+CRACK_Y, TIP_X = 100, 170
+
+
+def both_sides(y, opening_px):
+    """Where material was that a strained plate with an opened crack across it shows at y."""
+    return np.where(y < CRACK_Y, y + opening_px / 2, y - opening_px / 2) / (1 + STRAIN)
+
+
+def cracked_plate(speckle, width_px, opening_px, step_px, *, subset_px=21, seed=41):
+    """Measure a plate with a dark crack across it; its region ends 6 px beside the crack."""
+    pattern = speckle(seed=seed, shape=SHAPE, noise=1.0)
+    _, y = np.meshgrid(np.arange(SHAPE[1]), np.arange(SHAPE[0]))
+    from_crack = np.abs(y - CRACK_Y)
+    reference = pattern.draw(noise_seed=1)
+    reference[from_crack < width_px / 2] = 20.0
+    deformed = pattern.draw(lambda x, y: (x, both_sides(y, opening_px)), noise_seed=2)
+    deformed[from_crack < (width_px + opening_px) / 2] = 20.0
+    region = from_crack >= width_px / 2 + 6
+    settings = CorrelationSettings(subset_px=subset_px, step_px=step_px)
+    return Correlator(reference, region, settings).correlate(deformed)
+
+
+def z_of(field, window, source="fit"):
+    strain = measure(field, strain=StrainSettings("small", window, source)).strain
+    return (strain.eyy - STRAIN) / strain.eyy_std
+
+
+@pytest.mark.parametrize("opening_px", [2.3, 15.7])
+@pytest.mark.parametrize("step_px", [3, 7, 20])
+@pytest.mark.parametrize("width_px", [2, 10])
+def test_no_point_beside_a_crack_takes_the_opening_for_strain(speckle, width_px, step_px, opening_px):
+    z = z_of(cracked_plate(speckle, width_px, opening_px, step_px), 5)
+    known = np.isfinite(z)
+    assert known.sum() > 30
+    # Of 5000 values of a normal distribution one lies beyond 3.7; windows share points and noise.
+    assert np.abs(z[known]).max() < 4.0
+    assert 0.6 < np.sqrt((z[known] ** 2).mean()) < 1.3
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(("window", "source"), [(3, "fit"), (9, "fit"), (5, "quadratic-fit")])
+def test_no_region_window_or_pattern_takes_the_opening_for_strain(speckle, window, source, seed):
+    rng = np.random.default_rng([seed, window])
+    width_px, step_px = int(rng.integers(2, 11)), int(rng.integers(3, 21))
+    opening_px = rng.uniform(0.5, 20.0)
+    field = cracked_plate(speckle, width_px, opening_px, step_px, seed=seed)
+    z = z_of(field, window, source)
+    known = z[np.isfinite(z)]
+    # 2 of 10 000 values of a normal distribution lie beyond 3.7.
+    assert np.count_nonzero(np.abs(known) > 4.0) <= max(3, 1e-3 * len(known)), (width_px, step_px, opening_px)
+
+
+def test_islands_never_mix(speckle):
+    pattern = speckle(seed=45, shape=SHAPE)
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    islands = (np.abs(x - 130) >= 4) & (np.abs(y - 100) >= 4)
+    sides = np.sign(x - 130.0) + 2 * np.sign(y - 100.0)
+
+    def back(x, y):
+        return x - 1.5 * np.sign(x - 130.0), y + 0.8 * np.sign(y - 100.0)
+
+    settings = CorrelationSettings(subset_px=21, step_px=5)
+    field = Correlator(pattern.draw(), islands, settings).correlate(pattern.draw(back))
+    strain = measure(field, strain=StrainSettings("small", 5)).strain
+    known = np.isfinite(strain.exx)
+    on_islands = sides[np.ix_(field.y_px, field.x_px)]
+    assert set(np.unique(on_islands[known])) >= {-3.0, -1.0, 1.0, 3.0}
+    for values in (strain.exx, strain.eyy, strain.exy):
+        # one part of a jump of 1.6 px over a window of 20 px would be 0.08
+        assert np.abs(values[known]).max() < 0.004
+
+
+def test_a_point_without_enough_neighbours_on_its_side_says_so(speckle):
+    measured = measure(cracked_plate(speckle, 4, 16, 20), strain=StrainSettings("small", 5))
+    reasons = measured.strain_reasons
+    missing = measured.field.converged & ~np.isfinite(measured.strain.exx)
+    assert missing[np.abs(measured.field.y_px - CRACK_Y) < 30].any()
+    assert (reasons[missing] == "too few neighbours").all()
+    assert ((reasons == "") == np.isfinite(measured.strain.exx)).all()
+    assert (reasons[~measured.field.converged] == "no displacement").all()
+
+
+def test_a_line_of_sight_ends_at_the_region_and_goes_round_no_tip():
+    region = np.ones((50, 50), bool)
+    region[25, :30] = False
+    sight = Sight(region, np.arange(5, 50, 10), np.arange(5, 50, 10))
+    seen = sight.neighbours(np.array([1, 1]), np.array([1, 4]), 5)
+    # from (15, 15): rows y = 5, 15, then 25 at the crack and 35 behind it; only (35, 25) lies beyond the tip
+    assert seen[0, 1:3, 1:].all()
+    assert seen[0, 3].tolist() == [False] * 4 + [True]
+    assert not seen[0, 4].any()
+    # from (45, 15), beyond the tip: only (25, 25), on the crack, is hidden
+    assert seen[1, 1:3, :3].all()
+    assert seen[1, 3, :3].tolist() == [False, True, True]
+    assert seen[1, 4, :3].all()
+    # beyond the grid nothing is seen
+    assert not seen[1, :, 3:].any()
+    assert not seen[0, 0].any()
+
+
+def test_displacements_without_a_region_use_whole_windows():
+    y, x = np.mgrid[:9, :9].astype(float)
+    position = np.stack([x, y], axis=-1)
+    moved = Displacement(position, 1e-3 * position, np.ones((9, 9), bool), "px")
+    assert np.isfinite(strain_field(moved).exx[2:-2, 2:-2]).all()
