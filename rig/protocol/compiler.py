@@ -6,11 +6,14 @@ from dataclasses import replace
 
 from rig.errors import ProtocolError
 from rig.protocol import phases as tables
+from rig.protocol.approach import Approach
 from rig.protocol.conditions import TARE_PER_INCREMENT, Conditions, Demand, DeviceName, Pull, Turn, Zeroing
 from rig.protocol.course import Beginning, Course, Part, Place
 from rig.protocol.criteria import LoadDropCriterion
+from rig.protocol.cycles import Cycles
 from rig.protocol.durations import motion_times_s
-from rig.protocol.parts import Approach, Cycles, Ending, Hold, Move
+from rig.protocol.hold import Hold
+from rig.protocol.move import Ending, Move
 from rig.protocol.plasticity import first_judged_n
 from rig.protocol.step import UNITS, ProtocolStep, Quantity, Reading
 from rig.protocol.tables import Limits, PhasesSettle, too_fine

@@ -7,12 +7,13 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from drivers.settings import Settings
+from rig.protocol.approach import Approach
 from rig.protocol.conditions import Conditions, Demand, Turn
 from rig.protocol.course import Beginning, Course, Place
 from rig.protocol.grid import Grid, GridTable
 from rig.protocol.images import Images
 from rig.protocol.kind import KnownKind
-from rig.protocol.parts import Approach, Move
+from rig.protocol.move import Move
 from rig.protocol.step import Execute, ProtocolStep
 from rig.protocol.tables import RotationSettle, Sample, too_fine
 

@@ -7,13 +7,14 @@ from pydantic import Field, model_validator
 
 from drivers.settings import Settings
 from rig.errors import ProtocolError
+from rig.protocol.approach import Approach
 from rig.protocol.conditions import TARE_PER_INCREMENT, Conditions, Demand, Pull, Zeroing
 from rig.protocol.course import Beginning, Course, Place
 from rig.protocol.criteria import Plastic
 from rig.protocol.grid import Grid, GridTable
 from rig.protocol.images import Images
 from rig.protocol.kind import KnownKind
-from rig.protocol.parts import Approach, Ending, Move
+from rig.protocol.move import Ending, Move
 from rig.protocol.plasticity import PlasticCriterion, first_judged_n
 from rig.protocol.plausible import Plausible
 from rig.protocol.step import Execute, ProtocolStep, Reading

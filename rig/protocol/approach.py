@@ -1,0 +1,158 @@
+"""The part of a course that moves the specimen to a target."""
+
+import math
+from dataclasses import dataclass, replace
+
+from rig.protocol.course import Place, increments
+from rig.protocol.move import Ending, Failure, Move, commanded_or_measured, has_ended
+from rig.protocol.step import Execute, ProtocolStep, Reading
+
+_NEAR_START = 2.0
+"""A measured value counts as the commanded one up to so many tolerances from it."""
+
+
+@dataclass(frozen=True)
+class Approach:
+    """The motion to a load, a displacement or an angle, in one or several increments.
+
+    The motion stops and settles after each increment; or it continues while images are taken at equal
+    intervals of time.
+
+    Attributes
+    ----------
+    move : Move
+    target : float
+    increment : float
+        Size of an increment; infinite for a motion in one step.
+    every_s : float
+        Time in s between images during the motion; infinite if images are taken only at rest.
+    down : bool
+        True if the target is below the start.
+    images : bool
+        False for a motion without images.
+    ending : Ending or None
+        The event that ends the motion before its target.
+    goes_back : bool
+        True if a motion outwards goes back to a target that has been passed already. Otherwise such a motion
+        is left out, because moving back would unload the specimen.
+    refusal : callable or None
+        Makes the error that ends the run if the target has been passed already.
+    """
+
+    move: Move
+    target: float
+    increment: float = math.inf
+    every_s: float = math.inf
+    down: bool = False
+    images: bool = True
+    ending: Ending | None = None
+    goes_back: bool = False
+    refusal: Failure | None = None
+
+    def steps(self, index: int, place: Place) -> list[ProtocolStep]:
+        """Return the steps of the motion from the start that is farthest from the target."""
+        span = place.of(self.move.quantity)
+        start = span.high if self.down else span.low
+        steps = self._from(index, start, conditional=not span.is_known)
+        # The target may have been passed at any start that is not known.
+        return steps or [self._back(index, start)]
+
+    def follow(self, index: int, place: Place, reading: Reading | None, execute: Execute) -> Reading:
+        """Execute the steps from the actual start to the target, or until the criterion is met."""
+        assert reading is not None
+        span = place.of(self.move.quantity)
+        start = commanded_or_measured(place, self.move, reading, _NEAR_START)
+        steps = self._from(index, start, conditional=not span.is_known)
+        if self._is_passed(start):
+            reading = self._pass(index + len(self.steps(index, place)) - 1, reading, start, execute)
+        if self.every_s < math.inf and steps:
+            # The last step has the number from the plan, even if fewer steps were needed before it.
+            last = index + len(self.steps(index, place)) - 1
+            steps[-1] = replace(steps[-1], index=last)
+        readings = [reading]
+        arrived = False
+        ending = self.ending
+        event = None if ending is None else ending.criterion.at_readings()
+        for number, step in enumerate(steps, 1):
+            if arrived and step.timed:
+                continue
+            reading = execute(replace(step, event=event))
+            readings.append(reading)
+            arrived = step.timed and not reading.moving and step.is_reached(reading)
+            if ending and has_ended(ending, number, step, readings):
+                return reading
+        if self.ending is not None and self.ending.failure is not None:
+            raise self.ending.failure(reading)
+        return reading
+
+    def end(self, place: Place) -> Place:
+        """Return the place at the target, or anywhere on the way if a criterion can end the motion."""
+        return place.after(self.move.quantity, self.target, early=self.ending is not None)
+
+    def _is_passed(self, start: float) -> bool:
+        beyond = self.target - start if self.down else start - self.target
+        return self.move.quantity != "rotation" and beyond > self.move.tolerance
+
+    def _pass(self, index: int, reading: Reading, start: float, execute: Execute) -> Reading:
+        """Leave the motion out, or go back to the target, or raise the error of `refusal`."""
+        if self.refusal is not None:
+            raise self.refusal(reading)
+        step = self._back(index, start)
+        if self.goes_back:
+            return execute(step)
+        execute(replace(step, passed=True))
+        return reading
+
+    def _back(self, index: int, start: float) -> ProtocolStep:
+        return self.move.step(index, start, self.target, conditional=True, images=self.images)
+
+    def _from(self, index: int, start: float, *, conditional: bool) -> list[ProtocolStep]:
+        if self.every_s < math.inf:
+            return self._timed(index, start, conditional=conditional)
+        steps: list[ProtocolStep] = []
+        may_be_over = conditional
+        targets = self._targets(start)
+        for number, (before, target) in enumerate(zip([start, *targets], targets, strict=False), 1):
+            step = self.move.step(
+                index + number - 1, before, target, conditional=may_be_over, images=self.images
+            )
+            steps.append(step)
+            may_be_over = may_be_over or self._can_end(number, step)
+        return steps
+
+    def _timed(self, index: int, start: float, *, conditional: bool) -> list[ProtocolStep]:
+        """Return the steps with images during the motion, and the last step, which settles at the target."""
+        if not self._targets(start):
+            return []
+        whole = self.move.step(index, start, self.target, conditional=conditional)
+        count = max(0, math.ceil(self.move.duration_s(whole.travel) / self.every_s) - 1)
+        steps: list[ProtocolStep] = []
+        may_be_over = conditional
+        for number in range(1, count + 2):
+            at_s = math.nan if number > count else number * self.every_s
+            left = whole.travel - (number - 1) * self.every_s * self.move.rate
+            step = ProtocolStep(
+                index + number - 1,
+                whole.kind,
+                whole.target,
+                whole.tolerance,
+                whole.rate,
+                may_be_over,
+                at_s,
+                begins=number == 1,
+                travel=min(left, self.every_s * self.move.rate) if number <= count else left,
+                motion_s=whole.motion_s,
+                load_drop=whole.load_drop,
+            )
+            steps.append(step)
+            may_be_over = may_be_over or self._can_end(number, step)
+        return steps
+
+    def _targets(self, start: float) -> list[float]:
+        if self.increment == math.inf:
+            way = start - self.target if self.down else self.target - start
+            return [self.target] if way > self.move.tolerance else []
+        return increments(start, self.target, self.increment, self.move.tolerance, down=self.down)
+
+    def _can_end(self, number: int, step: ProtocolStep) -> bool:
+        return self.ending is not None and self.ending.criterion.can_end(number, step)

@@ -1,0 +1,81 @@
+"""The part of a course that holds a load, a displacement or an angle for a time."""
+
+import math
+from dataclasses import dataclass
+
+from dic.runfile.schema import StepKind
+from rig.protocol.course import Place
+from rig.protocol.move import Move, commanded_or_measured
+from rig.protocol.step import Execute, ProtocolStep, Quantity, Reading
+
+_NEAR_HOLD: dict[Quantity, float] = {"load": 2.0, "displacement": 0.5}
+"""A measured value counts as the commanded one up to so many tolerances from it. A hold of the displacement
+commands nothing, so that its readings would leave the tolerance of a target near its end."""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """A hold for a time, at constant load (creep), displacement (relaxation) or angle (rest).
+
+    Attributes
+    ----------
+    move : Move or None
+        The held quantity; a load that leaves its tolerance is commanded again at the rate of `move`. None for
+        a rest.
+    duration_s, every_s : float
+        Duration of the hold, and time between images, in s. The last images are taken at the end of the hold.
+    """
+
+    move: Move | None
+    duration_s: float
+    every_s: float = math.inf
+
+    def steps(self, index: int, place: Place) -> list[ProtocolStep]:
+        """Return one step for each time at which images are taken."""
+        if self.move is None:
+            return self._at(index, math.nan)
+        span = place.of(self.move.quantity)
+        return self._at(index, span.low if span.is_known else math.nan)
+
+    def follow(self, index: int, place: Place, reading: Reading | None, execute: Execute) -> Reading:
+        """Execute all steps; the target is the load or displacement commanded or measured before the hold."""
+        assert reading is not None
+        target = math.nan
+        if self.move is not None:
+            target = commanded_or_measured(place, self.move, reading, _NEAR_HOLD[self.move.quantity])
+        for step in self._at(index, target):
+            reading = execute(step)
+        return reading
+
+    def end(self, place: Place) -> Place:
+        """Return the place after the hold: a constant load leaves the displacement unknown, and vice
+        versa."""
+        if self.move is None:
+            return place
+        span = place.of(self.move.quantity)
+        after = place.after(self.move.quantity, span.low)
+        return after if span.is_known else place
+
+    def _at(self, index: int, target: float) -> list[ProtocolStep]:
+        move = self.move
+        kinds: dict[Quantity, StepKind] = {"load": "creep", "displacement": "relaxation"}
+        times_s = [
+            *(number * self.every_s for number in range(1, self._count())),
+            self.duration_s,
+        ]
+        return [
+            ProtocolStep(
+                index + number,
+                "rest" if move is None else kinds[move.quantity],
+                target,
+                math.nan if move is None else move.tolerance,
+                math.nan if move is None else move.rate,
+                at_s=at_s,
+                begins=number == 0,
+                load_drop="slow",
+            )
+            for number, at_s in enumerate(times_s)
+        ]
+
+    def _count(self) -> int:
+        return 1 if self.every_s == math.inf else max(1, math.ceil(self.duration_s / self.every_s - 1e-9))

@@ -1,0 +1,91 @@
+"""A motion between two values of one quantity, and the event that ends a phase early."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from rig.errors import ProtocolError
+from rig.protocol.course import Place
+from rig.protocol.criteria import Criterion
+from rig.protocol.step import LoadDrop, ProtocolStep, Quantity, Reading
+
+Failure = Callable[[Reading], ProtocolError]
+"""Type of a function that makes the error for a phase in which the expected event never happened."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """The event that ends a phase early.
+
+    Attributes
+    ----------
+    criterion : Criterion
+    failure : callable or None
+        Makes the error if the event never happens; None if the test continues with the next phase then.
+    """
+
+    criterion: Criterion
+    failure: Failure | None = None
+
+
+@dataclass(frozen=True)
+class Move:
+    """The quantity that a motion changes, its rate and its settling tolerance.
+
+    Attributes
+    ----------
+    quantity : str
+        "load", "displacement" or "rotation"; also the kind of the steps.
+    rate : float
+        In N/s or mm/s; NaN for a rotation.
+    tolerance : float
+        Settle tolerance in N, mm or deg.
+    is_timed : bool
+        True if a step may take the planned time of its motion in addition to `settle.timeout_s`.
+    """
+
+    quantity: Quantity
+    rate: float
+    tolerance: float
+    is_timed: bool = True
+
+    def duration_s(self, travel: float) -> float:
+        """Return the planned duration of a motion in s; 0 if the rate is unknown."""
+        return 0.0 if math.isnan(self.rate) else travel / self.rate
+
+    def step(
+        self, index: int, start: float, target: float, *, conditional: bool, images: bool = True
+    ) -> ProtocolStep:
+        """Return the protocol step that moves from `start` to `target`."""
+        travel = abs(target - start)
+        falls = target < start and self.quantity != "rotation"
+        drop: LoadDrop = "commanded" if falls else "break"
+        return ProtocolStep(
+            index,
+            self.quantity,
+            target,
+            self.tolerance,
+            self.rate,
+            conditional,
+            images=images,
+            travel=travel,
+            motion_s=self.duration_s(travel) if self.is_timed else 0.0,
+            load_drop=drop,
+        )
+
+
+def commanded_or_measured(place: Place, move: Move, reading: Reading, tolerances: float) -> float:
+    """Return the value at which a part of the course begins.
+
+    The commanded value is not the actual one if the motion to it was left out.
+    """
+    span, measured = place.of(move.quantity), reading.of(move.quantity)
+    is_there = span.is_known and not abs(measured - span.low) > tolerances * move.tolerance
+    return span.low if is_there else measured
+
+
+def has_ended(ending: Ending, number: int, step: ProtocolStep, readings: Sequence[Reading]) -> bool:
+    """Return True if the event that ends a phase has happened up to the last of the readings."""
+    if readings[-1].ends_phase:
+        return True
+    return ending.criterion.can_end(number, step) and ending.criterion.is_met(readings)
