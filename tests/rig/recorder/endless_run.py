@@ -1,12 +1,6 @@
-"""Record a run that never ends, in one process per run, until somebody kills it; `test_kills` starts this.
-
-This program imports everything once. For each line of standard input, the path of a run file, it forks a
-child that records there, prints the child's number, and waits for the end of the child. The child prints a
-line for each step that the recorder has acknowledged.
-"""
+"""Record a run that never ends, until somebody kills it; `test_kills` starts this program."""
 
 import os
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +9,7 @@ from drivers.interfaces import DeviceInfo, LoadFrameState
 from rig.protocol.step import ProtocolStep, Reading
 from rig.recorder import Recorder, StepRecord
 from rig.recording import RecordingSettings
+from tests.rig.recorder.forked_runs import serve
 from tests.run_files import CAMERAS, HEADER, take
 
 FRAMES = 3
@@ -47,17 +42,5 @@ def record(path: Path) -> None:
         os.write(1, b"step %d\n" % index)
 
 
-def main() -> None:
-    """Fork a child for each path."""
-    for line in sys.stdin:
-        child = os.fork()
-        if child == 0:
-            record(Path(line.strip()))
-            os._exit(0)
-        os.write(1, b"child %d\n" % child)
-        os.waitpid(child, 0)
-        os.write(1, b"ended\n")
-
-
 if __name__ == "__main__":
-    main()
+    serve(record)

@@ -1,14 +1,9 @@
 """kill -9 at random moments: every file opens after at most a repair, and no acknowledged image is lost."""
 
-import os
 import random
-import signal
-import subprocess
-import sys
-import threading
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
-from queue import Queue
 
 import numpy as np
 import pytest
@@ -16,56 +11,15 @@ import pytest
 from dic.runfile.reader import RunFile
 from rig.commands.repair import repair_run
 from rig.commands.verify import verify_run
-from tests.places import ROOT
 from tests.rig.recorder.endless_run import FRAMES, number_of
+from tests.rig.recorder.forked_runs import ForkedRuns
 from tests.run_files import CAMERAS, take
 
 
-class Runs:
-    """A program that records runs, one after the other."""
-
-    def __init__(self) -> None:
-        self._program = subprocess.Popen(
-            [sys.executable, "-m", "tests.rig.recorder.endless_run"],
-            cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1,
-        )  # fmt: skip
-        self._lines: Queue[str] = Queue()
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
-
-    def _read(self) -> None:
-        assert self._program.stdout is not None
-        with self._program.stdout as lines:
-            for line in lines:
-                self._lines.put(line.strip())
-
-    def killed(self, path: Path, steps: int, then_s: float) -> int:
-        """Start a run, kill it `then_s` after so many steps; return the number of acknowledged steps."""
-        assert self._program.stdin is not None
-        self._program.stdin.write(f"{path}\n")
-        child, acknowledged = 0, 0
-        while acknowledged < steps or not child:
-            word, _, number = self._lines.get(timeout=60).partition(" ")
-            child = int(number) if word == "child" else child
-            acknowledged += word == "step"
-        threading.Event().wait(then_s)
-        os.kill(child, signal.SIGKILL)
-        while (line := self._lines.get(timeout=60)) != "ended":
-            acknowledged += line.startswith("step")
-        return acknowledged
-
-    def close(self) -> None:
-        assert self._program.stdin is not None
-        self._program.stdin.close()
-        self._program.wait(60)
-        self._reader.join(60)
-
-
 @pytest.fixture(scope="module")
-def runs() -> Iterator[Runs]:
-    runs = Runs()
-    yield runs
-    runs.close()
+def runs() -> Iterator[ForkedRuns]:
+    with closing(ForkedRuns("tests.rig.recorder.endless_run")) as started:
+        yield started
 
 
 def check_killed_run(path: Path, acknowledged: int) -> None:
@@ -91,7 +45,7 @@ def contents(path: Path, acknowledged: int) -> int:
         return len(run.steps)
 
 
-def check_random_kills(runs: Runs, folder: Path, count: int, seed: int) -> None:
+def check_random_kills(runs: ForkedRuns, folder: Path, count: int, seed: int) -> None:
     rng = random.Random(seed)
     for number in range(count):
         path = folder / f"run-{number}.h5"
