@@ -250,5 +250,6 @@ def _add_settings(found: RigCheck, name: str, device: Any, call: _Calls) -> None
 
 def _shown(value: Any) -> str:
     if isinstance(value, float):
-        return f"{value:.4g}"
+        # Four digits are enough to read, but a setting of 10000 must not become 1e+04.
+        return f"{value:.0f}" if 1000.0 <= abs(value) < 1e7 else f"{value:.4g}"
     return (", ".join(value) or "none") if isinstance(value, tuple) else str(value)
