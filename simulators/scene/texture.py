@@ -5,6 +5,7 @@ Reflectance is between 0 (black) and 1 (white). Positions are material coordinat
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -64,6 +65,7 @@ class Speckle:
     CELLS: ClassVar[int] = 512
 
     @classmethod
+    @lru_cache(maxsize=1)
     def sprayed(cls, seed: int) -> "Speckle":
         """Return a random pattern; the same `seed` always gives the same pattern."""
         rng = np.random.default_rng(seed)

@@ -5,7 +5,9 @@ import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from drivers.lines.stop_deadline import StopTimes
@@ -15,7 +17,7 @@ from drivers.stages.zaber.stage import open_stage
 from rig.devices import Rig, open_rig
 from rig.engine.engine import Engine
 from rig.engine.status import Outcome
-from rig.protocol.protocol import parse_protocol
+from rig.protocol.protocol import Protocol, parse_protocol
 from rig.recorder import Recorder
 from rig.recorder.header import make_header
 from rig.rigfile import DeviceEntry, RigFile, read_rig
@@ -45,7 +47,9 @@ driver = "modbus-frame"
 address = "@load_frame"
 load_max_n = 14000.0
 displacement_max_mm = 6.0
-reply_timeout_s = 0.25
+speed_max_mm_s = 2.0
+load_rate_max_n_s = 10000.0
+reply_timeout_s = 0.5
 """
 STAGE = """
 [stage]
@@ -53,7 +57,9 @@ driver = "zaber-ascii"
 port = "@stage_tcp"
 angle_min_deg = -5.0
 angle_max_deg = 90.0
-reply_timeout_s = 0.25
+speed_deg_s = 100.0
+acceleration_deg_s2 = 1000.0
+reply_timeout_s = 0.5
 """
 HEAD = """
 title = "matrix"
@@ -71,9 +77,9 @@ TENSION = (
     + HEAD
     + """
 [loading]
-increment_n = 2000.0
-increments_max = 6
-rate_n_s = 1000.0
+increment_n = 3400.0
+increments_max = 3
+rate_n_s = 10000.0
 tare_max_n = 50.0
 [loading.plastic]
 stiffness_fraction = 0.5
@@ -81,11 +87,11 @@ judged_above_n = 4000.0
 [stretching]
 increment_mm = 0.5
 total_mm = 3.5
-speed_mm_s = 0.5
+speed_mm_s = 2.0
 [settle]
 load_tolerance_n = 50.0
 displacement_tolerance_mm = 0.01
-dwell_s = 0.3
+dwell_s = 0.1
 timeout_s = 30.0
 [limits]
 load_max_n = 13000.0
@@ -102,7 +108,7 @@ increment_deg = 20.0
 total_deg = 40.0
 [settle]
 angle_tolerance_deg = 0.05
-dwell_s = 0.3
+dwell_s = 0.1
 timeout_s = 30.0
 """
 )
@@ -199,12 +205,9 @@ def run_at(
     moment: Moment, folder: Path, strike: Callable[[Run], None]
 ) -> Iterator[tuple[Run, Callable[[], Outcome]]]:
     """Open a virtual rig; yield a run, and the function that executes it. `strike` is called at `moment`."""
-    tension = moment.kind == "tension"
-    definition = TENSION if tension else ROTATION
-    (folder / "rig.toml").write_text(RIG + (LOAD_FRAME if tension else STAGE))
-    protocol = parse_protocol(tomllib.loads(definition))
+    protocol, definition, rig_file = _files(moment.kind)
     virtuals: list[VirtualRig] = []
-    rig_file = _quick_to_give_up(_keeping(read_rig(folder / "rig.toml"), virtuals))
+    rig_file = _quick_to_give_up(_keeping(rig_file, virtuals))
     with open_rig(rig_file) as opened:
         counts: dict[tuple[str, str], int] = {}
 
@@ -249,6 +252,16 @@ def run_at(
             yield run, engine.run
         finally:
             run.over.set()
+
+
+@cache
+def _files(kind: str) -> tuple[Protocol, str, RigFile]:
+    """Return the protocol, its text and the rig file; both are read once for all cells of a process."""
+    definition, machine = (TENSION, LOAD_FRAME) if kind == "tension" else (ROTATION, STAGE)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "rig.toml"
+        path.write_text(RIG + machine)
+        return parse_protocol(tomllib.loads(definition)), definition, read_rig(path)
 
 
 def _quick_to_give_up(rig_file: RigFile) -> RigFile:
