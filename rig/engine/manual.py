@@ -191,9 +191,10 @@ class Manual:
 
     def _execute(self, motion: Motion) -> None:
         self._check_abort()
+        # The motion is confirmed: from here on it can only end early.
+        self._motion = motion
         if motion.agreement is not None:
             self._agreement = HandAgreement(motion.agreement, self._rig.limits, self._rest())
-        self._motion = motion
         frame, stage = self._devices.load_frame, self._devices.stage
         if motion.axis == "angle" and stage is not None:
             stage.move_to(motion.target)
