@@ -6,6 +6,7 @@ limited time or raises a `DeviceError`. Only `Operator.perform` may wait for a p
 caller that waits for the end of a motion must set a deadline itself.
 """
 
+import math
 from dataclasses import dataclass
 from datetime import datetime
 from enum import Enum
@@ -278,6 +279,9 @@ class OpenContext:
         Address ``host:port`` on this computer at which the guardian passes messages to the device. The
         address is empty if the driver has its own connection. If no guardian answers at the address any more,
         the driver opens the line itself.
+    call_timeout_s : float
+        Deadline of the rig for one call of the device, in seconds. The driver reports a missing answer itself
+        before this deadline. Infinite outside a rig.
     """
 
     name: str
@@ -285,3 +289,4 @@ class OpenContext:
     environment: Any = None
     guarded: bool = False
     relay: str = ""
+    call_timeout_s: float = math.inf

@@ -144,7 +144,7 @@ def open_rig(
         If a device cannot be opened, or not in time. The devices that are already open are closed.
     """
     with ExitStack() as stack:
-        opener = _Opener(stack, relays or {}, failed, opening_s, closing_s)
+        opener = _Opener(stack, relays or {}, failed, opening_s, closing_s, rig_file.call_timeout_s)
         if rig_file.simulation is not None:
             opener.open_environment(rig_file.simulation)
         stage, load_frame = opener.open(rig_file.stage), opener.open(rig_file.load_frame)
@@ -196,9 +196,11 @@ class _Opener:
         failed: dict[str, str] | None,
         opening_s: float,
         closing_s: float,
+        call_timeout_s: float,
     ) -> None:
         self._stack, self._relays, self._failed = stack, relays, failed
         self._opening_s, self._closing_s = opening_s, closing_s
+        self._call_timeout_s = call_timeout_s
         self._environment: Any = None
         self.clock: Clock = SystemClock()
         self.lost: dict[str, str] = {}
@@ -213,7 +215,7 @@ class _Opener:
         if entry is None:
             return None
         guarded, relay = entry.name in self._relays, self._relays.get(entry.name, "")
-        context = OpenContext(entry.name, self.clock, self._environment, guarded, relay)
+        context = OpenContext(entry.name, self.clock, self._environment, guarded, relay, self._call_timeout_s)
         try:
             device = _open(entry, context, self._opening_s)
         except (DeviceError, ConfigurationError) as error:

@@ -7,6 +7,7 @@ from pydantic import Field, field_validator, model_validator
 from drivers.errors import DeviceFault
 from drivers.interfaces import DeviceInfo, InterlockState, OpenContext
 from drivers.lines.addresses import resolve_address
+from drivers.lines.call_time import CallTime, one_call
 from drivers.load_frames.modbus.bus.address import SERIAL_UNITS, ModbusAddress, address_mistake
 from drivers.load_frames.modbus.bus.link import ModbusLink
 from drivers.registry import DriverSpec
@@ -76,7 +77,10 @@ class ModbusInputSettings(Settings):
 class ModbusInput:
     """One input of a Modbus module; to construct this class, call `open_input`."""
 
-    def __init__(self, settings: ModbusInputSettings, context: OpenContext, link: ModbusLink) -> None:
+    def __init__(
+        self, settings: ModbusInputSettings, context: OpenContext, link: ModbusLink, call_time: CallTime
+    ) -> None:
+        self._call_time = call_time
         self._settings = settings
         self._clock = context.clock
         self._link = link
@@ -88,6 +92,7 @@ class ModbusInput:
             simulated=settings.address.startswith("@"),
         )
 
+    @one_call
     def read(self) -> InterlockState:
         """Read the input; a failed reading is repeated once.
 
@@ -119,8 +124,11 @@ def open_input(settings: ModbusInputSettings, context: OpenContext) -> ModbusInp
     """Connect to the module and read the input once; raise `DeviceError` if this fails."""
     address = resolve_address(settings.address, context)
     place = ModbusAddress(address, settings.baud, settings.parity, settings.stop_bits, context.relay)
-    link = ModbusLink(f"{context.name} ({address})", place, settings.unit, settings.reply_timeout_s)
-    device = ModbusInput(settings, context, link)
+    call_time = CallTime(context.call_timeout_s)
+    link = ModbusLink(
+        f"{context.name} ({address})", place, settings.unit, settings.reply_timeout_s, call_time=call_time
+    )
+    device = ModbusInput(settings, context, link, call_time)
     try:
         device.read()
     except BaseException:

@@ -11,6 +11,7 @@ from typing import Any, Generic, TypeVar
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import DeviceInfo, OpenContext, StageState
 from drivers.lines.addresses import resolve_address
+from drivers.lines.call_time import CallTime, one_call
 from drivers.lines.channel import Channel, open_device
 from drivers.lines.stop_deadline import StopDeadline, StopTimes, calling_for_the_emergency_stop
 from drivers.stages.own_motion import OwnMotion
@@ -58,7 +59,9 @@ class GuardedStage(ABC, Generic[P]):
         self._relay = context.relay
         self._reply_timeout_s = settings.reply_timeout_s
         self._stop_times = stop_times
+        self._call_time = CallTime(context.call_timeout_s)
         self._port = self._opened_port(self._reply_timeout_s)
+        self._port.call_time = self._call_time
         self._closed = False
         self._limits_deg = (settings.angle_min_deg, settings.angle_max_deg)
         self._clock = context.clock
@@ -94,6 +97,7 @@ class GuardedStage(ABC, Generic[P]):
         If no device answers, `DeviceTimeout` is raised.
         """
 
+    @one_call
     def move_to(self, angle_deg: float) -> None:
         """Start a move to an absolute angle.
 

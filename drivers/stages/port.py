@@ -5,6 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from drivers.errors import DeviceTimeout, LinkLost
+from drivers.lines.call_time import CallTime
 from drivers.lines.channel import CHANNEL_ERRORS, Channel
 
 
@@ -19,6 +20,11 @@ class StagePort(ABC):
         The open channel to the device. The port closes it.
     reply_timeout_s : float
         Longest wait for a complete answer, in seconds of real time.
+
+    Attributes
+    ----------
+    call_time : CallTime
+        The time left in the present call of the driver.
     """
 
     def __init__(self, name: str, channel: Channel, reply_timeout_s: float) -> None:
@@ -27,6 +33,7 @@ class StagePort(ABC):
         self._write_lock = threading.Lock()
         self._lost: str | None = None
         self._channel = channel
+        self.call_time = CallTime()
 
     @abstractmethod
     def close(self) -> None:
@@ -51,7 +58,7 @@ class StagePort(ABC):
         return DeviceTimeout(
             self.name,
             f"send {command!r}",
-            f"an answer within {timeout_s:g} s",
+            f"an answer within {timeout_s:.3g} s",
             got,
             "check power, cable, baud rate, device address and axis",
         )

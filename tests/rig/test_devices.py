@@ -1,6 +1,6 @@
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
@@ -160,3 +160,10 @@ def test_error_of_a_closing_is_an_error_and_no_hang(error):
         pass
     assert rig.lost == {}
     assert log[-2:] == ["close stage", "close simulation"]
+
+
+def test_drivers_are_told_the_deadline_of_their_calls():
+    contexts: dict[str, OpenContext] = {}
+    with open_rig(replace(rig_file([], contexts), call_timeout_s=1.5)):
+        pass
+    assert contexts["stage"].call_timeout_s == 1.5

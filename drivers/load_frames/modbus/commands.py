@@ -94,7 +94,12 @@ class LoadFrameCommands:
         self._heartbeat = (self._heartbeat + 1) % 2**16
         # ignore `Overtaken`: a hold interrupted this request, so the machine does not move
         with self._doubting(), contextlib.suppress(Overtaken):
-            self._work.write(self._map.blocks.heartbeat, {"heartbeat": self._heartbeat}, "feed the watchdog")
+            self._work.write(
+                self._map.blocks.heartbeat,
+                {"heartbeat": self._heartbeat},
+                "feed the watchdog",
+                harmless=True,
+            )
         now_s = self._clock.now_s()
         if now_s - self._hold_proven_s > HOLD_PROVEN_EVERY_S and not self._safety.shares_link(self._work):
             with self._doubting():

@@ -5,6 +5,7 @@ import math
 from drivers.errors import DeviceTimeout, LinkLost
 from drivers.interfaces import DeviceInfo, LoadFrameLimits, LoadFrameState, OpenContext, Setting
 from drivers.lines.addresses import resolve_address
+from drivers.lines.call_time import CallTime, one_call
 from drivers.lines.stop_deadline import STOP_TIMES, StopTimes
 from drivers.load_frames.modbus.bus.link import ModbusLink
 from drivers.load_frames.modbus.commands import LoadFrameCommands
@@ -29,6 +30,8 @@ class ModbusLoadFrame:
         Two ways to the registers of the same machine. `safety` is used for `hold`, which no other request may
         delay. `safety` has a connection of its own, or its requests go first on the shared connection.
     hold_times : StopTimes
+    call_time : CallTime
+        The time left in the present call, the same as that of the links.
     """
 
     info: DeviceInfo
@@ -42,7 +45,9 @@ class ModbusLoadFrame:
         work: MappedDevice,
         safety: MappedDevice,
         hold_times: StopTimes,
+        call_time: CallTime,
     ) -> None:
+        self._call_time = call_time
         self._clock = context.clock
         self._map = register_map
         self._work = work
@@ -61,6 +66,7 @@ class ModbusLoadFrame:
         self.limits = settings.limits
         self._prove_way_for_hold(identity)
 
+    @one_call
     def read(self) -> LoadFrameState:
         """Read the state of the machine, then reset the machine's watchdog.
 
@@ -103,6 +109,7 @@ class ModbusLoadFrame:
         """
         return {**self._commands.read_settings("read settings"), "firmware": self.info.firmware}
 
+    @one_call
     def go_to_load(self, load_n: float, rate_n_s: float) -> None:
         """Start a ramp to a load, in N; raise `DeviceFault` if the load or the rate exceeds the limits."""
         limits = self.limits
@@ -111,6 +118,7 @@ class ModbusLoadFrame:
         self._refuse_rate(step, rate_n_s, limits.load_rate_max_n_s, "N/s")
         self._commands.give(step, self._map.commands.go_to_load, {"load": load_n, "load_rate": rate_n_s})
 
+    @one_call
     def go_to_displacement(self, displacement_mm: float, speed_mm_s: float) -> None:
         """Start a move to a crosshead position, in mm; raise `DeviceFault` beyond the limits."""
         limits = self.limits
@@ -122,6 +130,7 @@ class ModbusLoadFrame:
         values = {"displacement": displacement_mm, "speed": speed_mm_s}
         self._commands.give(step, self._map.commands.go_to_displacement, values)
 
+    @one_call
     def tare(self) -> None:
         """Set the zero points of load and displacement to the present state; refused during a motion."""
         self._commands.give("tare", self._map.commands.tare, {})
@@ -183,13 +192,14 @@ def open_frame(
     place = settings.place(resolve_address(settings.address, context), context.relay)
     shared = place.rtu or settings.connections - (1 if context.guarded else 0) < 2
     name = f"{context.name} ({place.text})"
+    call_time = CallTime(context.call_timeout_s)
     links = [
-        ModbusLink(name, place, settings.unit, settings.reply_timeout_s, hold_times.answer_s)
+        ModbusLink(name, place, settings.unit, settings.reply_timeout_s, hold_times.answer_s, call_time)
         for _ in range(1 if shared else 2)
     ]
     work, safety = MappedDevice(links[0], register_map), MappedDevice(links[-1], register_map, urgent=True)
     try:
-        return ModbusLoadFrame(settings, context, register_map, work, safety, hold_times)
+        return ModbusLoadFrame(settings, context, register_map, work, safety, hold_times, call_time)
     except BaseException:
         work.close()
         safety.close()

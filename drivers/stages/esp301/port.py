@@ -33,6 +33,7 @@ class EspPort(StagePort):
         self._buffer = b""
         # answers to the questions of an earlier program may still arrive
         self._suspect = True
+        self._owed = False
         self.version = ""
 
     def send(self, command: str, permit: Callable[[], None] | None = None) -> None:
@@ -67,17 +68,44 @@ class EspPort(StagePort):
         ------
         DeviceTimeout, LinkLost
         """
-        failures = 0
+        attempt = 0
         while True:
+            attempt += 1
             try:
                 with self._turn.ordinary():
-                    return self._answer(question, read, self._turn.wake, self._reply_timeout_s)
+                    return self._attempt(question, read, attempt)
             except OvertakenError:
-                continue
+                attempt -= 1
             except DeviceTimeout:
-                failures += 1
-                if failures == attempts:
+                if attempt >= attempts or self.call_time.left_s == 0:
                     raise
+
+    def _attempt(self, question: str, read: Callable[[str], T], attempt: int) -> T:
+        """Ask a question once; after silence, look for a late answer to the first attempt."""
+        wait = self.call_time.first_wait_s if attempt == 1 else self.call_time.last_wait_s
+        try:
+            return self._answer(question, read, self._turn.wake, wait(self._reply_timeout_s))
+        except DeviceTimeout as silence:
+            if attempt > 1 or not self._owed:
+                raise
+            try:
+                (line,) = self._owed_answers()
+                return read(line)
+            except (DeviceTimeout, ValueError):
+                # there is no late answer, or more than one line, or the line is not the answer
+                raise silence from None
+
+    def _owed_answers(self) -> list[str]:
+        """Ask for the version, and return all lines before it: the late answers to earlier questions."""
+        found = []
+        timeout_s = self.call_time.last_wait_s(self._reply_timeout_s)
+        deadline_s = self._clock.now_s() + timeout_s
+        with self._losing("VE?"):
+            self.send("VE?")
+            while (line := self._line("VE?", self._turn.wake, timeout_s, deadline_s)) != self.version:
+                found.append(line)
+        self._suspect = False
+        return found
 
     def ask_first(self, question: str, read: Callable[[str], T], at_most_s: float) -> T:
         """Ask a question before all waiting questions, and check that the answer belongs to this question.
@@ -110,13 +138,17 @@ class EspPort(StagePort):
 
     def _answer(self, question: str, read: Callable[[str], T], wake: int | None, timeout_s: float) -> T:
         suspect, self._suspect = self._suspect, True
+        self._owed = False
         with self._losing(question):
             if suspect:
                 self._resynchronise(wake, timeout_s)
             self._buffer = b""
             self._channel.drain()
             self.send(question)
+            # from here on exactly one answer is missing, unless part of it has arrived
+            self._owed = True
             line = self._line(question, wake, timeout_s, self._clock.now_s() + timeout_s)
+            self._owed = False
         try:
             answer = read(line)
         except ValueError as error:

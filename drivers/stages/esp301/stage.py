@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from drivers.errors import DeviceTimeout
 from drivers.interfaces import DeviceInfo, OpenContext, Setting, StageState
+from drivers.lines.call_time import one_call
 from drivers.lines.stop_deadline import STOP_TIMES, StopTimes
 from drivers.registry import DriverSpec
 from drivers.stages.esp301.axis import EspAxis
@@ -61,6 +62,7 @@ class EspStage(GuardedStage[EspPort]):
         self._home_mode = self._signals_to_home_by()
         self._configure()
 
+    @one_call
     def read(self) -> StageState:
         """Return position and status of the stage.
 
@@ -104,6 +106,7 @@ class EspStage(GuardedStage[EspPort]):
             "firmware": self.info.firmware,
         }
 
+    @one_call
     def home(self) -> None:
         """Clear recorded failures, switch the motor on and start the search for the reference position."""
         permit = self._unless_stopped("home")

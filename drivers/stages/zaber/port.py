@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable
 
 from drivers.clock import SystemClock
+from drivers.errors import DeviceTimeout
 from drivers.lines.channel import CHANNEL_ERRORS, Channel
 from drivers.stages.port import StagePort
 from drivers.stages.zaber.protocol import IDS, DamagedLineError, Reply, decode, encode
@@ -21,6 +22,7 @@ from drivers.stages.zaber.protocol import IDS, DamagedLineError, Reply, decode, 
 BAUD = 115_200
 READ_WAIT_S = 0.05
 LINE_MAX = 512
+NEWER_S = 0.1
 SHOWN_MAX = 80
 
 Answer = Reply | DamagedLineError | None
@@ -48,8 +50,12 @@ class ZaberPort(StagePort):
         *,
         permit: Callable[[], None] | None = None,
         at_most_s: float = math.inf,
+        attempts: int = 1,
     ) -> Reply:
         """Send one command and return its answer.
+
+        If the command may be repeated, an answer to an earlier attempt that comes late is as good as the
+        answer to the last attempt.
 
         Parameters
         ----------
@@ -60,6 +66,8 @@ class ZaberPort(StagePort):
             Function that is called just before the bytes are sent; if the function raises, nothing is sent.
         at_most_s : float
             Upper limit of the wait for an answer, in seconds, even if the reply timeout is longer.
+        attempts : int
+            How often the command may be sent. A motion command may be sent only once.
 
         Raises
         ------
@@ -69,7 +77,46 @@ class ZaberPort(StagePort):
             If the connection to the device is lost.
         """
         answers: queue.SimpleQueue[Answer] = queue.SimpleQueue()
-        said, timeout_s = command or "status request", min(self._reply_timeout_s, at_most_s)
+        said, wait_s = command or "status request", min(self._reply_timeout_s, at_most_s)
+        ids: list[int] = []
+        try:
+            for attempt in range(attempts):
+                last = attempt == attempts - 1
+                ids.append(self._post(answers, address, axis, command, said, permit))
+                timeout_s = (
+                    self.call_time.last_wait_s(wait_s)
+                    if last and attempts > 1
+                    else self.call_time.first_wait_s(wait_s)
+                )
+                try:
+                    answer = self._answer(answers, said, timeout_s)
+                except DeviceTimeout:
+                    if last:
+                        raise
+                    continue
+                return answer if answer.id == ids[-1] else self._newer(answers, said) or answer
+        finally:
+            for id in ids:
+                del self._waiting[id]
+        raise AssertionError("unreachable")
+
+    def _newer(self, answers: "queue.SimpleQueue[Answer]", said: str) -> Reply | None:
+        """Return the answer to the last attempt if it follows a late answer soon, because it is newer."""
+        try:
+            return self._answer(answers, said, self.call_time.first_wait_s(NEWER_S))
+        except DeviceTimeout:
+            return None
+
+    def _post(
+        self,
+        answers: "queue.SimpleQueue[Answer]",
+        address: int,
+        axis: int,
+        command: str,
+        said: str,
+        permit: Callable[[], None] | None,
+    ) -> int:
+        """Send a message with a new id, whose answer goes to `answers`; return the id."""
         with self._write_lock:
             id = self._next_id = next(i for i in _after(self._next_id) if i not in self._waiting)
             self._waiting[id] = answers
@@ -79,12 +126,13 @@ class ZaberPort(StagePort):
             except BaseException:
                 del self._waiting[id]
                 raise
+            return id
+
+    def _answer(self, answers: "queue.SimpleQueue[Answer]", said: str, timeout_s: float) -> Reply:
         try:
             answer = answers.get(timeout=timeout_s)
         except queue.Empty:
             raise self._timeout(said, timeout_s, "silence") from None
-        finally:
-            del self._waiting[id]
         if answer is None:
             raise self._link_lost(said)
         if isinstance(answer, DamagedLineError):

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from drivers.errors import DeviceTimeout
 from drivers.interfaces import DeviceInfo, OpenContext, Setting, StageState
+from drivers.lines.call_time import one_call
 from drivers.lines.stop_deadline import STOP_TIMES, StopTimes
 from drivers.registry import DriverSpec
 from drivers.stages.guarded import GuardedStage, set_up
@@ -49,6 +50,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
         # answers to an earlier program may have been on the line
         self._port.foreign = ""
 
+    @one_call
     def read(self) -> StageState:
         """Return position and status of the stage.
 
@@ -104,6 +106,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
                 found[name] = number
         return found | {"firmware": self._get("version", axis=0)}
 
+    @one_call
     def home(self) -> None:
         """Clear the flags of failed motions and start the search for the reference position."""
         permit = self._unless_stopped("home")
@@ -194,13 +197,8 @@ class ZaberStage(GuardedStage[ZaberPort]):
     def _query(self, command: str, step: str, axis: int | None = None, tolerated: str = "") -> Reply:
         """Send a command that may be repeated: a query, a setting, or the command that clears flags."""
         axis = self._settings.axis if axis is None else axis
-        for attempt in range(READ_ATTEMPTS):
-            try:
-                return self._accepted(self._port.ask(self._settings.address, axis, command), step, tolerated)
-            except DeviceTimeout:
-                if attempt == READ_ATTEMPTS - 1:
-                    raise
-        raise AssertionError("unreachable")
+        reply = self._port.ask(self._settings.address, axis, command, attempts=READ_ATTEMPTS)
+        return self._accepted(reply, step, tolerated)
 
     def _begin(
         self, command: str, step: str, permit: Callable[[], None], arrived: Callable[[StageState], bool]

@@ -1,15 +1,19 @@
 """Send Modbus requests to a device and verify the answers.
 
-Every answer is compared with its request. A write request is never repeated. Modbus RTU answers have no
-number. Therefore, after a missing answer, the link sends nothing until no late answer can come any more.
-After this wait, and on every new connection, the link reads known registers to check that the machine is the
-same. Only a hold command is sent at once, without this wait and without this check.
+Every answer is compared with its request. A write request is repeated only if that is harmless. Modbus RTU
+answers have no number. Therefore, after a missing answer, the link reads known registers, which identify the
+machine: their answer shows that no late answer can come any more. After a damaged answer, the link first
+waits until the line is silent. On every new connection, the link reads the known registers too. Only a hold
+command is sent at once, without this wait and without this check.
 """
 
+import contextlib
+import math
 from collections.abc import Callable
 from typing import Protocol, TypeVar
 
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
+from drivers.lines.call_time import CallTime
 from drivers.lines.channel import CHANNEL_ERRORS, OvertakenError
 from drivers.lines.request_turn import Turn
 from drivers.lines.stop_deadline import STOP_TIMES
@@ -18,13 +22,13 @@ from drivers.load_frames.modbus.bus.pdu import (
     ExceptionAnswerError,
     ForeignAnswerError,
     Request,
+    fewer_registers,
+    known_answer,
     read_request,
     write_one_request,
     write_request,
 )
-from drivers.load_frames.modbus.bus.wire import DamagedError, SilenceError, Wire
-
-READ_ATTEMPTS = 2
+from drivers.load_frames.modbus.bus.wire import DamagedError, RtuWire, SilenceError, Wire
 
 T = TypeVar("T")
 
@@ -60,6 +64,8 @@ class ModbusLink:
     urgent_timeout_s : float
         Longest time, in seconds, for connecting, and for the answer to an urgent request. Keep this time
         short, because an urgent request must wait until a running attempt to connect has ended.
+    call_time : CallTime, optional
+        The time left in the present call of the driver.
     """
 
     def __init__(
@@ -69,6 +75,7 @@ class ModbusLink:
         unit: int,
         reply_timeout_s: float,
         urgent_timeout_s: float = STOP_TIMES.answer_s,
+        call_time: CallTime | None = None,
     ) -> None:
         self.name = name
         self._address, self._unit = address, unit
@@ -76,7 +83,10 @@ class ModbusLink:
         self._urgent_timeout_s = min(reply_timeout_s, urgent_timeout_s)
         self._turn = Turn()
         self._wire: Wire | None = None
+        self._call_time = call_time or CallTime()
         self._suspect = False
+        # the latest request on Modbus RTU that has no answer yet
+        self._owed: Request | None = None
         self._proof: tuple[Request, list[int]] | None = None
         self._closed = False
 
@@ -101,19 +111,20 @@ class ModbusLink:
             If the device answered with a Modbus exception.
         """
         request = read_request(table, address, count)
-        failures = 0
         while True:
-            try:
-                return self._exchange(request, urgent)
-            except Overtaken:
-                continue
-            except (DeviceTimeout, LinkLost):
-                failures += 1
-                if failures == READ_ATTEMPTS:
-                    raise
+            with contextlib.suppress(Overtaken):
+                return self._repeated(request, urgent)
 
-    def write(self, address: int, words: list[int], *, urgent: bool = False, single: bool = False) -> None:
-        """Write holding registers in one request; the request is never repeated.
+    def write(
+        self,
+        address: int,
+        words: list[int],
+        *,
+        urgent: bool = False,
+        single: bool = False,
+        harmless: bool = False,
+    ) -> None:
+        """Write holding registers in one request.
 
         Parameters
         ----------
@@ -121,6 +132,9 @@ class ModbusLink:
             True to send the request before all others, and to interrupt other waits on this link.
         single : bool
             True to write a single register with Modbus function 6 instead of function 16.
+        harmless : bool
+            True if the request may be repeated after a missing answer, because it has no effect twice. All
+            other requests are never repeated.
 
         Raises
         ------
@@ -130,9 +144,32 @@ class ModbusLink:
         DeviceFault
             If the device answered with a Modbus exception.
         """
-        self._exchange(
-            write_one_request(address, words[0]) if single else write_request(address, words), urgent
-        )
+        request = write_one_request(address, words[0]) if single else write_request(address, words)
+        if harmless:
+            self._repeated(request, urgent)
+        else:
+            self._exchange(request, urgent, self._call_time.first_wait_s(self._reply_timeout_s))
+
+    def _repeated(self, request: Request, urgent: bool) -> list[int]:
+        """Send a request that may be repeated; raise the error of the last attempt."""
+        try:
+            return self._exchange(request, urgent, self._first_wait_s(), self._reply_timeout_s)
+        except Overtaken:
+            raise
+        except (DeviceTimeout, LinkLost):
+            if self._call_time.left_s == 0:
+                raise
+        return self._exchange(request, urgent, self._call_time.last_wait_s(self._reply_timeout_s))
+
+    def _first_wait_s(self) -> float:
+        """Return the longest wait for the answer to a request that may be repeated.
+
+        On Modbus TCP the request is repeated within this time. On Modbus RTU a repetition needs known
+        registers, which show that no late answer can come any more.
+        """
+        rtu = self._wire is not None and not self._wire.numbered
+        wait = self._call_time.first_wait_s if rtu and self._proof else self._call_time.last_wait_s
+        return wait(self._reply_timeout_s)
 
     def close(self) -> None:
         """Close the connection; a repeated call has no effect."""
@@ -141,35 +178,72 @@ class ModbusLink:
             self._drop()
         self._turn.close()
 
-    def _exchange(self, request: Request, urgent: bool) -> list[int]:
+    def _exchange(
+        self, request: Request, urgent: bool, timeout_s: float, again_s: float = math.inf
+    ) -> list[int]:
         if urgent:
             with self._turn.urgent():
                 timeout_s = self._urgent_timeout_s
                 return self._told(request, timeout_s, lambda: self._ask(request, timeout_s, None))
         with self._turn.ordinary():
-            return self._told(request, self._reply_timeout_s, lambda: self._ask_in_turn(request))
+            return self._told(request, timeout_s, lambda: self._ask_in_turn(request, timeout_s, again_s))
 
-    def _ask_in_turn(self, request: Request) -> list[int]:
+    def _ask_in_turn(self, request: Request, timeout_s: float, again_s: float) -> list[int]:
         if self._suspect:
-            try:
-                self._resynchronise()
-            except (DamagedError, ForeignAnswerError):
-                # the received answer was a late answer to an earlier request: try once more
-                self._resynchronise()
-            self._suspect = False
-        return self._ask(request, self._reply_timeout_s, self._turn.wake)
+            if (late := self._late_answer(request)) is not None:
+                return late
+            if self._suspect:
+                self._resynchronise_twice()
+            timeout_s = min(timeout_s, self._call_time.left_s)
+        return self._ask(request, timeout_s, self._turn.wake, again_s)
+
+    def _resynchronise_twice(self) -> None:
+        try:
+            self._resynchronise()
+        except (DamagedError, ForeignAnswerError):
+            # the received answer was a late answer to an earlier request: try once more
+            self._resynchronise()
+        self._suspect = False
+
+    def _late_answer(self, request: Request) -> list[int] | None:
+        """Receive the late answer on Modbus RTU; return its registers if it belongs to `request`.
+
+        Without a missing answer, the link stays as it is.
+        """
+        owed, self._owed = self._owed, None
+        if owed is None or self._proof is None or not isinstance(self._wire, RtuWire):
+            return None
+        proof, words = self._proof
+        proofs = [(proof.pdu, known_answer(proof.pdu, words))]
+        if len(words) > 1:
+            fewer = fewer_registers(proof.pdu, len(words) - 1)
+            proofs.append((fewer, known_answer(fewer, words[:-1])))
+        wait_s = self._call_time.last_wait_s(self._reply_timeout_s)
+        found = self._wire.owed(self._unit, proofs, wait_s, self._turn.wake)
+        self._suspect = False
+        return request.registers(found[0]) if owed is request and len(found) == 1 else None
 
     def _resynchronise(self) -> None:
         """Wait until no late answer can come any more, then check the registers that identify the machine."""
-        self._connected().quieten(self._reply_timeout_s, self._turn.wake)
+        quiet_s = min(self._reply_timeout_s, self._call_time.half_s)
+        self._connected().quieten(quiet_s, self._turn.wake)
         if self._proof is not None:
             request, known = self._proof
-            found = self._ask(request, self._reply_timeout_s, self._turn.wake)
+            wait_s = self._call_time.first_wait_s(self._reply_timeout_s)
+            found = self._ask(request, wait_s, self._turn.wake)
             if found != known:
                 raise ForeignAnswerError(f"the machine with {known} in its identity", f"one with {found}")
 
-    def _ask(self, request: Request, timeout_s: float, wake: int | None) -> list[int]:
-        answer = self._connected().ask(self._unit, request.pdu, timeout_s, wake)
+    def _ask(
+        self, request: Request, timeout_s: float, wake: int | None, again_s: float = math.inf
+    ) -> list[int]:
+        wire, self._owed = self._connected(), request
+        try:
+            answer = wire.ask(self._unit, request.pdu, timeout_s, wake, again_s)
+        except DamagedError:
+            self._owed = None
+            raise
+        self._owed = None
         return request.registers(answer)
 
     def _connected(self) -> Wire:
@@ -194,7 +268,7 @@ class ModbusLink:
             remedy = "compare the register map and the limits with the machine's manual"
             raise DeviceFault(self.name, step, "acceptance", str(refusal), remedy) from None
         except OvertakenError:
-            self._suspect = True
+            self._suspect, self._owed = True, None
             raise Overtaken(
                 self.name,
                 step,
@@ -207,7 +281,7 @@ class ModbusLink:
                 DeviceTimeout(
                     self.name,
                     step,
-                    f"an answer within {timeout_s:g} s",
+                    f"an answer within {timeout_s:.3g} s",
                     str(silence),
                     "check that the controller runs, its unit number and the line's settings",
                 )
@@ -242,6 +316,6 @@ class ModbusLink:
         wire, self._wire = self._wire, None
         # check the machine after reconnecting: another machine may answer, or on RTU an old answer may come
         # late
-        self._suspect = True
+        self._suspect, self._owed = True, None
         if wire is not None:
             wire.close()

@@ -126,6 +126,16 @@ def read_request(table: str, address: int, count: int) -> Request:
     return Request(_encoded(kind(address=address, count=count)), step)
 
 
+def fewer_registers(request: bytes, count: int) -> bytes:
+    """Return a request for the first `count` registers of another request."""
+    return request[:3] + struct.pack(">H", count)
+
+
+def known_answer(request: bytes, words: list[int]) -> bytes:
+    """Return the answer to a request for registers that contain `words`."""
+    return bytes([request[0], 2 * len(words)]) + struct.pack(f">{len(words)}H", *words)
+
+
 _READ = {
     "input": ReadInputRegistersRequest,
     "holding": ReadHoldingRegistersRequest,

@@ -4,7 +4,9 @@ Sources: MODBUS Messaging on TCP/IP Implementation Guide V1.0b, chapter 3.1.3; M
 chapters 2.5.1 (frames, silent intervals) and 6.2.2 (CRC).
 """
 
+import math
 import struct
+from collections.abc import Sequence
 from typing import Protocol
 
 from drivers.clock import Clock, SystemClock
@@ -31,6 +33,8 @@ PDU_MAX = 253
 TCP_HEADER = 7
 # If a line is not silent within this multiple of the required silence, other devices are sending on it.
 QUIET_ATTEMPTS = 10
+# A device answers within this time, in seconds, unless it lost the request.
+OWED_AGAIN_S = 0.12
 
 
 class SilenceError(Exception):
@@ -52,8 +56,13 @@ class Wire(Protocol):
 
     numbered: bool
 
-    def ask(self, unit: int, pdu: bytes, timeout_s: float, wake: int | None) -> bytes:
-        """Send a request and return the answer's protocol data unit; the descriptor `wake` ends the wait."""
+    def ask(
+        self, unit: int, pdu: bytes, timeout_s: float, wake: int | None, again_s: float = math.inf
+    ) -> bytes:
+        """Send a request and return the answer's protocol data unit; the descriptor `wake` ends the wait.
+
+        If answers have numbers, the request is sent again after `again_s` seconds without an answer.
+        """
 
     def quieten(self, silence_s: float, wake: int | None) -> None:
         """Discard received bytes until the line has been silent for `silence_s` seconds."""
@@ -73,29 +82,44 @@ class TcpWire:
         self._transaction = 0
         self._buffer = b""
 
-    def ask(self, unit: int, pdu: bytes, timeout_s: float, wake: int | None) -> bytes:
+    def ask(
+        self, unit: int, pdu: bytes, timeout_s: float, wake: int | None, again_s: float = math.inf
+    ) -> bytes:
         """Send a request and return the answer's protocol data unit.
+
+        Without an answer after `again_s` seconds, the request is sent again, and the answer to either of the
+        two requests is returned.
 
         Raises
         ------
         SilenceError, OvertakenError, ForeignAnswerError
         """
-        self._transaction = (self._transaction + 1) % 2**16
-        deadline_s = self._clock.now_s() + timeout_s
-        self._channel.send(struct.pack(">HHHB", self._transaction, 0, len(pdu) + 1, unit) + pdu)
+        begun_s = self._clock.now_s()
+        deadline_s, repeat_s = begun_s + timeout_s, begun_s + again_s
+        ours = {self._post(unit, pdu)}
         while True:
             while (message := self._next()) is None:
-                if not (data := self._channel.receive(deadline_s, wake)):
+                if data := self._channel.receive(min(deadline_s, repeat_s), wake):
+                    self._buffer += data
+                elif repeat_s < deadline_s:
+                    repeat_s = math.inf
+                    ours.add(self._post(unit, pdu))
+                else:
                     raise SilenceError(f"the part {shown(self._buffer)}" if self._buffer else "none")
-                self._buffer += data
             transaction, answering, answer = message
-            if transaction == self._transaction:
+            if transaction in ours:
                 if answering != unit:
                     raise ForeignAnswerError(f"an answer of unit {unit}", f"one of unit {answering}")
                 return answer
             # discard an answer to an earlier request; the deadline limits the number of discarded answers
             if self._clock.now_s() > deadline_s:
                 raise SilenceError("answers to other requests")
+
+    def _post(self, unit: int, pdu: bytes) -> int:
+        """Send a request with a new number, and return the number."""
+        self._transaction = (self._transaction + 1) % 2**16
+        self._channel.send(struct.pack(">HHHB", self._transaction, 0, len(pdu) + 1, unit) + pdu)
+        return self._transaction
 
     def _next(self) -> tuple[int, int, bytes] | None:
         """Remove one complete message from the buffer; return transaction, unit and protocol data unit."""
@@ -144,14 +168,71 @@ class RtuWire:
         self._gap_s = silent_interval_s(baud) if baud else 0.0
         self._busy_until_s = 0.0
 
-    def ask(self, unit: int, pdu: bytes, timeout_s: float, wake: int | None) -> bytes:
-        """Send a request and return the answer's protocol data unit.
+    def ask(
+        self, unit: int, pdu: bytes, timeout_s: float, wake: int | None, again_s: float = math.inf
+    ) -> bytes:
+        """Send a request once, whatever `again_s` is, and return the answer's protocol data unit.
 
         Raises
         ------
         SilenceError, OvertakenError, ForeignAnswerError
         """
+        del again_s
         self._channel.discard()
+        answer = self._receive(self._post(unit, pdu) + timeout_s, wake)
+        self._busy_until_s = self._clock.now_s() + self._gap_s
+        return _checked(answer, unit)
+
+    def owed(
+        self, unit: int, proofs: Sequence[tuple[bytes, bytes]], timeout_s: float, wake: int | None
+    ) -> list[bytes]:
+        """Send a request whose answer is known; return all answers that come before this answer.
+
+        A device answers in the order of the requests, so these are the late answers to earlier requests, and
+        no late answer can come any more. A busy device may lose the request. Then the second request of
+        `proofs` is sent. Its answer must differ from the first one, because a device whose answers are always
+        one late would seem right otherwise.
+
+        Parameters
+        ----------
+        unit : int
+        proofs : sequence of (bytes, bytes)
+            One or two requests and their known answers, as protocol data units.
+        timeout_s : float
+        wake : int or None
+
+        Raises
+        ------
+        SilenceError, OvertakenError, ForeignAnswerError
+        """
+        left = list(proofs)
+        request, known = left.pop(0)
+        passed: list[bytes] = []
+        found: list[bytes] = []
+        buffer = b""
+        deadline_s = self._post(unit, request) + timeout_s
+        again_s = self._clock.now_s() + OWED_AGAIN_S if left else math.inf
+        while True:
+            size = _frame_size(buffer)
+            if size is not None and len(buffer) >= size:
+                answer, buffer = _checked(buffer[:size], unit), buffer[size:]
+                if answer == known:
+                    self._busy_until_s = self._clock.now_s() + self._gap_s
+                    return found
+                if answer not in passed:
+                    found.append(answer)
+            elif data := self._channel.receive(min(deadline_s, again_s), wake):
+                buffer += data
+            elif left and not buffer and self._clock.now_s() < deadline_s:
+                passed.append(known)
+                request, known = left.pop(0)
+                self._post(unit, request)
+                again_s = math.inf
+            else:
+                raise SilenceError(f"the part {shown(buffer)}" if buffer else "none")
+
+    def _post(self, unit: int, pdu: bytes) -> float:
+        """Send a request, and return the time at which its last byte is on the line."""
         # wait for the silent interval, by which the device recognises a new frame, also after an interrupted
         # frame
         self._clock.sleep(min(self._busy_until_s - self._clock.now_s(), self._gap_s))
@@ -159,13 +240,7 @@ class RtuWire:
         self._channel.send(frame + crc(frame))
         sent_s = self._clock.now_s() + (len(frame) + 2) * self._character_s
         self._busy_until_s = sent_s + self._gap_s
-        answer = self._receive(sent_s + timeout_s, wake)
-        self._busy_until_s = self._clock.now_s() + self._gap_s
-        if crc(answer[:-2]) != answer[-2:]:
-            raise DamagedError(f"the damaged frame {shown(answer)}")
-        if answer[0] != unit:
-            raise ForeignAnswerError(f"an answer of unit {unit}", f"one of unit {answer[0]}")
-        return answer[1:-2]
+        return sent_s
 
     def _receive(self, deadline_s: float, wake: int | None) -> bytes:
         buffer = b""
@@ -196,6 +271,15 @@ class RtuWire:
     def close(self) -> None:
         """Close the connection; a repeated call has no effect."""
         self._channel.close()
+
+
+def _checked(frame: bytes, unit: int) -> bytes:
+    """Return the protocol data unit of a frame whose checksum and unit are right."""
+    if crc(frame[:-2]) != frame[-2:]:
+        raise DamagedError(f"the damaged frame {shown(frame)}")
+    if frame[0] != unit:
+        raise ForeignAnswerError(f"an answer of unit {unit}", f"one of unit {frame[0]}")
+    return frame[1:-2]
 
 
 def _frame_size(start: bytes) -> int | None:

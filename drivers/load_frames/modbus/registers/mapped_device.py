@@ -97,9 +97,12 @@ class MappedDevice:
             )
         return values
 
-    def write(self, block: Block, values: Mapping[str, Number], step: str) -> None:
-        """Write a block in one request; registers that are not named in `values` become 0."""
-        self._write_words(block, self._encode(block, values, step), step)
+    def write(self, block: Block, values: Mapping[str, Number], step: str, *, harmless: bool = False) -> None:
+        """Write a block in one request; registers that are not named in `values` become 0.
+
+        If the request is `harmless` when it is executed twice, it is repeated after a missing answer.
+        """
+        self._write_words(block, self._encode(block, values, step), step, harmless=harmless)
 
     def set(self, block: Block, values: Mapping[str, Number], step: str) -> None:
         """Set registers of a block to `values`, and leave the other registers of the block unchanged.
@@ -141,9 +144,11 @@ class MappedDevice:
         with _during(step):
             return self._link.read(block.table, block.address, block.count, urgent=self._urgent)
 
-    def _write_words(self, block: Block, words: list[int], step: str) -> None:
+    def _write_words(self, block: Block, words: list[int], step: str, *, harmless: bool = False) -> None:
         with _during(step):
-            self._link.write(block.address, words, urgent=self._urgent, single=block.single)
+            self._link.write(
+                block.address, words, urgent=self._urgent, single=block.single, harmless=harmless
+            )
 
     def _encode(
         self, block: Block, values: Mapping[str, Number], step: str, onto: list[int] | None = None

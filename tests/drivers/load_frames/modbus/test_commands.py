@@ -24,7 +24,7 @@ class Listener:
     def set(self, block: Block, values: Mapping[str, Number], step: str) -> None:
         block.encode(values, "ABCD")
 
-    def write(self, block: Block, values: Mapping[str, Number], step: str) -> None:
+    def write(self, block: Block, values: Mapping[str, Number], step: str, *, harmless: bool = False) -> None:
         self.beats += block.encode(values, "ABCD")
 
     def shares_link(self, other: object) -> bool:

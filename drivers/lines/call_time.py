@@ -1,0 +1,86 @@
+"""The time that one call of a driver may take: all requests of the call together keep the rig's deadline."""
+
+import math
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from typing import Any, TypeVar, cast
+
+from drivers.clock import SystemClock
+
+MARGIN_S = 0.08
+"""Time, in seconds, before the rig's deadline at which a driver reports a missing answer itself."""
+MARGIN_SHARE = 0.2
+"""Largest margin, as a share of the deadline."""
+
+
+class CallTime:
+    """The end of the present call, in seconds of real time; each thread has a call of its own.
+
+    A call may need several requests. If one answer is late, the call still waits for it as long as the
+    deadline allows. If no answer comes, the driver reports this before the rig gives up the call as hanging.
+
+    Parameters
+    ----------
+    timeout_s : float
+        The rig's deadline of one call; infinite outside a rig.
+    """
+
+    def __init__(self, timeout_s: float = math.inf) -> None:
+        self._usable_s = (
+            timeout_s if timeout_s == math.inf else timeout_s - min(MARGIN_S, MARGIN_SHARE * timeout_s)
+        )
+        self._clock = SystemClock()
+        self._of_thread = threading.local()
+
+    @contextmanager
+    def call(self) -> Iterator[None]:
+        """Begin a call on this thread; a call within another call keeps the end of the outer call."""
+        if self._end_s < math.inf:
+            yield
+            return
+        self._of_thread.end_s = self._clock.now_s() + self._usable_s
+        try:
+            yield
+        finally:
+            self._of_thread.end_s = math.inf
+
+    def first_wait_s(self, wait_s: float) -> float:
+        """Return how long to wait before a request is repeated: `wait_s`, or less at the end of the call."""
+        return min(wait_s, self.left_s)
+
+    def last_wait_s(self, wait_s: float) -> float:
+        """Return how long to wait for the answer to the last attempt: until the end of the call.
+
+        Outside a call the time is `wait_s`.
+        """
+        return self.left_s if self._end_s < math.inf else wait_s
+
+    @property
+    def left_s(self) -> float:
+        """Time until the end of the call; infinite outside a call, and never negative."""
+        return max(0.0, self._end_s - self._clock.now_s())
+
+    @property
+    def half_s(self) -> float:
+        """Half of the time until the end of the call; infinite outside a call."""
+        return self.left_s / 2
+
+    @property
+    def _end_s(self) -> float:
+        return getattr(self._of_thread, "end_s", math.inf)
+
+
+M = TypeVar("M", bound=Callable[..., Any])
+
+
+def one_call(method: M) -> M:
+    """Make all requests of a driver's method keep one deadline, that of the attribute ``_call_time``."""
+
+    @wraps(method)
+    def timed(self: Any, *arguments: Any, **named: Any) -> Any:
+        with self._call_time.call():
+            return method(self, *arguments, **named)
+
+    return cast(M, timed)

@@ -1,0 +1,69 @@
+"""All requests of a call of a driver keep one deadline, which ends before that of the rig."""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from drivers.lines.call_time import MARGIN_S, CallTime, one_call
+
+RIG_S = 60.0
+
+
+def test_outside_a_call_every_attempt_has_the_same_time():
+    time = CallTime(RIG_S)
+    assert (time.left_s, time.first_wait_s(0.25), time.last_wait_s(0.25)) == (math.inf, 0.25, 0.25)
+
+
+def test_without_a_rig_a_call_has_no_end():
+    time = CallTime()
+    with time.call():
+        assert (time.left_s, time.last_wait_s(0.25)) == (math.inf, 0.25)
+
+
+def test_the_last_attempt_waits_until_the_call_ends_before_the_rigs_deadline():
+    time = CallTime(RIG_S)
+    with time.call():
+        assert time.first_wait_s(0.25) == 0.25
+        assert 0.25 < time.last_wait_s(0.25) <= RIG_S - MARGIN_S
+        # no attempt, however long its reply timeout, waits beyond the call
+        assert time.first_wait_s(1e6) <= RIG_S - MARGIN_S
+    assert time.left_s == math.inf
+
+
+def test_a_short_deadline_keeps_most_of_its_time():
+    time = CallTime(0.05)
+    with time.call():
+        assert time.last_wait_s(1.0) <= 0.8 * 0.05
+
+
+def test_a_call_within_a_call_keeps_the_outer_end():
+    time = CallTime(RIG_S)
+    with time.call():
+        before_s = time.left_s
+        with time.call():
+            assert time.left_s <= before_s
+        assert time.left_s < math.inf
+
+
+def test_each_thread_has_a_call_of_its_own():
+    """A stop, from another thread, is not bound to the end of a reading."""
+    time = CallTime(RIG_S)
+    with time.call(), ThreadPoolExecutor(1) as pool:
+        assert pool.submit(lambda: time.left_s).result() == math.inf
+
+
+def test_a_method_is_one_call_even_if_it_fails():
+    class Device:
+        _call_time = CallTime(RIG_S)
+
+        @one_call
+        def read(self, fail: bool) -> float:
+            if fail:
+                raise ValueError
+            return self._call_time.left_s
+
+    assert 0 < Device().read(False) < RIG_S
+    with pytest.raises(ValueError):  # noqa: PT011
+        Device().read(True)
+    assert Device._call_time.left_s == math.inf
