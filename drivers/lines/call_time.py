@@ -7,12 +7,17 @@ from contextlib import contextmanager
 from functools import wraps
 from typing import Any, TypeVar, cast
 
-from drivers.clock import SystemClock
+from drivers.clock import Clock, SystemClock
+from drivers.errors import DeviceTimeout
 
 MARGIN_S = 0.08
 """Time, in seconds, before the rig's deadline at which a driver reports a missing answer itself."""
 MARGIN_SHARE = 0.2
 """Largest margin, as a share of the deadline."""
+OPENING_S = 4.0
+"""Time, in seconds, for all requests of opening a device, unless its reply timeout is long."""
+OPENING_ANSWERS = 4
+"""Opening may take at least this many reply timeouts."""
 
 
 class CallTime:
@@ -25,13 +30,15 @@ class CallTime:
     ----------
     timeout_s : float
         The rig's deadline of one call; infinite outside a rig.
+    clock : Clock, optional
+        Clock for the deadlines; the default is the system's clock.
     """
 
-    def __init__(self, timeout_s: float = math.inf) -> None:
+    def __init__(self, timeout_s: float = math.inf, clock: Clock | None = None) -> None:
         self._usable_s = (
             timeout_s if timeout_s == math.inf else timeout_s - min(MARGIN_S, MARGIN_SHARE * timeout_s)
         )
-        self._clock = SystemClock()
+        self._clock = clock or SystemClock()
         self._of_thread = threading.local()
 
     @contextmanager
@@ -46,6 +53,35 @@ class CallTime:
         finally:
             self._of_thread.end_s = math.inf
 
+    @contextmanager
+    def opening(self, reply_timeout_s: float) -> Iterator[None]:
+        """Limit the time of all requests of opening a device, which are too many for one call.
+
+        A missing answer is reported as soon as outside a call. The limit is for a device whose answers all
+        come late: each request succeeds, but the device cannot be used.
+
+        Raises
+        ------
+        DeviceTimeout
+            If an answer is missing when the time is over.
+        """
+        limit_s = max(OPENING_S, OPENING_ANSWERS * reply_timeout_s)
+        self._of_thread.end_s, self._of_thread.patient = self._clock.now_s() + limit_s, False
+        try:
+            yield
+        except DeviceTimeout as error:
+            if self.left_s > 0:
+                raise
+            raise DeviceTimeout(
+                error.device,
+                "open",
+                f"all answers within {limit_s:g} s",
+                f"late answers, and at last {error.got} ({error.step})",
+                f"check the line; for a slow device raise reply_timeout_s above {reply_timeout_s:g}",
+            ) from error
+        finally:
+            self._of_thread.end_s, self._of_thread.patient = math.inf, True
+
     def first_wait_s(self, wait_s: float) -> float:
         """Return how long to wait before a request is repeated: `wait_s`, or less at the end of the call."""
         return min(wait_s, self.left_s)
@@ -53,9 +89,14 @@ class CallTime:
     def last_wait_s(self, wait_s: float) -> float:
         """Return how long to wait for the answer to the last attempt: until the end of the call.
 
-        Outside a call the time is `wait_s`.
+        Outside a call the time is `wait_s`, and during opening at most `wait_s`.
         """
-        return self.left_s if self._end_s < math.inf else wait_s
+        return self.left_s if self.patient else self.first_wait_s(wait_s)
+
+    @property
+    def patient(self) -> bool:
+        """Whether a late answer is as good as one in time: within a call, but not during opening."""
+        return self._end_s < math.inf and getattr(self._of_thread, "patient", True)
 
     @property
     def left_s(self) -> float:

@@ -4,7 +4,7 @@ import math
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from typing import Any, Generic, TypeVar
 
@@ -173,6 +173,10 @@ class GuardedStage(ABC, Generic[P]):
         self._closed = True
         self._port.close()
 
+    def opening(self) -> AbstractContextManager[None]:
+        """Return a context that limits the time of all requests of `set_up`."""
+        return self._call_time.opening(self._reply_timeout_s)
+
     @contextmanager
     def _commanding(self) -> Iterator[None]:
         """Mark the time in which a motion command is sent, so that readings meanwhile are not judged."""
@@ -234,7 +238,8 @@ G = TypeVar("G", bound=GuardedStage[Any])
 def set_up(stage: G) -> G:
     """Set up a stage whose port is open, and return the stage; close the port if this fails."""
     try:
-        stage.set_up()
+        with stage.opening():
+            stage.set_up()
     except BaseException:
         stage.close()
         raise

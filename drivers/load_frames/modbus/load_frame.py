@@ -199,7 +199,8 @@ def open_frame(
     ]
     work, safety = MappedDevice(links[0], register_map), MappedDevice(links[-1], register_map, urgent=True)
     try:
-        return ModbusLoadFrame(settings, context, register_map, work, safety, hold_times, call_time)
+        with call_time.opening(settings.reply_timeout_s):
+            return ModbusLoadFrame(settings, context, register_map, work, safety, hold_times, call_time)
     except BaseException:
         work.close()
         safety.close()

@@ -54,8 +54,9 @@ class ZaberPort(StagePort):
     ) -> Reply:
         """Send one command and return its answer.
 
-        If the command may be repeated, an answer to an earlier attempt that comes late is as good as the
-        answer to the last attempt.
+        If the command may be repeated, an answer to an earlier attempt that comes late during a call is as
+        good as the answer to the last attempt. Outside a call, as on opening, late answers are ignored, so
+        that a stage whose answers all come late is reported.
 
         Parameters
         ----------
@@ -91,8 +92,10 @@ class ZaberPort(StagePort):
                 try:
                     answer = self._answer(answers, said, timeout_s)
                 except DeviceTimeout:
-                    if last:
+                    if last or self.call_time.left_s == 0:
                         raise
+                    if not self.call_time.patient:
+                        del self._waiting[ids.pop()]
                     continue
                 return answer if answer.id == ids[-1] else self._newer(answers, said) or answer
         finally:

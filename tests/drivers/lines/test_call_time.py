@@ -5,7 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from drivers.lines.call_time import MARGIN_S, CallTime, one_call
+from drivers.clock import VirtualClock
+from drivers.errors import DeviceTimeout
+from drivers.lines.call_time import MARGIN_S, OPENING_S, CallTime, one_call
 
 RIG_S = 60.0
 
@@ -67,3 +69,56 @@ def test_a_method_is_one_call_even_if_it_fails():
     with pytest.raises(ValueError):  # noqa: PT011
         Device().read(True)
     assert Device._call_time.left_s == math.inf
+
+
+def timeout() -> DeviceTimeout:
+    return DeviceTimeout(
+        "stage (/dev/ttyS0)", "send 'get pos'", "an answer within 0.25 s", "silence", "check it"
+    )
+
+
+def test_opening_is_limited_and_its_error_says_so():
+    """Each answer of the device comes late, so that every request succeeds, but only just."""
+    clock = VirtualClock()
+    time = CallTime(clock=clock)
+
+    def open_slowly() -> None:
+        with time.opening(0.25):
+            while time.left_s > 0:
+                clock.sleep(0.35)
+            raise timeout()
+
+    with pytest.raises(DeviceTimeout) as error:
+        open_slowly()
+    assert OPENING_S <= clock.now_s() < 5.0
+    assert str(error.value) == (
+        "stage (/dev/ttyS0): open: expected all answers within 4 s, got late answers, and at last silence "
+        "(send 'get pos'); check the line; for a slow device raise reply_timeout_s above 0.25"
+    )
+    assert time.left_s == math.inf
+
+
+def test_a_missing_answer_on_opening_is_reported_after_the_reply_timeout():
+    time = CallTime(RIG_S, VirtualClock())
+    silence = timeout()
+
+    def open_in_vain() -> None:
+        with time.opening(0.25):
+            assert not time.patient
+            assert (time.first_wait_s(0.25), time.last_wait_s(0.25)) == (0.25, 0.25)
+            with time.call():
+                # a call of the driver's own on opening is part of it
+                assert time.last_wait_s(0.25) == 0.25
+            raise silence
+
+    with pytest.raises(DeviceTimeout) as error:
+        open_in_vain()
+    assert error.value is silence
+    with time.call():
+        assert time.patient
+
+
+def test_a_slow_device_has_more_time_for_opening():
+    time = CallTime(clock=VirtualClock())
+    with time.opening(10.0):
+        assert time.left_s == 40.0

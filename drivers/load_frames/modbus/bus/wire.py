@@ -34,6 +34,10 @@ TCP_HEADER = 7
 # If a line is not silent within this multiple of the required silence, other devices are sending on it.
 QUIET_ATTEMPTS = 10
 # A device answers within this time, in seconds, unless it lost the request.
+# On two-wire RS-485 a late answer and the check request after a silence may collide. This is accepted: a
+# master may send again after its reply timeout (MODBUS over Serial Line V1.02, chapter 2.4.1), and only must
+# keep the silent interval of 3.5 characters. The checksum shows a message damaged by a collision, so a
+# collision may fail a reading, but no wrong value is taken.
 OWED_AGAIN_S = 0.12
 
 

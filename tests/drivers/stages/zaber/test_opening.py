@@ -1,5 +1,7 @@
 """What a Zaber stage is told and asked when it is opened, and what is refused then."""
 
+from dataclasses import replace
+
 import pytest
 
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
@@ -122,3 +124,17 @@ def test_a_simulated_rigs_stage_is_found_by_name_and_marked(line, clock):
     stage = open_stage(settings("@stage"), OpenContext("stage", clock, Environment()))
     assert stage.info.simulated
     stage.close()
+
+
+def test_a_stage_whose_answers_all_come_late_is_reported(line, context):
+    answers = [b""]
+
+    def late(command: str, answer: Answer) -> bytes:
+        answers.append(answer())
+        return answers[-2]
+
+    line.tamper = late
+    with pytest.raises(
+        DeviceTimeout, match=r"'get deviceid': expected an answer within 0\.05 s, got silence"
+    ):
+        open_stage(settings(line.address, reply_timeout_s=0.05), replace(context, call_timeout_s=60.0))
