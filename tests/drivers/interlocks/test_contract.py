@@ -1,5 +1,6 @@
 """The interlock's driver keeps the contract for contacts and registers, on every line."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import closing
 from functools import partial
@@ -37,15 +38,16 @@ class Module(InputModule):
 
 
 @pytest.mark.parametrize("line", LINES)
-class Lines(InterlockContract):
+class Lines(InterlockContract, ABC):
     """The contract on one line; the subclasses say which input is read."""
 
     settings: ClassVar[dict[str, object]]
     values: tuple[float, ...]
     has_sensor = False
 
+    @abstractmethod
     def show(self, module: Module, value: float) -> None:
-        raise NotImplementedError
+        """Set the true value of the input."""
 
     @pytest.fixture
     def bench(self, line: str) -> Iterator[InterlockBench]:
