@@ -271,7 +271,8 @@ class OpenContext:
     environment : object or None
         The simulated rig; None for a real rig. The attribute `addresses` of the simulated rig maps the name
         of each simulated server to an address. A rig file refers to such an address as ``@name``. Drivers of
-        simulated devices also use other attributes of the simulated rig.
+        simulated devices also use other attributes of the simulated rig. The attribute `patience_s`, if there
+        is one, becomes `patience_s` of this class.
     guarded : bool
         True if a guardian process watches the run and has a connection to the device. The guardian stops the
         device if the process of the run fails.
@@ -282,6 +283,10 @@ class OpenContext:
     call_timeout_s : float
         Deadline of the rig for one call of the device, in seconds. The driver reports a missing answer itself
         before this deadline. Infinite outside a rig.
+    patience_s : float
+        Additional real time, in seconds, for each call, and for each answer while the device is opened. A
+        simulated device may answer late because other programs keep the computer busy; meanwhile simulated
+        time stands still. 0 for a real device.
     """
 
     name: str
@@ -290,3 +295,4 @@ class OpenContext:
     guarded: bool = False
     relay: str = ""
     call_timeout_s: float = math.inf
+    patience_s: float = 0.0

@@ -202,6 +202,7 @@ class _Opener:
         self._opening_s, self._closing_s = opening_s, closing_s
         self._call_timeout_s = call_timeout_s
         self._environment: Any = None
+        self._patience_s = 0.0
         self.clock: Clock = SystemClock()
         self.lost: dict[str, str] = {}
 
@@ -209,13 +210,22 @@ class _Opener:
         """Open the simulated environment; all devices opened after it use its clock."""
         self._environment = self.open(entry)
         self.clock = self._environment.clock
+        self._patience_s = getattr(self._environment, "patience_s", 0.0)
 
     def open(self, entry: DeviceEntry | None) -> Any:
         """Open a device. Return None if there is none, or if it is noted in `failed`."""
         if entry is None:
             return None
         guarded, relay = entry.name in self._relays, self._relays.get(entry.name, "")
-        context = OpenContext(entry.name, self.clock, self._environment, guarded, relay, self._call_timeout_s)
+        context = OpenContext(
+            entry.name,
+            self.clock,
+            self._environment,
+            guarded,
+            relay,
+            self._call_timeout_s,
+            self._patience_s,
+        )
         try:
             device = _open(entry, context, self._opening_s)
         except (DeviceError, ConfigurationError) as error:

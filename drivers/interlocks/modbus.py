@@ -124,7 +124,7 @@ def open_input(settings: ModbusInputSettings, context: OpenContext) -> ModbusInp
     """Connect to the module and read the input once; raise `DeviceError` if this fails."""
     address = resolve_address(settings.address, context)
     place = ModbusAddress(address, settings.baud, settings.parity, settings.stop_bits, context.relay)
-    call_time = CallTime(context.call_timeout_s)
+    call_time = CallTime(context.call_timeout_s, patience_s=context.patience_s)
     link = ModbusLink(
         f"{context.name} ({address})", place, settings.unit, settings.reply_timeout_s, call_time=call_time
     )

@@ -32,12 +32,16 @@ class CallTime:
         The rig's deadline of one call; infinite outside a rig.
     clock : Clock, optional
         Clock for the deadlines; the default is the system's clock.
+    patience_s : float
+        Additional time for each call, and for each answer during opening: `OpenContext.patience_s`.
     """
 
-    def __init__(self, timeout_s: float = math.inf, clock: Clock | None = None) -> None:
-        self._usable_s = (
-            timeout_s if timeout_s == math.inf else timeout_s - min(MARGIN_S, MARGIN_SHARE * timeout_s)
-        )
+    def __init__(
+        self, timeout_s: float = math.inf, clock: Clock | None = None, patience_s: float = 0.0
+    ) -> None:
+        margin_s = 0.0 if timeout_s == math.inf else min(MARGIN_S, MARGIN_SHARE * timeout_s)
+        self._usable_s = timeout_s - margin_s + patience_s
+        self._patience_s = patience_s
         self._clock = clock or SystemClock()
         self._of_thread = threading.local()
 
@@ -65,8 +69,8 @@ class CallTime:
         DeviceTimeout
             If an answer is missing when the time is over.
         """
-        limit_s = max(OPENING_S, OPENING_ANSWERS * reply_timeout_s)
-        self._of_thread.end_s, self._of_thread.patient = self._clock.now_s() + limit_s, False
+        limit_s = max(OPENING_S, OPENING_ANSWERS * reply_timeout_s) + self._patience_s
+        self._of_thread.end_s, self._of_thread.opening = self._clock.now_s() + limit_s, True
         try:
             yield
         except DeviceTimeout as error:
@@ -80,10 +84,12 @@ class CallTime:
                 f"check the line; for a slow device raise reply_timeout_s above {reply_timeout_s:g}",
             ) from error
         finally:
-            self._of_thread.end_s, self._of_thread.patient = math.inf, True
+            self._of_thread.end_s, self._of_thread.opening = math.inf, False
 
     def first_wait_s(self, wait_s: float) -> float:
         """Return how long to wait before a request is repeated: `wait_s`, or less at the end of the call."""
+        if self._opening:
+            wait_s += self._patience_s
         return min(wait_s, self.left_s)
 
     def last_wait_s(self, wait_s: float) -> float:
@@ -96,7 +102,11 @@ class CallTime:
     @property
     def patient(self) -> bool:
         """Whether a late answer is as good as one in time: within a call, but not during opening."""
-        return self._end_s < math.inf and getattr(self._of_thread, "patient", True)
+        return self._end_s < math.inf and not self._opening
+
+    @property
+    def _opening(self) -> bool:
+        return getattr(self._of_thread, "opening", False)
 
     @property
     def left_s(self) -> float:

@@ -59,7 +59,7 @@ class GuardedStage(ABC, Generic[P]):
         self._relay = context.relay
         self._reply_timeout_s = settings.reply_timeout_s
         self._stop_times = stop_times
-        self._call_time = CallTime(context.call_timeout_s)
+        self._call_time = CallTime(context.call_timeout_s, patience_s=context.patience_s)
         self._port = self._opened_port(self._reply_timeout_s)
         self._port.call_time = self._call_time
         self._closed = False

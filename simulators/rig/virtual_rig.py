@@ -38,6 +38,13 @@ class VirtualRigSettings(Settings):
     )
     real_time: bool = Field(default=False, description="run in real time instead of simulated time")
     load_frame_map: Literal["generic", "scaled-integers", "separate-words"] = "generic"
+    patience_s: float = Field(
+        default=10.0,
+        ge=0,
+        le=25,
+        description="real time for which a driver waits longer for an answer, as other programs may keep "
+        "this computer busy while simulated time stands still; 0 for tests of missing answers",
+    )
     misalignment: Misalignment = Misalignment()
     specimen: SpecimenSettings = SpecimenSettings()
 
@@ -68,6 +75,9 @@ class VirtualRig:
         turns the same shaft. ``load_frame``, ``load_frame_rtu`` and ``load_frame_rtu_tcp`` are one load frame
         on Modbus TCP, on Modbus RTU on a pseudo-terminal, and on Modbus RTU over TCP. ``interlocks`` is a
         module with contacts and analogue inputs on Modbus TCP.
+    patience_s : float
+        Additional real time of a driver for each call, and for each answer while a device is opened. 0 in
+        real time, in which a late answer is a fault.
     faults : RigFaults
         Faults that can be switched on while the rig runs.
     picture_faults : PictureFaults
@@ -87,6 +97,7 @@ class VirtualRig:
     ) -> None:
         settings = settings or VirtualRigSettings()
         self.clock: Clock = clock or (SystemClock() if settings.real_time else VirtualClock())
+        self.patience_s = settings.patience_s if isinstance(self.clock, VirtualClock) else 0.0
         specimen = Specimen(settings.specimen)
         self.stage = StageDevice(self.clock)
         self.load_frame = LoadFrameDevice(self.clock, specimen, rng=np.random.default_rng(settings.seed))

@@ -29,6 +29,7 @@ RIG = """
 name = "matrix"
 [simulation]
 driver = "virtual-rig"
+patience_s = 0.0
 [cameras.front]
 driver = "simulated-camera"
 width_px = 32

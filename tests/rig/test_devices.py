@@ -167,3 +167,4 @@ def test_drivers_are_told_the_deadline_of_their_calls():
     with open_rig(replace(rig_file([], contexts), call_timeout_s=1.5)):
         pass
     assert contexts["stage"].call_timeout_s == 1.5
+    assert contexts["stage"].patience_s == 0.0

@@ -3,7 +3,6 @@
 import json
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import h5py
@@ -24,6 +23,7 @@ from rig import (
 from rig.errors import InterlockOpen
 from rig.rigfile import read_rig
 from simulators.rig.virtual_rig import VirtualRig
+from tests.opened_rigs import opened_rigs
 from tests.places import example
 
 DOOR = """
@@ -43,21 +43,6 @@ scale = 0.1
 quantity = "°C"
 allowed_max = 40
 """
-
-
-@contextmanager
-def opened_rigs() -> Iterator[list[VirtualRig]]:
-    """The virtual rigs that are opened within this context."""
-    opened: list[VirtualRig] = []
-    build = VirtualRig.__init__
-
-    def built(rig: VirtualRig, *args, **kwargs) -> None:
-        build(rig, *args, **kwargs)
-        opened.append(rig)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(VirtualRig, "__init__", built)
-        yield opened
 
 
 @pytest.fixture
@@ -144,7 +129,8 @@ def hot(tmp_path_factory) -> Path:
             loaded = rigs[0].load_frame.load_n() > 100.0
             rigs[0].interlocks.set_register(0, 410 if loaded else 200)
 
-        assert run_protocol(*files, on_progress=on_progress).status == "failed"
+        outcome = run_protocol(*files, on_progress=on_progress)
+    assert "expected interlock oven at most 40 °C, got 41 °C" in outcome.reason
     return files[2]
 
 

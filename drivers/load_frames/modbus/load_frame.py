@@ -192,7 +192,7 @@ def open_frame(
     place = settings.place(resolve_address(settings.address, context), context.relay)
     shared = place.rtu or settings.connections - (1 if context.guarded else 0) < 2
     name = f"{context.name} ({place.text})"
-    call_time = CallTime(context.call_timeout_s)
+    call_time = CallTime(context.call_timeout_s, patience_s=context.patience_s)
     links = [
         ModbusLink(name, place, settings.unit, settings.reply_timeout_s, hold_times.answer_s, call_time)
         for _ in range(1 if shared else 2)

@@ -118,6 +118,16 @@ def test_a_missing_answer_on_opening_is_reported_after_the_reply_timeout():
         assert time.patient
 
 
+def test_patience_lengthens_calls_and_each_answer_on_opening():
+    time = CallTime(0.7, VirtualClock(), patience_s=10.0)
+    assert time.first_wait_s(0.25) == 0.25
+    with time.call():
+        assert (time.first_wait_s(0.25), time.last_wait_s(0.25)) == (0.25, 10.62)
+    with time.opening(0.25):
+        assert (time.first_wait_s(0.25), time.last_wait_s(0.25)) == (10.25, 10.25)
+        assert time.left_s == OPENING_S + 10.0
+
+
 def test_a_slow_device_has_more_time_for_opening():
     time = CallTime(clock=VirtualClock())
     with time.opening(10.0):

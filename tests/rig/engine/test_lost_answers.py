@@ -1,7 +1,7 @@
 """One lost answer is survived within the deadline of a call, with the defaults of every driver."""
 
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, nullcontext
 from typing import Any
 
 import pytest
@@ -10,10 +10,12 @@ from drivers.clock import SystemClock
 from drivers.errors import DeviceError
 from drivers.interfaces import OpenContext
 from drivers.registry import find_driver
+from rig.devices import open_rig
 from rig.engine.calls import Calls, Deadline
-from rig.rigfile import CALL_TIMEOUT_S
+from rig.rigfile import CALL_TIMEOUT_S, read_rig
 from simulators import VirtualRig
 from simulators.rig.virtual_rig import VirtualRigSettings
+from tests.opened_rigs import opened_rigs
 
 FRAME = {"load_max_n": 14000.0, "displacement_max_mm": 6.0}
 STAGE = {"angle_min_deg": -5.0, "angle_max_deg": 365.0}
@@ -50,6 +52,42 @@ def test_reading_survives_one_lost_answer_within_its_deadline(virtual, line, fau
         assert calls.do(line, "read", device.read, Deadline(CALL_TIMEOUT_S)).moving is False
         print(f"{line}, {fault}: {SystemClock().now_s() - before_s:.2f} s")
         calls.close()
+
+
+BUSY = """
+[rig]
+name = "busy"
+[simulation]
+driver = "virtual-rig"
+patience_s = {patience_s}
+[operator]
+driver = "simulated-operator"
+[load_frame]
+driver = "modbus-frame"
+address = "@load_frame"
+load_max_n = 14000.0
+displacement_max_mm = 6.0
+[cameras.front]
+driver = "simulated-camera"
+[interlocks.door]
+driver = "modbus-input"
+address = "@interlocks"
+number = 2
+allowed_min = 1
+"""
+
+
+@pytest.mark.parametrize("device", ["load_frame", "interlock"])
+def test_a_busy_computer_does_not_make_a_simulated_device_silent(device, tmp_path):
+    """Simulated devices share the computer with other programs; simulated time stands still meanwhile."""
+    for patience_s in (20.0, 0.0):
+        path = tmp_path / "rig.toml"
+        path.write_text(BUSY.format(patience_s=patience_s))
+        with opened_rigs() as rigs, open_rig(read_rig(path)) as rig:
+            read = rig.load_frame.read if device == "load_frame" else rig.interlocks["door"].device.read
+            rigs[0].faults.switch_on(f"{device}.delay:0.8:1")
+            with nullcontext() if patience_s else pytest.raises(DeviceError, match="an answer within"):
+                read()
 
 
 @pytest.mark.parametrize("line", LINES)
