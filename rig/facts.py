@@ -31,7 +31,9 @@ class RigFacts:
     has_load_frame: bool | None = None
     cameras: int | None = None
     image_bytes: int | None = None
+    load_min_n: float | None = None
     load_max_n: float | None = None
+    displacement_min_mm: float | None = None
     displacement_max_mm: float | None = None
     speed_max_mm_s: float | None = None
     load_rate_max_n_s: float | None = None
@@ -42,6 +44,14 @@ class RigFacts:
 
 
 UNKNOWN_RIG = RigFacts()
+_OF_LOAD_FRAME = (
+    "load_min_n",
+    "load_max_n",
+    "displacement_min_mm",
+    "displacement_max_mm",
+    "speed_max_mm_s",
+    "load_rate_max_n_s",
+)
 
 
 def facts_of_file(rig_file: RigFile) -> RigFacts:
@@ -52,7 +62,7 @@ def facts_of_file(rig_file: RigFile) -> RigFacts:
     """
     facts: dict[str, float | None] = {}
     if rig_file.load_frame is not None:
-        for name in ("load_max_n", "displacement_max_mm", "speed_max_mm_s", "load_rate_max_n_s"):
+        for name in _OF_LOAD_FRAME:
             facts[name] = rig_file.load_frame.setting(name)
     if rig_file.stage is not None:
         for name in ("angle_min_deg", "angle_max_deg", "speed_deg_s"):
@@ -86,13 +96,7 @@ def confirm(facts: RigFacts, rig: Rig) -> RigFacts:
     if rig.load_frame is None:
         return facts
     limits = rig.load_frame.limits
-    return replace(
-        facts,
-        load_max_n=limits.load_max_n,
-        displacement_max_mm=limits.displacement_max_mm,
-        speed_max_mm_s=limits.speed_max_mm_s,
-        load_rate_max_n_s=limits.load_rate_max_n_s,
-    )
+    return replace(facts, **{name: getattr(limits, name) for name in _OF_LOAD_FRAME})
 
 
 def narrowed(rig_file: RigFile, protocol: Protocol) -> RigFile:

@@ -24,44 +24,29 @@ def limit_table(protocol: Protocol, facts: RigFacts, rig: RigLimits, string: Loa
     string : LoadString or None
         The plausible behaviour of specimen, grips and load frame in a tension test.
     """
-    both = [("load", "N", "load_max_n"), ("displacement", "mm", "displacement_max_mm")]
+    both = [
+        ("load", "N", "load_min_n", "load_max_n"),
+        ("displacement", "mm", "displacement_min_mm", "displacement_max_mm"),
+    ]
     up = [("speed", "mm/s", "speed_max_mm_s"), ("load rate", "N/s", "load_rate_max_n_s")]
     limits: list[Limit] = []
     declared, devices = protocol.conditions.limits, protocol.conditions.devices
     if declared is not None:
-        for quantity, unit, key in both:
-            limits.append(_both_ways(quantity, unit, getattr(declared, key), f"limits.{key}"))
-            limits.append(_both_ways(quantity, unit, getattr(rig, key), f"the rig's limits.{key}"))
-            limits.append(_up(quantity, unit, getattr(facts, key), f"the rig's load_frame.{key}"))
+        for quantity, unit, least, greatest in both:
+            limits.append(_both_ways(quantity, unit, getattr(declared, greatest), f"limits.{greatest}"))
+            limits.append(_both_ways(quantity, unit, getattr(rig, greatest), f"the rig's limits.{greatest}"))
+            limits.append(_range(quantity, unit, facts, "the rig's load_frame", least, greatest))
         for quantity, unit, key in up:
             limits.append(_up(quantity, unit, getattr(rig, key), f"the rig's limits.{key}"))
             limits.append(_up(quantity, unit, getattr(facts, key), f"the rig's load_frame.{key}"))
         if string is not None:
             limits += _plausible(string)
     if "stage" in devices:
-        ends = (
-            ("the rig's limits", rig.angle_min_deg, rig.angle_max_deg),
-            ("the rig's stage", facts.angle_min_deg, facts.angle_max_deg),
-        )
-        for where, least, greatest in ends:
-            limits.append(
-                Limit(
-                    "angle",
-                    "deg",
-                    _bound(least, f"{where}.angle_min_deg"),
-                    _bound(greatest, f"{where}.angle_max_deg"),
-                )
-            )
+        for values, where in ((rig, "the rig's limits"), (facts, "the rig's stage")):
+            limits.append(_range("angle", "deg", values, where, "angle_min_deg", "angle_max_deg"))
     for each in facts.interlocks:
-        key = f"the rig's interlocks.{each.name}"
-        limits.append(
-            Limit(
-                f"interlock {each.name}",
-                each.unit,
-                _bound(each.allowed_min, f"{key}.allowed_min"),
-                _bound(each.allowed_max, f"{key}.allowed_max"),
-            )
-        )
+        where = f"the rig's interlocks.{each.name}"
+        limits.append(_range(f"interlock {each.name}", each.unit, each, where, "allowed_min", "allowed_max"))
     return LimitTable(limits)
 
 
@@ -106,6 +91,12 @@ def _plausible(string: LoadString) -> Iterable[Limit]:
 def _both_ways(quantity: str, unit: str, greatest: float | None, source: str) -> Limit:
     least = None if greatest is None else -greatest
     return Limit(quantity, unit, _bound(least, source), _bound(greatest, source))
+
+
+def _range(quantity: str, unit: str, values: object, where: str, least: str, greatest: str) -> Limit:
+    """Return the limit whose bounds are two attributes of `values`, which stand in the table `where`."""
+    low = _bound(getattr(values, least), f"{where}.{least}")
+    return Limit(quantity, unit, low, _bound(getattr(values, greatest), f"{where}.{greatest}"))
 
 
 def _up(quantity: str, unit: str, greatest: float | None, source: str) -> Limit:

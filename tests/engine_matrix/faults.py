@@ -51,6 +51,9 @@ _ENDS = {
     "e-stop", "nan-load", "frozen-counter",
 }  # fmt: skip
 """Lasting faults after which no reading can be had or believed."""
+_LATE_ENOUGH = {"stage.late"}
+"""Lasting faults that a line may bear at some moments: a repeated question brings the late answer to the
+first one, which is true of a stage at rest. While the stage moves, the run ends."""
 _BORNE = {"split:1", "delay:0.02:1", "duplicate:1"}
 
 
@@ -71,7 +74,11 @@ _LASTING = {"split", "duplicate"}
 def _of_device(device: str) -> list[RunFault]:
     return [
         RunFault(
-            f"{device}.{form}", (device,), _switched_on(f"{device}.{form}"), form in _ENDS, form in _BORNE
+            f"{device}.{form}",
+            (device,),
+            _switched_on(f"{device}.{form}"),
+            form in _ENDS and f"{device}.{form}" not in _LATE_ENOUGH,
+            form in _BORNE,
         )
         for form in (_QUICK.get(form, form) for form in rows(device) if form not in _LASTING)
     ]

@@ -22,6 +22,17 @@ def test_the_narrower_bound_of_protocol_rig_file_and_device_is_in_force(tension_
     assert str(table.get("load")).endswith("at most 12500 N (the rig's limits.load_max_n)")
 
 
+def test_the_least_load_and_displacement_of_the_machine_are_in_force(tension_protocol):
+    facts = RigFacts(load_min_n=-20.0, displacement_min_mm=0.1)
+    limits = limits_of(tension_protocol, facts)
+    assert "-20 N (the rig's load_frame.load_min_n)" in str(limits.table.get("load"))
+    with pytest.raises(Exception, match="expected a load"):
+        limits.table.check("load", -21.0, "step 1")
+    # the protocol's own bound is wider; a plan that asks for less than the machine allows is refused
+    (objection,) = limits_of(tension_protocol, RigFacts(load_min_n=2500.0)).objections
+    assert "asks for a load of 2000 N, but the rig's load_frame.load_min_n is 2500" in objection
+
+
 def test_a_plan_beyond_the_rig_s_own_table_is_refused(tension_protocol):
     assert limits_of(tension_protocol).objections == []
     rig = RigLimits(load_max_n=9_000.0, load_rate_max_n_s=100.0)
