@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from dic.runfile import superblock
-from dic.runfile.joined import file_sha256
+from dic.runfile.joined import JoinedRun, file_sha256, open_run
 from dic.runfile.lock import is_recorded
 from dic.runfile.reader import RunFile
 from rig.devices import Rig
@@ -101,7 +101,7 @@ def read_earlier(path: Path, protocol: Protocol, definition: str, configuration:
     def refuse(expected: str, got: str, remedy: str) -> ContinueError:
         return ContinueError(f"going on with {path}", expected, got, remedy)
 
-    with RunFile(path) as run:
+    with open_run(path) as run:
         if is_recorded(path):
             raise refuse("a run that has ended", "one that a program records now", "wait for its end")
         if not superblock.is_closed(path):
@@ -190,10 +190,10 @@ def require_unchanged(earlier: Earlier, protocol: Protocol, rig: Rig) -> Reading
 
 def _finished(run: RunFile) -> dict[int, Reading]:
     """Return the readings of the finished steps, with and without images, by their numbers."""
-    readings = {
-        step.index: Reading(step.time_s, step.load_n, step.displacement_mm, step.angle_deg)
-        for step in run.steps
-    }
+    earlier, steps = (run.earlier, run.own_steps) if isinstance(run, JoinedRun) else (None, run.steps)
+    readings = {} if earlier is None else _finished(earlier)
+    for step in steps:
+        readings[step.index] = Reading(step.time_s, step.load_n, step.displacement_mm, step.angle_deg)
     events = run.columns("events")
     # Run files of earlier versions have no order of their rows.
     rows = list(zip(events["message"], events["order"], strict=True)) if "order" in events else []

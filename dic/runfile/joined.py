@@ -41,36 +41,43 @@ class JoinedRun(RunFile):
     """A run that goes on with an earlier run, whose file is in the same folder.
 
     The steps are those of the earlier run, followed by those of the run itself.
+
+    Attributes
+    ----------
+    earlier : RunFile
+        The earlier run, which may itself go on with another one.
+    own_steps : list of RunStep
+        The steps of this file alone.
     """
 
     def __init__(self, path: str | Path) -> None:
         super().__init__(path)
-        self._own = self.steps
+        self.own_steps = self.steps
         try:
-            self._earlier = self._open_earlier()
+            self.earlier = self._open_earlier()
         except BaseException:
             self.close()
             raise
-        self.steps = [*self._earlier.steps, *self._own]
+        self.steps = [*self.earlier.steps, *self.own_steps]
 
     def close(self) -> None:
         """Close both files."""
         super().close()
-        if hasattr(self, "_earlier"):
-            self._earlier.close()
+        if hasattr(self, "earlier"):
+            self.earlier.close()
 
     def rows(self, camera: str, step: RunStep) -> range:
         """Return the row numbers of the frames that a camera took at a step, in the file of that step."""
         if not self._is_own(step):
-            return self._earlier.rows(camera, step)
-        return self._rows[camera][self._own.index(step)]
+            return self.earlier.rows(camera, step)
+        return self._rows[camera][self.own_steps.index(step)]
 
     def image(self, camera: str, step: RunStep) -> NDArray[np.float32]:
         """Return the mean of a camera's frames at a step: grey levels, shape (height, width)."""
-        return super().image(camera, step) if self._is_own(step) else self._earlier.image(camera, step)
+        return super().image(camera, step) if self._is_own(step) else self.earlier.image(camera, step)
 
     def _is_own(self, step: RunStep) -> bool:
-        return any(step is own for own in self._own)
+        return any(step is own for own in self.own_steps)
 
     def _open_earlier(self) -> RunFile:
         known: dict[str, Any] = self.continues or {}

@@ -82,6 +82,35 @@ def test_a_rotation_goes_on_from_its_finished_steps(tmp_path):
         assert all(abs(m.mean.exx) < 5e-3 for m in camera.measurements)
 
 
+def test_a_run_that_went_on_goes_on_again(tmp_path):
+    protocol, rig_path = files(tmp_path)
+    rig_path.write_text(rig_path.read_text().replace("450", "64"))
+    paths = [tmp_path / name for name in ("run.h5", "run-2.h5", "run-3.h5")]
+    last_steps = [2, 3, 5]
+    for path, before, last in zip(paths, [None, *paths], last_steps, strict=False):
+
+        def interrupt(record, last=last) -> None:
+            if record.step.index == last < 5:
+                signal.raise_signal(signal.SIGINT)
+
+        outcome = run_protocol(protocol, rig_path, path, on_step=[interrupt], continues=before)
+        assert outcome.status == ("completed" if last == 5 else "aborted"), outcome.reason
+    with RunFile(paths[2]) as run:
+        assert run.continues is not None
+        finished = run.continues["steps"]
+        own = [step.index for step in run.steps]
+    assert finished[:4] == [0, 1, 2, 3]
+    assert own == list(range(len(finished), 6))
+    assert verify_run(paths[2]).problems == []
+    with open_run(paths[2]) as joined:
+        assert [step.index for step in joined.steps] == list(range(6))
+    # the oldest file is needed too
+    paths[0].chmod(0o644)
+    paths[0].write_bytes(paths[0].read_bytes()[:-1])
+    with pytest.raises(RunFileError, match="copy the earlier run file into the same folder, unchanged"):
+        read_earlier(paths[1], read_protocol(protocol), protocol.read_text(), rig_path.read_text())
+
+
 def refusal(tmp_path: Path, change: Callable[[Path, Path, Path], None]) -> str:
     protocol, rig_path, path = interrupted(tmp_path, after=2)
     change(protocol, rig_path, path)
