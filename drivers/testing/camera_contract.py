@@ -18,10 +18,9 @@ from drivers.clock import SystemClock
 from drivers.errors import DeviceError
 from drivers.interfaces import Camera, Frame
 from drivers.testing.camera_bench import GRAB_S, ROUNDS, CameraBench
-from drivers.testing.common import Handle, assert_identified, assert_settings, needed, wait_until
+from drivers.testing.common import ANSWER_S, Handle, assert_identified, assert_settings, needed, wait_until
 from drivers.testing.stream_contract import StreamContract
 
-ANSWER_S = 30.0
 PAUSES, PAUSE_S = 0.3, 1e-3
 """Fraction of a driver's function calls and returns at which a thread pauses, and longest pause in
 seconds."""

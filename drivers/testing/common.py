@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
 import pytest
@@ -17,6 +18,8 @@ Counter = Callable[[], int]
 
 POLL_S = 0.05
 LONGEST_S = 600.0
+ANSWER_S = 30.0
+"""Real time in which every call of a driver must return or raise."""
 
 
 def needed(handle: H | None, what: str) -> H:
@@ -32,6 +35,13 @@ def wait_until(done: Callable[[], bool], clock: Clock, within_s: float = LONGEST
     while not done():
         assert clock.now_s() < end_s, "the expected state was not reached in time"
         clock.sleep(POLL_S)
+
+
+def assert_error_in_time(call: Callable[[], object], kind: type[DeviceError]) -> None:
+    """Check that a call raises an error of this kind in time, and that its message is complete."""
+    with ThreadPoolExecutor(1) as pool, pytest.raises(kind) as raised:
+        pool.submit(call).result(ANSWER_S)
+    assert_says_all(raised.value)
 
 
 def assert_identified(info: DeviceInfo) -> None:

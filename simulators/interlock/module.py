@@ -6,12 +6,11 @@ Source: MODBUS Application Protocol Specification V1.1b3, chapters 6.1 to 6.4. N
 import struct
 import threading
 
-from simulators.load_frame.modbus_framing import HEADER, crc, cut_rtu, cut_tcp
 from simulators.wire.faults import INTERLOCK, FaultPanel
+from simulators.wire.modbus import ModbusRtuServer, ModbusTcpServer
 from simulators.wire.ports import LOCALHOST, Server, port_of
 
 _COILS, _DISCRETE, _HOLDING, _INPUT = 1, 2, 3, 4
-_UNIT = 1
 _ILLEGAL_FUNCTION, _ILLEGAL_ADDRESS, _ILLEGAL_VALUE = 1, 2, 3
 
 
@@ -69,18 +68,20 @@ class InputModule:
 class _InputModuleLine(Server):
     """A server of an `InputModule`; the subclasses frame its messages."""
 
+    unit = 1
+
     def __init__(self, module: InputModule, faults: FaultPanel | None) -> None:
         self.module = module
         self.faults = faults or FaultPanel(INTERLOCK)
 
-    def answer(self, request: bytes) -> bytes:
+    def answer(self, unit: int, request: bytes) -> bytes:
         """Execute one protocol data unit and return the data unit of the answer."""
         if (code := self.faults.take("exception")) is not None:
             return bytes([request[0] | 0x80, int(code)])
         return self.module.answer(request)
 
 
-class InputModuleServer(_InputModuleLine):
+class InputModuleServer(_InputModuleLine, ModbusTcpServer):
     """A Modbus TCP server of an `InputModule`.
 
     Parameters
@@ -96,29 +97,9 @@ class InputModuleServer(_InputModuleLine):
         super().__init__(module, faults)
         self._port = port_of(self, LOCALHOST, port)
 
-    def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
-        """Return the complete messages in a buffer, and the remaining bytes."""
-        return cut_tcp(buffer)
 
-    def respond(self, message: bytes) -> bytes:
-        """Execute one message and return the answer with the same transaction number."""
-        transaction, _, _, unit = struct.unpack(">HHHB", message[:HEADER])
-        reply = self.answer(message[HEADER:])
-        return struct.pack(">HHHB", transaction, 0, len(reply) + 1, unit) + reply
-
-    def damaged(self, reply: bytes) -> bytes:
-        """Return the answer with a wrong function code."""
-        return reply[:HEADER] + bytes([reply[HEADER] ^ 0x40]) + reply[HEADER + 1 :]
-
-    def readdressed(self, reply: bytes) -> bytes:
-        """Return the answer with the identifier of another unit."""
-        return reply[: HEADER - 1] + bytes([reply[HEADER - 1] ^ 0x02]) + reply[HEADER:]
-
-
-class InputModuleRtuServer(_InputModuleLine):
+class InputModuleRtuServer(_InputModuleLine, ModbusRtuServer):
     """A Modbus RTU server of an `InputModule`, on a pseudo-terminal or, with `host`, on a TCP port.
-
-    The server does not answer messages for other units.
 
     Parameters
     ----------
@@ -133,23 +114,3 @@ class InputModuleRtuServer(_InputModuleLine):
     ) -> None:
         super().__init__(module, faults)
         self._port = port_of(self, host, 0)
-
-    def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
-        """Return the complete messages in a buffer, and the remaining bytes."""
-        return cut_rtu(buffer)
-
-    def respond(self, message: bytes) -> bytes:
-        """Execute one message and return the answer; empty for another unit's message."""
-        return _sealed(message[:1] + self.answer(message[1:-2])) if message[0] == _UNIT else b""
-
-    def damaged(self, reply: bytes) -> bytes:
-        """Return the answer with one bit flipped, so that its checksum is wrong."""
-        return reply[:2] + bytes([reply[2] ^ 0x10]) + reply[3:]
-
-    def readdressed(self, reply: bytes) -> bytes:
-        """Return the answer with the address of another unit and a correct checksum."""
-        return _sealed(bytes([reply[0] ^ 0x02]) + reply[1:-2])
-
-
-def _sealed(message: bytes) -> bytes:
-    return message + crc(message)

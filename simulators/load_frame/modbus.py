@@ -9,13 +9,12 @@ import struct
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.faults import load_frame_faults
 from simulators.load_frame.layout import GENERIC, Layout
-from simulators.load_frame.modbus_framing import HEADER, crc, cut_rtu, cut_tcp
 from simulators.load_frame.registers import LoadFrameRegisters
 from simulators.wire.faults import LOAD_FRAME, FaultPanel
+from simulators.wire.modbus import ModbusRtuServer, ModbusTcpServer
 from simulators.wire.ports import LOCALHOST, Server, port_of
 
 TARGET_SILENT = 11
-BROADCAST = 0
 SERIAL = 220001
 
 
@@ -42,7 +41,7 @@ class _LoadFrameLine(Server):
         return self.registers.answer(request)
 
 
-class LoadFrameServer(_LoadFrameLine):
+class LoadFrameServer(_LoadFrameLine, ModbusTcpServer):
     """A Modbus TCP server of a simulated load frame.
 
     Parameters
@@ -85,28 +84,8 @@ class LoadFrameServer(_LoadFrameLine):
             return struct.pack(">BB", request[0] | 0x80, TARGET_SILENT)
         return super().answer(unit, request)
 
-    def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
-        """Return the complete messages in a buffer, and the remaining bytes."""
-        return cut_tcp(buffer)
 
-    def respond(self, message: bytes) -> bytes:
-        """Execute one message and return the answer with the same transaction number."""
-        transaction, _, _, unit = struct.unpack(">HHHB", message[:HEADER])
-        reply = self.answer(unit, message[HEADER:])
-        if reply is None:
-            return b""
-        return struct.pack(">HHHB", transaction, 0, len(reply) + 1, unit) + reply
-
-    def damaged(self, reply: bytes) -> bytes:
-        """Return the answer with a wrong function code, as from a gateway that confuses answers."""
-        return reply[:HEADER] + bytes([reply[HEADER] ^ 0x40]) + reply[HEADER + 1 :]
-
-    def readdressed(self, reply: bytes) -> bytes:
-        """Return the answer with the identifier of another unit."""
-        return reply[: HEADER - 1] + bytes([reply[HEADER - 1] ^ 0x02]) + reply[HEADER:]
-
-
-class LoadFrameRtuServer(_LoadFrameLine):
+class LoadFrameRtuServer(_LoadFrameLine, ModbusRtuServer):
     """A Modbus RTU server of a simulated load frame, on a pseudo-terminal or, with `host`, on a TCP port.
 
     The server does not answer damaged messages or messages for other units. A broadcast (unit 0) is executed
@@ -127,27 +106,3 @@ class LoadFrameRtuServer(_LoadFrameLine):
     ) -> None:
         super().__init__(device, unit, serial, layout, faults, registers)
         self._port = port_of(self, host, port)
-
-    def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
-        """Return the complete messages in a buffer, and the remaining bytes."""
-        return cut_rtu(buffer)
-
-    def respond(self, message: bytes) -> bytes:
-        """Execute one message and return the answer; empty for a broadcast or another unit's message."""
-        unit = message[0]
-        if unit not in (self.unit, BROADCAST):
-            return b""
-        reply = self.answer(unit, message[1:-2])
-        return b"" if reply is None or unit == BROADCAST else _sealed(bytes([unit]) + reply)
-
-    def damaged(self, reply: bytes) -> bytes:
-        """Return the answer with one bit flipped, so that its checksum is wrong."""
-        return reply[:2] + bytes([reply[2] ^ 0x10]) + reply[3:]
-
-    def readdressed(self, reply: bytes) -> bytes:
-        """Return the answer with the address of another unit and a correct checksum."""
-        return _sealed(bytes([reply[0] ^ 0x02]) + reply[1:-2])
-
-
-def _sealed(message: bytes) -> bytes:
-    return message + crc(message)

@@ -15,10 +15,11 @@ from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.layout import Block, Layout, Number
 from simulators.load_frame.state import FaultCode, MachineLimits, Readings, Refusal, RefusedError
 from simulators.wire.faults import FaultPanel
+from simulators.wire.modbus import WRITE_MANY
 
 REVISION = 1
 FIRMWARE = 0x0104
-READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY = 3, 4, 6, 16
+READ_HOLDING, READ_INPUT, WRITE_ONE = 3, 4, 6
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE = 1, 2, 3
 READ_MAX, WRITE_MAX = 125, 123
 

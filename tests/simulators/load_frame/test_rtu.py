@@ -5,11 +5,11 @@ import socket
 
 import pytest
 
-import simulators.load_frame.modbus_framing
+import simulators.wire.modbus
 from drivers.clock import VirtualClock
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.modbus import LoadFrameRtuServer
-from simulators.load_frame.modbus_framing import crc, cut_rtu
+from simulators.wire.modbus import crc, cut_rtu
 from tests.simulators.terminal import listen, terminal_of
 from tests.spring import Spring
 from tests.tcp_servers import load_frame_rtu_on_tcp
@@ -102,7 +102,7 @@ def test_no_stretch_longer_than_a_message_is_checked(monkeypatch):
         checked.append(len(data) + 2)
         return crc(data)
 
-    monkeypatch.setattr(simulators.load_frame.modbus_framing, "crc", count)
+    monkeypatch.setattr(simulators.wire.modbus, "crc", count)
     noise = bytes([0x2B, 0x10]) * 2048
     assert cut_rtu(noise) == ([], noise[-256:])
     # MODBUS over Serial Line V1.02, 2.3: 256 bytes are the most
