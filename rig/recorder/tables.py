@@ -1,11 +1,13 @@
 """Create and fill the HDF5 groups, datasets and tables of a run file; `dic.runfile.schema` describes them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime, timedelta
+from functools import cache
 from typing import Any
 
 import h5py
 import numpy as np
+from h5py import h5s, h5t
 
 from dic.runfile import schema
 from drivers.interfaces import CameraInfo, Frame
@@ -20,11 +22,7 @@ class Table:
     def __init__(self, group: Any, layout: schema.Group) -> None:
         self._length = 0
         self._rows: list[Mapping[str, Any]] = []
-        *columns, last = (
-            (item.name, create_dataset(group, item, shape=(0,), maxshape=(None,), chunks=(256,)))
-            for item in layout.items
-        )
-        self._columns, self._last = dict(columns), last
+        *self._columns, self._last = (_Column(group, item) for item in layout.items)
 
     def append(self, **values: Any) -> None:
         """Keep a row in memory until `write` is called."""
@@ -32,24 +30,47 @@ class Table:
 
     def write(self) -> None:
         """Write and flush all columns of the collected rows except the last column."""
-        for name, column in self._columns.items() if self._rows else ():
-            self._put(name, column)
+        for column in self._columns if self._rows else ():
+            column.put(self._length, self._rows)
 
     def acknowledge(self) -> None:
         """Write and flush the last column of the collected rows, which marks these rows as complete."""
         if self._rows:
-            self._put(*self._last)
+            self._last.put(self._length, self._rows)
             self._length += len(self._rows)
             self._rows.clear()
 
-    def _put(self, name: str, column: Any) -> None:
-        end = self._length + len(self._rows)
-        values = [row[name] for row in self._rows]
-        if column.dtype.kind == "S":
-            values = [fit(text, column.dtype.itemsize) for text in values]
-        column.resize((end,))
-        column[self._length : end] = np.array(values, column.dtype)
-        column.flush()
+
+class _Column:
+    """A column of a table, which is written by h5py's low-level functions.
+
+    A run writes all columns at each reading of a device, and an assignment to an h5py dataset takes nine
+    times as long: it determines the types and the selection anew, and makes an HDF5 object for each of them.
+    """
+
+    def __init__(self, group: Any, item: schema.Item) -> None:
+        dataset = create_dataset(group, item, shape=(0,), maxshape=(None,), chunks=(256,))
+        self._name, self._dataset, self._dtype = item.name, dataset.id, dataset.dtype
+        self._type = h5t.py_create(self._dtype)
+        self._place = dataset.id.get_space()
+
+    def put(self, first: int, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Write and flush this column's values of `rows`, beginning at the row `first` of the table."""
+        count, end = len(rows), first + len(rows)
+        values = [row[self._name] for row in rows]
+        if self._dtype.kind == "S":
+            values = [fit(text, self._dtype.itemsize) for text in values]
+        self._dataset.set_extent((end,))
+        self._place.set_extent_simple((end,), (h5s.UNLIMITED,))
+        self._place.select_hyperslab((first,), (count,))
+        self._dataset.write(_rows_in_memory(count), self._place, np.array(values, self._dtype), self._type)
+        self._dataset.flush()
+
+
+@cache
+def _rows_in_memory(count: int) -> Any:
+    """Return the HDF5 dataspace of `count` values one after the other."""
+    return h5s.create_simple((count,))
 
 
 class CameraTable:
