@@ -1,6 +1,7 @@
 """The operator of a simulated rig, who attaches the grid to the specimen and removes the grid."""
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from pydantic import Field
 
@@ -8,7 +9,9 @@ from drivers.clock import Clock
 from drivers.interfaces import OpenContext, OperatorAction
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
-from simulators.scene.scene import Scene, scene_of
+
+if TYPE_CHECKING:
+    from simulators.scene.scene import Scene
 
 
 class OperatorSettings(Settings):
@@ -36,7 +39,7 @@ class SimulatedOperator:
 
     def __init__(
         self,
-        scene: Scene,
+        scene: "Scene",
         clock: Clock,
         duration_s: float,
         on_action: Callable[[OperatorAction, bool], None] = lambda action, done: None,
@@ -60,6 +63,9 @@ class SimulatedOperator:
 
 
 def _open(settings: OperatorSettings, context: OpenContext) -> SimulatedOperator:
+    # imported here, because the scene loads numba, which a run on a rig in another program does not need
+    from simulators.scene.scene import scene_of
+
     return SimulatedOperator(scene_of(context), context.clock, settings.duration_s)
 
 

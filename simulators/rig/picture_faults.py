@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, uniform_filter1d
 
 from drivers.clock import Clock
 from drivers.errors import LinkLost
@@ -33,8 +32,13 @@ class PictureFaults:
         """Return the light that reaches the sensor, after the faults have changed `reflectance`."""
         sigma_px, length_px, percent = (self.panel.take(name) for name in ("defocus", "blur", "light"))
         if sigma_px is not None:
+            # imported here, because scipy.ndimage takes a third of a second of each start of a virtual rig
+            from scipy.ndimage import gaussian_filter
+
             reflectance = gaussian_filter(reflectance, float(sigma_px))
         if length_px is not None:
+            from scipy.ndimage import uniform_filter1d
+
             reflectance = uniform_filter1d(reflectance, max(1, int(length_px)), axis=1)
         if percent is not None:
             reflectance = reflectance * (float(percent) / 100.0)

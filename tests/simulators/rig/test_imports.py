@@ -1,0 +1,19 @@
+"""What a program loads before it uses a simulated rig: `rig run` and `rig simulate` wait for it."""
+
+import subprocess
+import sys
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("module", "heavy"),
+    [
+        ("simulators.rig.scene_client", {"numba", "scipy"}),
+        ("simulators.rig.simulation", {"scipy.ndimage"}),
+    ],
+)
+def test_rig_is_loaded_without_what_only_pictures_need(module: str, heavy: set[str]) -> None:
+    script = f"import sys, {module}; print({heavy} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
