@@ -12,6 +12,7 @@ from dataclasses import dataclass
 Number = int | float
 
 _FORMATS = {"u16": ">H", "i16": ">h", "u32": ">I", "i32": ">i", "f32": ">f"}
+_SIZES = {kind: struct.calcsize(form) // 2 for kind, form in _FORMATS.items()}
 WORD_ORDERS = {"ABCD": (0, 1, 2, 3), "CDAB": (2, 3, 0, 1), "BADC": (1, 0, 3, 2), "DCBA": (3, 2, 1, 0)}
 NO_VALUE = 0x7FFFFFFF
 """Load reading of a device with integer registers if the device cannot measure the load."""
@@ -29,7 +30,7 @@ class Register:
     @property
     def size(self) -> int:
         """Number of 16-bit registers that the value occupies."""
-        return struct.calcsize(_FORMATS[self.kind]) // 2
+        return _SIZES[self.kind]
 
 
 @dataclass(frozen=True)

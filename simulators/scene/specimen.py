@@ -11,6 +11,8 @@ from drivers.settings import Settings
 
 # The yield stress is the stress at this plastic strain (0.2 % offset).
 YIELD_STRAIN = 0.002
+# Relative accuracy of a load, some hundred times the rounding error of a floating-point number.
+_ROUNDING = 1e-13
 
 
 class SpecimenSettings(Settings):
@@ -140,17 +142,24 @@ class Specimen:
         slip_mm = s.grip_slip_mm * (1.0 - exp(-load_n / s.grip_slip_load_n))
         return load_n * self._elastic_mm_per_n + slip_mm + self._plastic_strain(load_n) * s.parallel_length_mm
 
+    def _virgin_compliance_mm_n(self, load_n: float) -> float:
+        """Return the derivative of `_virgin_displacement_mm` at a load above 0."""
+        s = self.settings
+        slip_mm_n = s.grip_slip_mm / s.grip_slip_load_n * exp(-load_n / s.grip_slip_load_n)
+        plastic_per_n = self._exponent * self._plastic_strain(load_n) / load_n
+        return self._elastic_mm_per_n + slip_mm_n + plastic_per_n * s.parallel_length_mm
+
     def _virgin_load_n(self, displacement_mm: float, beyond_mm: float) -> float:
-        """Return the load on the curve of first loading, by bisection.
+        """Return the load on the curve of first loading, by Newton's method between two bounds.
 
         The elastic compliance is the lowest possible compliance, so it gives the upper bound of the load.
         """
         low, high = self._highest_n, self._highest_n + beyond_mm / self._elastic_mm_per_n
+        load_n = 0.5 * (low + high)
         while True:
-            middle = 0.5 * (low + high)
-            if not low < middle < high:
-                return middle
-            if self._virgin_displacement_mm(middle) < displacement_mm:
-                low = middle
-            else:
-                high = middle
+            excess_mm = self._virgin_displacement_mm(load_n) - displacement_mm
+            low, high = (load_n, high) if excess_mm < 0.0 else (low, load_n)
+            next_n = load_n - excess_mm / self._virgin_compliance_mm_n(load_n)
+            if abs(next_n - load_n) <= _ROUNDING * load_n or high - low <= _ROUNDING * high:
+                return min(max(next_n, low), high)
+            load_n = next_n if low < next_n < high else 0.5 * (low + high)

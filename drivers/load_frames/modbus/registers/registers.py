@@ -14,6 +14,7 @@ WordOrder = Literal["ABCD", "CDAB", "BADC", "DCBA"]
 Unit = Literal["", "N", "mm", "N/s", "mm/s", "s"]
 RAW_BOUNDS = {"u16": (0, 2**16), "i16": (-(2**15), 2**15), "u32": (0, 2**32), "i32": (-(2**31), 2**31)}
 FORMATS = {"u16": "H", "i16": "h", "u32": "I", "i32": "i", "f32": "f"}
+_SIZES = {name: struct.calcsize(">" + letter) // 2 for name, letter in FORMATS.items()}
 # In registers with these units, 0 means "off" or "never": a small value must not be rounded to 0.
 NEVER_ROUNDED_TO_0 = ("N/s", "mm/s", "s")
 
@@ -70,7 +71,7 @@ class Register(Settings):
     @property
     def size(self) -> int:
         """Number of registers that this value takes."""
-        return struct.calcsize(">" + FORMATS[self.type]) // 2
+        return _SIZES[self.type]
 
     @property
     def end(self) -> int:
@@ -155,11 +156,11 @@ class Block(Settings):
         self, words: Sequence[int], order: WordOrder, names: Collection[str] | None = None
     ) -> dict[str, Number]:
         """Return the values by name; a register without a valid value raises `ValueError`."""
-        values = {}
+        values, start = {}, self.address
         for name, register in self.registers.items():
             if names is not None and name not in names:
                 continue
-            first = register.address - self.address
+            first = register.address - start
             try:
                 values[name] = register.decode(words[first : first + register.size], order)
             except ValueError as error:
