@@ -17,12 +17,14 @@ from tests.command_line import Program
 
 DEADLINE_S = 60.0
 PERIOD_S = 0.002
-# A stage brakes at 1000 deg/s² here: from 10 deg/s in 10 ms.
+# A stage brakes at 1000 deg/s² here: from 10 deg/s in 10 ms. The grips do not slip, so an unloaded specimen is as
+# before, and the next run does not end at the slack that a slip would have left.
 RIG = """
 [rig]
 name = "stop times"
 [simulation]
 driver = "virtual-rig"
+specimen.grip_slip_mm = 0.0
 [stage]
 driver = "zaber-ascii"
 port = "@{stage}"
@@ -159,22 +161,35 @@ class Bench:
 
         `event` returns the time from which to count, or None for the time at which it was called.
         """
-        self._unload()
-        run_file = self.folder / "run.h5"
-        run_file.unlink(missing_ok=True)
-        files = (self.folder / f"{machine.name}.toml", "--rig", self.folder / "use.toml", "-o", run_file)
-        with closing(Program("run", *files)) as run:
-            self.wait_for_motion(run, machine)
-            time.sleep(self._rng.uniform(0.3, 0.9))
+        with closing(self.started(machine)) as run:
+            time.sleep(self._rng.uniform(0.1, 0.5))
             self._log.seek(0, os.SEEK_END)
             before_s = time.monotonic()
             began_s = event(run) or before_s
             stood_s = self._wait_for_standstill(machine, began_s)
             self._end(run)
+        assert stood_s > began_s, f"{machine.name} stood before the event"
         return 1000.0 * (stood_s - began_s)
 
-    def wait_for_motion(self, run: Program, machine: Machine) -> None:
-        """Return once the run has begun the motion that is to be stopped."""
+    def started(self, machine: Machine) -> Program:
+        """Start a run on an unloaded rig; return once it has begun the motion that is to be stopped."""
+        self.unload()
+        run = Program(*self.command(machine))
+        try:
+            self._wait_for_motion(run, machine)
+        except BaseException:
+            run.close()
+            raise
+        return run
+
+    def command(self, machine: Machine) -> tuple[object, ...]:
+        """Return the command line of a run with a new run file."""
+        for file in self.folder.glob("run.*"):
+            file.unlink()
+        protocol, rig_file = self.folder / f"{machine.name}.toml", self.folder / "use.toml"
+        return "run", protocol, "--rig", rig_file, "-o", self.folder / "run.h5"
+
+    def _wait_for_motion(self, run: Program, machine: Machine) -> None:
         self._log.seek(0, os.SEEK_END)
         for entry in self.entries():
             if entry["what"] == "command" and entry["command"].startswith(machine.begins):
@@ -213,7 +228,8 @@ class Bench:
                     os.kill(pid, signal.SIGKILL)
         run.process.wait(DEADLINE_S)
 
-    def _unload(self) -> None:
+    def unload(self) -> None:
+        """Clear all faults, and bring the machine to rest without load."""
         self.simulation.type("clear")
         self.simulation.wait_for("on: ")
         with open_rig(read_rig(self.folder / "use.toml")) as rig:

@@ -2,11 +2,12 @@
 
 import os
 import signal
+from contextlib import closing
 
 import pytest
 
-from tests.command_line import Program, run_rig
-from tests.rig.guardian.stopping import FRAME, STAGE, Bench, Machine, bench, guardian_of
+from tests.command_line import run_rig
+from tests.rig.guardian.stopping import FRAME, STAGE, guardian_of
 
 pytestmark = pytest.mark.realtime
 
@@ -19,19 +20,11 @@ CASES = [
 ]
 
 
-def started(measured: Bench, machine: Machine) -> Program:
-    folder = measured.folder
-    files = (folder / f"{machine.name}.toml", "--rig", folder / "use.toml", "-o", folder / "run.h5")
-    run = Program("run", *files)
-    measured.wait_for_motion(run, machine)
-    return run
-
-
 @pytest.mark.parametrize(("lines", "machine"), CASES)
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "frozen"])
-def test_a_run_without_its_guardian_ends_with_its_machine_at_rest(how, machine, lines, tmp_path):
-    with bench(tmp_path, *lines) as measured:
-        run = started(measured, machine)
+def test_a_run_without_its_guardian_ends_with_its_machine_at_rest(how, machine, lines, bench_on):
+    measured = bench_on(*lines)
+    with closing(measured.started(machine)) as run:
         os.kill(guardian_of(run), how)
         status, said = run.end()
         sentences = said.strip().splitlines()
@@ -42,14 +35,14 @@ def test_a_run_without_its_guardian_ends_with_its_machine_at_rest(how, machine, 
         assert expected in said
         assert "NOT CONFIRMED" not in said
         assert measured.stands(machine)
-        assert not (tmp_path / "run.guardian.log").exists()
+        assert not (measured.folder / "run.guardian.log").exists()
 
 
 @pytest.mark.parametrize(("lines", "machine"), CASES)
-def test_a_run_that_was_frozen_finds_its_machine_at_rest_and_ends(machine, lines, tmp_path):
+def test_a_run_that_was_frozen_finds_its_machine_at_rest_and_ends(machine, lines, bench_on):
     """After the stop by the guardian nothing that the run had in mind may be executed."""
-    with bench(tmp_path, *lines) as measured:
-        run = started(measured, machine)
+    measured = bench_on(*lines)
+    with closing(measured.started(machine)) as run:
         run.process.send_signal(signal.SIGSTOP)
         assert measured.stands(machine)
         run.process.send_signal(signal.SIGCONT)
@@ -60,24 +53,25 @@ def test_a_run_that_was_frozen_finds_its_machine_at_rest_and_ends(machine, lines
         assert measured.stands(machine)
 
 
-def test_a_dead_run_leaves_one_line_on_the_terminal_and_in_a_log_beside_the_run_file(tmp_path):
-    with bench(tmp_path) as measured:
-        run = started(measured, STAGE)
+def test_a_dead_run_leaves_one_line_on_the_terminal_and_in_a_log_beside_the_run_file(bench_on):
+    measured = bench_on()
+    with closing(measured.started(STAGE)) as run:
         run.process.kill()
         _, said = run.process.communicate(timeout=60)
         (line,) = said.splitlines()
         assert line.startswith("rig guardian: the process of the run is gone: load_frame and stage stopped, ")
-        (logged,) = (tmp_path / "run.guardian.log").read_text().splitlines()
+        (logged,) = (measured.folder / "run.guardian.log").read_text().splitlines()
         assert logged.endswith(line)
         assert measured.stands(STAGE)
 
 
-def test_the_machines_of_a_run_belong_to_it_alone(tmp_path):
-    with bench(tmp_path) as measured:
-        run = started(measured, STAGE)
+def test_the_machines_of_a_run_belong_to_it_alone(bench_on):
+    measured = bench_on()
+    with closing(measured.started(STAGE)) as run:
+        folder = measured.folder
         for arguments in (
-            ("run", tmp_path / "stage.toml", "--rig", tmp_path / "use.toml", "-o", tmp_path / "second.h5"),
-            ("check", tmp_path / "use.toml"),
+            ("run", folder / "stage.toml", "--rig", folder / "use.toml", "-o", folder / "second.h5"),
+            ("check", folder / "use.toml"),
         ):
             refused = run_rig(*arguments)
             assert refused.status == 2
@@ -88,14 +82,13 @@ def test_the_machines_of_a_run_belong_to_it_alone(tmp_path):
         assert run.end()[0] == 1
 
 
-def test_a_machine_that_the_guardian_cannot_reach_is_told_before_anything_moves(tmp_path):
-    with bench(tmp_path) as measured:
-        measured.simulation.type("fault load_frame.unplug")
-        measured.simulation.wait_for("on: ")
-        refused = run_rig(
-            "run", tmp_path / "stage.toml", "--rig", tmp_path / "use.toml", "-o", tmp_path / "run.h5"
-        )
-        assert refused.status == 2
-        assert "reach the machine for the guardian" in refused.err
-        assert len(refused.err.splitlines()) == 1
-        assert not (tmp_path / "run.h5").exists()
+def test_a_machine_that_the_guardian_cannot_reach_is_told_before_anything_moves(bench_on):
+    measured = bench_on()
+    arguments = measured.command(STAGE)
+    measured.simulation.type("fault load_frame.unplug")
+    measured.simulation.wait_for("on: ")
+    refused = run_rig(*arguments)
+    assert refused.status == 2
+    assert "reach the machine for the guardian" in refused.err
+    assert len(refused.err.splitlines()) == 1
+    assert not (measured.folder / "run.h5").exists()

@@ -26,24 +26,21 @@ QUICK = [
 
 
 @pytest.mark.parametrize(("event", "machine"), QUICK)
-def test_a_machine_stands_in_time(event, machine, tmp_path):
-    with bench(tmp_path) as measured:
-        # a hang takes most of its second in any case, so one is enough to see its bound
-        times = measure(measured, machine, event, 1 if "hangs" in event else 3)
+def test_a_machine_stands_in_time(event, machine, bench_on):
+    # a hang takes most of its second in any case, so one is enough to see its bound
+    times = measure(bench_on(), machine, event, 1 if "hangs" in event else 3)
     assert median(times.ms) <= EVENTS[event][1], times
 
 
-@MACHINES
-def test_a_machine_on_a_line_that_only_the_guardian_has_stands_in_time(machine, tmp_path):
-    with bench(tmp_path, "stage_tcp", "load_frame_rtu") as measured:
-        times = measure(measured, machine, "kill -9", 3)
-    assert median(times.ms) <= EVENTS["kill -9"][1], times
-
-
-def test_a_load_frame_stands_by_its_own_watchdog_when_everything_of_ours_is_frozen(tmp_path):
-    with bench(tmp_path) as measured:
-        times = measure(measured, FRAME, "all frozen", 1)
+def test_a_load_frame_stands_by_its_own_watchdog_when_everything_of_ours_is_frozen(bench_on):
+    times = measure(bench_on(), FRAME, "all frozen", 1)
     assert max(times.ms) <= FROZEN_MS, times
+
+
+@MACHINES
+def test_a_machine_on_a_line_that_only_the_guardian_has_stands_in_time(machine, bench_on):
+    times = measure(bench_on("stage_tcp", "load_frame_rtu"), machine, "kill -9", 3)
+    assert median(times.ms) <= EVENTS["kill -9"][1], times
 
 
 @pytest.mark.long
