@@ -14,8 +14,8 @@ from dic.correlation.status import Status
 from dic.correlation.turned_image import TurnableImage
 from dic.errors import CorrelationError, require_kind
 from dic.image.given import checked_region, grey_image
-from dic.image.point_grid import place_points
-from dic.image.spline import spline_image
+from dic.image.point_grid import clear_of_edges, place_points
+from dic.image.spline import edge_reach_px, spline_image
 from dic.image.texture import textured
 from dic.image.threads import processors
 from dic.typing import Float, Grey, ImageLike, Mask, PathLike
@@ -36,7 +36,8 @@ class Correlator:
         texture.
     settings : CorrelationSettings, optional
     clip : bool
-        True if subsets use only pixels of the region. Give True if the surface ends at the region's edge.
+        True if subsets use only pixels of the region that no edge disturbs: a cubic spline oscillates up to 4
+        px from an edge, a quintic spline up to 5 px. Give True if the surface ends at the region's edge.
     threads : int
         Number of threads. 0 means one thread for each processor.
 
@@ -71,7 +72,8 @@ class Correlator:
             self.region = textured(*slopes, settings.subset_px, threads)
         else:
             self.region = checked_region(region, grey.shape)
-            usable = self.region if clip else usable
+            if clip:
+                usable = clear_of_edges(self.region, settings.subset_px, edge_reach_px(settings.order))
         grid = place_points(self.region, usable, settings.subset_px, settings.step_px)
         mean = float(grey.mean())
         image = kernel.lay_reference(spline, slopes, usable, mean, threads)

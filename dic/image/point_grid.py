@@ -89,6 +89,32 @@ def place_points(centres: Mask, usable: Mask, subset_px: int, step_px: int) -> P
     )
 
 
+def clear_of_edges(region: Mask, subset_px: int, reach_px: int) -> Mask:
+    """Return the pixels of a region that its edges do not disturb.
+
+    Beyond the region's edge there may be a crack or the background, which move otherwise than the surface.
+    The spline of an image oscillates beside such an edge. A part of the region that is too narrow for a
+    subset between its disturbed pixels is returned whole, because otherwise it could not be measured.
+
+    Parameters
+    ----------
+    region : ndarray of bool, shape (height, width)
+    subset_px : int
+    reach_px : int
+        Distance from the region's edge within which pixels are disturbed. The image's edge is none.
+    """
+    import cv2
+
+    if region.all():
+        return region
+    clear = (cv2.distanceTransform(region.view(np.uint8), cv2.DIST_L2, 5) > reach_px).view(np.uint8)
+    least_px = int(np.ceil(MIN_PIXEL_FRACTION * subset_px))
+    wide = cv2.morphologyEx(clear, cv2.MORPH_OPEN, np.ones((least_px, least_px), np.uint8))
+    # The corner of a wide part is 1.42 times as far from the rest as its sides.
+    rim = cv2.distanceTransform(1 - wide, cv2.DIST_L2, 5) <= 1.5 * reach_px + 1.0
+    return np.asarray(wide.astype(bool) | (region & ~rim))
+
+
 def _pixels_around(usable: Mask, subset_px: int, y: Indices, x: Indices) -> Indices:
     """Return the number of usable pixels in the subset around each point (x, y), shape (rows, columns)."""
     import cv2

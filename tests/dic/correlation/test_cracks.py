@@ -29,8 +29,7 @@ def crack(speckle):
     y, x = np.mgrid[: pattern.shape[0], : pattern.shape[1]]
     deformed[np.abs(y - CRACK_Y) < opening(x)] = 20.0
     region = np.ones(pattern.shape, bool)
-    # Three pixels beside an edge the spline still rings.
-    region[CRACK_Y - 3 : CRACK_Y + 4, : int(TIP_X)] = False
+    region[CRACK_Y, : int(TIP_X)] = False
     return pattern.draw(noise_seed=1), deformed, region
 
 
@@ -39,7 +38,7 @@ def test_a_crack_does_not_smear(crack):
     field = Correlator(reference, region, SMALL).correlate(deformed)
     x, y = np.meshgrid(field.x_px, field.y_px)
     truth = np.where(y < CRACK_Y, -opening(x), opening(x))
-    lips = field.active & (np.abs(y - CRACK_Y) <= 10) & (x < TIP_X - 10) & (np.abs(y - CRACK_Y) > 3)
+    lips = field.active & (np.abs(y - CRACK_Y) <= 12) & (x < TIP_X - 10)
     assert lips.sum() > 30
     assert field.converged[lips].mean() > 0.97
     # The crack's faces curve within a subset, which an affine shape function leaves out: at most 0.02 px.
@@ -61,7 +60,7 @@ def test_without_a_mask_a_crack_does_smear(crack):
 def test_a_hole_does_not_smear(speckle):
     pattern, other = speckle(seed=42), speckle(seed=43)
     y, x = np.mgrid[: pattern.shape[0], : pattern.shape[1]]
-    hole = np.hypot(x - 90, y - 80) < 32
+    hole = np.hypot(x - 90, y - 80) < 29
     moved = pattern.draw(lambda x, y: ((x - 1.7) / 1.01, y + 0.6))
     moved[np.hypot(x - 1.7 - 0.9 - 90, y + 0.6 - 80) < 29] = other.draw()[80, 90]
     field = Correlator(pattern.draw(), ~hole, SMALL).correlate(moved)
