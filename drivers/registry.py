@@ -6,7 +6,7 @@ from importlib.metadata import entry_points
 from typing import Any, Literal, Protocol
 
 from drivers.interfaces import OpenContext
-from drivers.settings import Settings
+from drivers.settings import Settings, shown
 
 GROUP = "offaxis.drivers"
 
@@ -181,7 +181,7 @@ def find_driver(name: str) -> DriverSpec:
     """
     points = {point.value: point for point in entry_points(group=GROUP, name=name)}
     if not points:
-        raise LookupError(f"no driver {name!r} is installed; there are {', '.join(driver_names())}")
+        raise LookupError(f"no driver {shown(name)} is installed; there are {', '.join(driver_names())}")
     if len(points) > 1:
         raise LookupError(
             f"driver {name!r} is offered more than once: {', '.join(points)}; remove one package"

@@ -111,15 +111,17 @@ def mistakes_in(error: ValidationError, prefix: str = "") -> list[str]:
         elif finding["type"] == "missing":
             sentences.append(f"{where}: is missing; add it")
         elif finding["type"] in ("model_type", "dict_type"):
-            sentences.append(f"{where}: a table is expected, got {_short(repr(finding['input']))}")
+            sentences.append(f"{where}: a table is expected, got {shown(finding['input'])}")
         else:
             message = finding["msg"].removeprefix("Value error, ")
             message = message[:1].lower() + message[1:]
             got = finding["input"]
-            shown = "" if isinstance(got, (dict, list)) else f", got {_short(repr(got))}"
-            sentences.append(f"{where}: {message}{shown}")
+            but = "" if isinstance(got, (dict, list)) else f", got {shown(got)}"
+            sentences.append(f"{where}: {message}{but}")
     return sentences
 
 
-def _short(text: str) -> str:
+def shown(value: object) -> str:
+    """Return a value as it is shown in an error message, on one line and not longer than needed."""
+    text = repr(value)
     return text if len(text) <= _SHOWN_MAX else f"{text[:_SHOWN_MAX]}…"

@@ -62,3 +62,6 @@ def test_a_name_that_two_packages_offer_is_refused(install):
 def test_a_name_that_nobody_offers_is_refused_with_those_there_are():
     with pytest.raises(LookupError, match=r"no driver 'zabre' is installed; there are .*zaber-ascii"):
         find_driver("zabre")
+    with pytest.raises(LookupError) as refused:
+        find_driver("x" * 70_000)
+    assert len(str(refused.value)) < 500
