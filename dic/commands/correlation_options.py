@@ -21,6 +21,13 @@ incremental_option = click.option(
 poisson_option = click.option(
     "--poisson-ratio", default=0.33, show_default=True, help="Poisson's ratio of the specimen, for bending."
 )
+shift_option = click.option(
+    "--shift-std-um",
+    default=30.0,
+    show_default=True,
+    help="Standard deviation of the specimen's shift towards the camera since the reference, µm:"
+    " one camera cannot measure the shift.",
+)
 
 
 @dataclass(frozen=True)

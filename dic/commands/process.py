@@ -12,6 +12,7 @@ from dic.commands.correlation_options import (
     StrainOptions,
     incremental_option,
     poisson_option,
+    shift_option,
     step_option,
     strain_options,
     subset_option,
@@ -53,6 +54,7 @@ class MotionOptions:
     """Options for the correction of motion out of the grid's plane."""
 
     poisson_ratio: float
+    shift_std_um: float
     alignments: tuple[str, ...]
     save_alignment: Path | None
 
@@ -61,10 +63,10 @@ class MotionOptions:
         from dic import CorrectionSettings
 
         _, *alignments = all_of(
-            lambda: CorrectionSettings(self.poisson_ratio),
+            lambda: CorrectionSettings(self.poisson_ratio, shift_std_um=self.shift_std_um),
             *(partial(_read_alignment, text) for text in self.alignments),
         )
-        return CorrectionSettings(self.poisson_ratio, dict(alignments))
+        return CorrectionSettings(self.poisson_ratio, dict(alignments), self.shift_std_um)
 
 
 @click.command()
@@ -86,6 +88,7 @@ class MotionOptions:
     "motion",
     MotionOptions,
     poisson_option,
+    shift_option,
     click.option(
         "--alignment",
         "alignments",

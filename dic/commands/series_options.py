@@ -10,6 +10,7 @@ import click
 from dic.commands.correlation_options import (
     incremental_option,
     poisson_option,
+    shift_option,
     step_option,
     subset_option,
 )
@@ -164,6 +165,7 @@ class MotionOptions:
 
     motion: str
     poisson_ratio: float
+    shift_std_um: float
     alignment_file: Path | None
     save_alignment: Path | None
 
@@ -172,7 +174,7 @@ class MotionOptions:
         from dic import Motion, load_alignment
 
         known = None if self.alignment_file is None else load_alignment(self.alignment_file)
-        return Motion(self.motion, self.poisson_ratio, known)
+        return Motion(self.motion, self.poisson_ratio, known, self.shift_std_um)
 
     def require_rotation(self) -> None:
         """Raise an error if an alignment is to be saved but the motion is not a rotation.
@@ -219,6 +221,7 @@ motion_options = option_group(
         " rigid (a rotation), tension, or free (unknown, no correction).",
     ),
     poisson_option,
+    shift_option,
     click.option(
         "--alignment",
         "alignment_file",

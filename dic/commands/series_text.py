@@ -1,7 +1,11 @@
 """The text that `dic correlate` prints for each image: points, strains and correction."""
 
+import math
 from pathlib import Path
 from typing import Any
+
+_OTHERS = ("images", "calibration", "mounting", "model")
+"""Parts of the standard deviation beside the shift; see `dic.out_of_plane.strain_parts`."""
 
 
 def image_text(summary: dict[str, Any]) -> str:
@@ -37,7 +41,7 @@ def corrected_text(corrected: dict[str, Any]) -> str:
         The result of `Correction.as_dict`.
     """
     if not corrected["applied"]:
-        return f"not corrected: {corrected['reason']}"
+        return f"not corrected: {corrected['reason']}{_open_text(corrected)}"
     values = ", ".join(
         "–"
         if corrected[name] is None
@@ -45,7 +49,27 @@ def corrected_text(corrected: dict[str, Any]) -> str:
         for name in ("exx", "eyy", "exy")
     )
     slopes = ", ".join(f"{corrected[f'slope_{axis}_deg']:+z.3f}°" for axis in "xy")
-    return f"corrected exx, eyy, exy {values} µε (slopes x, y {slopes})"
+    return f"corrected exx, eyy, exy {values} µε (slopes x, y {slopes}){_shift_text(corrected)}"
+
+
+def _open_text(corrected: dict[str, Any]) -> str:
+    """Return a text about the uncertainty of calibrated strain, or "" if it is not known."""
+    if "calibrated_exx_std" not in corrected:
+        return ""
+    stds = ", ".join(f"{1e6 * corrected[f'calibrated_{name}_std']:.0f}" for name in ("exx", "eyy", "exy"))
+    return f"; calibrated strain is uncertain by ± {stds} µε, because the specimen may leave the grid's plane"
+
+
+def _shift_text(corrected: dict[str, Any]) -> str:
+    """Return a text about the part of the uncertainty that the shift causes, or "" if there is none."""
+    if "exx_std_shift" not in corrected:
+        return ""
+    shift = 1e6 * corrected["exx_std_shift"]
+    others = ", ".join(
+        f"{1e6 * math.sqrt(sum(corrected[f'{name}_std_{part}'] ** 2 for part in _OTHERS)):.0f}"
+        for name in ("exx", "eyy", "exy")
+    )
+    return f", of which ± {shift:.0f} µε of exx and eyy is the shift, and ± {others} all else"
 
 
 def _strain_text(strain: dict[str, Any]) -> str:

@@ -7,8 +7,9 @@ from dic.calibration.calibration import Calibration
 from dic.errors import Check, CorrelationError, is_number, require_all
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction
+from dic.out_of_plane.expectations import SHIFT_STD_UM
 from dic.out_of_plane.rigidity import correct_rotation
-from dic.out_of_plane.tension import correct_tilt
+from dic.out_of_plane.tension import correct_tilt, declined
 from dic.strain.measurement import Measurement
 
 MOTIONS = ("free", "rigid", "tension")
@@ -31,17 +32,21 @@ class Motion:
     alignment : Alignment, optional
         Alignment from an earlier rotation on the same fixture, for the motion "rigid". If an alignment is
         given, the rotated specimen need not be free of strain.
+    shift_std_um : float
+        Standard deviation of the specimen's shift towards the camera since the reference image. One camera
+        cannot measure the shift, so this value enters the standard deviations.
 
     Raises
     ------
     CorrelationError
-        If `kind` is none of the three motions, if Poisson's ratio is not between 0 and 0.5, or if an
-        alignment is given for another motion than "rigid".
+        If `kind` is none of the three motions, if Poisson's ratio is not between 0 and 0.5, if the shift's
+        standard deviation is negative, or if an alignment is given for another motion than "rigid".
     """
 
     kind: str = "free"
     poisson_ratio: float = POISSON_RATIO
     alignment: Alignment | None = None
+    shift_std_um: float = SHIFT_STD_UM
 
     def __post_init__(self) -> None:
         checks = [
@@ -53,6 +58,7 @@ class Motion:
                 "give the motion tension or rigid, or free if it is not known",
             ),
             poisson_check(self.poisson_ratio),
+            shift_check(self.shift_std_um),
             (
                 self.alignment is None or self.kind == "rigid",
                 "apply alignment",
@@ -72,6 +78,17 @@ def poisson_check(poisson_ratio: float) -> Check:
         "0 to 0.5",
         poisson_ratio,
         "give a Poisson's ratio of 0.33 for most metals",
+    )
+
+
+def shift_check(shift_std_um: float) -> Check:
+    """Return the check of the shift's standard deviation in the form that `require_all` takes."""
+    return (
+        is_number(shift_std_um) and 0.0 <= shift_std_um <= 1e4,
+        "standard deviation of the shift",
+        "0 to 10000 µm",
+        f"{shift_std_um} µm",
+        f"give --shift-std-um {SHIFT_STD_UM:g}, the default, or 0 if the specimen kept its distance",
     )
 
 
@@ -100,8 +117,13 @@ def correct(measurements: Sequence[Measurement], calibration: Calibration, motio
     """
     if motion.kind == "rigid":
         rotation = correct_rotation(measurements, calibration, motion.alignment)
-        return Corrections(rotation.corrections, rotation.alignment)
+        images = [
+            c if c.declined is None else declined(c.method, m, calibration, c.declined, motion.shift_std_um)
+            for m, c in zip(measurements, rotation.corrections, strict=True)
+        ]
+        return Corrections(images, rotation.alignment)
     if motion.kind == "tension":
-        return Corrections([correct_tilt(m, calibration, motion.poisson_ratio) for m in measurements])
+        poisson_ratio, shift_std_um = motion.poisson_ratio, motion.shift_std_um
+        return Corrections([correct_tilt(m, calibration, poisson_ratio, shift_std_um) for m in measurements])
     reason = "the specimen's motion is unknown"
-    return Corrections([Correction.refused("none", m, reason) for m in measurements])
+    return Corrections([declined("none", m, calibration, reason, motion.shift_std_um) for m in measurements])

@@ -1,6 +1,6 @@
 """The result of a correction for motion out of the grid's plane, for all correction methods."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -49,6 +49,9 @@ class Correction:
     stored_strain : StrainField or None
         Local strain that was read from a result file. If the attribute is None, `strain` is computed at its
         first use.
+    uncertainty : mapping of str to float, or None
+        Parts of the standard deviations of `mean`, standard deviations of the calibrated strain, and
+        probabilities of causes, by their names in JSON; see `docs/results.md`. None if not known.
     """
 
     method: str
@@ -59,23 +62,36 @@ class Correction:
     after_std: Float | None = None
     declined: str | None = None
     stored_strain: StrainField | None = None
+    uncertainty: Mapping[str, float] | None = None
 
     def __repr__(self) -> str:
         what = f"{self.mean}" if self.declined is None else f"declined: {self.declined}"
         return f"Correction({self.method}, {what})"
 
     @classmethod
-    def refused(cls, method: str, measurement: Measurement, reason: str) -> "Correction":
-        """Return the result if a measurement cannot be corrected: its calibrated values and the reason."""
+    def refused(
+        cls,
+        method: str,
+        measurement: Measurement,
+        reason: str,
+        mean: MeanStrain | None = None,
+        uncertainty: Mapping[str, float] | None = None,
+    ) -> "Correction":
+        """Return the result if a measurement cannot be corrected: its calibrated values and the reason.
+
+        The argument `mean` is the calibrated mean strain with standard deviations that contain the motion out
+        of the plane, and `uncertainty` their parts.
+        """
         if measurement.calibrated is None or measurement.calibrated_mean is None:
             raise ValueError("only calibrated measurements can be corrected")
         return cls(
             method,
-            measurement.calibrated_mean,
+            mean or measurement.calibrated_mean,
             measurement.calibrated,
             measurement.strain_settings,
             declined=reason,
             stored_strain=measurement.stored_strain,
+            uncertainty=uncertainty,
         )
 
     @cached_property
@@ -98,7 +114,7 @@ class Correction:
             slopes = dict(zip(names, map(_plain, np.concatenate(degrees)), strict=True))
             slopes["shift_mm"] = _plain(self.after.shift_mm) if np.isfinite(self.after_std[2]) else None
             slopes["shift_mm_std"] = _plain(self.after_std[2])
-        return summary | slopes
+        return summary | slopes | dict(self.uncertainty or {})
 
 
 def points_of(measurement: Measurement, calibration: Calibration) -> Points:

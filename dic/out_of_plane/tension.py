@@ -1,22 +1,27 @@
-"""Correct images of a tension test by one camera for the specimen's tilt since the reference image.
+"""Correct images of a tension test by one camera for the specimen's motion out of the grid's plane.
 
-`dic.out_of_plane.tilt` separates tilt from strain if the strain is uniform. To test this assumption, a motion
-that consists of affine motion, bending and tilt is fitted to the displacements. Residuals that are
-polynomials of second and third degree mean that the strain is not uniform. Other large residuals mean that
-the points do not belong to one body. If the strain is not uniform, or if the points do not belong to one
-body, the calibrated strain is not corrected.
+`dic.out_of_plane.tilt` separates the motion out of the plane from strain. If the models of the motion do not
+explain the displacements, or if the result would be less certain than the calibrated strain, the calibrated
+strain is not corrected. Its standard deviation then contains the motion out of the plane that is to be
+expected.
 """
+
+from dataclasses import replace
 
 import numpy as np
 
 from dic.calibration.calibration import Calibration
-from dic.out_of_plane.correction import Correction, by_centre, points_of
+from dic.out_of_plane.causes import Sight, curved
+from dic.out_of_plane.correction import Correction, points_of
+from dic.out_of_plane.expectations import SHIFT_STD_UM
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
-from dic.out_of_plane.tilt import TiltFit, fit_tilt, tilt_seen_from
+from dic.out_of_plane.strain_parts import StrainParts, open_parts
+from dic.out_of_plane.tilt import TiltFit, fit_tilt
 from dic.out_of_plane.uncertainty import Points
-from dic.strain.fit import gradient_weights, slopes_of
+from dic.strain.displacement import Displacement
+from dic.strain.fit import slopes_of
 from dic.strain.measurement import Measurement
-from dic.strain.strain import strain_of_gradient
+from dic.strain.strain import MeanStrain, strain_of_gradient
 from dic.typing import Float
 
 _FEWEST_POINTS = 30
@@ -28,19 +33,24 @@ If the specimen is already tilted in the reference, this tilt rotates with the s
 false strain of tilt times rotation (rad), which this method cannot detect.
 """
 
-_UNEVEN_PX = 0.002
-"""Accepted rms of the smooth residuals in addition to noise, because spline and lens cause such residuals."""
+_UNEXPLAINED = 70.0
+"""Largest misfit of a field that the model explains. Noise exceeds it once in a billion fields."""
 
+_UNEVEN_PX = 0.002
 _TORN = 2.0
 """Largest accepted residuals, as a multiple of the residuals that noise causes."""
 
-_BEYOND_NOISE = 3.0
 _USEFUL = 100e-6
 """A correction with a larger standard deviation of strain is made only if the correction is significant."""
 
 
-def correct_tilt(measurement: Measurement, calibration: Calibration, poisson_ratio: float) -> Correction:
-    """Correct one image of a tension test for the tilt of the specimen since the reference.
+def correct_tilt(
+    measurement: Measurement,
+    calibration: Calibration,
+    poisson_ratio: float,
+    shift_std_um: float = SHIFT_STD_UM,
+) -> Correction:
+    """Correct one image of a tension test for motion of the specimen out of the plane since the reference.
 
     If the image cannot be corrected, the result keeps the calibrated strain and gives the reason.
 
@@ -51,7 +61,9 @@ def correct_tilt(measurement: Measurement, calibration: Calibration, poisson_rat
     calibration : Calibration
         Calibration of the camera.
     poisson_ratio : float
-        Poisson's ratio of the specimen, which determines the shape of a bent specimen.
+        Poisson's ratio of the specimen.
+    shift_std_um : float
+        Standard deviation of the specimen's shift towards the camera since the reference.
     """
     pinhole = calibration.pinhole
     if pinhole is None:
@@ -59,52 +71,94 @@ def correct_tilt(measurement: Measurement, calibration: Calibration, poisson_rat
     points = points_of(measurement, calibration)
     objection = _unsuitable(measurement, points)
     if objection is not None:
-        return Correction.refused("tilt", measurement, objection)
-    centre_mm, settings = pinhole.centre_mm, measurement.strain_settings
-    fit = fit_tilt(points, centre_mm, poisson_ratio)
-    objection = _uneven(fit, points, calibration.mm_per_px)
+        return declined("tilt", measurement, calibration, objection, shift_std_um)
+    fit = fit_tilt(points, pinhole.centre_mm, poisson_ratio, 1e-3 * shift_std_um)
+    objection = _unexplained(fit, points, calibration.mm_per_px)
     if objection is not None:
-        return Correction.refused("tilt", measurement, objection)
-    gradient = _gradient(points, centre_mm, fit.plane)
-    change = np.abs(gradient - _gradient(points, centre_mm, Plane())).max()
-    covariance = _covariance(points, fit, centre_mm, poisson_ratio)
-    std = np.sqrt(np.diag(covariance))
-    if std[:4].max() > _USEFUL and change < 2 * std[:4].max():
-        reason = f"the tilt is too uncertain here (strain ± {1e6 * std[:4].max():.0f} µε)"
-        return Correction.refused("tilt", measurement, reason)
-    mean = strain_of_gradient(gradient, covariance[:4, :4], len(points.before_mm), settings.measure)
+        return declined("tilt", measurement, calibration, objection, shift_std_um)
+    return _corrected(measurement, points, fit, pinhole.centre_mm)
+
+
+def declined(
+    method: str, measurement: Measurement, calibration: Calibration, reason: str, shift_std_um: float
+) -> Correction:
+    """Return the calibrated strain with the reason why it is not corrected.
+
+    The standard deviations contain the motion out of the plane that is to be expected of a specimen.
+    """
+    points = None if calibration.pinhole is None else points_of(measurement, calibration)
+    if points is None or not points.determine(1) or points.displacement.noise is None:
+        return Correction.refused(method, measurement, reason)
+    measure = measurement.strain_settings.measure
+    gradient, covariances = open_parts(points, 1e-3 * shift_std_um)
+    parts = StrainParts.of(gradient, covariances, measure, np.zeros(3))
+    mean = _calibrated_mean(measurement, np.sum(list(covariances.values()), axis=0))
+    return Correction.refused(method, measurement, reason, mean, parts.as_dict())
+
+
+def _calibrated_mean(measurement: Measurement, covariance: Float) -> MeanStrain:
+    """Return the calibrated mean strain with the given covariance (4, 4) of its gradient."""
+    displacement, mean = measurement.calibrated, measurement.calibrated_mean
+    if displacement is None or mean is None:
+        raise ValueError("only calibrated measurements can be corrected")
+    before = displacement.position[displacement.valid]
+    gradient = slopes_of(before, displacement.vector[displacement.valid])
+    uncertain = strain_of_gradient(gradient, covariance, len(before), measurement.strain_settings.measure)
+    return replace(mean, **{name: value for name, value in vars(uncertain).items() if name.endswith("_std")})
+
+
+def _corrected(measurement: Measurement, points: Points, fit: TiltFit, centre_mm: Float) -> Correction:
+    settings, count = measurement.strain_settings, len(points.before_mm)
+    mean = strain_of_gradient(fit.gradient, fit.covariance, count, settings.measure)
+    plain = slopes_of(points.before_mm, points.after_mm - points.before_mm)
+    calibrated = strain_of_gradient(plain, None, count, settings.measure)
+    off = np.array([calibrated.exx - mean.exx, calibrated.eyy - mean.eyy, calibrated.exy - mean.exy])
+    parts = StrainParts.of(fit.gradient, fit.parts, settings.measure, off)
+    numbers = parts.as_dict() | {"curved_probability": fit.curved, "graded_probability": fit.graded}
+    # The shift is the same in calibrated and in corrected strain, so it does not decide.
+    own_std = np.sqrt(sum(part**2 for name, part in parts.parts.items() if name != "shift"))
+    if own_std.max() > _USEFUL and np.abs(off).max() < 2 * own_std.max():
+        change = f"{1e6 * np.abs(off).max():.0f} ± {1e6 * own_std.max():.0f} µε"
+        reason = (
+            f"the tilt is too uncertain here: a correction would change the strain by {change}{_doubt(fit)}"
+        )
+        covariance = fit.covariance + np.outer((plain - fit.gradient).ravel(), (plain - fit.gradient).ravel())
+        return Correction.refused(
+            "tilt", measurement, reason, _calibrated_mean(measurement, covariance), numbers
+        )
+    moved = _flattened(points, fit, centre_mm)
+    std = np.array([*fit.plane_std, np.nan])
+    return Correction("tilt", mean, moved, settings, fit.plane, std, uncertainty=numbers)
+
+
+def _doubt(fit: TiltFit) -> str:
+    """Return a text about the cause that the images do not tell from a tilt, or "" if there is none."""
+    if max(fit.graded, fit.curved) < 0.5:
+        return ""
+    if fit.graded > fit.curved:
+        return ", because a strain gradient along the specimen looks like a tilt"
+    return ", because a specimen that bends out of its plane looks like a tilted one"
+
+
+def _flattened(points: Points, fit: TiltFit, centre_mm: Float) -> Displacement:
+    """Return the displacements within the specimen's surface, without tilt and curvature."""
     moved = moved_out_of_plane(points.displacement, centre_mm, Plane(), fit.plane)
-    return Correction("tilt", mean, moved, settings, fit.plane, np.array([*std[4:], np.nan]))
-
-
-def _covariance(points: Points, fit: TiltFit, centre_mm: Float, poisson_ratio: float) -> Float:
-    """Return the covariance matrix (6, 6) of the corrected mean gradient and of the plane's two slopes."""
-
-    def estimate(centre_mm: Float) -> Float:
-        found = tilt_seen_from(points, centre_mm, poisson_ratio, fit.plane)
-        gradient = _gradient(points, centre_mm, found)
-        return np.array([*gradient.ravel(), found.slope_x, found.slope_y])
-
-    weights = gradient_weights(points.before_mm)
-    by_slope = np.einsum("nip,nis->ps", weights, fit.by_slope)
-    total = np.concatenate([weights + fit.slope_weights @ by_slope.T, fit.slope_weights], axis=2)
-    return points.covariance(total, by_centre(estimate, centre_mm))
-
-
-def _gradient(points: Points, centre_mm: Float, plane: Plane) -> Float:
-    """Return the mean displacement gradient (2, 2) of points whose deformed positions lie on `plane`."""
-    moved = plane.within(points.after_mm, centre_mm) - points.before_mm
-    return slopes_of(points.before_mm, moved)
+    sight = Sight(points.before_mm, points.after_mm, centre_mm)
+    vector = moved.vector.copy()
+    vector[points.use] -= curved(sight, fit.plane, fit.curvatures)
+    return replace(moved, vector=vector)
 
 
 def _unsuitable(measurement: Measurement, points: Points) -> str | None:
     """Return the reason why a tilt cannot be determined from the measurement, or None if it can."""
     mean, n = measurement.calibrated_mean, len(points.before_mm)
-    if mean is None or n < _FEWEST_POINTS or not points.determine(2):
+    if mean is None or n < _FEWEST_POINTS or not points.determine(3):
         return (
             f"{n} points are too few, or lie on too few rows: "
             f"at least {_FEWEST_POINTS} all over the gauge section are needed"
         )
+    if points.displacement.noise is None:
+        return "the noise of the displacements is unknown"
     if abs(mean.rotation_deg) > _MOST_TURN_DEG:
         return (
             f"the specimen turned by {mean.rotation_deg:.1f}°, more than the {_MOST_TURN_DEG:g}° "
@@ -113,19 +167,16 @@ def _unsuitable(measurement: Measurement, points: Points) -> str | None:
     return None
 
 
-def _uneven(fit: TiltFit, points: Points, mm_per_px: float) -> str | None:
-    """Return the reason why the fit of affine motion, bending and tilt is too bad, or None if it is good."""
+def _unexplained(fit: TiltFit, points: Points, mm_per_px: float) -> str | None:
+    """Return the reason why no model explains the displacements, or None if one does."""
+    if fit.misfit > _UNEXPLAINED:
+        return (
+            f"the strain is not uniform (a smooth remainder, misfit {fit.misfit:.0f}; noise and the model of "
+            f"tilt, bending and gradient explain at most {_UNEXPLAINED:.0f})"
+        )
     noise = points.displacement.noise
     if noise is None:
-        return "the noise of the displacements is unknown"
-    covariance = points.covariance(fit.remainder_weights)
-    expected = np.sqrt(np.einsum("nip,pq,niq->", fit.terms, covariance, fit.terms) / len(fit.terms))
-    limit_mm = _BEYOND_NOISE * expected + _UNEVEN_PX * mm_per_px
-    if fit.remainder_rms_mm > limit_mm:
-        return (
-            "the strain is not uniform (a smooth remainder of "
-            f"{fit.remainder_rms_mm / mm_per_px:.3f} px, at most {limit_mm / mm_per_px:.3f} px is explained)"
-        )
+        raise ValueError("the noise of these displacements is unknown")
     rms_mm = np.sqrt((fit.residual_mm**2).sum(axis=1).mean())
     by_noise_mm = np.sqrt((noise.factors[points.use] ** 2).sum(axis=(1, 2)).mean())
     limit_mm = _TORN * by_noise_mm + _UNEVEN_PX * mm_per_px

@@ -1,72 +1,81 @@
-"""Solve the slopes of a specimen's plane from the displacement field that one camera measures.
+"""Separate strain from motion out of the plane in the displacement field that one camera measures.
 
-A tilt with the slopes a, b causes an apparent displacement. The linear part of this apparent displacement
-looks like strain. The quadratic part of the apparent displacement is (a x² + b x y, a x y + b y²)/Cz, where
-Cz is the height of the camera's centre. Uniform strain has no quadratic part. Bending of the specimen within
-the plane has the quadratic part (-(y² + ν x²)/2, x y) κ, where κ is the curvature and ν is Poisson's ratio.
-If the specimen bends in the direction of the other axis, x and y are exchanged. So bending can be
-distinguished from a tilt. The slopes are solved such that the points on the sloped plane move only by affine
-motion and bending.
+A tilt with the slopes a, b causes an apparent displacement whose linear part looks like strain. Its quadratic
+part (a x² + b x y, a x y + b y²)/Cz shows the tilt, because uniform strain has no quadratic part. Bending, a
+gradient of the strain and a curvature of the specimen have quadratic or cubic parts too. So the displacement
+field is reduced to a polynomial of third degree, and models of all these causes are fitted to its 20
+coefficients. The models are averaged by their evidence (`dic.out_of_plane.evidence`).
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
+from dic.out_of_plane.causes import Sight
+from dic.out_of_plane.evidence import probabilities
+from dic.out_of_plane.expectations import Expectations
+from dic.out_of_plane.linearised import Linearised, Outcome
 from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.polynomial import Polynomial
 from dic.out_of_plane.uncertainty import Points
 from dic.typing import Float
 
 _STEPS = 8
-_CLOSE = 1e-9
-"""The iteration ends when the slopes change by less than this, which is less than 1e-3 µε of strain."""
+_CLOSE = 1e-7
+"""The plane is final when its slopes change by less than this."""
 
-_SMALL = 1e-6
-"""Step of the slope for numerical derivatives."""
+_ROUGH_PX = 0.002
+"""Smooth errors of real lenses and patterns, which are assumed if smaller errors do not explain the field."""
 
-_MIMICKED = 0.1
-"""A polynomial term of the remainder is dropped if less than this fraction is independent of the fit."""
+_STRANGE = 40.0
+"""A field whose misfit is larger has larger smooth errors than usual. The expected misfit is 14."""
 
 
 @dataclass(frozen=True)
 class TiltFit:
-    """The slopes of the specimen's plane that explain one displacement field best, and the residuals.
+    """The motion of a specimen in tension, as one camera can know it.
 
     Attributes
     ----------
     plane : Plane
         Plane of the specimen's surface in the deformed image, relative to the surface in the reference.
-    slope_weights : ndarray, shape (n, 2, 2)
-        Weights with which the displacements on the sloped plane enter the two slopes (last axis).
-    by_slope : ndarray, shape (n, 2, 2)
-        Derivative of the points' positions on the plane with respect to the two slopes (last axis).
+    plane_std : ndarray, shape (2,)
+        Standard deviations of the two slopes.
+    curvatures : ndarray, shape (3,)
+        Curvatures of the surface since the reference: along X, mixed, along Y; 1/mm.
+    gradient : ndarray, shape (2, 2)
+        Mean displacement gradient of the specimen.
+    parts : mapping of str to ndarray, shape (4, 4)
+        Covariances of the gradient's elements xx, xy, yx, yy by their cause: "images" and the names in
+        `PARTS`.
+    curved, graded : float
+        Probability that the specimen bent out of its plane, and that its strain has a gradient.
+    misfit : float
+        Misfit of the best model; about 14 if the model holds.
     residual_mm : ndarray, shape (n, 2)
-        Displacement that affine motion, bending and tilt do not explain.
-    remainder_mm : ndarray, shape (n, 2)
-        The smooth part of the residual ("remainder"), which consists of polynomials of second and third
-        degree.
-    remainder_weights : ndarray, shape (n, 2, 14)
-        Weights with which the residual enters the 14 coefficients of the remainder.
-    terms : ndarray, shape (n, 2, 14)
-        The 14 polynomial terms of the remainder at the points.
+        Displacements that a polynomial of third degree does not fit.
     """
 
     plane: Plane
-    slope_weights: Float
-    by_slope: Float
+    plane_std: Float
+    curvatures: Float
+    gradient: Float
+    parts: Mapping[str, Float]
+    curved: float
+    graded: float
+    misfit: float
     residual_mm: Float
-    remainder_mm: Float
-    remainder_weights: Float
-    terms: Float
 
     @property
-    def remainder_rms_mm(self) -> float:
-        """Root mean square length of `remainder_mm`."""
-        return float(np.sqrt((self.remainder_mm**2).sum(axis=1).mean()))
+    def covariance(self) -> Float:
+        """Covariance of the gradient's elements, shape (4, 4)."""
+        return np.asarray(np.sum(list(self.parts.values()), axis=0))
 
 
-def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float) -> TiltFit:
-    """Find the slopes of the plane within which the specimen moves only by affine motion and bending.
+def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float, shift_std_mm: float) -> TiltFit:
+    """Find the motion out of the plane and the strain that explain a displacement field together.
 
     Parameters
     ----------
@@ -75,83 +84,69 @@ def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float) -> TiltFit:
     centre_mm : ndarray, shape (3,)
         The camera's centre in the grid's axes.
     poisson_ratio : float
-        Poisson's ratio of the specimen, which determines the shape of a bent specimen.
+        Poisson's ratio of the specimen.
+    shift_std_mm : float
+        Standard deviation of the specimen's shift towards the camera.
     """
-    shape = _Basis.of(points.before_mm, poisson_ratio)
-    plane = _solve(points, centre_mm, shape, Plane())
-    after = points.after_mm
-    moved = plane.within(after, centre_mm) - points.before_mm
-    by_slope = _by_slope(after, centre_mm, plane)
-    design = _design(shape, by_slope)
-    inverse = np.linalg.solve(design.T @ design, design.T)
-    residual = (moved.ravel() - design @ (inverse @ moved.ravel())).reshape(-1, 2)
-    # Make the terms of the remainder orthogonal to affine motion, bending and tilt.
-    terms = shape.remainder.reshape(2 * len(after), -1)
-    terms = terms - design @ (inverse @ terms)
-    weights = np.linalg.pinv(terms, rcond=_MIMICKED)
-    remainder = terms @ (weights @ residual.ravel())
-    n = len(after)
+    fit = _fit(points, centre_mm, poisson_ratio, shift_std_mm, None)
+    if fit.misfit > _STRANGE:
+        fit = _fit(points, centre_mm, poisson_ratio, shift_std_mm, _ROUGH_PX)
+    return fit
+
+
+def _fit(
+    points: Points, centre_mm: Float, poisson_ratio: float, shift_std_mm: float, smooth_px: float | None
+) -> TiltFit:
+    polynomial = Polynomial.of(points, centre_mm, smooth_px)
+    sight = Sight(points.before_mm, points.after_mm, centre_mm)
+    first = Linearised.about(Plane(), sight, polynomial, poisson_ratio)
+    expected = Expectations.of(shift_std_mm, first.strain, first.half_width_mm)
+    outcomes: list[Outcome] = []
+    # The equations are linear about a plane. Models of different kinds find different planes, so each kind is
+    # solved about its own plane.
+    for curved, graded in product((False, True), repeat=2):
+        plane = _mean_plane(outcomes) if outcomes else Plane()
+        kind = expected.only(curved=curved, graded=graded)
+        for _ in range(_STEPS):
+            linear = Linearised.about(plane, sight, polynomial, poisson_ratio)
+            models = linear.models(kind)
+            step = linear.mean_step(models)
+            if np.abs(step).max() < _CLOSE:
+                break
+            plane = Plane(plane.slope_x + float(step[0]), plane.slope_y + float(step[1]))
+        outcomes += linear.outcomes(models, kind)
+    residual_mm = polynomial.residual_mm(sight.moved(_mean_plane(outcomes)))
+    return _averaged(outcomes, residual_mm)
+
+
+def _mean_plane(outcomes: Sequence[Outcome]) -> Plane:
+    share = probabilities(np.array([o.log_evidence for o in outcomes]))
+    slopes = share @ np.array([o.slopes for o in outcomes])
+    return Plane(float(slopes[0]), float(slopes[1]))
+
+
+def _averaged(outcomes: Sequence[Outcome], residual_mm: Float) -> TiltFit:
+    """Return the average of all outcomes, weighted by their evidence."""
+    share = probabilities(np.array([o.log_evidence for o in outcomes]))
+    slopes, slope_std, curvatures, gradient = (
+        np.array([getattr(o, name) for o in outcomes])
+        for name in ("slopes", "slope_std", "curvatures", "gradient")
+    )
+    plane, mean = _mean_plane(outcomes), share @ gradient
+    parts = {
+        name: np.einsum("k,kij->ij", share, np.array([o.parts[name] for o in outcomes]))
+        for name in outcomes[0].parts
+    }
+    parts["model"] = parts["model"] + np.einsum("k,ki,kj->ij", share, gradient - mean, gradient - mean)
+    variance = share @ (slope_std**2 + (slopes - share @ slopes) ** 2)
     return TiltFit(
         plane,
-        np.asarray(inverse[-2:].T.reshape(n, 2, 2)),
-        by_slope,
-        residual,
-        remainder.reshape(n, 2),
-        np.asarray(weights.T.reshape(n, 2, -1)),
-        terms.reshape(n, 2, -1),
+        np.sqrt(variance),
+        share @ curvatures,
+        mean.reshape(2, 2),
+        parts,
+        float(share @ [o.curved for o in outcomes]),
+        float(share @ [o.graded for o in outcomes]),
+        min(o.misfit for o in outcomes),
+        residual_mm,
     )
-
-
-def tilt_seen_from(points: Points, centre_mm: Float, poisson_ratio: float, start: Plane) -> Plane:
-    """Return only the plane that `fit_tilt` finds; `start` is a plane close to the solution."""
-    return _solve(points, centre_mm, _Basis.of(points.before_mm, poisson_ratio), start)
-
-
-def _solve(points: Points, centre_mm: Float, shape: "_Basis", plane: Plane) -> Plane:
-    """Find the plane by Gauss-Newton steps, which also solve the affine motion and the bending."""
-    after = points.after_mm
-    for _ in range(_STEPS):
-        moved = plane.within(after, centre_mm) - points.before_mm
-        design = _design(shape, _by_slope(after, centre_mm, plane))
-        step = np.linalg.solve(design.T @ design, design.T @ moved.ravel())[-2:]
-        plane = Plane(plane.slope_x + step[0], plane.slope_y + step[1])
-        if np.abs(step).max() < _CLOSE:
-            break
-    return plane
-
-
-def _design(shape: "_Basis", by_slope: Float) -> Float:
-    """Return the design matrix of affine motion, bending and both slopes, shape (2 n, 10)."""
-    return np.asarray(np.concatenate([shape.uniform, -by_slope], axis=2).reshape(2 * len(by_slope), -1))
-
-
-def _by_slope(after: Float, centre_mm: Float, plane: Plane) -> Float:
-    """Return the derivative of the points' positions on the plane by its two slopes, shape (n, 2, 2)."""
-    here, sides = plane.within(after, centre_mm), []
-    for dx, dy in ((_SMALL, 0.0), (0.0, _SMALL)):
-        ahead = Plane(plane.slope_x + dx, plane.slope_y + dy).within(after, centre_mm)
-        sides.append((ahead - here) / _SMALL)
-    return np.stack(sides, axis=-1)
-
-
-@dataclass(frozen=True)
-class _Basis:
-    """Basis functions of displacement fields at n points.
-
-    `uniform` holds affine motion and bending, shape (n, 2, 8). `remainder` holds all polynomials of second
-    and third degree, shape (n, 2, 14).
-    """
-
-    uniform: Float
-    remainder: Float
-
-    @classmethod
-    def of(cls, position_mm: Float, poisson_ratio: float) -> "_Basis":
-        centred = position_mm - position_mm.mean(axis=0)
-        x, y = (centred / np.abs(centred).max()).T
-        one, none, nu = np.ones_like(x), np.zeros_like(x), poisson_ratio
-        affine = [(t, none) for t in (one, x, y)] + [(none, t) for t in (one, x, y)]
-        bending = [(-(y * y + nu * x * x) / 2, x * y), (x * y, -(x * x + nu * y * y) / 2)]
-        others = (x * x, x * y, y * y, x**3, x * x * y, x * y * y, y**3)
-        remainder = [(t, none) for t in others] + [(none, t) for t in others]
-        return cls(*(np.array(fields).transpose(2, 1, 0) for fields in (affine + bending, remainder)))

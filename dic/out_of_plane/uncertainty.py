@@ -57,10 +57,10 @@ class Points:
         return self.before_mm + self.displacement.vector[self.use]
 
     def determine(self, degree: int) -> bool:
-        """Return True if the points determine polynomials of the given degree, which is 1 or 2."""
+        """Return True if the points determine polynomials of the given degree."""
         centred = self.before_mm - self.before_mm.mean(axis=0)
         x, y = (centred / max(float(np.abs(centred).max(initial=0.0)), 1e-12)).T
-        terms = [np.ones_like(x), x, y] + ([x * x, x * y, y * y] if degree == 2 else [])
+        terms = [x ** (total - k) * y**k for total in range(degree + 1) for k in range(total + 1)]
         design = np.column_stack(terms)
         return len(x) > len(terms) and bool(np.linalg.cond(design.T @ design) < _DETERMINED)
 
@@ -78,21 +78,27 @@ class Points:
         on_grid[self.use] = weights
         return covariance_of_sums(on_grid, self.displacement.noise)
 
-    def smooth_covariance(self, weights: Float) -> Float:
+    def smooth_covariance(self, weights: Float, degree: int = 2, smooth_px: float | None = None) -> Float:
         """Return the covariance (p, p) that interpolation causes in p weighted sums of the displacements.
 
         Interpolation errors depend on the sub-pixel part of the displacement. In a strained specimen, this
-        sub-pixel part varies slowly over the field. So the errors are modelled as polynomials of first and
-        second degree, with the value `_SMOOTH_PX` at the outermost points.
+        sub-pixel part varies slowly over the field. So the errors are modelled as polynomials of first up to
+        `degree`-th degree, with the value `smooth_px` at the outermost points.
 
         Parameters
         ----------
         weights : ndarray, shape (n, 2, p)
             Weights of the displacements in the sums.
+        degree : int
+            Degree of the polynomials.
+        smooth_px : float, optional
+            Size of the errors. Default: the errors of rendered images.
         """
         centred = self.before_mm - self.before_mm.mean(axis=0)
         x, y = (centred / np.abs(centred).max()).T
-        terms = _SMOOTH_PX * self.calibration.mm_per_px * np.stack([x, y, x * x, x * y, y * y], axis=1)
+        size_mm = (_SMOOTH_PX if smooth_px is None else smooth_px) * self.calibration.mm_per_px
+        powers = [(total - k, k) for total in range(1, degree + 1) for k in range(total + 1)]
+        terms = size_mm * np.stack([x**i * y**j for i, j in powers], axis=1)
         factors = np.einsum("nip,nk->pik", weights, terms).reshape(weights.shape[2], -1)
         return np.asarray(factors @ factors.T)
 

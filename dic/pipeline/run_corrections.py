@@ -9,9 +9,17 @@ import numpy as np
 
 from dic.errors import CorrelationError, require_all
 from dic.out_of_plane.alignment import Alignment
-from dic.out_of_plane.correct import POISSON_RATIO, Corrections, Motion, correct, poisson_check
+from dic.out_of_plane.correct import (
+    POISSON_RATIO,
+    Corrections,
+    Motion,
+    correct,
+    poisson_check,
+    shift_check,
+)
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.diagnosis import Harmonics, Sensitivity, rotation_findings, tension_findings
+from dic.out_of_plane.expectations import SHIFT_STD_UM
 from dic.out_of_plane.two_cameras import TwoCameraStep, correct_with_two_cameras
 from dic.pipeline.camera_result import CameraResult
 
@@ -27,18 +35,23 @@ class CorrectionSettings:
     alignments : mapping of str to Alignment
         For rotations: the known alignment of each camera, keyed by the camera's name. An alignment comes from
         an earlier rotation on the same fixture.
+    shift_std_um : float
+        Standard deviation of the specimen's shift towards the camera since the reference image, for
+        corrections by one camera.
 
     Raises
     ------
     CorrelationError
-        If Poisson's ratio is out of range.
+        If Poisson's ratio or the standard deviation of the shift is out of range.
     """
 
     poisson_ratio: float = POISSON_RATIO
     alignments: Mapping[str, Alignment] = field(default_factory=dict)
+    shift_std_um: float = SHIFT_STD_UM
 
     def __post_init__(self) -> None:
-        require_all(CorrelationError, "settings", [poisson_check(self.poisson_ratio)])
+        checks = [poisson_check(self.poisson_ratio), shift_check(self.shift_std_um)]
+        require_all(CorrelationError, "settings", checks)
 
     def require_use(self, source: str, cameras: Sequence[str], kinds: Set[str]) -> None:
         """Raise an error if a run with these cameras and kinds of steps cannot use the given alignments.
@@ -65,17 +78,19 @@ class CorrectionSettings:
             name: {key: np.asarray(value).tolist() for key, value in vars(alignment).items()}
             for name, alignment in self.alignments.items()
         }
-        return json.dumps({"poisson_ratio": self.poisson_ratio, "alignments": alignments})
+        content = {"poisson_ratio": self.poisson_ratio, "alignments": alignments}
+        return json.dumps(content | {"shift_std_um": self.shift_std_um})
 
     @classmethod
     def from_text(cls, text: str) -> "CorrectionSettings":
-        """Return the settings from the JSON text that `as_text` returned."""
+        """Return the settings from the JSON text that `as_text` returned; older texts lack the shift."""
         content = json.loads(text)
         alignments = {
             name: Alignment(**{key: np.array(value, np.float64) for key, value in values.items()})
             for name, values in content["alignments"].items()
         }
-        return cls(float(content["poisson_ratio"]), alignments)
+        shift_std_um = float(content.get("shift_std_um", SHIFT_STD_UM))
+        return cls(float(content["poisson_ratio"]), alignments, shift_std_um)
 
 
 @dataclass(frozen=True)
@@ -155,7 +170,7 @@ def correct_run(cameras: Sequence[CameraResult], settings: CorrectionSettings) -
     corrected, findings = {}, {}
     for camera in cameras:
         alignment = settings.alignments.get(camera.camera) if motion == "rigid" else None
-        known = Motion(motion, settings.poisson_ratio, alignment)
+        known = Motion(motion, settings.poisson_ratio, alignment, settings.shift_std_um)
         found = correct(camera.measurements, camera.calibration, known)
         corrected[camera.camera] = found
         findings[camera.camera] = _findings(motion, camera, found)

@@ -15,6 +15,7 @@ from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.strain_parts import UNCERTAINTY_KEYS
 from dic.out_of_plane.two_cameras import TwoCameraStep
 from dic.results.schema import MEAN_KEYS
 from dic.strain.displacement import Displacement, raw_displacement
@@ -154,7 +155,14 @@ def _read_correction(group: Any, k: int, measurement: Measurement, anew: Correct
         after_std=after_std,
         declined=declined,
         stored_strain=strain,
+        uncertainty=_read_uncertainty(table, k),
     )
+
+
+def _read_uncertainty(table: Any, k: int) -> dict[str, float] | None:
+    """Return the parts of the standard deviations of a step; None if the file has none."""
+    values = {name: float(table[name][k]) for name in UNCERTAINTY_KEYS if name in table}
+    return {name: value for name, value in values.items() if np.isfinite(value)} or None
 
 
 def _read_field(series: Any, k: int, settings: CorrelationSettings) -> Field:

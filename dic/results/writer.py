@@ -15,6 +15,7 @@ import numpy as np
 from dic.errors import RunFileError
 from dic.files.writing import replacing
 from dic.out_of_plane.correction import Correction
+from dic.out_of_plane.strain_parts import UNCERTAINTY_KEYS
 from dic.out_of_plane.two_cameras import TwoCameraStep
 from dic.results.schema import FORMAT, MEAN_KEYS, PLANE_UNITS, VERSION, strain_units
 from dic.strain.displacement import Displacement
@@ -223,6 +224,10 @@ def _write_correction_table(group: Any, corrections: Sequence[Correction]) -> No
     for name, units in PLANE_UNITS.items():
         values = [summary.get(name) for summary in summaries]
         _write(group, name, units, np.array([np.nan if v is None else v for v in values], np.float64))
+    for name in UNCERTAINTY_KEYS:
+        values = [summary.get(name) for summary in summaries]
+        if any(value is not None for value in values):
+            _write(group, name, "1", np.array([np.nan if v is None else v for v in values], np.float64))
     methods = [correction.method for correction in corrections]
     group.create_dataset("method", data=methods, dtype=h5py.string_dtype())
     _write_reasons(group, [correction.declined for correction in corrections])

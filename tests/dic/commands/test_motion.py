@@ -125,13 +125,28 @@ def test_tension_loses_the_tilt_and_keeps_the_strain(pulled):
     studio, reference, image, F = pulled
     E = (F.T @ F - np.eye(2)) / 2
     true = MICRO * np.array([E[0, 0], E[1, 1], E[0, 1]])
-    _, report = studio.correlate(reference, [image], "--motion", "tension")
+    _, report = studio.correlate(reference, [image], "--motion", "tension", "--shift-std-um", "0")
     found = report["images"][0]
     assert np.abs(means(found, "calibrated") - true).max() > 1000
     assert np.abs(means(found, "corrected") - true).max() < 50
     assert found["corrected"]["slope_y_deg"] == pytest.approx(-0.15, abs=0.005)
     assert found["corrected"]["slope_x_deg"] == pytest.approx(0.03, abs=0.005)
     assert 0 < found["corrected"]["eyy_std"] < 50e-6
+
+
+def test_the_shift_that_one_camera_cannot_see_is_a_stated_part_of_the_uncertainty(pulled):
+    studio, reference, image, _ = pulled
+    printed, report = studio.correlate(reference, [image], "--motion", "tension", "--shift-std-um", "20")
+    corrected, per_um = report["images"][0]["corrected"], report["sensitivity"]["per_um"]
+    assert corrected["exx_std_shift"] == pytest.approx(20 * per_um, rel=0.02)
+    assert corrected["exx_std"] > corrected["exx_std_shift"]
+    assert f"± {1e6 * corrected['exx_std_shift']:.0f} µε of exx and eyy is the shift" in printed
+    assert "--shift-std-um" in refusal_of_a_negative_shift(studio, reference, image)
+
+
+def refusal_of_a_negative_shift(studio, reference, image):
+    calibrated = ("correlate", reference, image, "--calibration", studio.calibration)
+    return refusal(*calibrated, "--motion", "tension", "--shift-std-um", "-1")
 
 
 def test_free_motion_is_not_corrected(pulled):

@@ -32,10 +32,14 @@ class State:
     pose: Pose = field(default_factory=Pose)
     F: np.ndarray = field(default_factory=lambda: np.eye(2))
     within: object = None  # further motion within the plane: (n, 2) mm to (n, 2) mm
+    curvatures: tuple = (0.0, 0.0, 0.0)  # of the surface: along X, mixed, along Y; 1/mm
 
     def world(self, material_mm):
         moved = material_mm if self.within is None else self.within(material_mm)
-        return Surface(Blank(), self.pose, self.F).world(moved)
+        x, y = (moved @ self.F.T).T
+        along_x, mixed, along_y = self.curvatures
+        z = along_x * x * x / 2 + mixed * x * y + along_y * y * y / 2
+        return self.pose.apply(np.column_stack([x, y, z]))
 
 
 class OffCentre:

@@ -60,7 +60,7 @@ def tilted(seed):
     view, slopes_deg = view_from(rng, 30, seed), 0.15 * unit(rng.uniform(0, 7))
     state, calibration = State(Pose.sloped(*slopes_deg), stretched(rng)), view.calibration()
     (measurement,) = view.measurements([state], calibration)
-    found = correct_tilt(measurement, calibration, NU)
+    found = correct_tilt(measurement, calibration, NU, 0.0)
     slopes = np.array([found.after.slope_x, found.after.slope_y])
     z_slopes = (slopes - np.tan(np.radians(slopes_deg))) / found.after_std[:2]
     return (strains(found) - view.true_strain(measurement, state)) / deviations(found), z_slopes
@@ -85,7 +85,7 @@ def aligned(seed):
     view = view_from(rng, 30, seed)
     state, calibration = State(F=stretched(rng)), view.calibration()
     (measurement,) = view.measurements([state], calibration)
-    found = correct_tilt(measurement, calibration, NU)
+    found = correct_tilt(measurement, calibration, NU, 0.0)
     return (strains(found) - view.true_strain(measurement, state)) / deviations(found), found.after_std * 0
 
 

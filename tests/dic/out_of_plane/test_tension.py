@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dic.out_of_plane.strain_parts import PART_NAMES
 from dic.out_of_plane.tension import correct_tilt
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
 from tests.dic.out_of_plane.exact_views import State, View, deviations, strains
 
 NU = 0.33
+NAMES = ("exx", "eyy", "exy")
 BEND = 300e-6 / 10
 """Curvature, 1/mm: 300 µε over a width of 10 mm."""
 
@@ -37,9 +39,10 @@ def torn(p):
 
 
 def corrected(state, view=VIEW, calibration=None):
+    """Correct what one camera measures of a specimen that is known to keep its distance to 1 µm."""
     calibration = calibration or view.calibration()
     (measurement,) = view.measurements([state], calibration)
-    return measurement, correct_tilt(measurement, calibration, NU)
+    return measurement, correct_tilt(measurement, calibration, NU, 1.0)
 
 
 @pytest.mark.parametrize("within", [None, bent])
@@ -84,8 +87,45 @@ def test_motion_that_is_not_uniform_is_not_corrected(within, reason, slope_deg):
     measurement, found = corrected(State(Pose.sloped(0.0, slope_deg), np.eye(2), within))
     assert found.declined is not None
     assert any(words in found.declined for words in reason.split("|"))
-    assert found.mean is measurement.calibrated_mean
+    np.testing.assert_allclose(
+        strains(found), 1e6 * np.array([getattr(measurement.calibrated_mean, n) for n in NAMES]), atol=1e-6
+    )
     assert found.as_dict()["applied"] is False
+
+
+def test_strain_that_is_not_corrected_states_the_tilt_and_the_shift_to_be_expected():
+    state = State(Pose.sloped(0.0, 0.15), np.eye(2), torn)
+    view, calibration = VIEW, VIEW.calibration()
+    (measurement,) = view.measurements([state], calibration)
+    found = correct_tilt(measurement, calibration, NU, 20.0)
+    figures = found.as_dict()
+    # 0.1° seen at 30°, and 20 µm seen from the height of 34.64 mm.
+    assert 1e6 * figures["eyy_std_model"] == pytest.approx(
+        np.radians(0.1) * np.tan(np.radians(30)) * 1e6, rel=0.05
+    )
+    height_mm = 40 * np.cos(np.radians(30))
+    assert 1e6 * figures["exx_std_shift"] == pytest.approx(0.02 / height_mm * 1e6, rel=0.02)
+    parts = [figures[f"eyy_std_{part}"] for part in PART_NAMES]
+    assert figures["eyy_std"] == pytest.approx(np.linalg.norm(parts), rel=1e-6)
+    assert figures["calibrated_eyy_std"] == pytest.approx(figures["eyy_std"], rel=1e-6)
+
+
+def test_calibrated_strain_is_as_uncertain_as_its_correction_shows():
+    measurement, found = corrected(State(Pose.sloped(0.0, 0.15)))
+    off = 1e6 * measurement.calibrated_mean.eyy
+    assert 1e6 * found.as_dict()["calibrated_eyy_std"] == pytest.approx(abs(off), rel=0.1)
+
+
+def test_the_shift_is_a_stated_part_of_the_uncertainty():
+    state, calibration = State(Pose.sloped(0.0, 0.05, 0.05)), VIEW.calibration()
+    (measurement,) = VIEW.measurements([state], calibration)
+    found = correct_tilt(measurement, calibration, NU)
+    assert found.declined is None
+    error = strains(found) - VIEW.true_strain(measurement, state)
+    assert error[:2].min() > 1400
+    assert (np.abs(error) < 2 * deviations(found)).all()
+    parts = found.as_dict()
+    assert parts["exx_std_shift"] > 20 * parts["exx_std_images"]
 
 
 def test_a_calibration_without_a_camera_is_no_help():
@@ -109,7 +149,7 @@ def test_a_camera_straight_on_sees_next_to_no_false_strain_of_a_tilt():
 
 
 def test_noise_too_large_to_tell_a_tilt_is_named():
-    _, found = corrected(State(), replace(VIEW, noise_px=0.1))
+    _, found = corrected(State(Pose.sloped(0.0, 0.03)), replace(VIEW, noise_px=0.1))
     assert found.declined is not None
     assert "too uncertain" in found.declined
 

@@ -1,0 +1,164 @@
+"""What a specimen in tension may do, as displacement fields that one camera measures.
+
+Each cause has one or several fields. A field is the displacement in the specimen's plane that a unit of the
+cause gives, to first order. Let C be the camera's centre and m the point of the grid's plane that a ray hits.
+A height h of the surface moves the point where the ray meets the surface by -h (m - C)/Cz, so each cause out
+of the plane has fields of this form.
+
+The causes in the plane are affine motion, bending and a gradient of the strain. Bending has the displacement
+(-(y² + ν x²)/2, x y) κ, and the same with x and y exchanged. The gradient is taken along the direction of the
+largest strain e. If the coordinate s runs along this direction and t across it, the gradient e g gives the
+displacement (s²/2, -ν s t) e g. A taper of the specimen also shears it; the shear adds the displacement
+(t², 0).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.out_of_plane.plane import Plane
+from dic.typing import Float
+
+_SMALL = 1e-6
+"""Step of slopes and heights (mm) for numerical derivatives."""
+
+_PLASTIC = 0.01
+"""From this strain on, the measured lateral contraction is used instead of Poisson's ratio."""
+
+SIZES = {
+    "affine": 6,
+    "bending": 2,
+    "tilt": 2,
+    "mounted tilt": 2,
+    "gap": 1,
+    "shift": 1,
+    "curvature": 3,
+    "gradient": 1,
+    "taper": 1,
+}
+"""The causes in the order of their fields, and the number of fields of each cause."""
+
+OUT_OF_PLANE = ("tilt", "mounted tilt", "gap", "shift", "curvature")
+"""The causes of false strain."""
+
+
+def places() -> Mapping[str, slice]:
+    """Return for each cause the slice of its fields among all fields."""
+    ends = np.cumsum(list(SIZES.values()))
+    return {name: slice(int(end) - n, int(end)) for (name, n), end in zip(SIZES.items(), ends, strict=True)}
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What one camera measures of the points of a specimen.
+
+    Attributes
+    ----------
+    before_mm, after_mm : ndarray, shape (n, 2)
+        Calibrated positions in the reference and in the deformed image.
+    centre_mm : ndarray, shape (3,)
+        The camera's centre in the grid's axes.
+    """
+
+    before_mm: Float
+    after_mm: Float
+    centre_mm: Float
+
+    def moved(self, plane: Plane) -> Float:
+        """Return the displacements (n, 2) if the deformed specimen lies on `plane`."""
+        return np.asarray(plane.within(self.after_mm, self.centre_mm) - self.before_mm)
+
+    @property
+    def ray(self) -> Float:
+        """Displacement per height of the deformed specimen, towards the foot of the camera, shape (n, 2)."""
+        return np.asarray((self.after_mm - self.centre_mm[:2]) / self.centre_mm[2])
+
+
+def fields(sight: Sight, plane: Plane, gradient: Float, poisson_ratio: float) -> Float:
+    """Return the fields of all causes, shape (n, 2, 19), in the order of `SIZES`.
+
+    Parameters
+    ----------
+    sight : Sight
+    plane : Plane
+        Plane of the deformed specimen, about which the causes out of the plane are linear.
+    gradient : ndarray, shape (2, 2)
+        Mean displacement gradient.
+    poisson_ratio : float
+        Poisson's ratio of the specimen.
+
+    Returns
+    -------
+    ndarray
+        The units are: affine motion mm and 1, bending and curvature 1/mm, tilts 1 (slope), gap and shift mm,
+        gradient and taper 1/mm (strain per mm).
+    """
+    F = gradient + np.eye(2)
+    by_after = by_plane(sight.after_mm, sight.centre_mm, plane)
+    by_before = by_plane(sight.before_mm, sight.centre_mm, Plane())
+    # A plane that was there before, unchanged, moves the reference positions too; the specimen's own strain
+    # carries this motion along.
+    mounted = by_after - np.einsum("ij,njk->nik", F, by_before)
+    on_plane = plane.within(sight.after_mm, sight.centre_mm)
+    X, Y = (on_plane - on_plane.mean(axis=0)).T
+    heights = np.stack([X * X / 2, X * Y, Y * Y / 2], axis=-1)
+    curvature = heights[:, None, :] * sight.ray[:, :, None]
+    within = _within(sight.before_mm, F, poisson_ratio)
+    return np.concatenate(
+        [
+            within[:, :, :8],
+            -by_after[:, :, :2],
+            -mounted[:, :, :2],
+            -mounted[:, :, 2:],
+            -by_after[:, :, 2:],
+            curvature,
+            within[:, :, 8:],
+        ],
+        axis=2,
+    )
+
+
+def curved(sight: Sight, plane: Plane, curvatures: Float) -> Float:
+    """Return the displacement field (n, 2) of three curvatures: along X, mixed, along Y; 1/mm."""
+    on_plane = plane.within(sight.after_mm, sight.centre_mm)
+    X, Y = (on_plane - on_plane.mean(axis=0)).T
+    height = np.stack([X * X / 2, X * Y, Y * Y / 2], axis=-1) @ curvatures
+    return np.asarray(height[:, None] * sight.ray)
+
+
+def by_plane(calibrated_mm: Float, centre_mm: Float, plane: Plane) -> Float:
+    """Return the derivative of positions on a plane by slope x, slope y and shift (mm), shape (n, 2, 3)."""
+    at = np.array([plane.slope_x, plane.slope_y, plane.shift_mm])
+    sides = [
+        (
+            Plane(*(at + step)).within(calibrated_mm, centre_mm)
+            - Plane(*(at - step)).within(calibrated_mm, centre_mm)
+        )
+        / (2 * _SMALL)
+        for step in _SMALL * np.eye(3)
+    ]
+    return np.stack(sides, axis=-1)
+
+
+def largest_strain(F: Float) -> tuple[float, float, Float]:
+    """Return the largest principal strain by size, the strain across it, and its direction (2,)."""
+    strains, directions = np.linalg.eigh((F.T @ F - np.eye(2)) / 2)
+    largest = int(np.argmax(np.abs(strains)))
+    return float(strains[largest]), float(strains[1 - largest]), directions[:, largest]
+
+
+def _within(before_mm: Float, F: Float, poisson_ratio: float) -> Float:
+    """Return the fields of motion in the plane, shape (n, 2, 10): affine, bending, gradient and taper."""
+    centred = before_mm - before_mm.mean(axis=0)
+    x, y = centred.T
+    one, none, nu = np.ones_like(x), np.zeros_like(x), poisson_ratio
+    affine = [(t, none) for t in (one, x, y)] + [(none, t) for t in (one, x, y)]
+    bending = [(-(y * y + nu * x * x) / 2, x * y), (x * y, -(x * x + nu * y * y) / 2)]
+    strain, lateral, along = largest_strain(F)
+    contraction = -lateral / strain if abs(strain) > _PLASTIC else nu
+    across = np.array([-along[1], along[0]])
+    s, t = centred @ along, centred @ across
+    gradient = np.outer(along, s * s / 2) - contraction * np.outer(across, s * t)
+    taper = np.outer(along, t * t)
+    return np.stack([np.array(field).T for field in (*affine, *bending, gradient, taper)], axis=2)

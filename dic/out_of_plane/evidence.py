@@ -1,0 +1,105 @@
+"""Weigh linear models by their evidence.
+
+All models have the same linear equations, y = A θ + noise of unit variance. The models differ only in the
+prior standard deviations of the parameters; a parameter with the prior standard deviation 0 is absent. The
+posterior probability of a model is its prior probability times its evidence. The evidence is the probability
+density of y under the model, integrated over all parameters (MacKay, *Bayesian interpolation*, 1992). A model
+with more freedom spreads its density over more data, so it wins only if a simpler model does not explain y.
+The estimates of the models are averaged with these probabilities (Hoeting et al., *Bayesian model averaging*,
+1999). So the uncertainty contains what the data leave open between the models.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.typing import Float
+
+_IGNORED = float(np.log(1e-4))
+"""Models whose evidence is smaller than that of the best one by more than this factor are left out."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """One of the averaged models, with its posterior.
+
+    Attributes
+    ----------
+    index : int
+        Index of the model in the list of prior standard deviations.
+    log_evidence : float
+        Logarithm of prior probability times evidence, up to a constant that all models with the same data and
+        the same free parameters share.
+    estimate : ndarray, shape (k,)
+        Estimate of the parameters; the prior mean for free parameters.
+    gain : ndarray, shape (k, p)
+        Derivative of the estimate by the data y; 0 for free parameters.
+    misfit : float
+        Sum of the squares of the residuals and of the parameters, divided by their standard deviations.
+    """
+
+    index: int
+    log_evidence: float
+    estimate: Float
+    gain: Float
+    misfit: float
+
+
+def weigh(data: Float, columns: Float, prior_std: Float, prior_mean: Float, log_prior: Float) -> list[Model]:
+    """Return the models that explain the data, with their evidence.
+
+    Parameters
+    ----------
+    data : ndarray, shape (p,)
+        Data y, whitened: their noise has the covariance 1.
+    columns : ndarray, shape (p, k)
+        The matrix A, whitened like the data.
+    prior_std : ndarray, shape (models, k)
+        Prior standard deviation of each parameter in each model; infinity for a parameter that is free in all
+        models.
+    prior_mean : ndarray, shape (k,)
+        Prior mean of the parameters, the same in all models.
+    log_prior : ndarray, shape (models,)
+        Logarithms of the prior probabilities of the models.
+
+    Returns
+    -------
+    list of Model
+        The models in the order of `prior_std`, without improbable ones.
+    """
+    free = np.isinf(prior_std[0])
+    # Free parameters are integrated out by projecting data and columns away from their columns. Their
+    # estimates are not needed.
+    across = np.eye(len(data)) - _projection(columns[:, free])
+    left, seen = across @ (data - columns @ prior_mean), across @ np.where(free, 0.0, columns)
+    # In units of their prior standard deviations, the parameters of all models have well-conditioned
+    # equations, and an absent parameter needs no special case.
+    units = np.where(free, 0.0, prior_std)
+    normal = units[:, :, None] * (seen.T @ seen) * units[:, None, :] + np.eye(len(free))
+    inverse = np.linalg.inv(normal)
+    scaled = np.einsum("mij,mj->mi", inverse, units * (seen.T @ left))
+    residual = left - (units * scaled) @ seen.T
+    misfit = (residual**2).sum(axis=1) + (scaled**2).sum(axis=1)
+    log_evidence = log_prior - 0.5 * misfit - 0.5 * np.linalg.slogdet(normal)[1]
+    return [
+        Model(
+            int(m),
+            float(log_evidence[m]),
+            prior_mean + units[m] * scaled[m],
+            units[m][:, None] * (inverse[m] @ (units[m][:, None] * seen.T)),
+            float(misfit[m]),
+        )
+        for m in np.flatnonzero(log_evidence > log_evidence.max() + _IGNORED)
+    ]
+
+
+def _projection(columns: Float) -> Float:
+    """Return the matrix that projects onto the columns."""
+    basis, _ = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))
+    return np.asarray(basis @ basis.T)
+
+
+def probabilities(log_evidences: Float) -> Float:
+    """Return the posterior probabilities of models, which sum to 1, from their logarithms of evidence."""
+    probability = np.exp(log_evidences - np.max(log_evidences))
+    return np.asarray(probability / probability.sum())

@@ -1,0 +1,124 @@
+"""What is expected of a specimen in tension before it is measured: prior standard deviations of all causes.
+
+One camera cannot tell all causes of `dic.out_of_plane.causes` apart. What the images do not determine comes
+from these expectations, and enters the standard deviations. The expectations are those of a flat specimen in
+ordinary grips. For tilts, bending, curvature and strain gradient there are several levels, from practically
+none to large. Each combination of levels is one model; `dic.out_of_plane.evidence` weighs the models.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from dic.out_of_plane.causes import SIZES, places
+from dic.typing import Float, Mask
+
+SHIFT_STD_UM = 30.0
+"""Default standard deviation of the specimen's shift towards the camera since the reference, µm.
+
+One camera cannot see the shift. Grips and load trains move specimens by some tens of micrometres.
+"""
+
+TILT_STD = float(np.tan(np.radians(0.1)))
+"""Standard deviation of each slope of the specimen, mounted and under load; typical for grips."""
+
+GAP_STD_MM = 0.3
+"""Standard deviation of the distance between the specimen's surface and the grid's plane, mm."""
+
+CURVATURE_STD_PER_MM = 1e-5
+"""Standard deviation of the curvature where it is not measured: a radius of 100 m."""
+
+_TILTS = {TILT_STD / 100: 0.15, TILT_STD / 10: 0.25, TILT_STD: 0.6}
+"""Levels of the tilt since the reference, and their prior probabilities."""
+
+_BENDINGS_PER_MM = (0.0, 1e-5, 1e-4)
+_CURVATURES_PER_MM = (0.0, 1e-5, 3.3e-5, 1e-4)
+_CURVED_PROBABILITY = 0.5
+_GRADIENTS = (0.0, 0.02, 0.05, 0.15)
+"""Change of the strain from the middle of the field to its edge, as a fraction of the strain."""
+
+_GRADIENT_PROBABILITY = 0.5
+_TAPER_SHARE = 0.5
+"""Standard deviation of the field "taper", as a fraction of that of the field "gradient".
+
+For a tapered specimen in plane stress, the fraction is (2 + ν)/2 = 1.2; without shear it is ν/2.
+"""
+
+
+@dataclass(frozen=True)
+class Expectations:
+    """The prior standard deviations of the causes in each model.
+
+    Attributes
+    ----------
+    std : ndarray, shape (models, 19)
+        Prior standard deviations in the order and units of `dic.out_of_plane.causes.fields`.
+    log_prior : ndarray, shape (models,)
+        Logarithms of the prior probabilities of the models.
+    curved, graded : ndarray of bool, shape (models,)
+        True for models with out-of-plane curvature, and with a gradient of the strain.
+    """
+
+    std: Float
+    log_prior: Float
+    curved: Mask
+    graded: Mask
+
+    @classmethod
+    def of(cls, shift_std_mm: float, strain: float, half_width_mm: float) -> "Expectations":
+        """Return the expectations for a largest strain and for the half width of the field of points."""
+        at, rows, logs, curved, graded = places(), [], [], [], []
+        levels = product(_TILTS, _BENDINGS_PER_MM, _CURVATURES_PER_MM, _GRADIENTS, (0.0, _TAPER_SHARE))
+        for tilt, bending, curvature, gradient, taper in levels:
+            if taper and not gradient:
+                continue
+            std = np.zeros(sum(SIZES.values()))
+            std[at["affine"]] = np.inf
+            per_mm = gradient * abs(strain) / half_width_mm
+            own = {
+                "bending": bending,
+                "tilt": tilt,
+                "mounted tilt": TILT_STD,
+                "gap": GAP_STD_MM,
+                "shift": shift_std_mm,
+                "curvature": curvature,
+                "gradient": per_mm,
+                "taper": taper * per_mm,
+            }
+            for name, value in own.items():
+                std[at[name]] = value
+            rows.append(std)
+            logs.append(np.log(_TILTS[tilt]) + _log_prior(curvature, gradient))
+            curved.append(curvature > 0)
+            graded.append(gradient > 0)
+        return cls(np.array(rows), np.array(logs), np.array(curved), np.array(graded))
+
+    def only(self, *, curved: bool, graded: bool) -> "Expectations":
+        """Return the models with or without curvature, and with or without a gradient."""
+        some = (self.curved == curved) & (self.graded == graded)
+        return Expectations(self.std[some], self.log_prior[some], self.curved[some], self.graded[some])
+
+    def kind(self, model: int) -> tuple[bool, bool]:
+        """Return whether a model has curvature, and whether it has a gradient."""
+        return bool(self.curved[model]), bool(self.graded[model])
+
+
+def _log_prior(curvature: float, gradient: float) -> float:
+    """Return the logarithm of the prior probability of a curvature and a gradient, up to a constant."""
+    bent = _CURVED_PROBABILITY / (len(_CURVATURES_PER_MM) - 1)
+    # With a gradient there are two models, without and with taper.
+    uneven = _GRADIENT_PROBABILITY / (2 * (len(_GRADIENTS) - 1))
+    return float(
+        np.log(bent if curvature else 1 - _CURVED_PROBABILITY)
+        + np.log(uneven if gradient else 1 - _GRADIENT_PROBABILITY)
+    )
+
+
+def unmeasured(shift_std_mm: float) -> Float:
+    """Return the standard deviations (19,) of the causes out of the plane where none of them is measured."""
+    at, std = places(), np.zeros(sum(SIZES.values()))
+    std[at["tilt"]] = std[at["mounted tilt"]] = TILT_STD
+    std[at["gap"]], std[at["shift"]] = GAP_STD_MM, shift_std_mm
+    std[at["curvature"]] = CURVATURE_STD_PER_MM
+    return std

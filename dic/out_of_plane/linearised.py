@@ -1,0 +1,155 @@
+"""Solve the causes of a displacement field by equations that are linear about a plane of the specimen."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dic.out_of_plane.causes import OUT_OF_PLANE, Sight, fields, largest_strain, places
+from dic.out_of_plane.evidence import Model, probabilities, weigh
+from dic.out_of_plane.expectations import Expectations
+from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.polynomial import COEFFICIENTS, GRADIENT, Polynomial
+from dic.typing import Float
+
+PARTS = {
+    "calibration": (),
+    "mounting": ("mounted tilt", "gap"),
+    "model": ("bending", "tilt", "curvature", "gradient", "taper"),
+    "shift": ("shift",),
+}
+"""The parts of the standard deviation beside "images", and the causes that belong to each part."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one model makes of a displacement field.
+
+    Attributes
+    ----------
+    log_evidence : float
+        Logarithm of the model's evidence, up to a constant.
+    curved, graded : bool
+        True if the model allows a curvature out of the plane, and a gradient of the strain.
+    misfit : float
+        Misfit of the model; about 14 if it holds.
+    slopes, slope_std : ndarray, shape (2,)
+        Slopes of the specimen's plane since the reference.
+    curvatures : ndarray, shape (3,)
+        Curvatures of the surface since the reference: along X, mixed, along Y; 1/mm.
+    gradient : ndarray, shape (4,)
+        Corrected mean displacement gradient, elements xx, xy, yx, yy.
+    parts : mapping of str to ndarray, shape (4, 4)
+        Covariances of the gradient by their cause: "images" and the names in `PARTS`.
+    """
+
+    log_evidence: float
+    curved: bool
+    graded: bool
+    misfit: float
+    slopes: Float
+    slope_std: Float
+    curvatures: Float
+    gradient: Float
+    parts: Mapping[str, Float]
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The equations of all causes, linear about a plane.
+
+    Attributes
+    ----------
+    plane : Plane
+    polynomial : Polynomial
+    data : ndarray, shape (24,)
+        The polynomial of the displacements on the plane.
+    columns : ndarray, shape (24, 19)
+        The polynomials of the causes' fields.
+    strain, half_width_mm : float
+        Largest strain, and half width of the field of points.
+    """
+
+    plane: Plane
+    polynomial: Polynomial
+    data: Float
+    columns: Float
+    strain: float
+    half_width_mm: float
+
+    @classmethod
+    def about(cls, plane: Plane, sight: Sight, polynomial: Polynomial, poisson_ratio: float) -> "Linearised":
+        """Return the equations about `plane`."""
+        data = polynomial.rows(sight.moved(plane))
+        gradient = data[GRADIENT].reshape(2, 2)
+        columns = polynomial.rows(fields(sight, plane, gradient, poisson_ratio))
+        centred = sight.before_mm - sight.before_mm.mean(axis=0)
+        strain = largest_strain(gradient + np.eye(2))[0]
+        return cls(plane, polynomial, data, columns, strain, float(np.abs(centred).max()))
+
+    def models(self, expected: Expectations) -> list[Model]:
+        """Return the probable models of `expected`, with gains by the coefficients of the polynomial."""
+        white = _whitening(self._noise)
+        # The expected slope is that of the reference, so the expected change of the plane found so far is its
+        # opposite.
+        mean = np.zeros(self.columns.shape[1])
+        mean[places()["tilt"]] = -self.plane.slope_x, -self.plane.slope_y
+        models = weigh(
+            white @ self.data[COEFFICIENTS],
+            white @ self.columns[COEFFICIENTS],
+            expected.std,
+            mean,
+            expected.log_prior,
+        )
+        return [replace(model, gain=model.gain @ white) for model in models]
+
+    def mean_step(self, models: Sequence[Model]) -> Float:
+        """Return the change (2,) of the plane's slopes that the models find on average."""
+        share = probabilities(np.array([model.log_evidence for model in models]))
+        return np.asarray(share @ np.array([model.estimate[places()["tilt"]] for model in models]))
+
+    def outcomes(self, models: Sequence[Model], expected: Expectations) -> list[Outcome]:
+        """Return what the models make of the field."""
+        return [self._outcome(m, expected.std[m.index], expected.kind(m.index)) for m in models]
+
+    @property
+    def _noise(self) -> Float:
+        noise = self.polynomial.noise + self.polynomial.by_calibration
+        return np.asarray(noise[COEFFICIENTS, COEFFICIENTS])
+
+    def _outcome(self, model: Model, std: Float, kind: tuple[bool, bool]) -> Outcome:
+        at, gain = places(), model.gain
+        out = np.concatenate([np.arange(len(std))[at[name]] for name in OUT_OF_PLANE])
+        false, tilt = self.columns[GRADIENT, out], at["tilt"]
+        # A cause that the estimate misses stays in it; a cause taken for another one enters the other one.
+        known = np.where(np.isinf(std), 0.0, std)
+        missed = (gain @ self.columns[COEFFICIENTS] - np.eye(len(std))) * known
+        slope_std = np.sqrt(
+            (missed[tilt] ** 2).sum(axis=1) + np.einsum("kp,pq,kq->k", gain[tilt], self._noise, gain[tilt])
+        )
+        rows = np.hstack([-false @ gain[out], np.eye(4)])
+        parts = {
+            "images": rows @ self.polynomial.noise @ rows.T,
+            "calibration": rows @ self.polynomial.by_calibration @ rows.T,
+        }
+        for part, names in PARTS.items():
+            for name in names:
+                here = false @ missed[out][:, at[name]]
+                parts[part] = parts.get(part, np.zeros((4, 4))) + here @ here.T
+        return Outcome(
+            model.log_evidence,
+            *kind,
+            model.misfit,
+            np.array([self.plane.slope_x, self.plane.slope_y]) + model.estimate[tilt],
+            slope_std,
+            model.estimate[at["curvature"]],
+            self.data[GRADIENT] - false @ model.estimate[out],
+            parts,
+        )
+
+
+def _whitening(covariance: Float) -> Float:
+    """Return a matrix W for which W `covariance` Wᵀ is the unit matrix."""
+    std = np.sqrt(np.diag(covariance))
+    factor = np.linalg.cholesky(covariance / np.outer(std, std))
+    return np.asarray(np.linalg.inv(factor) / std)

@@ -1,0 +1,74 @@
+"""Reduce a displacement field to the polynomial of third degree that fits it, with its errors."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.out_of_plane.causes import Sight
+from dic.out_of_plane.correction import by_centre
+from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.uncertainty import Points
+from dic.strain.fit import gradient_weights
+from dic.typing import Float
+
+_DEGREE = 3
+
+COEFFICIENTS = slice(0, 20)
+GRADIENT = slice(20, 24)
+"""The rows of a `Polynomial`: coefficients, ten for each component, and elements of the mean gradient."""
+
+
+@dataclass(frozen=True)
+class Polynomial:
+    """The polynomial of third degree that fits a displacement field, and its errors.
+
+    The rows `COEFFICIENTS` are the coefficients, 10 for each component. The rows `GRADIENT` are the elements
+    xx, xy, yx, yy of the mean displacement gradient.
+
+    Attributes
+    ----------
+    points : Points
+    weights : ndarray, shape (n, 2, 24)
+        Weights of the displacements in the 24 rows.
+    noise, by_calibration : ndarray, shape (24, 24)
+        Covariances that the images and the calibration cause.
+    """
+
+    points: Points
+    weights: Float
+    noise: Float
+    by_calibration: Float
+
+    @classmethod
+    def of(cls, points: Points, centre_mm: Float, smooth_px: float | None = None) -> "Polynomial":
+        """Return the weights and the errors; `smooth_px` is the size of errors that vary smoothly."""
+        terms = np.linalg.pinv(polynomial_terms(points.before_mm)).T
+        none = np.zeros_like(terms)
+        coefficients = np.stack([np.hstack([terms, none]), np.hstack([none, terms])], axis=1)
+        weights = np.concatenate([coefficients, gradient_weights(points.before_mm)], axis=2)
+
+        def estimate(centre_mm: Float) -> Float:
+            moved = Sight(points.before_mm, points.after_mm, centre_mm).moved(Plane())
+            return np.asarray(np.einsum("nip,ni->p", weights, moved))
+
+        noise = points.noise_covariance(weights) + points.smooth_covariance(weights, _DEGREE, smooth_px)
+        of_map, of_centre = points.calibration_factors(weights)
+        factors = of_map + by_centre(estimate, centre_mm) @ of_centre
+        return cls(points, weights, noise, np.asarray(factors @ factors.T))
+
+    def rows(self, field: Float) -> Float:
+        """Return the 24 rows of a displacement field (n, 2), or of several fields (n, 2, k)."""
+        return np.asarray(np.einsum("nip,ni...->p...", self.weights, field))
+
+    def residual_mm(self, field: Float) -> Float:
+        """Return the part of a displacement field (n, 2) that the polynomial does not fit."""
+        terms = polynomial_terms(self.points.before_mm)
+        return np.asarray(field - terms @ self.rows(field)[COEFFICIENTS].reshape(2, 10).T)
+
+
+def polynomial_terms(position_mm: Float) -> Float:
+    """Return the ten terms of a polynomial of third degree at `position_mm` (n, 2), shape (n, 10)."""
+    centred = position_mm - position_mm.mean(axis=0)
+    x, y = (centred / np.abs(centred).max()).T
+    powers = [(degree - k, k) for degree in range(_DEGREE + 1) for k in range(degree + 1)]
+    return np.stack([x**i * y**j for i, j in powers], axis=1)

@@ -1,0 +1,101 @@
+"""The standard deviation of a strain in parts, each with a cause that somebody can act on."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.out_of_plane.causes import OUT_OF_PLANE, Sight, fields, places
+from dic.out_of_plane.expectations import unmeasured
+from dic.out_of_plane.linearised import PARTS
+from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.uncertainty import Points
+from dic.strain.fit import gradient_weights, slopes_of
+from dic.strain.strain import strain_of_gradient
+from dic.typing import Float
+
+PART_NAMES = ("images", *PARTS)
+"""Parts of a standard deviation: noise of the images; errors of the calibration; place of the specimen's
+surface in the reference, relative to the grid; what the model of the motion leaves open; the shift."""
+
+
+_STRAINS = ("exx", "eyy", "exy")
+
+UNCERTAINTY_KEYS = (
+    *(f"{name}_std_{part}" for part in PART_NAMES for name in _STRAINS),
+    *(f"calibrated_{name}_std" for name in _STRAINS),
+    "curved_probability",
+    "graded_probability",
+)
+"""Names in result files and JSON of the parts, of calibrated strain's uncertainty, and of probabilities."""
+
+
+@dataclass(frozen=True)
+class StrainParts:
+    """Parts of the standard deviations of the mean strains exx, eyy, exy.
+
+    Attributes
+    ----------
+    parts : mapping of str to ndarray, shape (3,)
+        The standard deviations by their causes, with the keys `PART_NAMES`. Their root sum of squares is the
+        standard deviation of the strain.
+    calibrated : ndarray, shape (3,)
+        Total standard deviations of the calibrated strain, which is not corrected.
+    """
+
+    parts: Mapping[str, Float]
+    calibrated: Float
+
+    def as_dict(self) -> dict[str, float]:
+        """Return the values under the names `exx_std_images` … and `calibrated_exx_std` …."""
+        named = {
+            f"{name}_std_{part}": float(values[k])
+            for part, values in self.parts.items()
+            for k, name in enumerate(_STRAINS)
+        }
+        return named | {
+            f"calibrated_{name}_std": float(v) for name, v in zip(_STRAINS, self.calibrated, strict=True)
+        }
+
+    @classmethod
+    def of(cls, gradient: Float, covariances: Mapping[str, Float], measure: str, off: Float) -> "StrainParts":
+        """Return the parts for covariances (4, 4) of a mean displacement gradient (2, 2).
+
+        The argument `off` (3,) is the estimated error of the calibrated strain, 0 if it is not known.
+        """
+        parts = {name: strain_std(gradient, covariance, measure) for name, covariance in covariances.items()}
+        total = np.sqrt(sum(part**2 for part in parts.values()))
+        return cls(parts, np.hypot(total, off))
+
+
+def strain_std(gradient: Float, covariance: Float, measure: str) -> Float:
+    """Return the standard deviations of exx, eyy, exy (3,) for the covariance (4, 4) of the gradient."""
+    mean = strain_of_gradient(gradient, covariance, 0, measure)
+    return np.array([mean.exx_std, mean.eyy_std, mean.exy_std])
+
+
+def open_parts(points: Points, shift_std_mm: float) -> tuple[Float, dict[str, Float]]:
+    """Return the mean gradient (2, 2) of calibrated displacements, and its covariances (4, 4) by cause.
+
+    No motion out of the plane is measured, so all of it that is expected enters the covariances.
+    """
+    pinhole = points.calibration.pinhole
+    if pinhole is None:
+        raise ValueError("this calibration knows no camera centre")
+    sight, weights = (
+        Sight(points.before_mm, points.after_mm, pinhole.centre_mm),
+        gradient_weights(points.before_mm),
+    )
+    gradient = slopes_of(points.before_mm, points.after_mm - points.before_mm)
+    false = np.einsum("nip,nik->pk", weights, fields(sight, Plane(), gradient, 0.0))
+    of_map, _ = points.calibration_factors(weights)
+    covariances = {
+        "images": points.noise_covariance(weights) + points.smooth_covariance(weights),
+        "calibration": np.asarray(of_map @ of_map.T),
+    }
+    at, std = places(), unmeasured(shift_std_mm)
+    for part, names in PARTS.items():
+        for name in names:
+            here = false[:, at[name]] * std[at[name]] if name in OUT_OF_PLANE else np.zeros((4, 1))
+            covariances[part] = covariances.get(part, 0.0) + here @ here.T
+    return gradient, covariances
