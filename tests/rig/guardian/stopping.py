@@ -17,8 +17,8 @@ from tests.command_line import Program
 
 DEADLINE_S = 60.0
 PERIOD_S = 0.002
-# A stage brakes at 1000 deg/s² here: from 10 deg/s in 10 ms. The grips do not slip, so an unloaded specimen is
-# as before, and the next run does not end at the slack that a slip would have left.
+# A stage brakes at 1000 deg/s² here: from 10 deg/s in 10 ms. The grips do not slip, so an unloaded specimen
+# is as before, and the next run does not end at the slack that a slip would have left.
 RIG = """
 [rig]
 name = "stop times"
