@@ -36,7 +36,7 @@ def try_all(cells: list[Place]) -> dict[Place, Cell]:
     """Try the given cells, some at a time."""
     context = multiprocessing.get_context("forkserver")
     # the server imports everything once, and each process begins as a copy of it
-    context.set_forkserver_preload(["tests.engine_matrix.cells"])
+    context.set_forkserver_preload(["tests.engine_matrix.preloaded"])
     with ProcessPoolExecutor(AT_A_TIME, context) as pool:
         return dict(zip(cells, pool.map(_try, cells), strict=True))
 

@@ -7,7 +7,7 @@ from tests.engine_matrix.faults import FAULTS
 from tests.engine_matrix.matrix import broken, documented, places, table, try_all
 from tests.engine_matrix.runs import MOMENTS
 
-SAMPLE = 7
+SAMPLE = 11
 """Every so many cells are tried in the test command; these are cells of every column."""
 
 
