@@ -83,7 +83,7 @@ def test_the_paper_s_protocol_needs_no_declaration_to_notice_a_lie(lie, tmp_path
     assert faults_of(drive(paper, tmp_path, monkeypatch, lie, lambda load_n: True), paper) == []
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_no_honest_test_is_stopped(seed, tmp_path, monkeypatch):
     case = draw(random.Random(1000 + seed))
     result = drive(case, tmp_path, monkeypatch)

@@ -23,9 +23,9 @@ def test_a_load_cell_that_lies_overloads_no_specimen(lie, part, tmp_path, monkey
     assert result.over <= OVER_MAX, result
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_no_honest_test_of_phases_is_stopped(seed, tmp_path, monkeypatch):
-    case = draw_phased(random.Random(2000 + seed))
+def test_no_honest_test_of_phases_is_stopped(tmp_path, monkeypatch):
+    # one of them takes as long as three tests with lies; many more stand in the long campaign
+    case = draw_phased(random.Random(2001))
     result = drive(case, tmp_path, monkeypatch)
     assert (result.outcome.status, result.outcome.reason) == ("completed", ""), case
     assert result.stretched
