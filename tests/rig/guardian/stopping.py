@@ -19,13 +19,16 @@ DEADLINE_S = 60.0
 PERIOD_S = 0.002
 # A stage brakes at 1000 deg/s² here: from 10 deg/s in 10 ms. The grips do not slip, so an unloaded specimen
 # is as before, and the next run does not end at the slack that a slip would have left.
-RIG = """
-[rig]
-name = "stop times"
-[simulation]
+SIMULATION = """[simulation]
 driver = "virtual-rig"
 specimen.grip_slip_mm = 0.0
-[stage]
+"""
+RIG = (
+    f"""
+[rig]
+name = "stop times"
+{SIMULATION}"""
+    + """[stage]
 driver = "zaber-ascii"
 port = "@{stage}"
 angle_min_deg = -5.0
@@ -47,6 +50,7 @@ height_px = 32
 driver = "simulated-operator"
 duration_s = 0.0
 """
+)
 COMMON = """
 title = "stop times"
 [sample]

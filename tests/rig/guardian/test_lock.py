@@ -10,7 +10,7 @@ import pytest
 from rig.errors import RigError
 from rig.guardian.lock import lock_path, machines_locked
 from rig.rigfile import RigFile, read_rig
-from tests.rig.guardian.stopping import RIG
+from tests.rig.guardian.stopping import RIG, SIMULATION
 
 
 @pytest.fixture
@@ -19,7 +19,7 @@ def rig_at(tmp_path):
         text = RIG.replace('port = "@{stage}"', f'port = "{stage}"')
         text = text.replace('address = "@{load_frame}"', f'address = "{load_frame}"')
         path = tmp_path / "rig.toml"
-        path.write_text(text.replace('[simulation]\ndriver = "virtual-rig"\n', ""))
+        path.write_text(text.replace(SIMULATION, ""))
         return read_rig(path)
 
     return read
