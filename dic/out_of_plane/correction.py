@@ -1,14 +1,14 @@
 """The result of a correction for motion out of the grid's plane, for all correction methods."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from dic.calibration.calibration import Calibration, Model
-from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.plane import Plane, moved_out_of_plane
 from dic.out_of_plane.uncertainty import Points
 from dic.strain.displacement import Displacement, calibrated_displacement
 from dic.strain.measurement import Measurement
@@ -117,19 +117,33 @@ class Correction:
         return summary | slopes | dict(self.uncertainty or {})
 
 
-def points_of(measurement: Measurement, calibration: Calibration) -> Points:
+def points_of(
+    measurement: Measurement,
+    calibration: Calibration,
+    surface: Plane | None = None,
+    centre_mm: Float | None = None,
+) -> Points:
     """Return the points of a measurement inside the calibrated area, mapped by the better calibration model.
 
     The pinhole model is used unless the bicubic map is clearly better. The maps of the two models differ by
     up to 0.01 px, which matters if points move far. The corrections also use the camera's centre, which comes
     from the pinhole model and agrees only with the pinhole model's map.
+
+    If `surface` is given, it is the plane of the specimen's surface in the reference, and displacements are
+    along this plane. Then `centre_mm` may give the camera's centre, if it is known better than from the
+    calibration.
     """
     best, field = calibration.using(_mapped_by(calibration)), measurement.field
     displacement = calibrated_displacement(field, best)
     use = displacement.valid
     before = field.points.reshape(*use.shape, 2)[use]
     moved = np.stack([field.u_px, field.v_px], axis=-1)[use]
-    return Points(displacement, use, np.stack([before, before + moved]), best)
+    points = Points(displacement, use, np.stack([before, before + moved]), best)
+    if surface is None or calibration.pinhole is None:
+        return points
+    points = replace(points, surface=surface, seen_from_mm=centre_mm)
+    on_surface = moved_out_of_plane(displacement, points.grid_centre_mm, surface, surface)
+    return replace(points, displacement=on_surface)
 
 
 def _mapped_by(calibration: Calibration) -> Model:

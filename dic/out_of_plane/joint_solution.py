@@ -45,9 +45,7 @@ class JointSystem:
     @classmethod
     def of(cls, pairs: Pairs) -> "JointSystem":
         """Return the system before the adjustment, with the camera centres from the calibrations."""
-        calibrations = pairs.first.calibration, pairs.second.calibration
-        first, second = (c.pinhole.centre_mm for c in calibrations if c.pinhole is not None)
-        return cls(pairs, (first, second))
+        return cls(pairs, (pairs.first.centre_mm, pairs.second.centre_mm))
 
     def estimates(self, centres_mm: tuple[Float, Float]) -> Float:
         """Return the eleven estimates, shape (11,), for the given camera centres."""

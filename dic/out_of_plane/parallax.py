@@ -26,10 +26,10 @@ from dic.typing import Float, Indices
 class Pairs:
     """Material points that both cameras see.
 
-    Points of the two cameras with the same calibrated position in the reference image are taken as the same
-    material point. This assumption is exact if the specimen lies in the grid's plane in the reference image.
-    A gap g between the specimen and this plane shifts a calibrated position by about g tan θ, where θ is the
-    off-axis angle of the camera. The shift of a calibrated position matters only where strain varies.
+    Points of the two cameras whose rays meet the specimen's surface at the same place in the reference images
+    are the same material point. If the surface's place is not known, it is taken to lie in the grid's plane.
+    A gap g between the surface and the assumed plane pairs points that are about g tan θ apart, where θ is
+    the angle between the cameras.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Pairs:
 
         The argument `field` is the displacement field of the second camera.
         """
-        px = _seen_by(second.calibration, first.before_mm)
+        px = _seen_by(second.calibration, _on_grid(first, second))
         column = (px[:, 0] - field.x_px[0]) / _pitch(field.x_px)
         row = (px[:, 1] - field.y_px[0]) / _pitch(field.y_px)
         number = np.full(second.use.shape, -1)
@@ -89,6 +89,15 @@ class Pairs:
 
 def _pitch(places_px: Indices) -> float:
     return float(places_px[1] - places_px[0]) if len(places_px) > 1 else 1.0
+
+
+def _on_grid(first: Points, second: Points) -> Float:
+    """Return where the second camera's rays to the first camera's points meet the grid's plane, (n, 2)."""
+    calibrated_mm = first.calibration.map(first.px[0])
+    x, y, z = first.surface.met(calibrated_mm, first.grid_centre_mm).T
+    centre_mm = second.grid_centre_mm
+    across = np.column_stack([x, y]) - centre_mm[:2]
+    return np.asarray(centre_mm[:2] + across * (centre_mm[2] / (centre_mm[2] - z))[:, None])
 
 
 def _seen_by(calibration: Calibration, points_mm: Float) -> Float:

@@ -55,6 +55,15 @@ class Plane:
         X, Y = np.eye(3)[:2]
         return np.array([turned(v, k, float(sine), float(normal[2])) for v in (X, Y)])
 
+    def to_axes(self, points_mm: Float) -> Float:
+        """Return points (…, 3), given in the grid's axes, in coordinates along `axes` and `normal`."""
+        return np.asarray((points_mm - [0.0, 0.0, self.shift_mm]) @ np.vstack([self.axes, self.normal]).T)
+
+    def met(self, calibrated_mm: Float, centre_mm: Float) -> Float:
+        """Return the points in space (…, 3) where the rays of calibrated points (…, 2) meet the surface."""
+        reach = self._numerator(centre_mm) / self._denominator(calibrated_mm, centre_mm)
+        return np.asarray(centre_mm + reach[..., None] * (_in_space(calibrated_mm) - centre_mm))
+
     def within(self, calibrated_mm: Float, centre_mm: Float) -> Float:
         """Return the positions of calibrated points on the surface, in coordinates along `axes`.
 
@@ -72,9 +81,8 @@ class Plane:
         ndarray, shape (…, 2)
             Coordinates in mm. The origin is the point of the plane above the grid's centre.
         """
-        reach = self._numerator(centre_mm) / self._denominator(calibrated_mm, centre_mm)
-        to_grid = _in_space(calibrated_mm) - centre_mm
-        return np.asarray((centre_mm + reach[..., None] * to_grid - [0.0, 0.0, self.shift_mm]) @ self.axes.T)
+        met = self.met(calibrated_mm, centre_mm)
+        return np.asarray((met - [0.0, 0.0, self.shift_mm]) @ self.axes.T)
 
     def jacobian(self, calibrated_mm: Float, centre_mm: Float) -> Float:
         """Return the derivative of `within` by the calibrated points, shape (…, 2, 2)."""

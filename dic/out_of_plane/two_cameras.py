@@ -9,6 +9,7 @@ from dic.out_of_plane.correction import Correction, points_of
 from dic.out_of_plane.joint_solution import JointSolution, JointSystem
 from dic.out_of_plane.parallax import Heights, Pairs
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
+from dic.out_of_plane.reference_surface import ReferenceSurface
 from dic.out_of_plane.uncertainty import Points
 from dic.strain.measurement import Measurement
 from dic.strain.strain import MeanStrain, strain_of_gradient
@@ -65,7 +66,9 @@ class TwoCameraStep:
 
 
 def correct_with_two_cameras(
-    measurements: tuple[Measurement, Measurement], calibrations: tuple[Calibration, Calibration]
+    measurements: tuple[Measurement, Measurement],
+    calibrations: tuple[Calibration, Calibration],
+    surface: ReferenceSurface | None = None,
 ) -> TwoCameraStep:
     """Measure the motion of the specimen's plane since the reference, and correct both cameras' strains.
 
@@ -75,6 +78,8 @@ def correct_with_two_cameras(
         Calibrated measurements of one step by two cameras. The first camera should be the more oblique one.
     calibrations : tuple of Calibration
         Calibrations of the two cameras with the same grid.
+    surface : ReferenceSurface, optional
+        Place of the specimen's surface in the reference. Default: the grid's plane.
     """
 
     def declined(reason: str) -> TwoCameraStep:
@@ -83,7 +88,7 @@ def correct_with_two_cameras(
 
     if any(calibration.pinhole is None for calibration in calibrations):
         return declined("a calibration knows no camera centre")
-    first, second = (points_of(m, c) for m, c in zip(measurements, calibrations, strict=True))
+    first, second = _points(measurements, calibrations, surface)
     if min(len(first.before_mm), len(second.before_mm)) < _FEWEST_PAIRS:
         return declined(f"a camera has fewer than {_FEWEST_PAIRS} points")
     pairs = Pairs.of(first, second, measurements[1].field)
@@ -97,6 +102,21 @@ def correct_with_two_cameras(
     joint = JointSystem.of(pairs).solve()
     objection = _disagreement(pairs, joint, calibrations[0].mm_per_px)
     return declined(objection) if objection is not None else _step(measurements, joint)
+
+
+def _points(
+    measurements: tuple[Measurement, Measurement],
+    calibrations: tuple[Calibration, Calibration],
+    surface: ReferenceSurface | None,
+) -> tuple[Points, Points]:
+    """Return the points of both cameras, with displacements along the surface of the specimen."""
+    plane = None if surface is None else surface.plane
+    centres = (None, None) if surface is None or surface.centres_mm is None else surface.centres_mm
+    first, second = (
+        points_of(m, c, plane, centre)
+        for m, c, centre in zip(measurements, calibrations, centres, strict=True)
+    )
+    return first, second
 
 
 def _too_close(pairs: Pairs, centres_mm: tuple[Float, Float]) -> str | None:

@@ -7,11 +7,12 @@ The errors of the calibration are common to all points.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from dic.calibration.calibration import Calibration
+from dic.out_of_plane.plane import Plane
 from dic.strain.displacement import Displacement
 from dic.strain.fit import covariance_of_sums, slopes_of
 from dic.typing import Float, Mask
@@ -39,12 +40,18 @@ class Points:
     px : ndarray, shape (2, n, 2)
         Image points in the reference and in the deformed image.
     calibration : Calibration
+    surface : Plane
+        Plane of the specimen's surface in the reference. Displacements are along this plane.
+    seen_from_mm : ndarray, shape (3,), or None
+        The camera's centre in the grid's axes, if it is known better than from the calibration.
     """
 
     displacement: Displacement
     use: Mask
     px: Float
     calibration: Calibration
+    surface: Plane = field(default_factory=Plane)
+    seen_from_mm: Float | None = None
 
     @property
     def before_mm(self) -> Float:
@@ -55,6 +62,20 @@ class Points:
     def after_mm(self) -> Float:
         """Calibrated positions of the points in the deformed image, shape (n, 2)."""
         return self.before_mm + self.displacement.vector[self.use]
+
+    @property
+    def centre_mm(self) -> Float:
+        """The camera's centre, shape (3,), in axes of the surface: two within it and its normal."""
+        return self.surface.to_axes(self.grid_centre_mm)
+
+    @property
+    def grid_centre_mm(self) -> Float:
+        """The camera's centre in the grid's axes, shape (3,)."""
+        if self.seen_from_mm is not None:
+            return self.seen_from_mm
+        if self.calibration.pinhole is None:
+            raise ValueError("this calibration knows no camera centre")
+        return self.calibration.pinhole.centre_mm
 
     def determine(self, degree: int) -> bool:
         """Return True if the points determine polynomials of the given degree."""

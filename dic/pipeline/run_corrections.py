@@ -22,6 +22,7 @@ from dic.out_of_plane.diagnosis import Harmonics, Sensitivity, rotation_findings
 from dic.out_of_plane.expectations import SHIFT_STD_UM
 from dic.out_of_plane.two_cameras import TwoCameraStep, correct_with_two_cameras
 from dic.pipeline.camera_result import CameraResult
+from dic.pipeline.reference_match import match_references
 
 
 @dataclass(frozen=True)
@@ -219,10 +220,12 @@ def _pair(cameras: Sequence[CameraResult]) -> tuple[CameraResult, CameraResult] 
 def _solve_jointly(first: CameraResult, second: CameraResult) -> JointCorrections:
     others = {step.index: m for step, m in zip(second.steps, second.measurements, strict=True)}
     calibrations = first.calibration, second.calibration
+    surface = match_references(first, second)
     steps, loads_n = {}, []
     for step, measurement in zip(first.steps, first.measurements, strict=True):
         if step.index in others:
-            steps[step.index] = correct_with_two_cameras((measurement, others[step.index]), calibrations)
+            both = measurement, others[step.index]
+            steps[step.index] = correct_with_two_cameras(both, calibrations, surface)
             loads_n.append(step.load_n)
     findings = tension_findings([found.corrections[0] for found in steps.values()], np.array(loads_n))
-    return JointCorrections((first.camera, second.camera), steps, findings)
+    return JointCorrections((first.camera, second.camera), steps, [surface.text, *findings])

@@ -117,6 +117,31 @@ class View:
             results.append(measure(result, calibration, label=f"state {number}"))
         return results
 
+    def seen_by(self, other, state, seed=0):
+        """Return the field from this camera's picture of a specimen to the picture of another camera."""
+        rng = np.random.default_rng([seed, 3])
+        step = self.subset_px
+        x_px = np.arange(step, self.camera.width_px - step, step)
+        y_px = np.arange(step, self.camera.height_px - step, step)
+        shape = (len(y_px), len(x_px))
+        px = np.stack(np.meshgrid(x_px, y_px), axis=-1).reshape(-1, 2).astype(float)
+        material = Surface(Blank(), state.pose, state.F).material(*self.camera.ray(px))
+        seen = other.camera.project(state.world(material)) + rng.normal(0.0, self.noise_px, px.shape)
+        warps = np.zeros((*shape, 6))
+        warps[..., 0], warps[..., 3] = ((seen - px)[:, k].reshape(shape) for k in (0, 1))
+        return Field(
+            x_px=x_px,
+            y_px=y_px,
+            warps=warps,
+            std=np.full((*shape, 6), self.noise_px),
+            zncc=np.ones(shape),
+            iterations=np.ones(shape, np.int16),
+            status=np.full(shape, Status.CONVERGED, np.int8),
+            active=np.ones(shape, bool),
+            start="search",
+            settings=self.settings,
+        )
+
     def true_strain(self, measurement, state):
         """Return the true exx, eyy, exy in µε of the plane motion that fits the points used best."""
         use = measurement.calibrated.valid

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dic.correlation.status import Status
+from dic.out_of_plane.reference_surface import reference_surface
 from dic.out_of_plane.two_cameras import correct_with_two_cameras
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
@@ -41,6 +43,46 @@ def test_shift_and_tilt_are_measured_and_their_strain_taken_away(slope_deg, shif
     assert found.plane.shift_mm == pytest.approx(shift_mm, abs=0.0005)
     slopes_deg = np.degrees(np.arctan([found.plane.slope_x, found.plane.slope_y]))
     np.testing.assert_allclose(slopes_deg, slope_deg, atol=0.003)
+
+
+@pytest.mark.parametrize("mounted", [Pose.sloped(0.0, 0.0, -1.0), Pose.sloped(0.3, -0.5, 0.4)])
+def test_the_surface_is_found_wherever_it_is_and_strain_is_right_there(mounted):
+    calibrations = tuple(v.calibration() for v in (ASIDE, STRAIGHT))
+    surface = reference_surface(ASIDE.seen_by(STRAIGHT, State(mounted)), calibrations)
+    away_mm = mounted.apply(np.array([[0.0, 0.0, 0.0]]))[0, 2]
+    assert surface.plane.shift_mm == pytest.approx(away_mm, abs=0.003)
+    assert f"{abs(away_mm):.1f}" in surface.text
+    tilted = Pose.sloped(0.02, 0.12, 0.005)
+    state = State(
+        Pose(mounted.rotation @ tilted.rotation, mounted.apply(tilted.translation_mm[None])[0]), STRETCH
+    )
+    seen = tuple(
+        v.measurements([state], c, State(mounted))[0]
+        for v, c in zip((ASIDE, STRAIGHT), calibrations, strict=True)
+    )
+    found = correct_with_two_cameras(seen, calibrations, surface)
+    assert found.declined is None
+    for correction in (found, *found.corrections):
+        error = strains(correction) - green_lagrange(STRETCH)
+        assert np.abs(error).max() < 12
+        assert (np.abs(error) < 3.5 * deviations(correction)).all()
+    assert found.plane.shift_mm == pytest.approx(0.005, abs=0.0007)
+
+
+def test_a_camera_that_was_moved_before_the_reference_is_noticed():
+    moved = replace(STRAIGHT, camera=PinholeCamera(800, 800, pan_deg=2.0))
+    calibrations = tuple(v.calibration() for v in (ASIDE, STRAIGHT))
+    surface = reference_surface(ASIDE.seen_by(moved, State()), calibrations)
+    assert surface.plane is None
+    assert "moved" in surface.text
+
+
+def test_references_that_do_not_show_the_same_points_tell_no_surface():
+    field = ASIDE.seen_by(STRAIGHT, State())
+    lost = replace(field, status=np.full(field.status.shape, Status.NOT_REACHED, np.int8))
+    surface = reference_surface(lost, tuple(v.calibration() for v in (ASIDE, STRAIGHT)))
+    assert surface.plane is None
+    assert "fewer than 30 points" in surface.text
 
 
 def test_one_camera_takes_the_shift_for_strain():

@@ -1,0 +1,176 @@
+"""Find the plane of a specimen's surface in the reference images of two cameras, by parallax.
+
+A calibration describes the plane of the grid. The surface of the specimen may lie elsewhere: behind the
+plate that carries the grid, or tilted. If the second camera's reference image is correlated with the first
+camera's, each material point has a position in both images. The difference of its two calibrated positions
+is z e, where z is the point's height and e is the parallax per height (`dic.out_of_plane.parallax`). The
+vector e depends on the distances of the cameras, which a calibration may hardly determine. So errors of both
+calibrations are solved together with the plane.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.calibration.calibration import Calibration
+from dic.correlation.field import Field
+from dic.out_of_plane.plane import Plane
+from dic.typing import Float
+
+_FEWEST_POINTS = 30
+_STEPS = 12
+_CLOSE_MM = 1e-7
+
+_ERROR_PX = 0.01
+"""Errors of a point beside noise, because the two cameras see the pattern from different directions."""
+
+_OUTLIER = 6.0
+"""Points whose residual is larger than this many times the median residual are left out."""
+
+_AGREE_PX = 0.1
+_IMPROBABLE = 6.0
+"""Largest accepted rms residual, and adjustment of the calibrations in standard deviations."""
+
+
+@dataclass(frozen=True)
+class ReferenceSurface:
+    """The plane of a specimen's surface in the reference.
+
+    Attributes
+    ----------
+    plane : Plane or None
+        The plane in the grid's axes, or None if it could not be found.
+    centres_mm : tuple of ndarray, shape (3,)
+        The centres of both cameras in the grid's axes, adjusted to the parallax.
+    problem : str
+        The reason why the plane could not be found, or "".
+    """
+
+    plane: Plane | None = None
+    centres_mm: tuple[Float, Float] | None = None
+    problem: str = ""
+
+    @property
+    def text(self) -> str:
+        """One sentence about the surface's place."""
+        if self.plane is None:
+            return (
+                f"the surface's distance from the grid's plane is not known, because {self.problem}; "
+                "the surface is taken to lie in the grid's plane"
+            )
+        slopes = np.degrees(np.arctan([self.plane.slope_x, self.plane.slope_y]))
+        side = "behind" if self.plane.shift_mm <= 0 else "in front of"
+        return (
+            f"in the reference the surface lies {abs(self.plane.shift_mm):.3f} mm {side} the grid's plane, "
+            f"with slopes of {slopes[0]:+z.3f}° and {slopes[1]:+z.3f}° along X and Y"
+        )
+
+
+def reference_surface(field: Field, calibrations: tuple[Calibration, Calibration]) -> ReferenceSurface:
+    """Find the plane of the specimen's surface from the correlation of both reference images.
+
+    Parameters
+    ----------
+    field : Field
+        Displacements from the reference image of the first camera to the reference image of the second.
+    calibrations : tuple of Calibration
+        Calibrations of the two cameras with the same grid; both have a pinhole model.
+    """
+    first_px = field.points
+    second_px = first_px + np.stack([field.u_px, field.v_px], axis=-1).reshape(-1, 2)
+    use = field.converged.ravel() & calibrations[0].inside(first_px) & calibrations[1].inside(second_px)
+    if np.count_nonzero(use) < _FEWEST_POINTS:
+        return ReferenceSurface(problem=f"the reference images share fewer than {_FEWEST_POINTS} points")
+    noise_px = float(np.median(np.hypot(field.std_u_px, field.std_v_px).ravel()[use]))
+    error_mm = np.hypot(noise_px, _ERROR_PX) * calibrations[0].mm_per_px
+    views = [
+        _View.of(calibration, px[use])
+        for calibration, px in zip(calibrations, (first_px, second_px), strict=True)
+    ]
+    return _solve(views, error_mm, calibrations[0].mm_per_px)
+
+
+@dataclass(frozen=True)
+class _View:
+    """What one camera measures of n points.
+
+    Attributes
+    ----------
+    at_mm : ndarray, shape (n, 2)
+        Calibrated positions.
+    centre_mm : ndarray, shape (3,)
+        The camera's centre.
+    of_map, of_centre : ndarray, shapes (n, 2, q) and (3, q)
+        Effect of q independent errors of the calibration, with variance 1.
+    """
+
+    at_mm: Float
+    centre_mm: Float
+    of_map: Float
+    of_centre: Float
+
+    @classmethod
+    def of(cls, calibration: Calibration, px: Float) -> "_View":
+        best = calibration.using("pinhole")
+        if best.pinhole is None:
+            raise ValueError("this calibration knows no camera centre")
+        return cls(
+            best.map(px), best.pinhole.centre_mm, best.error_factors(px), best.pinhole.centre_factors()
+        )
+
+    def adjusted(self, sources: Float) -> "_View":
+        """Return the view if the calibration has the errors `sources` (q,)."""
+        moved = self.centre_mm + self.of_centre @ sources
+        return _View(self.at_mm + self.of_map @ sources, moved, self.of_map, self.of_centre)
+
+    @property
+    def rise(self) -> Float:
+        """Shift of the calibrated positions by a height of 1 mm, shape (n, 2)."""
+        return np.asarray((self.at_mm - self.centre_mm[:2]) / self.centre_mm[2])
+
+    def slopes(self, height_mm: Float) -> Float:
+        """Derivative of the position without the height's shift by the errors, shape (n, 2, q)."""
+        toward = self.of_centre[:2] + self.rise[:, :, None] * self.of_centre[2]
+        away = (self.of_map - toward) / self.centre_mm[2]
+        return np.asarray(self.of_map - height_mm[:, None, None] * away)
+
+
+def _solve(views: list[_View], error_mm: float, mm_per_px: float) -> ReferenceSurface:
+    """Solve the plane and the errors of both calibrations by Gauss-Newton steps, without outliers."""
+    counts = [view.of_centre.shape[1] for view in views]
+    values, use = np.zeros(3 + sum(counts)), np.ones(len(views[0].at_mm), bool)
+    prior = np.concatenate([np.zeros(3), np.ones(sum(counts))])
+    for _ in range(_STEPS):
+        first, second = (v.adjusted(s) for v, s in zip(views, np.split(values[3:], [counts[0]]), strict=True))
+        terms = np.column_stack([first.at_mm, np.ones(len(use))])
+        height = terms @ values[:3]
+        left = first.at_mm - second.at_mm - height[:, None] * (first.rise - second.rise)
+        by_plane = -(first.rise - second.rise)[:, :, None] * terms[:, None, :]
+        by_errors = [first.slopes(height), -second.slopes(height)]
+        design = np.concatenate([by_plane, *by_errors], axis=2)[use].reshape(-1, len(values)) / error_mm
+        normal = design.T @ design + np.diag(prior)
+        step = np.linalg.solve(normal, design.T @ left[use].ravel() / error_mm + prior * values)
+        values = values - step
+        size = np.linalg.norm(left, axis=1)
+        use = size <= max(_OUTLIER * float(np.median(size)), 2 * error_mm)
+        if np.abs(step[:3]).max() < _CLOSE_MM:
+            break
+    problem = _disagreement(float(np.linalg.norm(values[3:])), float(np.median(size)) / mm_per_px)
+    if problem:
+        return ReferenceSurface(problem=problem)
+    # The heights belong to positions that the height has shifted by its rise. The slopes of the plane follow
+    # from heights at the places of the points themselves.
+    place = first.at_mm - first.rise * height[:, None]
+    plane = np.linalg.lstsq(np.column_stack([place, np.ones(len(place))])[use], height[use], rcond=None)[0]
+    return ReferenceSurface(Plane(*map(float, plane)), (first.centre_mm, second.centre_mm))
+
+
+def _disagreement(adjustment: float, left_px: float) -> str:
+    """Return the reason why the two cameras do not agree on a plane, or "" if they do."""
+    if adjustment <= _IMPROBABLE and left_px <= _AGREE_PX:
+        return ""
+    return (
+        f"the cameras agree on it only to {left_px:.2f} px (at most {_AGREE_PX:g} px is explained) and with "
+        f"calibrations that are {adjustment:.0f} standard deviations off (at most {_IMPROBABLE:.0f}): a "
+        "camera was moved after its calibration, so fasten its mount and calibrate again"
+    )
