@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from dic.runfile.reader import RunInfo, RunStep
     from dic.strain.displacement import Displacement, Noise
     from dic.strain.measurement import Measurement, measure
+    from dic.strain.resolution import strain_resolution_px
     from dic.strain.strain import MeanStrain, StrainField, StrainSettings, gauge_text
     from dic.targets.find import (
         CharucoTarget,
@@ -147,6 +148,7 @@ __all__ = [
     "save_alignment",
     "save_calibration",
     "save_run_result",
+    "strain_resolution_px",
     "write_csv",
     "write_maps",
     "write_report",
@@ -201,6 +203,7 @@ _NAMES_OF = {
     "dic.runfile.reader": ("RunInfo", "RunStep"),
     "dic.strain.displacement": ("Displacement", "Noise"),
     "dic.strain.measurement": ("Measurement", "measure"),
+    "dic.strain.resolution": ("strain_resolution_px",),
     "dic.strain.strain": ("MeanStrain", "StrainField", "StrainSettings", "gauge_text"),
     "dic.targets.find": (
         "CharucoTarget",

@@ -56,7 +56,15 @@ def correlate(
     the series after the current image and keeps its results. Exit status: 0 if all images are measured well,
     1 if an image is measured poorly, 2 if an image cannot be measured.
     """
-    from dic import Series, SeriesImage, gauge_text, load_calibration, measure_series, read_image
+    from dic import (
+        Series,
+        SeriesImage,
+        gauge_text,
+        load_calibration,
+        measure_series,
+        read_image,
+        strain_resolution_px,
+    )
     from dic.commands.series_record import SeriesRecord
     from dic.pipeline.series_files import SeriesOutputs
     from dic.shell.console import fail, say, stopping_between
@@ -79,7 +87,10 @@ def correlate(
     images = [SeriesImage(path, str(path), hint) for path in deformed]
     measured = measure_series(series, images, calibration, how, known)
     gauge_px = how.gauge_px(settings)
-    say(gauge_text(gauge_px, None if calibration is None else gauge_px * calibration.mm_per_px))
+    say(
+        gauge_text(gauge_px, None if calibration is None else gauge_px * calibration.mm_per_px)
+        + f", which keeps 90 % of waves of strain of {strain_resolution_px(settings, how):.0f} px"
+    )
 
     record = SeriesRecord(keep_corrections=outputs.output is not None)
     with SeriesOutputs(image, settings, files) as results:

@@ -6,6 +6,8 @@ from typing import Any
 
 _OTHERS = ("images", "calibration", "mounting", "model")
 """Parts of the standard deviation beside the shift; see `dic.out_of_plane.strain_parts`."""
+_LOST_MIN = 0.03
+"""Smallest fraction of the amplitude of local strain whose loss is printed."""
 
 
 def image_text(summary: dict[str, Any]) -> str:
@@ -27,6 +29,10 @@ def image_text(summary: dict[str, Any]) -> str:
     if summary.get("corrected", {"method": "none"})["method"] != "none":
         parts.append(corrected_text(summary["corrected"]))
     parts.append(f"rotation {summary['raw']['rotation_deg'] or 0.0:.3f}°, start from {summary['start']}")
+    lost = {name: share for name, share in summary["strain"]["amplitude_lost"].items() if share is not None}
+    if any(share >= _LOST_MIN for share in lost.values()):
+        shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in lost.items())
+        parts.append(f"local strain loses amplitude to the settings: {shares}")
     if summary["updates"]:
         parts.append(f"over {summary['updates']} new references")
     return "; ".join(parts)

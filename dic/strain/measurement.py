@@ -1,5 +1,6 @@
 """The measurement of one image: the result of the correlation, the displacements and the strains."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,7 +14,9 @@ from dic.correlation.settings import CorrelationSettings
 from dic.correlation.status import Status
 from dic.errors import require_kind
 from dic.strain.displacement import Displacement, calibrated_displacement, raw_displacement
+from dic.strain.resolution import Filters, amplitude_kept, amplitude_lost, strain_resolution_px
 from dic.strain.strain import MeanStrain, StrainField, StrainSettings, mean_strain, strain_field
+from dic.typing import Float
 
 _POINTS_OF_A_PLANE = 3
 
@@ -79,6 +82,30 @@ class Measurement:
         return self.stored_strain or strain_field(self.calibrated or self.raw, self.strain_settings)
 
     @property
+    def resolution_px(self) -> float:
+        """The period of a wave of strain of whose amplitude the local strain keeps 90 %."""
+        return strain_resolution_px(self.settings, self.strain_settings)
+
+    @cached_property
+    def amplitude_kept(self) -> dict[str, Float]:
+        """The share of the amplitude that local strain keeps of "exx" and "eyy", shape (rows, columns).
+
+        The share is estimated from the strain that is present around each point; NaN where there is none
+        beyond its noise. `dic.strain.resolution` describes the method.
+        """
+        filters, strain = Filters(self.settings, self.strain_settings), self.strain
+        return {
+            "exx": amplitude_kept(strain.exx, strain.exx_std, filters, along_x=True),
+            "eyy": amplitude_kept(strain.eyy, strain.eyy_std, filters, along_x=False),
+        }
+
+    @property
+    def amplitude_lost(self) -> dict[str, float]:
+        """The fraction that the settings take from the effective value of "exx" and "eyy"; NaN if unknown."""
+        kept = self.amplitude_kept
+        return {name: amplitude_lost(getattr(self.strain, name), kept[name]) for name in kept}
+
+    @property
     def strain_reasons(self) -> NDArray[np.str_]:
         """The reason why a point has no local strain, shape (rows, columns); empty where it has one.
 
@@ -120,7 +147,15 @@ class Measurement:
             "failures": failures,
             "start": field.start,
             "updates": field.updates,
-            "strain": vars(self.strain_settings) | {"gauge_px": self.gauge_px, "gauge_mm": self.gauge_mm},
+            "strain": vars(self.strain_settings)
+            | {
+                "gauge_px": self.gauge_px,
+                "gauge_mm": self.gauge_mm,
+                "resolution_px": round(self.resolution_px, 1),
+                "amplitude_lost": {
+                    name: None if math.isnan(lost) else lost for name, lost in self.amplitude_lost.items()
+                },
+            },
             "raw": self.raw_mean.as_dict(),
         }
         if self.calibrated_mean is not None:

@@ -1,0 +1,187 @@
+"""How much of a strain that varies in space the settings keep, and how much of the present strain they take.
+
+Correlation with subsets and the fit of strain windows are smoothing filters. Their transfer functions follow
+from the polynomials that are fitted (A. Savitzky, M. J. E. Golay, Analytical Chemistry 36 (1964) 1627-1639).
+The wave numbers of the strain follow from the measured field itself, without its noise, whose spectrum is
+that of the same filters.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from dic.correlation.settings import CorrelationSettings
+from dic.strain.strain import StrainSettings
+from dic.typing import Float, Mask
+
+_LARGEST_LOSS = 0.6
+"""Larger losses are not told apart: little of the strain is left to conclude from."""
+_SIGNIFICANT = 3.0
+"""Mean square of the strain above its noise, in standard deviations, from which a loss is estimated."""
+
+
+@dataclass(frozen=True)
+class Filters:
+    """The transfer functions of local strain for one combination of settings.
+
+    Parameters
+    ----------
+    correlation : CorrelationSettings
+    strain : StrainSettings
+    """
+
+    correlation: CorrelationSettings
+    strain: StrainSettings
+
+    def along(self, per_px: Float) -> Float:
+        """Return the share of the amplitude that is kept of waves along the direction of the derivative.
+
+        Parameters
+        ----------
+        per_px : ndarray
+            Angular wave numbers, radians per px.
+        """
+        if self.strain.source == "shape":
+            return _slope(per_px, self._subset_px, 1)
+        return self._displacement(per_px) * _slope(
+            per_px, self.strain.window_points, self.correlation.step_px
+        )
+
+    def across(self, per_px: Float) -> Float:
+        """Return the share of the amplitude that is kept of waves across the direction of the derivative."""
+        if self.strain.source == "shape":
+            return _mean(per_px, self._subset_px, 1)
+        # The middle of a window is fitted by a plane or by a parabola; the slope of both has the same mean.
+        return self._displacement(per_px) * _mean(per_px, self.strain.window_points, self.correlation.step_px)
+
+    def resolution_px(self, share: float = 0.9) -> float:
+        """Return the period of a wave of strain of whose amplitude `share` is kept."""
+        from scipy.optimize import brentq
+
+        gauge_px = self.strain.gauge_px(self.correlation)
+
+        def excess(period_px: float) -> float:
+            return float(self.along(np.array([2 * math.pi / period_px]))[0]) - share
+
+        return float(brentq(excess, 0.5 * gauge_px, 50.0 * gauge_px))
+
+    def noise_correlation(self, *, along: bool) -> Float:
+        """Return the correlation of the noise of strains that are 0, 1, 2 … steps apart, up to the gauge."""
+        step_px = self.correlation.step_px
+        steps = np.arange(math.ceil(self.strain.gauge_px(self.correlation) / step_px) + 1)
+        per_px = np.linspace(0.0, math.pi, 4001)
+        kept = self.along(per_px) * per_px if along else self.across(per_px)
+        density = kept * kept
+        correlation: Float = np.cos(np.multiply.outer(steps * step_px, per_px)) @ density / density.sum()
+        return correlation
+
+    @property
+    def _subset_px(self) -> int:
+        return self.correlation.subset_px
+
+    def _displacement(self, per_px: Float) -> Float:
+        if self.correlation.shape == "affine":
+            return _mean(per_px, self._subset_px, 1)
+        offset = np.arange(self._subset_px) - self._subset_px // 2
+        design = np.stack([(offset / self._subset_px) ** power for power in range(3)], axis=1)
+        kept: Float = np.cos(np.multiply.outer(per_px, offset)) @ np.linalg.pinv(design)[0]
+        return kept
+
+
+@cache
+def strain_resolution_px(correlation: CorrelationSettings, strain: StrainSettings) -> float:
+    """Return the period of a wave of strain of whose amplitude local strain keeps 90 %."""
+    return Filters(correlation, strain).resolution_px()
+
+
+def _mean(per_px: Float, points: int, step_px: int) -> Float:
+    """Return the transfer function of the mean of some points."""
+    offset = step_px * (np.arange(points) - points // 2)
+    kept: Float = np.cos(np.multiply.outer(per_px, offset)).mean(axis=-1)
+    return kept
+
+
+def _slope(per_px: Float, points: int, step_px: int) -> Float:
+    """Return the transfer function of the slope of a line, or of a parabola, through some points."""
+    offset = step_px * (np.arange(points) - points // 2).astype(np.float64)
+    phase = np.multiply.outer(per_px, offset)
+    kept: Float = (offset * offset * np.sinc(phase / math.pi)).sum(axis=-1) / (offset @ offset)
+    return kept
+
+
+def amplitude_kept(values: Float, std: Float, filters: Filters, *, along_x: bool) -> Float:
+    """Return the share of a strain's amplitude that the settings have kept, at every point.
+
+    Around each point, the mean wave numbers along x and y are computed: the mean product of the strain with
+    its second difference, over its mean square. The known contributions of noise are subtracted from both.
+
+    Parameters
+    ----------
+    values, std : ndarray, shape (rows, columns)
+        A normal strain and its standard deviation; NaN where there is none.
+    filters : Filters
+    along_x : bool
+        True for the strain exx, False for eyy.
+
+    Returns
+    -------
+    ndarray, shape (rows, columns)
+        From 0.4 to 1; NaN where there is no strain beyond its noise.
+    """
+    known = np.isfinite(values) & np.isfinite(std)
+    strain, variance = np.where(known, values, 0.0), np.where(known, std, 0.0) ** 2
+    reach = 2 * math.ceil(filters.strain.gauge_px(filters.correlation) / filters.correlation.step_px) + 1
+    kept = np.ones_like(strain)
+    significant = known.copy()
+    phases = np.linspace(0.0, math.pi, 1000)
+    noise = {along: filters.noise_correlation(along=along) for along in (True, False)}
+    # So many neighbouring values have the noise of one independent value.
+    shared = math.prod(2 * float(each @ each) - 1 for each in noise.values())
+    for axis, along in ((1, along_x), (0, not along_x)):
+        neighbour = float(noise[along][1])
+        cosine, clear = _mean_cosine(strain, variance, known, axis, reach, neighbour, shared)
+        phase = np.arccos(np.clip(cosine, -1.0, 1.0))
+        transfer = (filters.along if along else filters.across)(phases / filters.correlation.step_px)
+        kept *= np.interp(phase, phases, transfer)
+        significant &= clear
+    return np.where(significant, np.clip(kept, 1.0 - _LARGEST_LOSS, 1.0), np.nan)
+
+
+def amplitude_lost(values: Float, kept: Float) -> float:
+    """Return the fraction of the strain's root mean square that the settings have taken; NaN if unknown."""
+    known = np.isfinite(values) & np.isfinite(kept)
+    if not known.any():
+        return math.nan
+    measured, true = values[known], values[known] / kept[known]
+    return 1.0 - math.sqrt(float((measured @ measured) / (true @ true)))
+
+
+def _mean_cosine(
+    strain: Float, variance: Float, known: Mask, axis: int, reach: int, correlation: float, shared: float
+) -> tuple[Float, Mask]:
+    """Return the mean cosine of the phase between neighbours, and where the strain is more than noise.
+
+    For a wave, the mean of the product of a value with the half sum of its two neighbours is the mean square
+    times that cosine.
+    """
+    before, after = np.roll(strain, 1, axis), np.roll(strain, -1, axis)
+    inner = known & np.roll(known, 1, axis) & np.roll(known, -1, axis)
+    inner[(slice(None),) * axis + ([0, -1],)] = False
+    square = _around(np.where(inner, strain * strain - variance, 0.0), reach)
+    product = _around(np.where(inner, strain * (before + after) / 2 - correlation * variance, 0.0), reach)
+    # The variance of the sum of the squares of n independent values with the variance σ² is 2 n σ⁴.
+    scatter = np.sqrt(2 * shared * _around(np.where(inner, variance * variance, 0.0), reach))
+    clear = square > _SIGNIFICANT * scatter
+    return np.where(clear, product / np.where(clear, square, 1.0), 1.0), clear
+
+
+def _around(values: Float, reach: int) -> Float:
+    """Return the sum of the values in a square of `reach` points around each point."""
+    import cv2
+
+    total: Float = cv2.boxFilter(
+        values, cv2.CV_64F, (reach, reach), normalize=False, borderType=cv2.BORDER_CONSTANT
+    )
+    return total
