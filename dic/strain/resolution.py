@@ -181,7 +181,7 @@ def _around(values: Float, reach: int) -> Float:
     """Return the sum of the values in a square of `reach` points around each point."""
     import cv2
 
-    total: Float = cv2.boxFilter(
-        values, cv2.CV_64F, (reach, reach), normalize=False, borderType=cv2.BORDER_CONSTANT
-    )
+    # Running sums, as in cv2.boxFilter, would carry the rounding errors of a large value to the others.
+    ones = np.ones(reach)
+    total: Float = cv2.sepFilter2D(values, cv2.CV_64F, ones, ones, borderType=cv2.BORDER_CONSTANT)
     return total
