@@ -1,7 +1,6 @@
 """Devices that return the recorded readings and images of a run at the recorded times. Commands to these
 devices have no effect."""
 
-import math
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
@@ -95,11 +94,10 @@ class ReplayedStage:
 class ReplayedLoadFrame:
     """The load frame of an archived run."""
 
-    limits = LoadFrameLimits(-math.inf, math.inf, -math.inf, math.inf, math.inf, math.inf)
-
-    def __init__(self, info: DeviceInfo, readings: Readings[LoadFrameState]) -> None:
+    def __init__(self, info: DeviceInfo, readings: Readings[LoadFrameState], limits: LoadFrameLimits) -> None:
         self.info = info
         self.readings = readings
+        self.limits = limits
 
     def read(self) -> LoadFrameState:
         """Return the next reading."""

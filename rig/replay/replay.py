@@ -37,6 +37,7 @@ from rig.replay.devices import (
     ReplayedStage,
     end_of_record,
 )
+from rig.replay.recorded_limits import limits_of_load_frame, limits_of_rig
 from rig.replay.script import ReplayError, Script
 
 _POLL_S = 1e-3
@@ -120,7 +121,8 @@ def _feed(script: Script, protocol: Protocol, place: Path) -> Outcome:
         stage = ReplayedStage(DeviceInfo(**run.identity("stage")), of_stage)
     if script.load_frame:
         of_frame = readings = Readings("load_frame", script.load_frame_state, clock, ended)
-        load_frame = ReplayedLoadFrame(DeviceInfo(**run.identity("load_frame")), of_frame)
+        info = DeviceInfo(**run.identity("load_frame"))
+        load_frame = ReplayedLoadFrame(info, of_frame, limits_of_load_frame(run))
     interlocks = {}
     for name, range_of in run.interlocks.items():
         values = Readings(f"interlocks.{name}", partial(script.interlock_state, name), clock, ended)
@@ -139,6 +141,7 @@ def _feed(script: Script, protocol: Protocol, place: Path) -> Outcome:
         load_frame,
         virtual=run.info.simulated,
         call_timeout_s=_NEVER_S,
+        limits=limits_of_rig(run),
         interlocks=interlocks,
     )
     assert readings is not None  # `Script.of` has checked this

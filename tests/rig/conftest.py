@@ -199,6 +199,7 @@ class FakeRig:
     clock: Clock = field(default_factory=VirtualClock)
     interlocks: dict[str, OpenedInterlock] = field(default_factory=dict)
     limits: RigLimits = field(default_factory=RigLimits)
+    configuration: str = ""
 
     def __post_init__(self) -> None:
         self.cameras = {"on_axis": FakeCamera(self.clock), "off_axis": FakeCamera(self.clock)}
@@ -222,7 +223,7 @@ class FakeRig:
             title=self.protocol.title,
             run_id="test",
             definition=self.definition,
-            configuration="",
+            configuration=self.configuration,
             start=self.clock.utc(),
             versions="",
             sample=self.protocol.sample,

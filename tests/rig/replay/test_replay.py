@@ -10,9 +10,11 @@ import pytest
 from dic.runfile.reader import RunFile
 from rig.commands.verify import verify_run
 from rig.devices import OpenedInterlock
+from rig.limit_settings import RigLimits
 from rig.protocol.protocol import parse_protocol
 from rig.replay.replay import replay_run
 from rig.replay.script import ReplayError
+from rig.run import run_protocol
 from tests.places import example
 from tests.rig.conftest import FakeInterlock, FakeRig
 from tests.rig.engine.test_phases import SLOW
@@ -105,6 +107,40 @@ def test_a_limit_that_ended_a_run_ends_its_replay_with_the_same_words(tmp_path):
     outcome = rig.engine().run()
     assert outcome.status == "failed"
     replayed = replay_run(rig.path, tmp_path / "new.h5")
+    assert replayed.outcome.reason == outcome.reason
+    assert replayed.differences == []
+
+
+def test_the_rig_s_own_limits_end_a_replay_as_they_ended_the_run(tmp_path):
+    definition = PROTOCOLS["tension"]
+    rig = FakeRig(
+        parse_protocol(tomllib.loads(definition)),
+        tmp_path / "run.h5",
+        definition=definition,
+        limits=RigLimits(displacement_max_mm=5.15),
+        configuration="[limits]\ndisplacement_max_mm = 5.15\n",
+    )
+    rig.load_frame.on_read = lambda count, state: (
+        type(state)(**{**state.__dict__, "displacement_mm": 5.17}) if count == 300 else state
+    )
+    outcome = rig.engine().run()
+    assert "the rig's limits.displacement_max_mm" in outcome.reason
+    replayed = replay_run(rig.path, tmp_path / "new.h5")
+    assert replayed.outcome.reason == outcome.reason
+    assert replayed.differences == []
+
+
+def test_the_machine_s_least_load_ends_a_replay_as_it_ended_the_run(tmp_path):
+    small = ('driver = "simulated-camera"', 'driver = "simulated-camera"\nwidth_px = 64\nheight_px = 64')
+    at = 'address = "@load_frame"\n'
+    rig_text = example("rig-virtual-tension").replace(*small)
+    assert at in rig_text
+    (tmp_path / "p.toml").write_text(example("tension"))
+    # the load cell's noise is larger than this
+    (tmp_path / "r.toml").write_text(rig_text.replace(at, f"{at}load_min_n = -0.01\n"))
+    outcome = run_protocol(tmp_path / "p.toml", tmp_path / "r.toml", tmp_path / "run.h5")
+    assert "the rig's load_frame.load_min_n" in outcome.reason
+    replayed = replay_run(tmp_path / "run.h5", tmp_path / "new.h5")
     assert replayed.outcome.reason == outcome.reason
     assert replayed.differences == []
 

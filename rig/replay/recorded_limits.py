@@ -1,0 +1,43 @@
+"""The limits with which an archived run was watched, so that its replay ends at the same reading."""
+
+import math
+import tomllib
+from dataclasses import fields
+
+from pydantic import ValidationError
+
+from dic.runfile.reader import RunFile
+from drivers.interfaces import LoadFrameLimits
+from rig.limit_settings import RigLimits
+from rig.replay.script import ReplayError
+
+
+def limits_of_load_frame(run: RunFile) -> LoadFrameLimits:
+    """Return the limits in the settings of the run's load frame; a limit that is not there is infinite."""
+    asked = run.asked("load_frame").get("asked", {})
+    found = {}
+    for each in fields(LoadFrameLimits):
+        value = asked.get(each.name)
+        least = "_min_" in each.name
+        known = isinstance(value, int | float) and not isinstance(value, bool)
+        found[each.name] = float(value) if known else (-math.inf if least else math.inf)
+    return LoadFrameLimits(**found)
+
+
+def limits_of_rig(run: RunFile) -> RigLimits:
+    """Return the table [limits] of the run's rig file.
+
+    Raises
+    ------
+    ReplayError
+        If the table is not one of this version.
+    """
+    try:
+        return RigLimits.model_validate(tomllib.loads(run.info.configuration).get("limits", {}))
+    except (tomllib.TOMLDecodeError, ValidationError, RecursionError) as error:
+        raise ReplayError(
+            str(run.path),
+            "a run with a rig file of this version",
+            " ".join(str(error).split())[:200],
+            "replay it with the version of offaxis that recorded it",
+        ) from error
