@@ -47,6 +47,8 @@ class Calibration:
     images : int
         Number of grid images. The grid's plane in the first image is the plane of the coordinates X and Y.
         Further images improve only the pinhole model.
+    plate_mm : float
+        Distance by which the plane of the coordinates X and Y lies behind the grid's lines.
     model : str
         The model in use, "bicubic" or "pinhole". The methods `map` and `jacobian` use this model, and so do
         the properties for residuals and scale.
@@ -60,6 +62,7 @@ class Calibration:
     pinhole_problem: str = "it was not fitted"
     bicubic_cross_validation_px: float = float("nan")
     images: int = 1
+    plate_mm: float = 0.0
     model: Model = "bicubic"
 
     def __repr__(self) -> str:

@@ -101,6 +101,7 @@ def write_calibration(group: h5py.Group, calibration: Calibration) -> None:
         "residual_px": (calibration.residual_px, "px"),
         "image_shape": (np.array(calibration.image_shape), "px"),
         "images": (calibration.images, "1"),
+        "plate_mm": (calibration.plate_mm, "mm"),
     }
     if calibration.pinhole is not None:
         for name, units in _PINHOLE_UNITS.items():
@@ -145,6 +146,7 @@ def read_calibration(group: h5py.Group) -> Calibration:
         pinhole_problem=str(group.attrs["pinhole_problem"]),
         bicubic_cross_validation_px=float(bicubic["left_out_px"][()]),
         images=int(group["images"][()]),
+        plate_mm=float(group["plate_mm"][()]) if "plate_mm" in group else 0.0,
     ).using(cast(Model, str(group.attrs["model"])))
 
 

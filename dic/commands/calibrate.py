@@ -56,6 +56,13 @@ class OutputOptions:
     show_default=True,
     help="Map that the calibration uses: the paper's bicubic map, the pinhole model, or the better of both.",
 )
+@click.option(
+    "--plate-mm",
+    type=float,
+    default=0.0,
+    help="Distance of the specimen's surface behind the target's lines, such as the thickness of the plate"
+    " that carries them.  [default: 0]",
+)
 @option_group(
     "camera",
     CameraOptions,
@@ -102,6 +109,7 @@ def calibrate(
     images: tuple[Path, ...],
     target: TargetOptions,
     model: Literal["bicubic", "pinhole", "recommended"],
+    plate_mm: float,
     camera: CameraOptions,
     outputs: OutputOptions,
     force: bool,
@@ -114,7 +122,8 @@ def calibrate(
 
     A pinhole model is fitted in addition to Helm and Deaner's bicubic map. If the camera looks nearly
     straight at the target, further images of the tilted target by the same camera determine the focal length.
-    The target's plane in the first image is the plane of the measurement.
+    The target's plane in the first image is the plane of the measurement, unless --plate-mm tells that the
+    specimen's surface lies behind it.
     """
     from dic import calibrate_images, plot_calibration, save_calibration
     from dic.commands.calibration_text import summarise, text
@@ -123,7 +132,13 @@ def calibrate(
     files = [outputs.output, outputs.points_file, outputs.plot_file, outputs.json_file]
     require_places(images, files, force=force)
     calibration = calibrate_images(
-        images, shown, x_axis=target.x_axis, origin_px=target.origin_px, known=known, model=model
+        images,
+        shown,
+        x_axis=target.x_axis,
+        origin_px=target.origin_px,
+        known=known,
+        model=model,
+        plate_mm=plate_mm,
     )
     if outputs.output is not None:
         save_calibration(calibration, outputs.output)

@@ -23,6 +23,7 @@ def summarise(calibration: "Calibration") -> dict[str, Any]:
     return {
         "image": calibration.source,
         "images": calibration.images,
+        "plate_mm": calibration.plate_mm,
         "width_px": width,
         "height_px": height,
         "lines": list(grid.lines),
@@ -52,7 +53,10 @@ def text(summary: dict[str, Any]) -> str:
     more = f", camera from {summary['images']} images" if summary["images"] > 1 else ""
     said_by = {"mark": ", axes by the mark", "option": ", axes as given"}
     axes = said_by.get(summary["orientation"], "")
-    lines = [f"{summary['image']}: {summary['found']} of {summary['expected']} intersections{axes}{more}"]
+    plate = f", surface {summary['plate_mm']:g} mm behind the lines" if summary["plate_mm"] else ""
+    lines = [
+        f"{summary['image']}: {summary['found']} of {summary['expected']} intersections{axes}{more}{plate}"
+    ]
     lines += _table(summary["models"])
     lines += _camera_lines(summary["camera"])
     lines += [

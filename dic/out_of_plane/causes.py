@@ -6,8 +6,8 @@ A height h of the surface moves the point where the ray meets the surface by -h 
 of the plane has fields of this form.
 
 The causes in the plane are affine motion, bending and a gradient of the strain. Bending has the displacement
-(-(y² + ν x²)/2, x y) κ, and the same with x and y exchanged. The gradient is taken along the direction of the
-largest strain e. If the coordinate s runs along this direction and t across it, the gradient e g gives the
+(-(y² + ν x²)/2, x y) κ, and the same with x and y exchanged. The gradient is taken along one direction, with
+the strain e. If the coordinate s runs along this direction and t across it, the gradient e g gives the
 displacement (s²/2, -ν s t) e g. A taper of the specimen also shears it; the shear adds the displacement
 (t², 0).
 """
@@ -70,12 +70,17 @@ class Sight:
         return np.asarray(plane.within(self.after_mm, self.centre_mm) - self.before_mm)
 
     @property
+    def centred_mm(self) -> Float:
+        """Positions in the reference relative to their mean, shape (n, 2)."""
+        return np.asarray(self.before_mm - self.before_mm.mean(axis=0))
+
+    @property
     def ray(self) -> Float:
         """Displacement per height of the deformed specimen, towards the foot of the camera, shape (n, 2)."""
         return np.asarray((self.after_mm - self.centre_mm[:2]) / self.centre_mm[2])
 
 
-def fields(sight: Sight, plane: Plane, gradient: Float, poisson_ratio: float) -> Float:
+def fields(sight: Sight, plane: Plane, gradient: Float, poisson_ratio: float, along: Float) -> Float:
     """Return the fields of all causes, shape (n, 2, 19), in the order of `SIZES`.
 
     Parameters
@@ -87,6 +92,8 @@ def fields(sight: Sight, plane: Plane, gradient: Float, poisson_ratio: float) ->
         Mean displacement gradient.
     poisson_ratio : float
         Poisson's ratio of the specimen.
+    along : ndarray, shape (2,)
+        Direction of the gradient of the strain, a unit vector.
 
     Returns
     -------
@@ -104,7 +111,7 @@ def fields(sight: Sight, plane: Plane, gradient: Float, poisson_ratio: float) ->
     X, Y = (on_plane - on_plane.mean(axis=0)).T
     heights = np.stack([X * X / 2, X * Y, Y * Y / 2], axis=-1)
     curvature = heights[:, None, :] * sight.ray[:, :, None]
-    within = _within(sight.before_mm, F, poisson_ratio)
+    within = _within(sight.centred_mm, gradient, poisson_ratio, along)
     return np.concatenate(
         [
             within[:, :, :8],
@@ -141,24 +148,33 @@ def by_plane(calibrated_mm: Float, centre_mm: Float, plane: Plane) -> Float:
     return np.stack(sides, axis=-1)
 
 
-def largest_strain(F: Float) -> tuple[float, float, Float]:
-    """Return the largest principal strain by size, the strain across it, and its direction (2,)."""
-    strains, directions = np.linalg.eigh((F.T @ F - np.eye(2)) / 2)
-    largest = int(np.argmax(np.abs(strains)))
-    return float(strains[largest]), float(strains[1 - largest]), directions[:, largest]
+def main_direction(gradient: Float) -> Float:
+    """Return the direction (2,) of the principal strain of largest size; `gradient` has shape (2, 2)."""
+    strains, directions = np.linalg.eigh(_strain(gradient))
+    return np.asarray(directions[:, int(np.argmax(np.abs(strains)))])
 
 
-def _within(before_mm: Float, F: Float, poisson_ratio: float) -> Float:
+def strain_along(gradient: Float, along: Float) -> tuple[float, float]:
+    """Return the strains along and across a direction (2,), for a displacement gradient (2, 2)."""
+    strain, across = _strain(gradient), np.array([-along[1], along[0]])
+    return float(along @ strain @ along), float(across @ strain @ across)
+
+
+def _strain(gradient: Float) -> Float:
+    F = gradient + np.eye(2)
+    return np.asarray((F.T @ F - np.eye(2)) / 2)
+
+
+def _within(centred_mm: Float, gradient: Float, poisson_ratio: float, along: Float) -> Float:
     """Return the fields of motion in the plane, shape (n, 2, 10): affine, bending, gradient and taper."""
-    centred = before_mm - before_mm.mean(axis=0)
-    x, y = centred.T
+    x, y = centred_mm.T
     one, none, nu = np.ones_like(x), np.zeros_like(x), poisson_ratio
     affine = [(t, none) for t in (one, x, y)] + [(none, t) for t in (one, x, y)]
     bending = [(-(y * y + nu * x * x) / 2, x * y), (x * y, -(x * x + nu * y * y) / 2)]
-    strain, lateral, along = largest_strain(F)
+    strain, lateral = strain_along(gradient, along)
     contraction = -lateral / strain if abs(strain) > _PLASTIC else nu
     across = np.array([-along[1], along[0]])
-    s, t = centred @ along, centred @ across
-    gradient = np.outer(along, s * s / 2) - contraction * np.outer(across, s * t)
+    s, t = centred_mm @ along, centred_mm @ across
+    graded = np.outer(along, s * s / 2) - contraction * np.outer(across, s * t)
     taper = np.outer(along, t * t)
-    return np.stack([np.array(field).T for field in (*affine, *bending, gradient, taper)], axis=2)
+    return np.stack([np.array(field).T for field in (*affine, *bending, graded, taper)], axis=2)

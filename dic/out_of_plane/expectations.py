@@ -6,7 +6,7 @@ ordinary grips. For tilts, bending, curvature and strain gradient there are seve
 none to large. Each combination of levels is one model; `dic.out_of_plane.evidence` weighs the models.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -66,8 +66,8 @@ class Expectations:
     graded: Mask
 
     @classmethod
-    def of(cls, shift_std_mm: float, strain: float, half_width_mm: float) -> "Expectations":
-        """Return the expectations for a largest strain and for the half width of the field of points."""
+    def of(cls, shift_std_mm: float, half_width_mm: float) -> "Expectations":
+        """Return the expectations for a strain of 1 and for the half width of the field of points."""
         at, rows, logs, curved, graded = places(), [], [], [], []
         levels = product(_TILTS, _BENDINGS_PER_MM, _CURVATURES_PER_MM, _GRADIENTS, (0.0, _TAPER_SHARE))
         for tilt, bending, curvature, gradient, taper in levels:
@@ -75,7 +75,7 @@ class Expectations:
                 continue
             std = np.zeros(sum(SIZES.values()))
             std[at["affine"]] = np.inf
-            per_mm = gradient * abs(strain) / half_width_mm
+            per_mm = gradient / half_width_mm
             own = {
                 "bending": bending,
                 "tilt": tilt,
@@ -93,6 +93,13 @@ class Expectations:
             curved.append(curvature > 0)
             graded.append(gradient > 0)
         return cls(np.array(rows), np.array(logs), np.array(curved), np.array(graded))
+
+    def scaled(self, strain: float) -> "Expectations":
+        """Return the expectations for a strain, to which the gradients are proportional."""
+        std, at = self.std.copy(), places()
+        for name in ("gradient", "taper"):
+            std[:, at[name]] *= abs(strain)
+        return replace(self, std=std)
 
     def only(self, *, curved: bool, graded: bool) -> "Expectations":
         """Return the models with or without curvature, and with or without a gradient."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dic.out_of_plane.causes import OUT_OF_PLANE, Sight, fields, largest_strain, places
+from dic.out_of_plane.causes import OUT_OF_PLANE, Sight, fields, places, strain_along
 from dic.out_of_plane.evidence import Model, probabilities, weigh
 from dic.out_of_plane.expectations import Expectations
 from dic.out_of_plane.plane import Plane
@@ -53,6 +53,11 @@ class Outcome:
     gradient: Float
     parts: Mapping[str, Float]
 
+    def stretched_along(self, along: Float) -> bool:
+        """Return True if the strain along a direction (2,) is larger by size than across it."""
+        strain, across = strain_along(self.gradient.reshape(2, 2), along)
+        return abs(strain) > abs(across)
+
 
 @dataclass(frozen=True)
 class Linearised:
@@ -66,8 +71,8 @@ class Linearised:
         The polynomial of the displacements on the plane.
     columns : ndarray, shape (24, 19)
         The polynomials of the causes' fields.
-    strain, half_width_mm : float
-        Largest strain, and half width of the field of points.
+    strain : float
+        Strain along the direction in which the strain may have a gradient.
     """
 
     plane: Plane
@@ -75,17 +80,16 @@ class Linearised:
     data: Float
     columns: Float
     strain: float
-    half_width_mm: float
 
     @classmethod
-    def about(cls, plane: Plane, sight: Sight, polynomial: Polynomial, poisson_ratio: float) -> "Linearised":
-        """Return the equations about `plane`."""
+    def about(
+        cls, plane: Plane, sight: Sight, polynomial: Polynomial, poisson_ratio: float, along: Float
+    ) -> "Linearised":
+        """Return the equations about `plane`; `along` (2,) is the direction of the strain's gradient."""
         data = polynomial.rows(sight.moved(plane))
         gradient = data[GRADIENT].reshape(2, 2)
-        columns = polynomial.rows(fields(sight, plane, gradient, poisson_ratio))
-        centred = sight.before_mm - sight.before_mm.mean(axis=0)
-        strain = largest_strain(gradient + np.eye(2))[0]
-        return cls(plane, polynomial, data, columns, strain, float(np.abs(centred).max()))
+        columns = polynomial.rows(fields(sight, plane, gradient, poisson_ratio, along))
+        return cls(plane, polynomial, data, columns, strain_along(gradient, along)[0])
 
     def models(self, expected: Expectations) -> list[Model]:
         """Return the probable models of `expected`, with gains by the coefficients of the polynomial."""

@@ -87,7 +87,7 @@ def open_parts(points: Points, shift_std_mm: float) -> tuple[Float, dict[str, Fl
         gradient_weights(points.before_mm),
     )
     gradient = slopes_of(points.before_mm, points.after_mm - points.before_mm)
-    false = np.einsum("nip,nik->pk", weights, fields(sight, Plane(), gradient, 0.0))
+    false = np.einsum("nip,nik->pk", weights, fields(sight, Plane(), gradient, 0.0, np.array([1.0, 0.0])))
     of_map, _ = points.calibration_factors(weights)
     covariances = {
         "images": points.noise_covariance(weights) + points.smooth_covariance(weights),

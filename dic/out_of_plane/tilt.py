@@ -13,7 +13,7 @@ from itertools import product
 
 import numpy as np
 
-from dic.out_of_plane.causes import Sight
+from dic.out_of_plane.causes import Sight, main_direction
 from dic.out_of_plane.evidence import probabilities
 from dic.out_of_plane.expectations import Expectations
 from dic.out_of_plane.linearised import Linearised, Outcome
@@ -99,24 +99,44 @@ def _fit(
 ) -> TiltFit:
     polynomial = Polynomial.of(points, centre_mm, smooth_px)
     sight = Sight(points.before_mm, points.after_mm, centre_mm)
-    first = Linearised.about(Plane(), sight, polynomial, poisson_ratio)
-    expected = Expectations.of(shift_std_mm, first.strain, first.half_width_mm)
+    expected = Expectations.of(shift_std_mm, float(np.abs(sight.centred_mm).max()))
     outcomes: list[Outcome] = []
     # The equations are linear about a plane. Models of different kinds find different planes, so each kind is
     # solved about its own plane.
     for curved, graded in product((False, True), repeat=2):
-        plane = _mean_plane(outcomes) if outcomes else Plane()
+        start = _mean_plane(outcomes) if outcomes else Plane()
         kind = expected.only(curved=curved, graded=graded)
-        for _ in range(_STEPS):
-            linear = Linearised.about(plane, sight, polynomial, poisson_ratio)
-            models = linear.models(kind)
-            step = linear.mean_step(models)
-            if np.abs(step).max() < _CLOSE:
-                break
-            plane = Plane(plane.slope_x + float(step[0]), plane.slope_y + float(step[1]))
-        outcomes += linear.outcomes(models, kind)
+        for along in _directions(outcomes) if graded else [np.array([1.0, 0.0])]:
+            found = _converged(start, kind, (sight, polynomial, poisson_ratio, along))
+            outcomes += [o for o in found if not graded or o.stretched_along(along)]
     residual_mm = polynomial.residual_mm(sight.moved(_mean_plane(outcomes)))
     return _averaged(outcomes, residual_mm)
+
+
+def _directions(outcomes: Sequence[Outcome]) -> list[Float]:
+    """Return the directions in which the strain may have a gradient.
+
+    Specimens are mostly stretched along an axis of the grid. The direction of the largest strain is another
+    candidate; it must stay the same while the plane is solved, because a wrong plane makes it wrong. The
+    caller drops candidates along which the strain turns out to be the smaller one.
+    """
+    best = max(outcomes, key=lambda outcome: outcome.log_evidence)
+    return [*np.eye(2), main_direction(best.gradient.reshape(2, 2))]
+
+
+def _converged(
+    plane: Plane, kind: Expectations, equations: tuple[Sight, Polynomial, float, Float]
+) -> list[Outcome]:
+    """Return what models of one kind find, with equations that are linear about the plane that they find."""
+    for _ in range(_STEPS):
+        linear = Linearised.about(plane, *equations)
+        scaled = kind.scaled(linear.strain)
+        models = linear.models(scaled)
+        step = linear.mean_step(models)
+        if np.abs(step).max() < _CLOSE:
+            break
+        plane = Plane(plane.slope_x + float(step[0]), plane.slope_y + float(step[1]))
+    return linear.outcomes(models, scaled)
 
 
 def _mean_plane(outcomes: Sequence[Outcome]) -> Plane:

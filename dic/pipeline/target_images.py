@@ -5,6 +5,7 @@ from typing import Literal
 
 from dic.calibration.calibration import Calibration, Model
 from dic.calibration.pinhole.prior import KnownCamera
+from dic.calibration.plate import behind
 from dic.errors import CalibrationError
 from dic.image.given import grey_image, name_of, one_by_one
 from dic.targets.axes import XAxis
@@ -20,6 +21,7 @@ def calibrate_images(
     origin_px: tuple[float, float] | None = None,
     known: KnownCamera | None = None,
     model: Model | Literal["recommended"] = "bicubic",
+    plate_mm: float = 0.0,
 ) -> Calibration:
     """Find a calibration target in images and fit the calibration, the map from pixels to millimetres.
 
@@ -39,11 +41,15 @@ def calibrate_images(
     model : str
         The map that the calibration uses: "bicubic" (the map of Helm and Deaner), "pinhole", or
         "recommended".
+    plate_mm : float
+        Distance of the specimen's surface behind the target's lines, such as the thickness of the plate that
+        carries the lines. The calibration then describes the surface.
 
     Raises
     ------
     MeasurementError
-        If an image cannot be read, an image does not show the target, or the images differ in size.
+        If an image cannot be read, an image does not show the target, the images differ in size, or
+        `plate_mm` is too large.
     """
     given = list(one_by_one(images))
     names = [name_of(image, f"target image {k}") for k, image in enumerate(given, 1)]
@@ -54,7 +60,8 @@ def calibrate_images(
     # and Y.
     others = [find_target(grey, target, name) for grey, name in zip(greys[1:], names[1:], strict=True)]
     calibration = Calibration.fit([first, *others], greys[0].shape, names[0], known=known)
-    return calibration.using(calibration.recommended if model == "recommended" else model)
+    calibration = calibration.using(calibration.recommended if model == "recommended" else model)
+    return behind(calibration, plate_mm) if plate_mm else calibration
 
 
 def _require_same_size(greys: Sequence[Grey], names: Sequence[str]) -> None:

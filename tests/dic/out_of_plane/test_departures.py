@@ -1,0 +1,60 @@
+"""Whether the stated uncertainty covers specimens that are not flat, not uniform, or not in their place."""
+
+import numpy as np
+import pytest
+
+from dic.out_of_plane.tension import correct_tilt
+from tests.dic.out_of_plane.departures import KINDS, NU, drawn
+from tests.dic.out_of_plane.exact_views import deviations, strains
+
+
+def errors(name, size, seed):
+    """Return the errors of calibrated and corrected strain, the standard deviations, and the reason."""
+    specimen = drawn(name, size, seed)
+    calibration = specimen.view.calibration()
+    (seen,) = specimen.view.measurements([specimen.state], calibration, specimen.reference)
+    found = correct_tilt(seen, calibration, NU, specimen.shift_std_um)
+    truth = specimen.view.true_strain(seen, specimen.state)
+    calibrated = 1e6 * np.array([getattr(seen.calibrated_mean, n) for n in ("exx", "eyy", "exy")])
+    return calibrated - truth, strains(found) - truth, deviations(found), found.declined
+
+
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [
+        ("bent out of plane, 1/m", 1 / 30),
+        ("gradient of strain, %", 5.0),
+        ("plastic strain, %", 10.0),
+        ("sliding, mm", 0.8),
+        ("turned in the grips, °", 1.5),
+        ("shift, µm", 50.0),
+    ],
+)
+def test_the_uncertainty_covers_a_specimen_that_departs_from_a_flat_one(name, size):
+    z = np.array([e / std for _, e, std, _ in (errors(name, size, seed) for seed in range(2))])
+    assert np.abs(z).max() < 4
+    assert (np.abs(z) < 2).mean() > 0.5
+
+
+@pytest.mark.long
+def test_forty_kinds_of_departures_are_covered_from_both_sides():
+    assert len(KINDS) == 40
+    every = []
+    for name, size in KINDS:
+        before, after, std, reasons = zip(*(errors(name, size, seed) for seed in range(20)), strict=True)
+        before, after, std = (np.array(values) for values in (before, after, std))
+        z = np.abs(after / std)
+        declined = sum(reason is not None for reason in reasons)
+        row = f"{_rms(before):.0f} | {_rms(after):.0f} | {_rms(std):.0f} | {_rms(after / std):.2f}"
+        print(f"\n| {name} | {size:.3g} | {row} | {z.max():.1f} | {declined} |", end="", flush=True)
+        every.append(np.stack([z, np.abs(after) > np.abs(before) + std]))
+    z, worse = (np.concatenate([e[k] for e in every]).ravel() for k in (0, 1))
+    print(f"\n{z.size} components: {(z < 2).mean():.4f} below 2, {(z > 4).mean():.4f} above 4")
+    print(f"{worse.mean():.4f} worse than before the correction by more than one standard deviation")
+    assert z.size >= 2000
+    assert 0.93 <= (z < 2).mean() <= 0.98
+    assert (z > 4).mean() <= 0.002
+
+
+def _rms(values):
+    return float(np.sqrt(np.mean(np.square(values))))
