@@ -39,6 +39,7 @@ _GRADIENTS = (0.0, 0.02, 0.05, 0.15)
 """Change of the strain from the middle of the field to its edge, as a fraction of the strain."""
 
 _GRADIENT_PROBABILITY = 0.5
+_WIDE = 100.0
 _TAPER_SHARE = 0.5
 """Standard deviation of the field "taper", as a fraction of that of the field "gradient".
 
@@ -99,6 +100,13 @@ class Expectations:
         std, at = self.std.copy(), places()
         for name in ("gradient", "taper"):
             std[:, at[name]] *= abs(strain)
+        return replace(self, std=std)
+
+    def wide(self) -> "Expectations":
+        """Return the expectations with a hundredfold curvature, and a hundredfold gradient of the strain."""
+        std, at = self.std.copy(), places()
+        for name in ("tilt", "curvature", "gradient", "taper"):
+            std[:, at[name]] *= _WIDE
         return replace(self, std=std)
 
     def only(self, *, curved: bool, graded: bool) -> "Expectations":

@@ -12,6 +12,7 @@ from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.polynomial import COEFFICIENTS, GRADIENT, Polynomial
 from dic.typing import Float
 
+_NO_STRAIN = 1e-6
 PARTS = {
     "calibration": (),
     "mounting": ("mounted tilt", "gap"),
@@ -41,6 +42,8 @@ class Outcome:
         Corrected mean displacement gradient, elements xx, xy, yx, yy.
     parts : mapping of str to ndarray, shape (4, 4)
         Covariances of the gradient by their cause: "images" and the names in `PARTS`.
+    relative_gradient : float
+        Gradient of the strain as a fraction of the strain, 1/mm.
     """
 
     log_evidence: float
@@ -52,6 +55,7 @@ class Outcome:
     curvatures: Float
     gradient: Float
     parts: Mapping[str, Float]
+    relative_gradient: float
 
     def stretched_along(self, along: Float) -> bool:
         """Return True if the strain along a direction (2,) is larger by size than across it."""
@@ -149,6 +153,7 @@ class Linearised:
             model.estimate[at["curvature"]],
             self.data[GRADIENT] - false @ model.estimate[out],
             parts,
+            float(model.estimate[at["gradient"]][0]) / max(abs(self.strain), _NO_STRAIN),
         )
 
 

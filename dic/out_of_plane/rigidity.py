@@ -12,6 +12,7 @@ from dic.calibration.calibration import Calibration
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction, by_centre, points_of
 from dic.out_of_plane.plane import moved_out_of_plane
+from dic.out_of_plane.reasons import not_rigid_reason
 from dic.out_of_plane.rotation import (
     PRIOR_SLOPE,
     Steps,
@@ -110,7 +111,8 @@ def _not_rigid(solved: "_Solved | None", steps: Steps, centre_mm: Float) -> str 
         )
     left = solved.strain_left()
     if left > _RIGID:
-        return f"the specimen was not rigid: strain of {left:.1f} standard deviations (rms) remains"
+        strains = steps.strains(solved.alignment.slopes, centre_mm).reshape(-1, 3)
+        return not_rigid_reason(left, strains, steps.angles_deg, centre_mm)
     return None
 
 

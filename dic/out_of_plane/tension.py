@@ -15,8 +15,9 @@ from dic.out_of_plane.causes import Sight, curved
 from dic.out_of_plane.correction import Correction, points_of
 from dic.out_of_plane.expectations import SHIFT_STD_UM
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
+from dic.out_of_plane.reasons import uneven_reason
 from dic.out_of_plane.strain_parts import StrainParts, open_parts
-from dic.out_of_plane.tilt import TiltFit, fit_tilt
+from dic.out_of_plane.tilt import TiltFit, fit_tilt, suspect
 from dic.out_of_plane.uncertainty import Points
 from dic.strain.displacement import Displacement
 from dic.strain.fit import slopes_of
@@ -73,9 +74,12 @@ def correct_tilt(
     if objection is not None:
         return declined("tilt", measurement, calibration, objection, shift_std_um)
     fit = fit_tilt(points, pinhole.centre_mm, poisson_ratio, 1e-3 * shift_std_um)
-    objection = _unexplained(fit, points, calibration.mm_per_px)
-    if objection is not None:
-        return declined("tilt", measurement, calibration, objection, shift_std_um)
+    local = _unexplained(fit, points, calibration.mm_per_px)
+    if local is not None:
+        suspicion = suspect(points, pinhole.centre_mm, poisson_ratio, 1e-3 * shift_std_um)
+        half_width_mm = float(np.abs(points.before_mm - points.before_mm.mean(axis=0)).max())
+        reason = uneven_reason(fit.misfit, _UNEXPLAINED, suspicion, half_width_mm, local)
+        return declined("tilt", measurement, calibration, reason, shift_std_um)
     return _corrected(measurement, points, fit, pinhole.centre_mm)
 
 
@@ -168,12 +172,10 @@ def _unsuitable(measurement: Measurement, points: Points) -> str | None:
 
 
 def _unexplained(fit: TiltFit, points: Points, mm_per_px: float) -> str | None:
-    """Return the reason why no model explains the displacements, or None if one does."""
-    if fit.misfit > _UNEXPLAINED:
-        return (
-            f"the strain is not uniform (a smooth remainder, misfit {fit.misfit:.0f}; noise and the model of "
-            f"tilt, bending and gradient explain at most {_UNEXPLAINED:.0f})"
-        )
+    """Return a text about residuals that are larger than noise; None if the models explain the field.
+
+    If the models do not explain the smooth part of the field alone, the text is empty.
+    """
     noise = points.displacement.noise
     if noise is None:
         raise ValueError("the noise of these displacements is unknown")
@@ -181,8 +183,5 @@ def _unexplained(fit: TiltFit, points: Points, mm_per_px: float) -> str | None:
     by_noise_mm = np.sqrt((noise.factors[points.use] ** 2).sum(axis=(1, 2)).mean())
     limit_mm = _TORN * by_noise_mm + _UNEVEN_PX * mm_per_px
     if rms_mm > limit_mm:
-        return (
-            f"the motion is not that of one body (residual {rms_mm / mm_per_px:.3f} px rms, "
-            f"at most {limit_mm / mm_per_px:.3f} px is explained)"
-        )
-    return None
+        return f"residual {rms_mm / mm_per_px:.3f} px rms, at most {limit_mm / mm_per_px:.3f} px is explained"
+    return "" if fit.misfit > _UNEXPLAINED else None

@@ -113,6 +113,49 @@ def _fit(
     return _averaged(outcomes, residual_mm)
 
 
+@dataclass(frozen=True)
+class Suspicion:
+    """What strong causes make of a field that no model explains; each cause is allowed to have any size.
+
+    Attributes
+    ----------
+    misfit_bent, misfit_graded : float
+        Misfit with any curvature out of the plane, and with any gradient of the strain.
+    curvature_per_mm : float
+        Largest curvature out of the plane, if this is the cause.
+    gradient_per_mm : float
+        Gradient of the strain as a fraction of the strain, if this is the cause.
+    """
+
+    misfit_bent: float
+    misfit_graded: float
+    curvature_per_mm: float
+    gradient_per_mm: float
+
+
+def suspect(points: Points, centre_mm: Float, poisson_ratio: float, shift_std_mm: float) -> Suspicion:
+    """Find out whether one strong cause explains a field; the parameters are those of `fit_tilt`."""
+    polynomial = Polynomial.of(points, centre_mm, _ROUGH_PX)
+    sight = Sight(points.before_mm, points.after_mm, centre_mm)
+    expected = Expectations.of(shift_std_mm, float(np.abs(sight.centred_mm).max())).wide()
+    bent = _converged(
+        Plane(),
+        expected.only(curved=True, graded=False),
+        (sight, polynomial, poisson_ratio, np.array([1.0, 0.0])),
+    )
+    graded = [
+        outcome
+        for along in np.eye(2)
+        for outcome in _converged(
+            Plane(), expected.only(curved=False, graded=True), (sight, polynomial, poisson_ratio, along)
+        )
+    ]
+    best_bent, best_graded = (min(found, key=lambda o: o.misfit) for found in (bent, graded))
+    xx, xy, yy = best_bent.curvatures
+    largest = float(np.abs(np.linalg.eigvalsh([[xx, xy], [xy, yy]])).max())
+    return Suspicion(best_bent.misfit, best_graded.misfit, largest, best_graded.relative_gradient)
+
+
 def _directions(outcomes: Sequence[Outcome]) -> list[Float]:
     """Return the directions in which the strain may have a gradient.
 

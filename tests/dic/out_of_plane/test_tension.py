@@ -80,13 +80,11 @@ def test_local_displacements_are_corrected_too():
 
 
 @pytest.mark.parametrize("slope_deg", [0.0, 0.15])
-@pytest.mark.parametrize(
-    ("within", "reason"), [(necking, "not uniform"), (sheared, "not uniform"), (torn, "uniform|one body")]
-)
+@pytest.mark.parametrize(("within", "reason"), [(necking, "necks"), (sheared, "shears"), (torn, "tears")])
 def test_motion_that_is_not_uniform_is_not_corrected(within, reason, slope_deg):
     measurement, found = corrected(State(Pose.sloped(0.0, slope_deg), np.eye(2), within))
     assert found.declined is not None
-    assert any(words in found.declined for words in reason.split("|"))
+    assert reason in found.declined
     np.testing.assert_allclose(
         strains(found), 1e6 * np.array([getattr(measurement.calibrated_mean, n) for n in NAMES]), atol=1e-6
     )

@@ -1,0 +1,85 @@
+"""Tell why a displacement field or a rotation cannot be corrected, and which part of the rig to look at."""
+
+import numpy as np
+
+from dic.out_of_plane.diagnosis import in_grid_axes
+from dic.out_of_plane.tilt import Suspicion
+from dic.typing import Float
+
+_CLEARLY = 10.0
+"""A cause explains a field if it makes the misfit smaller by this factor, and smaller than the others."""
+
+_ACROSS_SHARE = 0.25
+"""Largest share of strain across the camera's tilt, if tilts cause the strain."""
+
+
+def uneven_reason(misfit: float, limit: float, suspicion: Suspicion, half_width_mm: float, local: str) -> str:
+    """Return the reason why no model explains a displacement field in tension.
+
+    Parameters
+    ----------
+    misfit, limit : float
+        Misfit of the best model, and the largest misfit that counts as explained.
+    suspicion : Suspicion
+        What strong single causes make of the field.
+    half_width_mm : float
+        Half width of the field of points.
+    local : str
+        Text about residuals that no smooth field explains, or "" if there are none.
+    """
+    bent, graded = suspicion.misfit_bent, suspicion.misfit_graded
+    if local:
+        return (
+            f"the motion is not that of one body ({local}): the specimen tears, shears or necks in the "
+            "field, so look at local strain"
+        )
+    if bent < min(misfit / _CLEARLY, graded):
+        radius_m = 1e-3 / suspicion.curvature_per_mm
+        return (
+            f"the specimen bends out of its plane, by a radius of about {radius_m:.2g} m: check that the "
+            "specimen is flat and that the grips are in line, or use two cameras"
+        )
+    if graded < min(misfit / _CLEARLY, bent):
+        percent = 100 * abs(suspicion.gradient_per_mm) * half_width_mm
+        return (
+            "the strain is not uniform, because it has a gradient along the specimen, of about "
+            f"{percent:.0f} % from the middle of the field to its edge: move the field away from fillets and "
+            "grips"
+        )
+    return (
+        f"the strain is not uniform (a smooth remainder, misfit {misfit:.0f}; noise, tilt, bending and a "
+        f"gradient explain at most {limit:.0f}): the specimen may neck or yield in bands, so look at local "
+        "strain"
+    )
+
+
+def not_rigid_reason(left: float, strains: Float, angles_deg: Float, centre_mm: Float) -> str:
+    """Return the reason why strain remains in a rotation of a rigid specimen.
+
+    Tilts cause false strain only along the direction in which the camera is tilted. If strain remains, but
+    none of it lies across this direction, the axis tilted differently in each step.
+
+    Parameters
+    ----------
+    left : float
+        Remaining strain, rms in standard deviations.
+    strains : ndarray, shape (k, 3)
+        Remaining strains xx, yy, xy in the specimen's axes.
+    angles_deg : ndarray, shape (k,)
+        Rotation of the specimen.
+    centre_mm : ndarray, shape (3,)
+        The camera's centre.
+    """
+    standing = in_grid_axes(angles_deg, strains)
+    tangent = float(np.hypot(*centre_mm[:2]) / centre_mm[2])
+    x, y = centre_mm[:2] / np.hypot(*centre_mm[:2])
+    across = y * y * standing[:, 0] + x * x * standing[:, 1] - 2 * x * y * standing[:, 2]
+    along = x * x * standing[:, 0] + y * y * standing[:, 1] + 2 * x * y * standing[:, 2]
+    mixed = x * y * (standing[:, 1] - standing[:, 0]) + (x * x - y * y) * standing[:, 2]
+    by_tilt = float(np.sqrt(np.mean(along**2 + 4 * mixed**2)))
+    if np.sqrt(np.mean(across**2)) < _ACROSS_SHARE * by_tilt:
+        return (
+            f"the stage's axis wandered by about {np.degrees(by_tilt / tangent):.2g}° from step to step: "
+            "check its bearing and the seat of the specimen's holder"
+        )
+    return f"the specimen was not rigid: strain of {left:.1f} standard deviations (rms) remains"
