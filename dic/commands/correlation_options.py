@@ -12,6 +12,13 @@ if TYPE_CHECKING:
 
 subset_option = click.option("--subset", default=31, show_default=True, help="Width of the subsets, odd, px.")
 step_option = click.option("--step", default=10, show_default=True, help="Spacing of the points, px.")
+smoothing_option = click.option(
+    "--smoothing",
+    default="auto",
+    show_default=True,
+    help="Width (standard deviation) of the smoothing of all images before interpolation, px: a number,"
+    " 0 for none, or auto (only if the pattern needs it).",
+)
 incremental_option = click.option(
     "--incremental",
     default="auto",
@@ -28,6 +35,14 @@ shift_option = click.option(
     help="Standard deviation of the specimen's shift towards the camera since the reference, µm:"
     " one camera cannot measure the shift.",
 )
+
+
+def smoothing_px(text: str) -> float | str:
+    """Return the value of `--smoothing` for `CorrelationSettings`: a number, or the text unchanged."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 @dataclass(frozen=True)

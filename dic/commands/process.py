@@ -13,6 +13,8 @@ from dic.commands.correlation_options import (
     incremental_option,
     poisson_option,
     shift_option,
+    smoothing_option,
+    smoothing_px,
     step_option,
     strain_options,
     subset_option,
@@ -35,12 +37,18 @@ class CorrelationOptions:
     step: int
     shape: str
     incremental: str
+    smoothing: str
 
     def settings(self) -> "CorrelationSettings":
         """Return the options as `CorrelationSettings`."""
         from dic import CorrelationSettings
 
-        return CorrelationSettings(subset_px=self.subset, step_px=self.step, shape=self.shape)
+        return CorrelationSettings(
+            subset_px=self.subset,
+            step_px=self.step,
+            shape=self.shape,
+            smoothing_px=smoothing_px(self.smoothing),
+        )
 
     def check(self) -> None:
         """Raise an error if the value of `--incremental` is unknown."""
@@ -82,6 +90,7 @@ class MotionOptions:
         "--shape", default="quadratic", show_default=True, help="Shape function: affine or quadratic."
     ),
     incremental_option,
+    smoothing_option,
 )
 @strain_options
 @option_group(

@@ -1,17 +1,49 @@
 """The command `dic quality`, which checks whether an image is suitable for measurement."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from dic.commands.correlation_options import subset_option
-from dic.commands.option_groups import all_of
+from dic.commands.correlation_options import smoothing_option, smoothing_px, subset_option
+from dic.commands.option_groups import all_of, option_group
 from dic.files.writing import write_text
 from dic.shell.output_paths import FORCE, require_places
 
+UNSURE = 1.5
+"""The bias without aliasing is printed too if it is more than this multiple of the predicted bias."""
+
+if TYPE_CHECKING:
+    from dic import CorrelationSettings
+
 _FILE = click.Path(path_type=Path)
+
+
+@dataclass(frozen=True)
+class PlannedOptions:
+    """Options that describe the planned experiment, for which the image is judged."""
+
+    subset: int
+    shape: str
+    smoothing: str
+    wanted_px: float
+    strain_range: float
+
+    def settings(self) -> "CorrelationSettings":
+        """Return the settings of the correlation; raise an error that names all wrong options together."""
+        from dic import CorrelationSettings, Quality
+
+        settings: CorrelationSettings
+        settings, _, _ = all_of(
+            lambda: CorrelationSettings(
+                subset_px=self.subset, shape=self.shape, smoothing_px=smoothing_px(self.smoothing)
+            ),
+            lambda: Quality.require_wanted(self.wanted_px),
+            lambda: Quality.require_strain_range(self.strain_range),
+        )
+        return settings
 
 
 @click.command()
@@ -20,9 +52,20 @@ _FILE = click.Path(path_type=Path)
     "--roi", type=_FILE, help="Mask image, white in the region to check. Default: the area with texture."
 )
 @click.option("--second", type=_FILE, help="Second image of the specimen at rest, for a better noise value.")
-@subset_option
-@click.option("--shape", default="affine", show_default=True, help="Shape function: affine or quadratic.")
-@click.option("--wanted-px", default=0.01, show_default=True, help="Displacement to be resolved, px.")
+@option_group(
+    "planned",
+    PlannedOptions,
+    subset_option,
+    click.option("--shape", default="affine", show_default=True, help="Shape function: affine or quadratic."),
+    smoothing_option,
+    click.option("--wanted-px", default=0.01, show_default=True, help="Displacement to be resolved, px."),
+    click.option(
+        "--strain-range",
+        default=0.01,
+        show_default=True,
+        help="Largest strain of the experiment, for the strain error of interpolation.",
+    ),
+)
 @click.option("--plot", "plot_file", type=_FILE, help="PNG file with noise floor, focus and pattern.")
 @click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results.")
 @FORCE
@@ -30,9 +73,7 @@ def quality(
     image: Path,
     roi: Path | None,
     second: Path | None,
-    subset: int,
-    shape: str,
-    wanted_px: float,
+    planned: PlannedOptions,
     plot_file: Path | None,
     json_file: Path | None,
     force: bool,
@@ -41,20 +82,19 @@ def quality(
 
     Exit status: 0 for a good image, 1 for an image with a fault, 2 if the image cannot be checked.
     """
-    from dic import (
-        CorrelationSettings,
-        Quality,
-        assess_quality,
-        plot_quality,
-        quality_findings,
-    )
+    from dic import assess_quality, plot_quality, quality_findings
     from dic.shell.console import fail, say
 
-    settings, _ = all_of(
-        lambda: CorrelationSettings(subset_px=subset, shape=shape), lambda: Quality.require_wanted(wanted_px)
-    )
+    settings = planned.settings()
     require_places([image, roi, second], [plot_file, json_file], force=force)
-    judged = assess_quality(image, roi, settings, second=second, wanted_px=wanted_px)
+    judged = assess_quality(
+        image,
+        roi,
+        settings,
+        second=second,
+        wanted_px=planned.wanted_px,
+        strain_range=planned.strain_range,
+    )
     sentences, figures = quality_findings(judged), judged.as_dict()
     if plot_file is not None:
         plot_quality(judged, image, plot_file)
@@ -86,6 +126,27 @@ def text(figures: dict[str, Any]) -> str:
             f" {number('floor_px', 4)} px at 95 % of the points,"
             f" subset {figures['subset_px']} px, {figures['shape']}",
             f"            sum of squared gradients {number('sssig_x', 0)} in x, {number('sssig_y', 0)} in y",
+            *_interpolation(figures),
             f"  advice    {recommended} for {figures['wanted_px']:g} px",
         ]
     )
+
+
+def _interpolation(figures: dict[str, Any]) -> list[str]:
+    """Return lines about the interpolation bias and the smoothing; no line if the bias is not known."""
+    if figures["bias_u_px"] is None:
+        return ["  bias      of interpolation not known: the region is too narrow"]
+    lines = [
+        f"  bias      of interpolation at most {1e3 * abs(figures['bias_u_px']):.2f} mpx in u,"
+        f" {1e3 * abs(figures['bias_v_px']):.2f} mpx in v, {1e6 * figures['bias_strain']:.0f} µε at strains"
+        f" up to {100 * figures['strain_range']:g} % (gauge {figures['gauge_px']:.0f} px)"
+    ]
+    unaliased = max(abs(figures[f"unaliased_bias_{axis}_px"]) for axis in "uv")
+    if unaliased > UNSURE * max(abs(figures["bias_u_px"]), abs(figures["bias_v_px"])):
+        lines.append(f"            {1e3 * unaliased:.2f} mpx if the camera has not aliased the pattern")
+    if figures["smoothing_px"] > 0.0:
+        left = f"{1e3 * figures['left_bias_px']:.2f} mpx, {1e6 * figures['left_bias_strain']:.0f} µε"
+        lines.append(
+            f"            smoothing by {figures['smoothing_px']:g} px before the correlation leaves {left}"
+        )
+    return lines

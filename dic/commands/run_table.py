@@ -68,16 +68,17 @@ def _joint_lines(result: "RunResult", joint: "JointCorrections") -> list[str]:
 
 
 def _updates(measurement: "Measurement") -> str:
-    """Return a text about new reference images up to a step: their number, and the errors they cause.
+    """Return a text about smoothing and about new reference images up to a step, with the errors they cause.
 
     Each new reference increases the standard deviations of the displacements u and v, which the text gives in
-    mpx. The text is empty if the first reference is still in use.
+    mpx. The text is empty if images were not smoothed and the first reference is still in use.
     """
     field = measurement.field
+    smoothed = f"  smoothed by {field.smoothing_px:g} px" if field.smoothing_px > 0.0 else ""
     if not field.updates or not field.converged.any():
-        return ""
+        return smoothed
     std_px = [1e3 * float(np.median(std[field.converged])) for std in (field.std_u_px, field.std_v_px)]
-    return f"  over {field.updates} new references: std u {std_px[0]:.1f}, v {std_px[1]:.1f} mpx"
+    return f"{smoothed}  over {field.updates} new references: std u {std_px[0]:.1f}, v {std_px[1]:.1f} mpx"
 
 
 def _step_heading() -> str:

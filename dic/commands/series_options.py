@@ -11,6 +11,8 @@ from dic.commands.correlation_options import (
     incremental_option,
     poisson_option,
     shift_option,
+    smoothing_option,
+    smoothing_px,
     step_option,
     subset_option,
 )
@@ -34,6 +36,7 @@ class CorrelationOptions:
     spline: int
     shape: str
     min_zncc: float
+    smoothing: str
 
     def settings(self, motion: str) -> "CorrelationSettings":
         """Return the options as `CorrelationSettings`.
@@ -47,7 +50,12 @@ class CorrelationOptions:
             # The deformation of a rotating subset is not affine in an oblique view.
             shape = "quadratic" if motion == "rigid" else "affine"
         return CorrelationSettings(
-            subset_px=self.subset, step_px=self.step, shape=shape, order=self.spline, min_zncc=self.min_zncc
+            subset_px=self.subset,
+            step_px=self.step,
+            shape=shape,
+            order=self.spline,
+            min_zncc=self.min_zncc,
+            smoothing_px=smoothing_px(self.smoothing),
         )
 
 
@@ -68,6 +76,7 @@ correlation_options = option_group(
     click.option(
         "--min-zncc", default=0.8, show_default=True, help="Smallest correlation (ZNCC) of a good point."
     ),
+    smoothing_option,
 )
 
 

@@ -36,8 +36,8 @@ def chain(first: Field, second: Field) -> Field:
     -------
     Field
         A field on the grid of `first`, with affine warps. The gradients are those of F₂F₁, the product of
-        both deformation gradients. The variances of both fields are added. A point that failed in either
-        field also fails in the result.
+        both deformation gradients. The variances of both fields are added, and so are their biases. A point
+        that failed in either field also fails in the result.
     """
     rows, columns = np.nonzero(first.converged)
     x, y = first.x_px[columns] + first.u_px[rows, columns], first.y_px[rows] + first.v_px[rows, columns]
@@ -51,11 +51,15 @@ def chain(first: Field, second: Field) -> Field:
     warps[rows[known], columns[known]] = _composed(before[known], moved.warps[known])
     std[rows, columns] = np.hypot(first.std[rows, columns], moved.std)
     std[rows[~known], columns[~known]] = np.nan
+    bias = np.zeros((*first.status.shape, 2))
+    # Both biases come from the same pattern, so they are added, and not their squares.
+    bias[rows, columns] = first.bias_px[rows, columns] + moved.bias_px
     status[rows, columns] = np.where(known, Status.CONVERGED, moved.status)
     zncc[rows, columns], iterations[rows, columns] = moved.zncc, moved.iterations
     return Field(
         first.x_px, first.y_px, warps, std, zncc, iterations, status, first.active, second.start,
-        first.settings, first.updates + 1 + second.updates, first.region,
+        first.settings, first.updates + 1 + second.updates, first.region, first.smoothing_px,
+        first.greatest_bias_px, bias,
     )  # fmt: skip
 
 
@@ -67,6 +71,7 @@ class _Interpolated(NamedTuple):
     status: NDArray[np.int8]
     zncc: Float
     iterations: NDArray[np.int16]
+    bias_px: Float
 
 
 def _interpolated(field: Field, place: Float) -> _Interpolated:
@@ -103,7 +108,10 @@ def _interpolated(field: Field, place: Float) -> _Interpolated:
     own = np.clip(np.rint(at), 0, shape - 1).astype(np.int64)
     failed = field.status[own[:, 1], own[:, 0]]
     status = np.where(failed == Status.CONVERGED, np.int8(Status.NOT_REACHED), failed)
-    return _Interpolated(warps, std, status, field.zncc[row, column], field.iterations[row, column])
+    nearest = row, column
+    return _Interpolated(
+        warps, std, status, field.zncc[nearest], field.iterations[nearest], field.bias_px[nearest]
+    )
 
 
 def _extrapolated(field: Field, row: Indices, column: Indices, place: Float, share: float) -> Float:

@@ -9,6 +9,7 @@ from dic.correlation.initial_guess import checked_homography
 from dic.correlation.prepared_reference import PreparedReference
 from dic.correlation.seeds import FEWEST_SEEDS, SeedFinder, Seeds, scattered
 from dic.correlation.settings import CorrelationSettings
+from dic.correlation.smoothing import chosen_smoothing
 from dic.correlation.solver import Solver
 from dic.correlation.status import Status
 from dic.correlation.turned_image import TurnableImage
@@ -45,6 +46,8 @@ class Correlator:
     ----------
     region : ndarray of bool, shape (height, width)
         The region of interest, either the given region or the area with texture.
+    smoothing : Smoothing
+        The filter that is applied to all images before they are interpolated.
 
     Raises
     ------
@@ -72,12 +75,18 @@ class Correlator:
             self.region = textured(*slopes, settings.subset_px, threads)
         else:
             self.region = checked_region(region, grey.shape)
-            if clip:
-                usable = clear_of_edges(self.region, settings.subset_px, edge_reach_px(settings.order))
+        self.smoothing = chosen_smoothing(grey, self.region, settings)
+        if self.smoothing.width_px > 0.0:
+            grey = self.smoothing.apply(grey)
+            spline = spline_image(grey, settings.order, threads)
+            slopes = spline.gradient(threads)
+        if region is not None and clip:
+            reach_px = edge_reach_px(settings.order) + self.smoothing.reach_px
+            usable = clear_of_edges(self.region, settings.subset_px, reach_px)
         grid = place_points(self.region, usable, settings.subset_px, settings.step_px)
         mean = float(grey.mean())
         image = kernel.lay_reference(spline, slopes, usable, mean, threads)
-        self._reference = PreparedReference(image, mean, usable, grid, settings, threads)
+        self._reference = PreparedReference(image, mean, usable, grid, settings, threads, self.smoothing)
         self._seed_finder = SeedFinder(self._reference, grey)
 
     def correlate(
@@ -102,7 +111,7 @@ class Correlator:
         """
         require_kind("previous", previous, Field | None, "give the field of the image before")
         hint = None if hint is None else checked_homography(hint)
-        image = TurnableImage(self._reference, self._checked_deformed(deformed))
+        image = TurnableImage(self._reference, self.smoothing.apply(self._checked_deformed(deformed)))
         seeds = self._first_seeds(image, previous, hint)
         solver = image.solver(seeds.quarters)
         solution = kernel.Solution.empty(self._reference.grid.active.shape, self.settings.parameters)
@@ -112,11 +121,13 @@ class Correlator:
             self._reject_inconsistent(solver, solution)
         failed = ~solution.converged
         solution.warps[failed] = solution.std[failed] = np.nan
+        solution.std[...] *= np.repeat(self.smoothing.std_factors, 3)
         solution = image.turned_back(solution, seeds.quarters)
         grid = self._reference.grid
         return Field(
             grid.x, grid.y, solution.warps, solution.std, solution.zncc, solution.iterations,
             solution.status, grid.active, seeds.start, self.settings, region=self.region,
+            smoothing_px=self.smoothing.width_px, greatest_bias_px=self.smoothing.bias_px,
         )  # fmt: skip
 
     def _checked_deformed(self, deformed: ImageLike) -> Grey:

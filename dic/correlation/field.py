@@ -1,10 +1,12 @@
 """The result of correlation: displacements on a grid of points, and a status for each point."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.correlation.interpolation_bias import bias_at, slope_bias_at
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.status import Status
 from dic.typing import Float, Indices, Mask
@@ -24,6 +26,7 @@ class Field:
         failed point is NaN.
     std : ndarray, shape (rows, columns, 6)
         Standard deviations of the first six warp parameters, from the noise of the images and the Hessian.
+        They do not contain the interpolation bias.
     zncc : ndarray, shape (rows, columns)
         Correlation coefficient of each point (zero-mean normalised cross-correlation).
     iterations : ndarray of int, shape (rows, columns)
@@ -42,6 +45,13 @@ class Field:
     region : ndarray of bool, shape (height, width), or None
         True for pixels of the region of interest; local strain never reaches across its edge. None if the
         region is not known, such as in a field that was read from a result file.
+    smoothing_px : float
+        Standard deviation of the Gaussian that smoothed both images; 0 if they were not smoothed.
+    greatest_bias_px : tuple of float
+        Predicted greatest interpolation bias of u and of v, px.
+    stored_bias_px : ndarray, shape (rows, columns, 2), or None
+        The bias of each point, if it does not follow from `warps`: for a chain of fields, and for a field
+        that was read from a result file.
     """
 
     x_px: Indices
@@ -56,6 +66,9 @@ class Field:
     settings: CorrelationSettings
     updates: int = 0
     region: Mask | None = None
+    smoothing_px: float = 0.0
+    greatest_bias_px: tuple[float, float] = (0.0, 0.0)
+    stored_bias_px: Float | None = None
 
     def __repr__(self) -> str:
         converged = f"{self.count(Status.CONVERGED)} of {self.in_view} points in view converged"
@@ -79,18 +92,51 @@ class Field:
 
     @property
     def std_u_px(self) -> Float:
-        """Standard deviation of `u_px`, shape (rows, columns)."""
-        return self.std[..., 0]
+        """Standard deviation of `u_px` from noise and interpolation bias, shape (rows, columns)."""
+        return np.asarray(np.hypot(self.std[..., 0], self.bias_px[..., 0]))
 
     @property
     def std_v_px(self) -> Float:
-        """Standard deviation of `v_px`, shape (rows, columns)."""
-        return self.std[..., 3]
+        """Standard deviation of `v_px` from noise and interpolation bias, shape (rows, columns)."""
+        return np.asarray(np.hypot(self.std[..., 3], self.bias_px[..., 1]))
+
+    @property
+    def noise_std_px(self) -> Float:
+        """Standard deviations of u and v from the noise of the images alone, shape (rows, columns, 2)."""
+        return self.std[..., [0, 3]]
+
+    @cached_property
+    def bias_px(self) -> Float:
+        """Predicted interpolation bias of u and v at each point, 0 at failed points, (rows, columns, 2).
+
+        The bias depends on the sub-pixel part of the displacement. The standard deviations `std_u_px` and
+        `std_v_px` contain the bias of the point, because its prediction is not exact enough to correct it.
+        """
+        if self.stored_bias_px is not None:
+            return self.stored_bias_px
+        subset_px = self.settings.subset_px
+        biases = [
+            bias_at(self.warps[..., k], self.warps[..., k + 1 : k + 3], subset_px, greatest_px)
+            for k, greatest_px in zip((0, 3), self.greatest_bias_px, strict=True)
+        ]
+        return np.nan_to_num(np.stack(biases, axis=-1))
 
     @property
     def std_gradient(self) -> Float:
         """Standard deviations of `gradient`, shape (rows, columns, 4)."""
         return self.std[..., [1, 2, 4, 5]]
+
+    @cached_property
+    def gradient_bias(self) -> Float:
+        """Predicted interpolation bias of `gradient`, shape (rows, columns, 4); 0 for a chain of fields."""
+        if self.stored_bias_px is not None:
+            return np.zeros((*self.status.shape, 4))
+        subset_px = self.settings.subset_px
+        biases = [
+            slope_bias_at(self.warps[..., k], self.warps[..., k + 1 : k + 3], subset_px, greatest_px)
+            for k, greatest_px in zip((0, 3), self.greatest_bias_px, strict=True)
+        ]
+        return np.nan_to_num(np.concatenate(biases, axis=-1))
 
     @property
     def converged(self) -> Mask:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from dic.correlation import kernel
 from dic.correlation.settings import CorrelationSettings
+from dic.correlation.smoothing import NO_SMOOTHING, Smoothing
 from dic.image.point_grid import PointGrid
 from dic.typing import Mask
 
@@ -58,6 +59,8 @@ class PreparedReference:
     grid : PointGrid
     settings : CorrelationSettings
     threads : int
+    smoothing : Smoothing
+        The filter that was applied to the reference and must be applied to all images.
     memory : SubsetMemory
     """
 
@@ -67,4 +70,5 @@ class PreparedReference:
     grid: PointGrid
     settings: CorrelationSettings
     threads: int
+    smoothing: Smoothing = NO_SMOOTHING
     memory: SubsetMemory = field(default_factory=SubsetMemory)

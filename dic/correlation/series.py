@@ -118,6 +118,9 @@ class Series:
         self._clip = region is not None if clip is None else clip
         first = Correlator(reference, region, settings, clip=self._clip, threads=threads)
         self._current, self._first_region = _CurrentReference(first), first.region
+        self._settings = first.settings
+        # Later references are smoothed like the first: a change would move the displacements.
+        self._later_settings = replace(first.settings, smoothing_px=first.smoothing.width_px)
 
     @staticmethod
     def require_incremental(incremental: str) -> None:
@@ -139,7 +142,7 @@ class Series:
     @property
     def settings(self) -> CorrelationSettings:
         """Settings of the correlation."""
-        return self._current.correlator.settings
+        return self._settings
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -203,7 +206,9 @@ class Series:
     def _updated(self, last: _LastImage) -> _CurrentReference:
         """Return the last image as a new reference."""
         region = moved_region(self._first_region, last.from_first)
-        correlator = Correlator(last.image, region, self.settings, clip=self._clip, threads=self._threads)
+        correlator = Correlator(
+            last.image, region, self._later_settings, clip=self._clip, threads=self._threads
+        )
         return _CurrentReference(correlator, last.from_first, self._current.updates + 1)
 
 

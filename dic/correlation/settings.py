@@ -5,6 +5,11 @@ from dataclasses import dataclass
 from dic.errors import Check, CorrelationError, is_number, is_whole, require_all
 from dic.image.spline import ORDERS
 
+AUTO = "auto"
+"""Value of `CorrelationSettings.smoothing_px` that lets the program choose."""
+
+_WIDEST_SMOOTHING_PX = 5.0
+
 SHAPES = {"affine": 6, "quadratic": 12}
 """Shape functions and the number of their parameters."""
 
@@ -31,6 +36,10 @@ class CorrelationSettings:
         when all further steps together are predicted to move the edge by less than `tolerance_px`.
     max_iterations : int
         Largest number of iterations for each attempt at a point.
+    smoothing_px : float or str
+        Standard deviation of the Gaussian that smooths both images before they are interpolated; 0 for no
+        smoothing. With "auto", images are smoothed only if the predicted interpolation bias is above
+        0.001 px, and then as little as is needed to reduce the bias to this value.
     """
 
     subset_px: int = 31
@@ -40,6 +49,7 @@ class CorrelationSettings:
     min_zncc: float = 0.8
     tolerance_px: float = 1e-4
     max_iterations: int = 40
+    smoothing_px: float | str = AUTO
 
     def __post_init__(self) -> None:
         checks: list[Check] = [
@@ -92,6 +102,13 @@ class CorrelationSettings:
                 self.max_iterations,
                 "give 40 iterations",
             ),
+            (
+                self.smoothing_px == AUTO or _is_smoothing(self.smoothing_px),
+                "smoothing",
+                f"auto, or between 0 and {_WIDEST_SMOOTHING_PX:g} px",
+                self.smoothing_px,
+                "give auto to smooth only patterns that need it, or 0 for no smoothing",
+            ),
         ]
         require_all(CorrelationError, "settings", checks)
 
@@ -104,3 +121,7 @@ class CorrelationSettings:
     def radius_px(self) -> int:
         """Number of pixels of the subset on either side of its centre."""
         return self.subset_px // 2
+
+
+def _is_smoothing(value: float | str) -> bool:
+    return is_number(value) and 0.0 <= float(value) <= _WIDEST_SMOOTHING_PX

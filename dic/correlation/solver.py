@@ -18,8 +18,11 @@ _BANDS = 16
 """Number of bands of rows that are solved in parallel, large enough to keep several processors busy."""
 
 
-def method_of(settings: CorrelationSettings) -> kernel.Method:
-    """Return the correlation settings in the form that the kernel needs."""
+def method_of(settings: CorrelationSettings, smoothing: tuple[float, ...] = (1.0,)) -> kernel.Method:
+    """Return the correlation settings in the form that the kernel needs.
+
+    The images were smoothed by a filter with the taps `smoothing`.
+    """
     return kernel.Method(
         (0.0,) * (settings.order + 1),
         (0.0,) * settings.parameters,
@@ -27,8 +30,8 @@ def method_of(settings: CorrelationSettings) -> kernel.Method:
         settings.min_zncc,
         settings.tolerance_px,
         settings.max_iterations,
-        halfway_noise_gain(settings.order),
-        slope_noise_gain(settings.order),
+        halfway_noise_gain(settings.order, smoothing),
+        slope_noise_gain(settings.order, smoothing),
     )
 
 
@@ -44,7 +47,7 @@ class Solver:
 
     def __init__(self, reference: PreparedReference, deformed: kernel.Deformed) -> None:
         self._reference, self._deformed = reference, deformed
-        self._method = method_of(reference.settings)
+        self._method = method_of(reference.settings, reference.smoothing.taps)
         self._prepared: kernel.Prepared | None = None
         self._counted = False
 

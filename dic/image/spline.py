@@ -110,24 +110,38 @@ def _samples(order: int) -> NDArray[np.float64]:
 
 
 @cache
-def halfway_noise_gain(order: int) -> float:
-    """Return the factor by which interpolation half-way between pixels changes the variance of white noise.
+def halfway_noise_gain(order: int, smoothing: tuple[float, ...] = (1.0,)) -> float:
+    """Return the factor by which interpolation half-way between pixels changes the variance of noise.
 
-    The factor is the sum of the squared weights of the pixels in a row. For a position at a pixel the factor
-    would be 1.
+    The noise was white before a filter with the taps `smoothing` was applied along rows and along columns.
+    The factor is the sum of the squared weights of the pixels in a row, relative to the same sum for a
+    position at a pixel.
     """
     from scipy.interpolate import BSpline
 
     half = (order + 1) // 2
     basis = BSpline.basis_element(np.arange(-half, half + 1), extrapolate=False)
     taps = np.nan_to_num(basis(np.arange(-half, half) + 0.5))
-    return float(np.sum(np.convolve(_inverse_filter(order), taps) ** 2))
+    return _power(np.convolve(_inverse_filter(order), taps), smoothing) / _power(np.ones(1), smoothing)
 
 
 @cache
-def slope_noise_gain(order: int) -> float:
-    """Return the variance of the spline's derivative at a pixel, if the pixels have noise of variance 1."""
-    return float(np.sum(np.convolve(_inverse_filter(order), _slopes(order)) ** 2))
+def slope_noise_gain(order: int, smoothing: tuple[float, ...] = (1.0,)) -> float:
+    """Return the variance of the spline's derivative at a pixel, if the pixels have noise of variance 1.
+
+    The noise was white before a filter with the taps `smoothing` was applied along rows and along columns.
+    """
+    return _power(slope_taps(order), smoothing) / _power(np.ones(1), smoothing)
+
+
+def _power(taps: NDArray[np.float64], smoothing: tuple[float, ...]) -> float:
+    """Return the sum of the squared taps of two filters in succession."""
+    return float(np.sum(np.convolve(taps, np.array(smoothing)) ** 2))
+
+
+def slope_taps(order: int) -> NDArray[np.float64]:
+    """Return the weights of the pixels of a row in the spline's derivative at the middle pixel."""
+    return np.convolve(_inverse_filter(order), _slopes(order))
 
 
 @cache

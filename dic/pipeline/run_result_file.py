@@ -16,7 +16,7 @@ from dic.out_of_plane.correct import Corrections
 from dic.pipeline.camera_result import CameraResult
 from dic.pipeline.run import RunResult
 from dic.pipeline.run_corrections import CorrectionSettings, JointCorrections, RunCorrections, correct_run
-from dic.results.reader import read_corrections, read_measurements, read_two_cameras
+from dic.results.reader import NOT_SMOOTHED, read_corrections, read_measurements, read_two_cameras
 from dic.results.schema import FORMAT, VERSION
 from dic.results.writer import ResultWriter
 from dic.runfile.reader import RunInfo, RunStep
@@ -113,7 +113,7 @@ def _read_run(file: h5py.File) -> RunResult:
     info = RunInfo(**{f.name: _plain(run[f.name]) for f in fields(RunInfo)})
     attributes = {k: _plain(v) for k, v in file["settings"].attrs.items()}
     correcting = CorrectionSettings.from_text(attributes.pop("correcting"))
-    settings = CorrelationSettings(**attributes)
+    settings = CorrelationSettings(**NOT_SMOOTHED | attributes)
     cameras = [_read_camera(name, group) for name, group in file["cameras"].items()]
     # Files of earlier versions do not store the motion, the alignments, the findings and the results of two
     # cameras together.

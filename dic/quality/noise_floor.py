@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.correlation.settings import CorrelationSettings
+from dic.correlation.smoothing import NO_SMOOTHING, Smoothing
 from dic.image.spline import SplineImage, slope_noise_gain
 from dic.typing import Float, Indices, Mask
 
@@ -50,6 +51,7 @@ def predicted_std(
     points: Indices,
     region: Mask,
     settings: CorrelationSettings,
+    smoothing: Smoothing = NO_SMOOTHING,
 ) -> Float:
     """Return the noise floor at points: the standard deviations of u and v, px, that image noise causes.
 
@@ -63,15 +65,17 @@ def predicted_std(
     Parameters
     ----------
     spline : SplineImage
-        The reference image.
+        The reference image, after smoothing.
     noise : float
-        Standard deviation of the white noise of one image, grey levels.
+        Standard deviation of the white noise of one image before smoothing, grey levels.
     points : ndarray of int, shape (n, 2)
         Coordinates x and y of the points; the subset of each point must lie within the image.
     region : ndarray of bool, shape (height, width)
         Pixels that subsets may use.
     settings : CorrelationSettings
         Settings of the correlation; the function uses the subset, the shape function and the spline order.
+    smoothing : Smoothing
+        The filter that smooths both images. Default: no smoothing.
 
     Returns
     -------
@@ -80,7 +84,8 @@ def predicted_std(
         half of the subset is in the region.
     """
     terms, k = _terms(settings), settings.parameters // 2
-    gradient_noise = noise**2 * slope_noise_gain(settings.order)
+    noise = noise * smoothing.noise_factor
+    gradient_noise = noise**2 * slope_noise_gain(settings.order, smoothing.taps)
     std_px = np.full((len(points), 2), np.inf)
     planes = [spline.grey, *spline.gradient(), region]
     for n, (f, fx, fy, use) in enumerate(_subsets(planes, points, settings.subset_px)):
@@ -96,7 +101,7 @@ def predicted_std(
         if np.linalg.eigvalsh(true)[0] > 0.0:
             inverse = np.linalg.inv(true)
             variances = noise**2 * np.diag(inverse + inverse @ noisy @ inverse)
-            std_px[n] = np.sqrt(variances[[0, k]])
+            std_px[n] = np.sqrt(variances[[0, k]]) * smoothing.std_factors
     return std_px
 
 
@@ -119,6 +124,7 @@ def smallest_subset(
     centres: Mask,
     region: Mask,
     settings: CorrelationSettings,
+    smoothing: Smoothing,
     wanted_px: float,
     share: float,
 ) -> int | None:
@@ -135,7 +141,7 @@ def smallest_subset(
         middle = (low + high) // 2
         chosen = CorrelationSettings(subset_px=sizes[middle], shape=settings.shape, order=settings.order)
         points = sample_points(centres, chosen.subset_px)
-        floor = predicted_std(spline, noise, points, region, chosen)
+        floor = predicted_std(spline, noise, points, region, chosen, smoothing)
         if len(floor) and noise_floor(floor, share) <= wanted_px:
             high = middle
         else:

@@ -11,6 +11,7 @@ from dic.image.given import checked_region, grey_image, name_of
 from dic.image.read import require_same_size
 from dic.image.spline import spline_image
 from dic.image.texture import textured
+from dic.quality.interpolation import Interpolation, assess_interpolation
 from dic.quality.noise import noise_of_one, noise_of_two
 from dic.quality.noise_floor import (
     noise_floor,
@@ -61,6 +62,9 @@ class Quality(Picture):
         texture; None if no subset is large enough.
     mean_gradient : float
         Mean magnitude of the grey level gradient, grey levels per px.
+    interpolation : Interpolation
+        Predicted interpolation bias, and the smoothing that the correlation will apply. `sssig` is that of
+        the image without smoothing; `std_px` is that of the correlation.
     """
 
     settings: CorrelationSettings
@@ -77,6 +81,7 @@ class Quality(Picture):
     std_px: Float
     subset_for_wanted_px: int | None
     mean_gradient: float
+    interpolation: Interpolation
 
     def __repr__(self) -> str:
         speckles = f"speckles {self.speckle_x_px:.1f} × {self.speckle_y_px:.1f} px"
@@ -99,6 +104,23 @@ class Quality(Picture):
                 "above 0 and below 10 px",
                 f"{wanted_px:g} px",
                 "give --wanted-px 0.01",
+            )
+
+    @staticmethod
+    def require_strain_range(strain_range: float) -> None:
+        """Raise an error if the largest strain of the experiment is not above 0 and at most 1.
+
+        Raises
+        ------
+        CorrelationError
+        """
+        if not 0.0 < strain_range <= 1.0:
+            raise CorrelationError(
+                "settings",
+                "largest strain",
+                "above 0 and at most 1",
+                f"{strain_range:g}",
+                "give --strain-range 0.01 for strains up to 1 %",
             )
 
     @property
@@ -138,6 +160,7 @@ class Quality(Picture):
             "floor_px": self.floor_px,
             "bare_share": self.bare_share,
             "mean_gradient": self.mean_gradient,
+            **self.interpolation.figures(),
             **super().figures(),
         }
 
@@ -160,6 +183,7 @@ def assess_quality(
     second: ImageLike | None = None,
     wanted_px: float = 0.01,
     full_level: float | None = None,
+    strain_range: float = 0.01,
 ) -> Quality:
     """Assess the quality of a reference image.
 
@@ -176,16 +200,19 @@ def assess_quality(
         Wanted standard deviation of the displacement of one point.
     full_level : float, optional
         Highest grey level of the sensor. Default: the highest grey level of the image.
+    strain_range : float
+        Largest strain of the experiment, for which the strain error of interpolation is stated.
 
     Raises
     ------
     MeasurementError
-        If an image cannot be used, `wanted_px` is out of range, there is no texture, the two images do not
-        show the specimen at rest, or the region is too small for a subset.
+        If an image cannot be used, `wanted_px` or `strain_range` is out of range, there is no texture, the
+        two images do not show the specimen at rest, or the region is too small for a subset.
     """
     require_kind("settings", settings, CorrelationSettings | None, "give dic.CorrelationSettings()")
     settings = settings or CorrelationSettings()
     Quality.require_wanted(wanted_px)
+    Quality.require_strain_range(strain_range)
     grey = grey_image(image, name_of(image, "image"))
     spline = spline_image(grey, settings.order)
     slopes = spline.gradient()
@@ -200,7 +227,12 @@ def assess_quality(
     pattern = even_light(grey, region)
     covariance_y, covariance_x = (autocovariance(pattern, region, noise, axis) for axis in (0, 1))
     points = _points(centres, settings.subset_px)
-    std_px = predicted_std(spline, noise, points, region, settings)
+    interpolation = assess_interpolation(
+        grey, region, noise, settings, noise_known=second is not None, strain_range=strain_range
+    )
+    smoothing = interpolation.smoothing
+    smooth = spline_image(smoothing.apply(grey), settings.order) if smoothing.width_px > 0.0 else spline
+    std_px = predicted_std(smooth, noise, points, region, settings, smoothing)
     share = _share_of_textured(std_px)
     picture = assess_picture(grey, region, noise=noise, full_level=full_level)
     return Quality(
@@ -217,8 +249,11 @@ def assess_quality(
         sssig=squared_gradients(spline, points, region, settings.subset_px),
         points=points,
         std_px=std_px,
-        subset_for_wanted_px=smallest_subset(spline, noise, centres, region, settings, wanted_px, share),
+        subset_for_wanted_px=smallest_subset(
+            smooth, noise, centres, region, settings, smoothing, wanted_px, share
+        ),
         mean_gradient=float(np.hypot(*slopes)[region].mean()),
+        interpolation=interpolation,
     )
 
 

@@ -23,6 +23,9 @@ from dic.strain.measurement import Measurement, measure
 from dic.strain.strain import STRAIN_KEYS, MeanStrain, StrainField, StrainSettings
 from dic.typing import Float
 
+NOT_SMOOTHED: dict[str, Any] = {"smoothing_px": 0.0}
+"""Settings that files of earlier versions lack."""
+
 
 def read_measurements(series: Any, calibration: Calibration | None) -> list[Measurement]:
     """Return the measurements of a series from a result file.
@@ -170,11 +173,18 @@ def _read_field(series: Any, k: int, settings: CorrelationSettings) -> Field:
         slopes = np.moveaxis(series[gradient][k], -1, 0)
         return np.stack([series[u][k], *slopes[:2], series[v][k], *slopes[2:]], axis=-1)
 
+    # Files of earlier versions lack the interpolation bias: images were not smoothed.
+    known = "bias_u_px" in series
+    bias = np.stack([series["bias_u_px"][k], series["bias_v_px"][k]], axis=-1) if known else None
+    std = joined("std_u_px", "std_v_px", "std_gradient")
+    if bias is not None:
+        # The stored standard deviations contain the bias.
+        std[..., [0, 3]] = np.sqrt(np.maximum(std[..., [0, 3]] ** 2 - bias**2, 0.0))
     return Field(
         x_px=series["x_px"][:],
         y_px=series["y_px"][:],
         warps=joined("u_px", "v_px", "gradient"),
-        std=joined("std_u_px", "std_v_px", "std_gradient"),
+        std=std,
         zncc=series["zncc"][k],
         iterations=series["iterations"][k].astype(np.int16),
         status=series["status"][k].astype(np.int8),
@@ -183,7 +193,14 @@ def _read_field(series: Any, k: int, settings: CorrelationSettings) -> Field:
         settings=settings,
         # Files of earlier versions lack this value: the program could not yet take new references.
         updates=int(series["updates"][k]) if "updates" in series else 0,
+        smoothing_px=float(series["smoothing_px"][k]) if known else 0.0,
+        greatest_bias_px=_pair(series["greatest_bias_px"][k]) if known else (0.0, 0.0),
+        stored_bias_px=bias,
     )
+
+
+def _pair(values: Float) -> tuple[float, float]:
+    return float(values[0]), float(values[1])
 
 
 def _read_displacement(group: Any, k: int) -> Displacement:
@@ -216,7 +233,10 @@ def _read_reason(group: Any, k: int) -> str | None:
 
 
 def _attributes(group: Any, settings: type[Any], prefix: str = "") -> dict[str, Any]:
-    return {field.name: _plain(group.attrs[prefix + field.name]) for field in fields(settings)}
+    names = [field.name for field in fields(settings)]
+    older = {name: NOT_SMOOTHED[name] for name in names if name in NOT_SMOOTHED}
+    stored = [name for name in names if name not in older or prefix + name in group.attrs]
+    return older | {name: _plain(group.attrs[prefix + name]) for name in stored}
 
 
 def _plain(value: Any) -> Any:

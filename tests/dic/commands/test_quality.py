@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from tests.command_line import refusal, run_dic
+from tests.dic.correlation.sharp_patterns import discs
 from tests.image_files import write_image
 
 
@@ -41,6 +42,30 @@ def test_a_bad_image_ends_with_1_and_says_why(folder, tmp_path):
     assert not done.report["good"]
 
 
+def test_the_bias_of_interpolation_and_the_smoothing_are_told(tmp_path):
+    write_image(tmp_path / "sharp.png", discs(3, 0.3)(0, 0))
+    for smoothing in ("auto", "0"):
+        done = run_dic(
+            "quality",
+            tmp_path / "sharp.png",
+            "--smoothing",
+            smoothing,
+            "--json",
+            tmp_path / f"{smoothing}.json",
+        )
+        figures = done.report
+        assert f"{1e3 * abs(figures['bias_u_px']):.2f} mpx in u" in done.out
+        assert f"{1e6 * figures['bias_strain']:.0f} µε at strains up to 1 % (gauge 71 px)" in done.out
+        assert (
+            f"{1e3 * max(figures['unaliased_bias_u_px'], figures['unaliased_bias_v_px']):.2f} mpx if"
+            in done.out
+        )
+        assert (figures["smoothing_px"] > 0) == (smoothing == "auto")
+        assert (f"smoothing by {figures['smoothing_px']:g} px" in done.out) == (smoothing == "auto")
+        if smoothing == "auto":
+            assert figures["left_bias_px"] <= 0.001
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -48,6 +73,8 @@ def test_a_bad_image_ends_with_1_and_says_why(folder, tmp_path):
         (["good.png", "--subset", "20"], "an odd number"),
         (["good.png", "--wanted-px", "0"], "got 0"),
         (["good.png", "--shape", "cubic"], "affine or quadratic"),
+        (["good.png", "--strain-range", "2"], "largest strain: expected above 0 and at most 1, got 2"),
+        (["good.png", "--smoothing", "much"], "smoothing: expected auto, or between 0 and 5 px, got much"),
     ],
 )
 def test_what_cannot_be_judged_is_refused(folder, arguments, words):

@@ -1,0 +1,96 @@
+"""Waves above the Nyquist frequency, which a camera records as slower waves: their share of a spectrum.
+
+A pattern has the same spectrum in all directions. At a given frequency, a camera records waves along the
+pixel rows together with aliased waves, but diagonal waves without them, because the diagonals of the pixel
+grid have a higher Nyquist frequency. So the difference between rows and diagonals shows how much of the
+recorded power is aliased.
+
+The model of the pattern's power is A k⁻ᵖ exp(-s²k²) times the transfer of a square pixel, sinc²(ωx/2π)
+sinc²(ωy/2π). A sharp edge has p = 3; the lens and round blobs give the exponential. The recorded power is the
+sum over all replicas, plus white noise. The parameters are those with the greatest likelihood of the recorded
+power (P. Whittle, Arkiv för Matematik 2 (1953) 423-434).
+"""
+
+import numpy as np
+
+from dic.correlation.interpolation_bias import Replica
+from dic.correlation.pattern_spectrum import PatternSpectrum
+from dic.typing import Float
+
+_REPLICAS: tuple[Replica, ...] = tuple((down, right) for down in (-1, 0, 1) for right in (-1, 0, 1))
+_LOWEST = 0.45
+"""Frequencies below this share of the Nyquist frequency are not fitted: they depend on the speckles' size."""
+
+_STEPS = 4
+_POWERS = np.arange(0.0, 4.5, 0.5)
+_WIDTHS = np.concatenate([np.linspace(0.0, 0.3, 7), np.linspace(0.4, 3.0, 14)])
+_LEAST_POWER = 1e-9
+
+
+def replica_shares(
+    spectrum: PatternSpectrum, noise_variance: float, *, noise_known: bool
+) -> tuple[dict[Replica, Float], float]:
+    """Return the share of the recorded power that belongs to each replica, and the variance of the noise.
+
+    Parameters
+    ----------
+    spectrum : PatternSpectrum
+        The recorded spectrum, with its noise.
+    noise_variance : float
+        Variance of the white noise.
+    noise_known : bool
+        True if `noise_variance` is known, from two images. False if it is an upper bound; the fit then also
+        finds the variance.
+
+    Returns
+    -------
+    shares : dict
+        Arrays of shape (n + 1, n + 1), whose sum is the share of the pattern; the rest is noise.
+    noise_variance : float
+    """
+    frequency = spectrum.frequencies
+    radius = np.hypot(frequency[:, None], frequency)
+    fitted = radius > _LOWEST * np.pi
+    recorded = np.maximum(spectrum.power[fitted], _LEAST_POWER * max(float(spectrum.power.max()), 1e-300))
+    distance, pixel = _replicas(frequency)
+    least = noise_variance if noise_known else 0.0
+    best, shares, noise = np.inf, np.zeros_like(distance), noise_variance
+    for power in _POWERS:
+        sharp = pixel * distance**-power
+        for width in _WIDTHS:
+            model = sharp * np.exp(-width * np.pi**2 * (distance**2 - 1.0))
+            scale, found = _scaled(model.sum(axis=0)[fitted], recorded, (least, noise_variance))
+            total = scale * model.sum(axis=0) + found
+            misfit = float(np.mean(np.log(total[fitted]) + recorded / total[fitted]))
+            if misfit < best:
+                best, shares, noise = misfit, scale * model / total, found
+    return dict(zip(_REPLICAS, shares, strict=True)), noise
+
+
+def _replicas(frequency: Float) -> tuple[Float, Float]:
+    """Return the distance of each replica's waves from 0, in units of π, and the transfer of a pixel."""
+    distances, pixels = [], []
+    for down, right in _REPLICAS:
+        y, x = frequency[:, None] / np.pi + 2 * down, frequency / np.pi + 2 * right
+        distances.append(np.maximum(np.hypot(y, x), 1e-3))
+        pixels.append((np.sinc(x / 2) * np.sinc(y / 2)) ** 2)
+    return np.stack(distances), np.stack(pixels)
+
+
+def _scaled(model: Float, recorded: Float, bounds: tuple[float, float]) -> tuple[float, float]:
+    """Return the scale of a model and the variance of the noise that fit the recorded power best.
+
+    The variance lies between `bounds`. The fit is least squares of relative deviations, with the weights of
+    the last step.
+    """
+    weight = 1.0 / recorded**2
+    scale, noise = 0.0, bounds[1]
+    for _ in range(_STEPS):
+        a, b, c = weight @ (model * model), weight @ model, weight.sum()
+        p, q = weight @ (model * recorded), weight @ recorded
+        determinant = a * c - b * b
+        free = (a * q - b * p) / determinant if determinant > 0.0 else bounds[1]
+        noise = float(np.clip(free, *bounds))
+        scale = max(float((p - b * noise) / a), _LEAST_POWER)
+        weight = 1.0 / (scale * model + noise) ** 2
+    return scale, noise
