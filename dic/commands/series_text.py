@@ -33,6 +33,8 @@ def image_text(summary: dict[str, Any]) -> str:
     if any(share >= _LOST_MIN for share in lost.values()):
         shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in lost.items())
         parts.append(f"local strain loses amplitude to the settings: {shares}")
+    if summary["interpolation"]["smoothing_px"] > 0.0:
+        parts.append(f"images smoothed by {summary['interpolation']['smoothing_px']:g} px")
     if summary["updates"]:
         parts.append(f"over {summary['updates']} new references")
     return "; ".join(parts)

@@ -35,6 +35,8 @@ from dic.typing import Float
 Replica = tuple[int, int]
 """Number of sampling frequencies 2π by which waves along y and along x lie above the recorded waves."""
 
+_SMALL = 0.01
+
 _PHASE_PX = 0.25
 """Sub-pixel displacement of the greatest bias."""
 
@@ -127,12 +129,15 @@ def slope_bias_at(displacement_px: Float, gradient: Float, subset_px: int, great
 def fitted_slope(frequency: Float, half_px: float) -> Float:
     """Return the slope at 0 of the line that fits sin(ωx) best between -half_px and half_px.
 
-    The slope is 3 j₁(ωh) / h, where j₁ is the spherical Bessel function and h is `half_px`.
+    The slope is 3 j₁(ωh) / h, where h is `half_px` and j₁(x) = (sin(x)/x - cos(x)) / x is the spherical
+    Bessel function.
     """
-    from scipy.special import spherical_jn
-
     at = np.asarray(frequency) * half_px
-    return np.asarray(np.sign(at) * spherical_jn(1, np.abs(at)) * 3 / half_px)
+    near = np.abs(at) < _SMALL
+    # Near 0 the difference would lose its digits, so take the first terms of the power series.
+    safe = np.where(near, 1.0, at)
+    bessel = np.where(near, at / 3 - at**3 / 30, (np.sin(safe) / safe - np.cos(safe)) / safe)
+    return np.asarray(bessel * 3 / half_px)
 
 
 def strain_error(greatest_px: float, gauge_px: float, subset_px: int, strain_range: float) -> float:

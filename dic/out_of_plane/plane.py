@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dic.strain.displacement import Displacement, Noise
+from dic.strain.displacement import Displacement
 from dic.typing import Float
 
 
@@ -140,5 +140,5 @@ def moved_out_of_plane(
         if noise is not None:
             both = np.einsum("...ik,...lj->...ijkl", there, back).reshape(*there.shape[:-2], 4, 4)
             covariance = both @ noise.gradient @ np.swapaxes(both, -1, -2)
-            noise = Noise(there @ noise.factors, noise.overlap, covariance)
+            noise = noise.mapped(there, covariance)
     return replace(calibrated, position=position, vector=moved - position, gradient=gradient, noise=noise)

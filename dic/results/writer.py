@@ -85,6 +85,10 @@ class ResultWriter:
             "std_u_px": field.std_u_px,
             "std_v_px": field.std_v_px,
             "std_gradient": field.std_gradient,
+            "bias_u_px": field.bias_px[..., 0],
+            "bias_v_px": field.bias_px[..., 1],
+            "smoothing_px": field.smoothing_px,
+            "greatest_bias_px": field.greatest_bias_px,
             "zncc": field.zncc,
             "status": field.status,
             "iterations": field.iterations,
@@ -174,6 +178,10 @@ def _create_series(group: Any, measurement: Measurement) -> Any:
     _rows(group, "std_u_px", "px", shape)
     _rows(group, "std_v_px", "px", shape)
     _rows(group, "std_gradient", "1", (*shape, 4))
+    _rows(group, "bias_u_px", "px", shape)
+    _rows(group, "bias_v_px", "px", shape)
+    _rows(group, "smoothing_px", "px")
+    _rows(group, "greatest_bias_px", "px", (2,))
     _rows(group, "status", "1", shape, dtype="u1")
     _rows(group, "iterations", "1", shape, dtype="u2")
     _rows(group, "updates", "1", dtype="u2")

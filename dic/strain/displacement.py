@@ -1,10 +1,11 @@
 """Displacements in axes with y up, raw in pixels or calibrated in millimetres, with their errors.
 
-The errors are those that image noise causes, to first order. If two subsets overlap, they share pixels, so
-the errors of their displacements are correlated.
+The errors are those that image noise causes, to first order, and the interpolation bias. If two subsets
+overlap, they share pixels, so the errors from noise of their displacements are correlated. The interpolation
+bias depends on the sub-pixel part of the displacement and is correlated over the whole field.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,29 +20,51 @@ _UPWARDS = np.diag([1.0, -1.0])
 
 @dataclass(frozen=True)
 class Noise:
-    """The errors of displacements that image noise causes.
+    """The errors of displacements that image noise and interpolation cause.
 
     Attributes
     ----------
     factors : ndarray, shape (rows, columns, 2, 2)
-        A matrix F for each point, in the unit of the displacement. The error of the displacement is F·e,
-        where the two elements of the vector e are independent random numbers of variance 1. The covariance of
-        the error is F Fᵀ.
+        A matrix F for each point, in the unit of the displacement. The error from noise is F·e, where the two
+        elements of the vector e are independent random numbers of variance 1. The covariance of this error is
+        F Fᵀ.
     overlap : ndarray, shape (m, n)
         Element [i, j] is the correlation between the errors of two points that are i rows and j columns of
         the grid of points apart. The errors of points that are farther apart are not correlated.
     gradient : ndarray, shape (rows, columns, 4, 4)
         Covariance matrix of the displacement gradient that the shape function gives at each point. The
         gradient's elements are in the order xx, xy, yx, yy.
+    bias : ndarray, shape (rows, columns, 2, 2), or None
+        A matrix B for each point, in the unit of the displacement. The error from interpolation is B·b, where
+        the two elements of b are independent random numbers of variance 1 that all points share. None if
+        there is no such error.
     """
 
     factors: Float
     overlap: Float
     gradient: Float
+    bias: Float | None = None
 
     def __repr__(self) -> str:
         rows, columns = self.gradient.shape[:2]
         return f"Noise({rows} × {columns} points)"
+
+    def mapped(self, there: Float, gradient: Float) -> "Noise":
+        """Return the errors in new coordinates.
+
+        Parameters
+        ----------
+        there : ndarray, shape (rows, columns, 2, 2)
+            Derivatives of the new coordinates with respect to the old ones.
+        gradient : ndarray, shape (rows, columns, 4, 4)
+            Covariance matrix of the displacement gradient in the new coordinates.
+        """
+        bias = None if self.bias is None else there @ self.bias
+        return Noise(there @ self.factors, self.overlap, gradient, bias)
+
+    def of_bias(self) -> "Noise":
+        """Return the errors that interpolation alone causes."""
+        return replace(self, factors=np.zeros_like(self.factors), gradient=np.zeros_like(self.gradient))
 
 
 @dataclass(frozen=True)
@@ -133,9 +156,13 @@ def _in_axes(field: Field, here: Float, there: Float) -> tuple[Float, Noise]:
     gradient = there @ F @ back - np.eye(2)
     both = np.einsum("...ik,...lj->...ijkl", there, back).reshape(*shape, 4, 4)
     by_gradient = both * field.std_gradient[..., None, :]
-    factors = there * np.stack([field.std_u_px, field.std_v_px], axis=-1)[..., None, :]
+    factors, bias = there * field.noise_std_px[..., None, :], there * field.bias_px[..., None, :]
     covariance = by_gradient @ np.swapaxes(by_gradient, -1, -2)
-    return gradient, Noise(factors, error_overlap(field.settings), covariance)
+    for part in (slice(0, 2), slice(2, 4)):
+        # The biases of u and v are independent; the bias of u changes both elements of its gradient together.
+        error = both[..., part] @ field.gradient_bias[..., part, None]
+        covariance += error @ np.swapaxes(error, -1, -2)
+    return gradient, Noise(factors, error_overlap(field.settings), covariance, bias)
 
 
 def _inverse(matrices: Float) -> Float:

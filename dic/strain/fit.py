@@ -94,7 +94,12 @@ def covariance_of_sums(weights: Float, noise: Noise) -> Float:
     parts = np.where((weights != 0.0).any(axis=(2, 3))[..., None, None], parts, 0.0)
     around = np.pad(noise.overlap, [(n - 1, 0) for n in noise.overlap.shape], mode="reflect")
     shared = fftconvolve(parts, around[..., None, None], mode="same", axes=(0, 1))
-    return np.asarray(np.einsum("rcpa,rcqa->pq", parts, shared))
+    covariance = np.einsum("rcpa,rcqa->pq", parts, shared)
+    if noise.bias is not None:
+        used = (weights != 0.0).any(axis=(2, 3))
+        bias = np.einsum("nia,nip->pa", noise.bias[used], weights[used])
+        covariance += bias @ bias.T
+    return np.asarray(covariance)
 
 
 def fitted_gradients(displacement: Displacement, window: int, degree: int) -> tuple[Float, Float | None]:
@@ -142,6 +147,11 @@ def fitted_gradients(displacement: Displacement, window: int, degree: int) -> tu
             factors = _windows(noise.factors, window)[at].reshape(-1, 2, 2, places)
             factors = np.where(use[:, None, None], factors, 0.0)
             covariance[at] = _covariances(weights, factors, _overlap_in_window(noise.overlap, window))
+            if noise.bias is not None:
+                bias = _windows(noise.bias, window)[at].reshape(-1, 2, 2, places)
+                bias = np.where(use[:, None, None], bias, 0.0)
+                error = np.einsum("niap,nkp->nika", bias, weights).reshape(-1, 4, 2)
+                covariance[at] += error @ np.swapaxes(error, 1, 2)
     return gradient, covariance
 
 

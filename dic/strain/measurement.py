@@ -15,7 +15,14 @@ from dic.correlation.status import Status
 from dic.errors import require_kind
 from dic.strain.displacement import Displacement, calibrated_displacement, raw_displacement
 from dic.strain.resolution import Filters, amplitude_kept, amplitude_lost, strain_resolution_px
-from dic.strain.strain import MeanStrain, StrainField, StrainSettings, mean_strain, strain_field
+from dic.strain.strain import (
+    MeanStrain,
+    StrainField,
+    StrainSettings,
+    bias_of_mean,
+    mean_strain,
+    strain_field,
+)
 from dic.typing import Float
 
 _POINTS_OF_A_PLANE = 3
@@ -156,11 +163,23 @@ class Measurement:
                     name: None if math.isnan(lost) else lost for name, lost in self.amplitude_lost.items()
                 },
             },
+            "interpolation": self._interpolation(),
             "raw": self.raw_mean.as_dict(),
         }
         if self.calibrated_mean is not None:
             summary["calibrated"] = self.calibrated_mean.as_dict()
         return summary
+
+    def _interpolation(self) -> dict[str, float | None]:
+        """Return the smoothing, the predicted bias, and the bias's part in the mean strain's deviations."""
+        # Result files keep the errors of raw displacements only. As a strain the bias hardly differs.
+        valid = None if self.calibrated is None else self.calibrated.valid
+        part = bias_of_mean(self.raw, valid, self.strain_settings.measure)
+        u_px, v_px = self.field.greatest_bias_px
+        return {"smoothing_px": self.field.smoothing_px, "bias_u_px": u_px, "bias_v_px": v_px} | {
+            f"{name}_std": getattr(part, f"{name}_std") if part is not None else None
+            for name in ("exx", "eyy", "exy")
+        }
 
 
 def measure(

@@ -1,6 +1,6 @@
 """Strain from displacements, for a whole region and at every point, with standard deviations."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -186,6 +186,17 @@ def mean_strain(
     if fitted is None:
         return MeanStrain(rotation_deg=np.nan, points=points, **dict.fromkeys(STRAIN_KEYS, np.nan))
     return strain_of_gradient(*fitted, points, measure)
+
+
+def bias_of_mean(displacement: Displacement, valid: Mask | None, measure: str) -> MeanStrain | None:
+    """Return the mean strain with standard deviations that contain the interpolation bias alone.
+
+    The arguments are those of `mean_strain`. The result is None if the errors of the displacements are not
+    known.
+    """
+    if displacement.noise is None:
+        return None
+    return mean_strain(replace(displacement, noise=displacement.noise.of_bias()), valid, measure)
 
 
 def strain_of_gradient(gradient: Float, covariance: Float | None, points: int, measure: str) -> MeanStrain:
