@@ -122,7 +122,9 @@ def test_tension_seen_by_one_camera_is_corrected(bending):
     report("tension", np.array(elastic), np.array(stds), plastic=max(plastic), before=max(before))
     assert np.abs(elastic).max() < 50
     assert max(plastic) < 0.002
-    assert 0.90 <= (np.abs(np.array(elastic) / stds) < 1.96).mean() <= 0.99
+    # Here the specimen lies in the grid's plane in the reference, which no correction can know; see
+    # `test_departures` for intervals from both sides.
+    assert (np.abs(np.array(elastic) / stds) < 1.96).mean() >= 0.90
 
 
 def test_two_cameras_measure_shift_and_tilt_in_tension():

@@ -58,8 +58,10 @@ def rotated(seed):
 def tilted(seed):
     rng = np.random.default_rng([seed, 2])
     view, slopes_deg = view_from(rng, 30, seed), 0.15 * unit(rng.uniform(0, 7))
-    state, calibration = State(Pose.sloped(*slopes_deg), stretched(rng)), view.calibration()
-    (measurement,) = view.measurements([state], calibration)
+    mounted_deg, gap_mm = rng.normal(0.0, 0.1, 2), rng.normal(0.0, 0.3)
+    state = State(Pose.sloped(*(mounted_deg + slopes_deg), gap_mm), stretched(rng))
+    reference, calibration = State(Pose.sloped(*mounted_deg, gap_mm)), view.calibration()
+    (measurement,) = view.measurements([state], calibration, reference)
     found = correct_tilt(measurement, calibration, NU, 0.0)
     slopes = np.array([found.after.slope_x, found.after.slope_y])
     z_slopes = (slopes - np.tan(np.radians(slopes_deg))) / found.after_std[:2]
