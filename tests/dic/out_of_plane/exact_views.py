@@ -142,11 +142,13 @@ class View:
             settings=self.settings,
         )
 
-    def true_strain(self, measurement, state):
+    def true_strain(self, measurement, state, use=None, reference=None):
         """Return the true exx, eyy, exy in µε of the plane motion that fits the points used best."""
-        use = measurement.calibrated.valid
+        reference = reference or State()
+        use = measurement.calibrated.valid if use is None else use
         px = np.stack(np.meshgrid(measurement.field.x_px, measurement.field.y_px), axis=-1)[use]
-        material = Surface(Blank()).material(*self.camera.ray(px.astype(float)))
+        surface = Surface(Blank(), reference.pose, reference.F)
+        material = surface.material(*self.camera.ray(px.astype(float)))
         within = (material if state.within is None else state.within(material)) @ state.F.T
         centred = np.column_stack([material, np.ones(len(material))])
         return green_lagrange(np.linalg.lstsq(centred, within, rcond=None)[0][:2].T)

@@ -1,11 +1,16 @@
 """Whether the stated uncertainty covers specimens that are not flat, not uniform, or not in their place."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from dic.out_of_plane.reference_surface import reference_surface
 from dic.out_of_plane.tension import correct_tilt
+from dic.out_of_plane.two_cameras import correct_with_two_cameras
+from simulators.scene.optics import PinholeCamera
 from tests.dic.out_of_plane.departures import KINDS, NU, drawn
-from tests.dic.out_of_plane.exact_views import deviations, strains
+from tests.dic.out_of_plane.exact_views import View, deviations, strains
 
 
 def errors(name, size, seed):
@@ -14,7 +19,7 @@ def errors(name, size, seed):
     calibration = specimen.view.calibration()
     (seen,) = specimen.view.measurements([specimen.state], calibration, specimen.reference)
     found = correct_tilt(seen, calibration, NU, specimen.shift_std_um)
-    truth = specimen.view.true_strain(seen, specimen.state)
+    truth = specimen.view.true_strain(seen, specimen.state, reference=specimen.reference)
     calibrated = 1e6 * np.array([getattr(seen.calibrated_mean, n) for n in ("exx", "eyy", "exy")])
     return calibrated - truth, strains(found) - truth, deviations(found), found.declined
 
@@ -34,6 +39,34 @@ def test_the_uncertainty_covers_a_specimen_that_departs_from_a_flat_one(name, si
     z = np.array([e / std for _, e, std, _ in (errors(name, size, seed) for seed in range(2))])
     assert np.abs(z).max() < 4
     assert (np.abs(z) < 2).mean() > 0.5
+
+
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [
+        ("bent out of plane, 1/m", 1 / 30),
+        ("gradient of strain, %", 5.0),
+        ("plastic strain, %", 10.0),
+        ("sliding, mm", 0.8),
+        ("shift, µm", 50.0),
+        ("surface away from the grid, mm", 0.6),
+    ],
+)
+def test_two_cameras_resolve_what_one_cannot(name, size):
+    specimen = drawn(name, size, 0)
+    aside = replace(specimen.view, noise_px=0.0015)
+    views = aside, View(PinholeCamera(800, 800), noise_px=0.0015, seed=7)
+    calibrations = tuple(view.calibration() for view in views)
+    seen = tuple(
+        view.measurements([specimen.state], calibration, specimen.reference)[0]
+        for view, calibration in zip(views, calibrations, strict=True)
+    )
+    surface = reference_surface(aside.seen_by(views[1], specimen.reference), calibrations)
+    found = correct_with_two_cameras(seen, calibrations, surface)
+    shared = np.isfinite(found.heights_mm)
+    error = strains(found) - aside.true_strain(seen[0], specimen.state, shared, specimen.reference)
+    assert np.abs(error).max() < 10
+    assert (np.abs(error) < 3.5 * deviations(found)).all()
 
 
 @pytest.mark.long
