@@ -9,8 +9,12 @@ from dic.typing import Float
 _CLEARLY = 10.0
 """A cause explains a field if it makes the misfit smaller by this factor, and smaller than the others."""
 
-_ACROSS_SHARE = 0.25
+_ACROSS_SHARE = 0.15
 """Largest share of strain across the camera's tilt, if tilts cause the strain."""
+
+_FEWEST_STEPS = 4
+_LEAST_TANGENT = 0.1
+"""Fewest steps and least tangent of the camera's angle for which tilts and strain can be told apart."""
 
 
 def uneven_reason(misfit: float, limit: float, suspicion: Suspicion, half_width_mm: float, local: str) -> str:
@@ -53,33 +57,45 @@ def uneven_reason(misfit: float, limit: float, suspicion: Suspicion, half_width_
     )
 
 
-def not_rigid_reason(left: float, strains: Float, angles_deg: Float, centre_mm: Float) -> str:
+def not_rigid_reason(
+    left: float, calibrated: Float, remaining: Float, angles_deg: Float, centre_mm: Float
+) -> str:
     """Return the reason why strain remains in a rotation of a rigid specimen.
 
-    Tilts cause false strain only along the direction in which the camera is tilted. If strain remains, but
-    none of it lies across this direction, the axis tilted differently in each step.
+    A tilt of the specimen in a step causes false strain along the direction in which the camera is tilted,
+    and none across it. A tilt in the reference causes strain across it that changes with the rotation in a
+    known way. If no other strain lies across, the axis tilted differently in each step.
 
     Parameters
     ----------
     left : float
         Remaining strain, rms in standard deviations.
-    strains : ndarray, shape (k, 3)
-        Remaining strains xx, yy, xy in the specimen's axes.
+    calibrated, remaining : ndarray, shape (k, 3)
+        Strains xx, yy, xy in the specimen's axes, before and after the correction.
     angles_deg : ndarray, shape (k,)
         Rotation of the specimen.
     centre_mm : ndarray, shape (3,)
         The camera's centre.
     """
-    standing = in_grid_axes(angles_deg, strains)
+    not_rigid = f"the specimen was not rigid: strain of {left:.1f} standard deviations (rms) remains"
     tangent = float(np.hypot(*centre_mm[:2]) / centre_mm[2])
+    if len(angles_deg) < _FEWEST_STEPS or tangent < _LEAST_TANGENT:
+        return not_rigid
     x, y = centre_mm[:2] / np.hypot(*centre_mm[:2])
-    across = y * y * standing[:, 0] + x * x * standing[:, 1] - 2 * x * y * standing[:, 2]
-    along = x * x * standing[:, 0] + y * y * standing[:, 1] + 2 * x * y * standing[:, 2]
-    mixed = x * y * (standing[:, 1] - standing[:, 0]) + (x * x - y * y) * standing[:, 2]
-    by_tilt = float(np.sqrt(np.mean(along**2 + 4 * mixed**2)))
-    if np.sqrt(np.mean(across**2)) < _ACROSS_SHARE * by_tilt:
-        return (
-            f"the stage's axis wandered by about {np.degrees(by_tilt / tangent):.2g}° from step to step: "
-            "check its bearing and the seat of the specimen's holder"
-        )
-    return f"the specimen was not rigid: strain of {left:.1f} standard deviations (rms) remains"
+    to_across = np.array([y * y, x * x, -2 * x * y])
+    across = in_grid_axes(angles_deg, calibrated) @ to_across
+    # The strains that unit slopes of the specimen in the reference cause, up to a factor.
+    by_slope = np.column_stack(
+        [
+            in_grid_axes(angles_deg, np.tile(unit, (len(angles_deg), 1))) @ to_across
+            for unit in ([x, 0.0, y / 2], [0.0, y, x / 2])
+        ]
+    )
+    across = across - by_slope @ np.linalg.lstsq(by_slope, across, rcond=None)[0]
+    size = float(np.sqrt(np.mean((remaining**2).sum(axis=1))))
+    if np.sqrt(np.mean(across**2)) > _ACROSS_SHARE * size:
+        return not_rigid
+    return (
+        f"the stage's axis wandered by about {np.degrees(size / tangent):.1g}° from step to step: check its "
+        "bearing and the seat of the specimen's holder"
+    )

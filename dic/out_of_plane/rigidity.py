@@ -111,8 +111,11 @@ def _not_rigid(solved: "_Solved | None", steps: Steps, centre_mm: Float) -> str 
         )
     left = solved.strain_left()
     if left > _RIGID:
-        strains = steps.strains(solved.alignment.slopes, centre_mm).reshape(-1, 3)
-        return not_rigid_reason(left, strains, steps.angles_deg, centre_mm)
+        calibrated, remaining = (
+            steps.strains(slopes, centre_mm).reshape(-1, 3)
+            for slopes in (np.zeros(4), solved.alignment.slopes)
+        )
+        return not_rigid_reason(left, calibrated, remaining, steps.angles_deg, centre_mm)
     return None
 
 
