@@ -24,7 +24,8 @@ from dic.files.writing import write_text
 from dic.shell.output_paths import require_places
 
 if TYPE_CHECKING:
-    from dic import Alignment, Calibration, Motion
+    from dic import Alignment, Calibration, CorrelationSettings, Motion, StrainSettings
+    from dic.commands.series_record import SeriesRecord
 
 _FILE = click.Path(path_type=Path)
 
@@ -56,15 +57,7 @@ def correlate(
     the series after the current image and keeps its results. Exit status: 0 if all images are measured well,
     1 if an image is measured poorly, 2 if an image cannot be measured.
     """
-    from dic import (
-        Series,
-        SeriesImage,
-        gauge_text,
-        load_calibration,
-        measure_series,
-        read_image,
-        strain_resolution_px,
-    )
+    from dic import Series, SeriesImage, load_calibration, measure_series, read_image
     from dic.commands.series_record import SeriesRecord
     from dic.pipeline.series_files import SeriesOutputs
     from dic.shell.console import fail, say, stopping_between
@@ -86,12 +79,7 @@ def correlate(
     series = Series(image, region.read(image.shape), settings, incremental=start.incremental)
     images = [SeriesImage(path, str(path), hint) for path in deformed]
     measured = measure_series(series, images, calibration, how, known)
-    gauge_px = how.gauge_px(settings)
-    say(
-        gauge_text(gauge_px, None if calibration is None else gauge_px * calibration.mm_per_px)
-        + f", which keeps 90 % of waves of strain of {strain_resolution_px(settings, how):.0f} px"
-    )
-
+    say(_gauge(how, settings, calibration))
     record = SeriesRecord(keep_corrections=outputs.output is not None)
     with SeriesOutputs(image, settings, files) as results:
         with progress("correlating", len(deformed)) as bar, stopping_between() as stopped:
@@ -108,13 +96,36 @@ def correlate(
         alignment = record.finish(calibration, known)
         results.write_corrections(record.corrections)
     if outputs.json_file is not None:
-        content = {"reference": str(reference), "settings": vars(settings), "images": record.summaries}
-        content |= _set_up(calibration, known, alignment) | {"failures": record.failures}
-        write_text(outputs.json_file, json.dumps(content, indent=1))
+        set_up = _set_up(calibration, known, alignment)
+        _write_json(outputs.json_file, reference, record, settings, set_up)
     motion.save(alignment)
     for sentence in record.bad:
         fail(sentence)
     click.get_current_context().exit(2 if record.failures else 1 if record.bad else 0)
+
+
+def _gauge(
+    strain: "StrainSettings", settings: "CorrelationSettings", calibration: "Calibration | None"
+) -> str:
+    """Return the width of the virtual strain gauge and the period of strain that it resolves, as text."""
+    from dic import gauge_text, strain_resolution_px
+
+    gauge_px = strain.gauge_px(settings)
+    gauge = gauge_text(gauge_px, None if calibration is None else gauge_px * calibration.mm_per_px)
+    return f"{gauge}, which keeps 90 % of waves of strain of {strain_resolution_px(settings, strain):.0f} px"
+
+
+def _write_json(
+    path: Path,
+    reference: Path,
+    record: "SeriesRecord",
+    settings: "CorrelationSettings",
+    set_up: dict[str, Any],
+) -> None:
+    """Write what is known of all images, for other programs."""
+    content = {"reference": str(reference), "settings": vars(settings), "images": record.summaries}
+    content |= set_up | {"failures": record.failures}
+    write_text(path, json.dumps(content, indent=1))
 
 
 def _set_up(

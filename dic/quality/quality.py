@@ -221,8 +221,7 @@ def assess_quality(
     if second is None:
         noise, whiteness = noise_of_one(grey, region), float("nan")
     else:
-        other = grey_image(second, name_of(second, "second image"))
-        require_same_size([grey, other], [name_of(image, "image"), name_of(second, "second image")])
+        other = _second_image(second, grey, name_of(image, "image"))
         noise, whiteness = noise_of_two(grey, other, slopes, region)
     pattern = even_light(grey, region)
     covariance_y, covariance_x = (autocovariance(pattern, region, noise, axis) for axis in (0, 1))
@@ -255,6 +254,13 @@ def assess_quality(
         mean_gradient=float(np.hypot(*slopes)[region].mean()),
         interpolation=interpolation,
     )
+
+
+def _second_image(second: ImageLike, grey: Grey, name: str) -> Grey:
+    """Return the grey levels of the second image; raise an error if its size differs from the first one's."""
+    other = grey_image(second, name_of(second, "second image"))
+    require_same_size([grey, other], [name, name_of(second, "second image")])
+    return other
 
 
 def _region(region: Mask | None, grey: Grey, slopes: tuple[Grey, Grey], subset_px: int) -> tuple[Mask, Mask]:

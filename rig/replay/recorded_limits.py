@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from dic.runfile.reader import RunFile
 from drivers.interfaces import LoadFrameLimits
 from rig.limit_settings import RigLimits
-from rig.replay.script import ReplayError
+from rig.replay.script import of_another_version
 
 
 def limits_of_load_frame(run: RunFile) -> LoadFrameLimits:
@@ -35,9 +35,4 @@ def limits_of_rig(run: RunFile) -> RigLimits:
     try:
         return RigLimits.model_validate(tomllib.loads(run.info.configuration).get("limits", {}))
     except (tomllib.TOMLDecodeError, ValidationError, RecursionError) as error:
-        raise ReplayError(
-            str(run.path),
-            "a run with a rig file of this version",
-            " ".join(str(error).split())[:200],
-            "replay it with the version of offaxis that recorded it",
-        ) from error
+        raise of_another_version(run, "rig file", error) from error

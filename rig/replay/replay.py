@@ -38,7 +38,7 @@ from rig.replay.devices import (
     end_of_record,
 )
 from rig.replay.recorded_limits import limits_of_load_frame, limits_of_rig
-from rig.replay.script import ReplayError, Script
+from rig.replay.script import Script, of_another_version
 
 _POLL_S = 1e-3
 """Time in s between two readings of the replay; each reading then waits until its recorded time."""
@@ -208,12 +208,7 @@ def _protocol(run: RunFile) -> Protocol:
     try:
         return parse_protocol(tomllib.loads(run.info.definition))
     except (tomllib.TOMLDecodeError, ValidationError, RecursionError) as error:
-        raise ReplayError(
-            str(run.path),
-            "a run with a protocol of this version",
-            " ".join(str(error).split())[:200],
-            "replay it with the version of offaxis that recorded it",
-        ) from error
+        raise of_another_version(run, "protocol", error) from error
 
 
 def _bound(value: float) -> float | None:

@@ -22,6 +22,16 @@ class ReplayError(RigError):
     """The run cannot be replayed, or there are no more recorded data."""
 
 
+def of_another_version(run: RunFile, what: str, error: Exception) -> ReplayError:
+    """Return the error that a text in a run file, such as its protocol, is not one of this version."""
+    return ReplayError(
+        str(run.path),
+        f"a run with a {what} of this version",
+        " ".join(str(error).split())[:200],
+        "replay it with the version of offaxis that recorded it",
+    )
+
+
 @dataclass(frozen=True)
 class Script:
     """The recorded data of a run that a replay needs.

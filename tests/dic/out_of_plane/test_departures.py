@@ -24,34 +24,24 @@ def errors(name, size, seed):
     return calibrated - truth, strains(found) - truth, deviations(found), found.declined
 
 
-@pytest.mark.parametrize(
-    ("name", "size"),
-    [
-        ("bent out of plane, 1/m", 1 / 30),
-        ("gradient of strain, %", 5.0),
-        ("plastic strain, %", 10.0),
-        ("sliding, mm", 0.8),
-        ("turned in the grips, °", 1.5),
-        ("shift, µm", 50.0),
-    ],
-)
+SOME = [
+    ("bent out of plane, 1/m", 1 / 30),
+    ("gradient of strain, %", 5.0),
+    ("plastic strain, %", 10.0),
+    ("sliding, mm", 0.8),
+    ("shift, µm", 50.0),
+]
+"""Kinds and sizes of departures that are tried for one camera and for two."""
+
+
+@pytest.mark.parametrize(("name", "size"), [*SOME, ("turned in the grips, °", 1.5)])
 def test_the_uncertainty_covers_a_specimen_that_departs_from_a_flat_one(name, size):
     z = np.array([e / std for _, e, std, _ in (errors(name, size, seed) for seed in range(2))])
     assert np.abs(z).max() < 4
     assert (np.abs(z) < 2).mean() > 0.5
 
 
-@pytest.mark.parametrize(
-    ("name", "size"),
-    [
-        ("bent out of plane, 1/m", 1 / 30),
-        ("gradient of strain, %", 5.0),
-        ("plastic strain, %", 10.0),
-        ("sliding, mm", 0.8),
-        ("shift, µm", 50.0),
-        ("surface away from the grid, mm", 0.6),
-    ],
-)
+@pytest.mark.parametrize(("name", "size"), [*SOME, ("surface away from the grid, mm", 0.6)])
 def test_two_cameras_resolve_what_one_cannot(name, size):
     specimen = drawn(name, size, 0)
     aside = replace(specimen.view, noise_px=0.0015)
