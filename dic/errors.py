@@ -95,6 +95,10 @@ def is_number(value: object) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
+MEASURE_FIRST = "measure first: dic.measure(field)"
+"""Remedy if a function that needs a measurement gets something else, such as a field of displacements."""
+
+
 def require_kind(name: str, value: object, kind: Any, remedy: str) -> None:
     """Raise an error if an argument has a wrong type.
 
@@ -116,4 +120,5 @@ def require_kind(name: str, value: object, kind: Any, remedy: str) -> None:
 
 
 def _kind(kind: type) -> str:
-    return "None" if kind is type(None) else f"a {kind.__name__}"
+    article = "an" if kind.__name__[0] in "AEIOUaeiou" else "a"
+    return "None" if kind is type(None) else f"{article} {kind.__name__}"

@@ -10,7 +10,7 @@ import numpy as np
 from dic.calibration.bicubic import BicubicMap
 from dic.calibration.calibration import Calibration, Model
 from dic.calibration.pinhole.camera import Pinhole
-from dic.errors import CalibrationError
+from dic.errors import CalibrationError, require_kind
 from dic.files.writing import reason, replacing
 from dic.hdf5.open import NotReadable, open_hdf5
 from dic.targets.points import GridPoints
@@ -43,6 +43,7 @@ def save_calibration(calibration: Calibration, path: str | Path) -> None:
     CalibrationError
         If the file cannot be written.
     """
+    require_kind("calibration", calibration, Calibration, "fit it first: dic.calibrate_images(image, target)")
     path = Path(path)
     try:
         with replacing(path) as partial, h5py.File(partial, "w") as file:

@@ -89,6 +89,12 @@ class Correlator:
         self._reference = PreparedReference(image, mean, usable, grid, settings, threads, self.smoothing)
         self._seed_finder = SeedFinder(self._reference, grey)
 
+    def __repr__(self) -> str:
+        height, width = self.region.shape
+        points = int(self._reference.grid.active.sum())
+        settings = f"subset {self.settings.subset_px} px, step {self.settings.step_px} px"
+        return f"Correlator({width} × {height} px, {points} points, {settings})"
+
     def correlate(
         self, deformed: ImageLike, *, previous: Field | None = None, hint: Float | None = None
     ) -> Field:

@@ -122,6 +122,9 @@ class Series:
         # Later references are smoothed like the first: a change would move the displacements.
         self._later_settings = replace(first.settings, smoothing_px=first.smoothing.width_px)
 
+    def __repr__(self) -> str:
+        return f"Series({self._current.correlator!r}, incremental {self._incremental})"
+
     @staticmethod
     def require_incremental(incremental: str) -> None:
         """Raise an error if `incremental` is not "auto", "never" or "always".

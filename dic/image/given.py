@@ -6,7 +6,7 @@ from typing import TypeVar, cast
 
 import numpy as np
 
-from dic.errors import CorrelationError
+from dic.errors import CorrelationError, require_kind
 from dic.image.polygons import polygon_mask, read_polygons
 from dic.image.read import read_image
 from dic.typing import Grey, ImageLike, Mask, PathLike
@@ -33,7 +33,7 @@ def grey_image(image: object, name: str) -> Grey:
         return read_image(image)
     if not isinstance(image, np.ndarray):
         got, remedy = f"a {type(image).__name__}", "give an array, or the path of an image file"
-    elif image.ndim == 3 and image.shape[2] in (3, 4):
+    elif is_colour(image):
         got = f"a colour image of {image.shape[1]} × {image.shape[0]} px"
         remedy = "convert it to grey: image[..., :3].mean(axis=2), or let dic.read_image read its file"
     elif image.ndim != 2:
@@ -57,10 +57,27 @@ def name_of(image: ImageLike, otherwise: str) -> str:
 
 
 def one_by_one(images: ImageLike | Iterable[Item]) -> Iterable[ImageLike | Item]:
-    """Return images one by one; a single array or path counts as a series of one."""
+    """Return images one by one; a single array or path counts as a series of one.
+
+    An array of shape (number, height, width) is a series. A single colour image has three dimensions too, and
+    is refused here with its own sentence, because its rows would be taken for images.
+
+    Raises
+    ------
+    CorrelationError
+        If the argument is neither an image nor a series of images.
+    """
     if isinstance(images, str | Path) or (isinstance(images, np.ndarray) and images.ndim == 2):
         return [images]
+    if is_colour(images):
+        return [grey_image(images, "deformed image")]
+    require_kind("images", images, Iterable, "give one image, or a list of arrays or of paths")
     return cast(Iterable[Item], images)
+
+
+def is_colour(image: object) -> bool:
+    """Return True if the object is an array of one colour image, shape (height, width, 3 or 4)."""
+    return isinstance(image, np.ndarray) and image.ndim == 3 and image.shape[2] in (3, 4)
 
 
 def checked_region(region: object, shape: tuple[int, ...]) -> Mask:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.errors import ImageError, ImageWarning
+from dic.errors import ImageError, ImageWarning, require_kind
 from dic.files.reading import read_bytes
 from dic.image.container import Container, Damage, read_bmp, require_bounded
 from dic.image.png import SIGNATURE as PNG
@@ -67,6 +67,7 @@ def read_image(path: str | Path) -> NDArray[np.float32]:
         If a TIFF file holds more than one page, of which only the first is read, or if the image is turned or
         mirrored because of the orientation tag in the file.
     """
+    require_kind("path", path, str | Path, "name an image file; arrays need no reading")
     path = Path(path)
     try:
         content = read_bytes(path)

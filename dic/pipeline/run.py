@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 from threading import Event
 
 import numpy as np
@@ -115,6 +116,7 @@ def process_run(
         If the file cannot be read, a calibration grid is not found, or the reference image of a camera cannot
         be used. A step that cannot be correlated raises no error: `CameraResult.failures` lists the step.
     """
+    require_kind("path", path, str | Path, "name a run file")
     Series.require_incremental(incremental)
     require_kind("settings", settings, CorrelationSettings | None, "give dic.CorrelationSettings()")
     require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=5)")

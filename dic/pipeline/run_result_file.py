@@ -9,7 +9,7 @@ import numpy as np
 
 from dic.calibration.file import read_calibration, write_calibration
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import MeasurementError, RunFileError
+from dic.errors import MeasurementError, RunFileError, require_kind
 from dic.hdf5.open import NotReadable, open_hdf5
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correct import Corrections
@@ -38,6 +38,7 @@ def save_run_result(result: RunResult, path: PathLike) -> None:
     RunFileError
         If the file cannot be created.
     """
+    require_kind("result", result, RunResult, "process a run first: dic.process_run(path)")
     corrections = result.corrections
     with ResultWriter(Path(path)) as writer:
         run = writer.group("run")

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dic.errors import RunFileError
+from dic.errors import RunFileError, require_kind
 from dic.files.writing import write_text
 from dic.pipeline.run import RunResult
 from dic.report import rotation, tension
@@ -19,6 +19,10 @@ from dic.report.steps import StepTable, camera_tables, pair_table
 from dic.report.style import Kind, plot_style, watermark_uri
 from dic.report.tables import calibration_rows, problems, recommendations, settings_rows
 from dic.typing import PathLike
+
+_PROCESS_FIRST = (
+    "process the run first, dic.process_run(path), or read its results, dic.load_run_result(path)"
+)
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,9 @@ def write_report(results: RunResult | Sequence[RunResult], path: PathLike) -> No
     """
     path = Path(path)
     results = [results] if isinstance(results, RunResult) else results
+    require_kind("results", results, Sequence, _PROCESS_FIRST)
+    for result in results:
+        require_kind("results", result, RunResult, _PROCESS_FIRST)
     if not results:
         raise RunFileError(str(path), "write report", "at least one run", "none", "name a run file")
     page = _render(number_runs(results))

@@ -5,6 +5,7 @@ import csv
 import numpy as np
 
 from dic.correlation.status import Status
+from dic.errors import MEASURE_FIRST, require_kind
 from dic.files.writing import replacing
 from dic.strain.measurement import Measurement
 from dic.strain.strain import STRAIN_KEYS
@@ -25,6 +26,7 @@ def write_csv(measurement: Measurement, path: PathLike) -> None:
     point has a local strain, and holds the reason otherwise. If the correlation of a point failed, the status
     of the point gives the reason, and the results of the point are nan.
     """
+    require_kind("measurement", measurement, Measurement, MEASURE_FIRST)
     field, calibrated, strain = measurement.field, measurement.calibrated, measurement.strain
     points, u, v = field.points, field.u_px.ravel(), field.v_px.ravel()
     zncc, status = field.zncc.ravel(), field.status.ravel()

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.errors import MEASURE_FIRST, require_kind
 from dic.files.writing import write_figure
 from dic.image.given import grey_image
 from dic.out_of_plane.correction import Correction
@@ -107,6 +108,7 @@ def write_maps(
         Correction of the measurement. If the image was corrected, the maps show corrected values instead of
         calibrated ones.
     """
+    require_kind("measurement", measurement, Measurement, MEASURE_FIRST)
     grey = grey_image(reference, "reference image")
     title = measurement.label if title is None else title
     write_figure(draw_maps(measurement, grey, title, correction), path, dpi=110)

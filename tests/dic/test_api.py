@@ -240,9 +240,18 @@ COLOUR = np.zeros((64, 64, 3), np.uint8)
 GREY = np.zeros((64, 64), np.uint8)
 
 
+def speckled_image() -> np.ndarray:
+    return np.random.default_rng(1).integers(0, 255, (64, 64))
+
+
 @cache
 def speckled() -> dic.Correlator:
-    return dic.Correlator(np.random.default_rng(1).integers(0, 255, (64, 64)))
+    return dic.Correlator(speckled_image())
+
+
+@cache
+def field() -> dic.Field:
+    return speckled().correlate(speckled_image())
 
 
 WRONG = [
@@ -276,6 +285,21 @@ WRONG = [
     (lambda: dic.process_run("absent.h5", incremental="now"), "auto or never or always, got now"),
     (lambda: dic.load_calibration("absent.h5"), "absent.h5: .* no such file"),
     (lambda: dic.load_run_result("absent.h5"), "absent.h5: .* no such file"),
+    (lambda: dic.measure_images(GREY, COLOUR), "deformed image: read: .* got a colour image of 64 × 64 px"),
+    (
+        lambda: dic.measure_images(GREY, 5),
+        "images: expected an Iterable, got an int; give one image",
+    ),
+    (lambda: dic.read_image(GREY), "path: expected a str or a Path, got a ndarray; name an image file"),
+    (lambda: dic.write_maps(GREY, GREY, "m.png"), "measurement: expected a Measurement, got a ndarray"),
+    (lambda: dic.write_csv(field(), "m.csv"), "got a Field; measure first: dic.measure\\(field\\)"),
+    (lambda: dic.process_run(GREY), "path: expected a str or a Path, got a ndarray; name a run file"),
+    (
+        lambda: dic.write_report("run.h5", "r.html"),
+        "results: expected a RunResult, got a str; process",
+    ),
+    (lambda: dic.save_run_result(field(), "r.h5"), "result: expected a RunResult, got a Field"),
+    (lambda: dic.save_calibration(GREY, "c.h5"), "calibration: expected a Calibration, got a ndarray"),
 ]
 
 
@@ -284,6 +308,22 @@ def test_a_wrong_argument_is_one_sentence(call, sentence):
     with pytest.raises(dic.MeasurementError, match=sentence) as refusal:
         call()
     assert "\n" not in str(refusal.value)
+
+
+def test_what_python_prints_of_a_result_is_short():
+    results = [
+        speckled(),
+        dic.Series(speckled_image()),
+        field(),
+        dic.measure(field()),
+        dic.CorrelationSettings(),
+    ]
+    for result in results:
+        shown = repr(result)
+        assert len(shown) < 250
+        assert shown.startswith(type(result).__name__)
+        assert " object at " not in shown
+    assert "64 × 64 px" in repr(results[0])
 
 
 class TestSettings:
