@@ -30,11 +30,40 @@ poisson_option = click.option(
 )
 shift_option = click.option(
     "--shift-std-um",
-    default=30.0,
-    show_default=True,
+    type=float,
     help="Standard deviation of the specimen's shift towards the camera since the reference, µm:"
-    " one camera cannot measure the shift.",
+    " one camera cannot measure the shift. Default: 30; 5 with --tilt-axis-mm, for the shift that the tilt"
+    " does not cause.",
 )
+hinge_option = click.option(
+    "--tilt-axis-mm",
+    "hinge_text",
+    metavar="X,Y",
+    help="Place of the grips' hinge in the grid's axes, mm, where the specimen keeps its distance to the"
+    " camera: 0,-30 for a hinge 30 mm below the grid's centre. One number is Y. One camera then computes the"
+    " shift from the tilt.",
+)
+
+
+def hinge_mm(text: str | None) -> tuple[float, float] | None:
+    """Return the value of `--tilt-axis-mm` as X and Y in mm; None without the option.
+
+    Raises
+    ------
+    CorrelationError
+        If the text is neither one number nor two.
+    """
+    from dic import CorrelationError
+
+    if text is None:
+        return None
+    try:
+        numbers = [float(part) for part in text.split(",")]
+        x, y = numbers if len(numbers) == 2 else (0.0, *numbers)
+    except ValueError as error:
+        expected, remedy = "X,Y in mm, or Y alone", "give --tilt-axis-mm 0,-30"
+        raise CorrelationError("settings", "axis of the tilt", expected, text, remedy) from error
+    return x, y
 
 
 def smoothing_px(text: str) -> float | str:

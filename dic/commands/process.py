@@ -10,6 +10,8 @@ import click
 
 from dic.commands.correlation_options import (
     StrainOptions,
+    hinge_mm,
+    hinge_option,
     incremental_option,
     poisson_option,
     shift_option,
@@ -62,7 +64,8 @@ class MotionOptions:
     """Options for the correction of motion out of the grid's plane."""
 
     poisson_ratio: float
-    shift_std_um: float
+    shift_std_um: float | None
+    hinge_text: str | None
     alignments: tuple[str, ...]
     save_alignment: Path | None
 
@@ -70,11 +73,12 @@ class MotionOptions:
         """Return the options as `CorrectionSettings`."""
         from dic import CorrectionSettings
 
-        _, *alignments = all_of(
+        _, hinge, *alignments = all_of(
             lambda: CorrectionSettings(self.poisson_ratio, shift_std_um=self.shift_std_um),
+            partial(hinge_mm, self.hinge_text),
             *(partial(_read_alignment, text) for text in self.alignments),
         )
-        return CorrectionSettings(self.poisson_ratio, dict(alignments), self.shift_std_um)
+        return CorrectionSettings(self.poisson_ratio, dict(alignments), self.shift_std_um, hinge)
 
 
 @click.command()
@@ -98,6 +102,7 @@ class MotionOptions:
     MotionOptions,
     poisson_option,
     shift_option,
+    hinge_option,
     click.option(
         "--alignment",
         "alignments",

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from dic.commands.correlation_options import (
+    hinge_mm,
+    hinge_option,
     incremental_option,
     poisson_option,
     shift_option,
@@ -174,7 +176,8 @@ class MotionOptions:
 
     motion: str
     poisson_ratio: float
-    shift_std_um: float
+    shift_std_um: float | None
+    hinge_text: str | None
     alignment_file: Path | None
     save_alignment: Path | None
 
@@ -183,7 +186,8 @@ class MotionOptions:
         from dic import Motion, load_alignment
 
         known = None if self.alignment_file is None else load_alignment(self.alignment_file)
-        return Motion(self.motion, self.poisson_ratio, known, self.shift_std_um)
+        hinge = hinge_mm(self.hinge_text)
+        return Motion(self.motion, self.poisson_ratio, known, self.shift_std_um, hinge)
 
     def require_rotation(self) -> None:
         """Raise an error if an alignment is to be saved but the motion is not a rotation.
@@ -231,6 +235,7 @@ motion_options = option_group(
     ),
     poisson_option,
     shift_option,
+    hinge_option,
     click.option(
         "--alignment",
         "alignment_file",

@@ -56,8 +56,10 @@ def corrected_text(corrected: dict[str, Any]) -> str:
         else f"{1e6 * corrected[name]:z.0f} ± {1e6 * corrected[f'{name}_std']:.0f}"
         for name in ("exx", "eyy", "exy")
     )
-    slopes = ", ".join(f"{corrected[f'slope_{axis}_deg']:+z.3f}°" for axis in "xy")
-    return f"corrected exx, eyy, exy {values} µε (slopes x, y {slopes}){_shift_text(corrected)}"
+    plane = "slopes x, y " + ", ".join(f"{corrected[f'slope_{axis}_deg']:+z.3f}°" for axis in "xy")
+    if corrected.get("shift_mm") is not None:
+        plane += f", shift {1e3 * corrected['shift_mm']:+z.1f} ± {1e3 * corrected['shift_mm_std']:.1f} µm"
+    return f"corrected exx, eyy, exy {values} µε ({plane}){_shift_text(corrected)}"
 
 
 def _open_text(corrected: dict[str, Any]) -> str:

@@ -80,7 +80,9 @@ class Sight:
         return np.asarray((self.after_mm - self.centre_mm[:2]) / self.centre_mm[2])
 
 
-def fields(sight: Sight, plane: Plane, gradient: Float, poisson_ratio: float, along: Float) -> Float:
+def fields(
+    sight: Sight, plane: Plane, gradient: Float, poisson_ratio: float, along: Float, per_slope_mm: Float
+) -> Float:
     """Return the fields of all causes, shape (n, 2, 19), in the order of `SIZES`.
 
     Parameters
@@ -94,6 +96,8 @@ def fields(sight: Sight, plane: Plane, gradient: Float, poisson_ratio: float, al
         Poisson's ratio of the specimen.
     along : ndarray, shape (2,)
         Direction of the gradient of the strain, a unit vector.
+    per_slope_mm : ndarray, shape (2,)
+        Shift towards the camera, above the grid's centre, that a unit of each slope of the tilt causes.
 
     Returns
     -------
@@ -115,7 +119,7 @@ def fields(sight: Sight, plane: Plane, gradient: Float, poisson_ratio: float, al
     return np.concatenate(
         [
             within[:, :, :8],
-            -by_after[:, :, :2],
+            -by_after[:, :, :2] - by_after[:, :, 2:] * per_slope_mm,
             -mounted[:, :, :2],
             -mounted[:, :, 2:],
             -by_after[:, :, 2:],

@@ -7,8 +7,8 @@ from dic.calibration.calibration import Calibration
 from dic.errors import Check, CorrelationError, is_number, require_all
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction
-from dic.out_of_plane.expectations import SHIFT_STD_UM
 from dic.out_of_plane.rigidity import correct_rotation
+from dic.out_of_plane.shift import Shift, shift_checks
 from dic.out_of_plane.tension import correct_tilt, declined
 from dic.strain.measurement import Measurement
 
@@ -32,21 +32,28 @@ class Motion:
     alignment : Alignment, optional
         Alignment from an earlier rotation on the same fixture, for the motion "rigid". If an alignment is
         given, the rotated specimen need not be free of strain.
-    shift_std_um : float
+    shift_std_um : float, optional
         Standard deviation of the specimen's shift towards the camera since the reference image. One camera
-        cannot measure the shift, so this value enters the standard deviations.
+        cannot measure the shift, so this value enters the standard deviations. Default: 30 µm; 5 µm if
+        `tilt_axis_mm` is given.
+    tilt_axis_mm : tuple of float, optional
+        X and Y of the grips' hinge in the grid's axes: a point at which the specimen's surface keeps its
+        height. The shift that a tilt about the hinge causes is then computed, and `shift_std_um` states the
+        rest.
 
     Raises
     ------
     CorrelationError
         If `kind` is none of the three motions, if Poisson's ratio is not between 0 and 0.5, if the shift's
-        standard deviation is negative, or if an alignment is given for another motion than "rigid".
+        standard deviation is negative, if the hinge is no pair of numbers or is given for the motion "rigid",
+        or if an alignment is given for another motion than "rigid".
     """
 
     kind: str = "free"
     poisson_ratio: float = POISSON_RATIO
     alignment: Alignment | None = None
-    shift_std_um: float = SHIFT_STD_UM
+    shift_std_um: float | None = None
+    tilt_axis_mm: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         checks = [
@@ -58,7 +65,7 @@ class Motion:
                 "give the motion tension or rigid, or free if it is not known",
             ),
             poisson_check(self.poisson_ratio),
-            shift_check(self.shift_std_um),
+            *shift_checks(self.shift_std_um, self.tilt_axis_mm),
             (
                 self.alignment is None or self.kind == "rigid",
                 "apply alignment",
@@ -66,8 +73,20 @@ class Motion:
                 self.kind,
                 "give an alignment with --motion rigid only, or leave it out",
             ),
+            (
+                self.tilt_axis_mm is None or self.kind != "rigid",
+                "axis of the tilt",
+                "--motion tension",
+                self.kind,
+                "leave --tilt-axis-mm out, because a rotation stage has no grips",
+            ),
         ]
         require_all(CorrelationError, "settings", checks)
+
+    @property
+    def shift(self) -> Shift:
+        """What is known of the specimen's shift towards the camera."""
+        return Shift.of(self.shift_std_um, self.tilt_axis_mm)
 
 
 def poisson_check(poisson_ratio: float) -> Check:
@@ -78,17 +97,6 @@ def poisson_check(poisson_ratio: float) -> Check:
         "0 to 0.5",
         poisson_ratio,
         "give a Poisson's ratio of 0.33 for most metals",
-    )
-
-
-def shift_check(shift_std_um: float) -> Check:
-    """Return the check of the shift's standard deviation in the form that `require_all` takes."""
-    return (
-        is_number(shift_std_um) and 0.0 <= shift_std_um <= 1e4,
-        "standard deviation of the shift",
-        "0 to 10000 µm",
-        f"{shift_std_um} µm",
-        f"give --shift-std-um {SHIFT_STD_UM:g}, the default, or 0 if the specimen kept its distance",
     )
 
 
@@ -118,12 +126,12 @@ def correct(measurements: Sequence[Measurement], calibration: Calibration, motio
     if motion.kind == "rigid":
         rotation = correct_rotation(measurements, calibration, motion.alignment)
         images = [
-            c if c.declined is None else declined(c.method, m, calibration, c.declined, motion.shift_std_um)
+            c if c.declined is None else declined(c.method, m, calibration, c.declined, motion.shift)
             for m, c in zip(measurements, rotation.corrections, strict=True)
         ]
         return Corrections(images, rotation.alignment)
     if motion.kind == "tension":
-        poisson_ratio, shift_std_um = motion.poisson_ratio, motion.shift_std_um
-        return Corrections([correct_tilt(m, calibration, poisson_ratio, shift_std_um) for m in measurements])
+        poisson_ratio, shift = motion.poisson_ratio, motion.shift
+        return Corrections([correct_tilt(m, calibration, poisson_ratio, shift) for m in measurements])
     reason = "the specimen's motion is unknown"
-    return Corrections([declined("none", m, calibration, reason, motion.shift_std_um) for m in measurements])
+    return Corrections([declined("none", m, calibration, reason, motion.shift) for m in measurements])

@@ -14,12 +14,6 @@ import numpy as np
 from dic.out_of_plane.causes import SIZES, places
 from dic.typing import Float, Mask
 
-SHIFT_STD_UM = 30.0
-"""Default standard deviation of the specimen's shift towards the camera since the reference, µm.
-
-One camera cannot see the shift. Grips and load trains move specimens by some tens of micrometres.
-"""
-
 TILT_STD = float(np.tan(np.radians(0.1)))
 """Standard deviation of each slope of the specimen, mounted and under load; typical for grips."""
 

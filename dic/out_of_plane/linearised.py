@@ -87,12 +87,21 @@ class Linearised:
 
     @classmethod
     def about(
-        cls, plane: Plane, sight: Sight, polynomial: Polynomial, poisson_ratio: float, along: Float
+        cls,
+        plane: Plane,
+        sight: Sight,
+        polynomial: Polynomial,
+        poisson_ratio: float,
+        along: Float,
+        per_slope_mm: Float,
     ) -> "Linearised":
-        """Return the equations about `plane`; `along` (2,) is the direction of the strain's gradient."""
+        """Return the equations about `plane`; `along` (2,) is the direction of the strain's gradient.
+
+        The argument `per_slope_mm` (2,) is the shift that a unit of each slope causes.
+        """
         data = polynomial.rows(sight.moved(plane))
         gradient = data[GRADIENT].reshape(2, 2)
-        columns = polynomial.rows(fields(sight, plane, gradient, poisson_ratio, along))
+        columns = polynomial.rows(fields(sight, plane, gradient, poisson_ratio, along, per_slope_mm))
         return cls(plane, polynomial, data, columns, strain_along(gradient, along)[0])
 
     def models(self, expected: Expectations) -> list[Model]:

@@ -9,6 +9,7 @@ from dic.out_of_plane.causes import OUT_OF_PLANE, Sight, fields, places
 from dic.out_of_plane.expectations import unmeasured
 from dic.out_of_plane.linearised import PARTS
 from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.uncertainty import Points
 from dic.strain.fit import gradient_weights, slopes_of
 from dic.strain.strain import strain_of_gradient
@@ -74,7 +75,7 @@ def strain_std(gradient: Float, covariance: Float, measure: str) -> Float:
     return np.array([mean.exx_std, mean.eyy_std, mean.exy_std])
 
 
-def open_parts(points: Points, shift_std_mm: float) -> tuple[Float, dict[str, Float]]:
+def open_parts(points: Points, shift: Shift) -> tuple[Float, dict[str, Float]]:
     """Return the mean gradient (2, 2) of calibrated displacements, and its covariances (4, 4) by cause.
 
     No motion out of the plane is measured, so all of it that is expected enters the covariances.
@@ -87,13 +88,14 @@ def open_parts(points: Points, shift_std_mm: float) -> tuple[Float, dict[str, Fl
         gradient_weights(points.before_mm),
     )
     gradient = slopes_of(points.before_mm, points.after_mm - points.before_mm)
-    false = np.einsum("nip,nik->pk", weights, fields(sight, Plane(), gradient, 0.0, np.array([1.0, 0.0])))
+    own = fields(sight, Plane(), gradient, 0.0, np.array([1.0, 0.0]), shift.per_slope_mm)
+    false = np.einsum("nip,nik->pk", weights, own)
     of_map, _ = points.calibration_factors(weights)
     covariances = {
         "images": points.noise_covariance(weights) + points.smooth_covariance(weights),
         "calibration": np.asarray(of_map @ of_map.T),
     }
-    at, std = places(), unmeasured(shift_std_mm)
+    at, std = places(), unmeasured(shift.std_mm)
     for part, names in PARTS.items():
         for name in names:
             here = false[:, at[name]] * std[at[name]] if name in OUT_OF_PLANE else np.zeros((4, 1))

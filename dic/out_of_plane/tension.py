@@ -13,9 +13,9 @@ import numpy as np
 from dic.calibration.calibration import Calibration
 from dic.out_of_plane.causes import Sight, curved
 from dic.out_of_plane.correction import Correction, points_of
-from dic.out_of_plane.expectations import SHIFT_STD_UM
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
 from dic.out_of_plane.reasons import uneven_reason
+from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.strain_parts import StrainParts, open_parts
 from dic.out_of_plane.tilt import TiltFit, fit_tilt, suspect
 from dic.out_of_plane.uncertainty import Points
@@ -49,7 +49,7 @@ def correct_tilt(
     measurement: Measurement,
     calibration: Calibration,
     poisson_ratio: float,
-    shift_std_um: float = SHIFT_STD_UM,
+    shift: Shift | None = None,
 ) -> Correction:
     """Correct one image of a tension test for motion of the specimen out of the plane since the reference.
 
@@ -63,28 +63,30 @@ def correct_tilt(
         Calibration of the camera.
     poisson_ratio : float
         Poisson's ratio of the specimen.
-    shift_std_um : float
-        Standard deviation of the specimen's shift towards the camera since the reference.
+    shift : Shift, optional
+        What is known of the specimen's shift towards the camera since the reference. Default: the expected
+        shift, without a hinge.
     """
+    shift = shift or Shift()
     pinhole = calibration.pinhole
     if pinhole is None:
         return Correction.refused("tilt", measurement, "the calibration knows no camera centre")
     points = points_of(measurement, calibration)
     objection = _unsuitable(measurement, points)
     if objection is not None:
-        return declined("tilt", measurement, calibration, objection, shift_std_um)
-    fit = fit_tilt(points, pinhole.centre_mm, poisson_ratio, 1e-3 * shift_std_um)
+        return declined("tilt", measurement, calibration, objection, shift)
+    fit = fit_tilt(points, pinhole.centre_mm, poisson_ratio, shift)
     local = _unexplained(fit, points, calibration.mm_per_px)
     if local is not None:
-        suspicion = suspect(points, pinhole.centre_mm, poisson_ratio, 1e-3 * shift_std_um)
+        suspicion = suspect(points, pinhole.centre_mm, poisson_ratio, shift)
         half_width_mm = float(np.abs(points.before_mm - points.before_mm.mean(axis=0)).max())
         reason = uneven_reason(fit.misfit, _UNEXPLAINED, suspicion, half_width_mm, local)
-        return declined("tilt", measurement, calibration, reason, shift_std_um)
+        return declined("tilt", measurement, calibration, reason, shift)
     return _corrected(measurement, points, fit, pinhole.centre_mm)
 
 
 def declined(
-    method: str, measurement: Measurement, calibration: Calibration, reason: str, shift_std_um: float
+    method: str, measurement: Measurement, calibration: Calibration, reason: str, shift: Shift
 ) -> Correction:
     """Return the calibrated strain with the reason why it is not corrected.
 
@@ -94,7 +96,7 @@ def declined(
     if points is None or not points.determine(1) or points.displacement.noise is None:
         return Correction.refused(method, measurement, reason)
     measure = measurement.strain_settings.measure
-    gradient, covariances = open_parts(points, 1e-3 * shift_std_um)
+    gradient, covariances = open_parts(points, shift)
     parts = StrainParts.of(gradient, covariances, measure, np.zeros(3))
     mean = _calibrated_mean(measurement, np.sum(list(covariances.values()), axis=0))
     return Correction.refused(method, measurement, reason, mean, parts.as_dict())
@@ -131,8 +133,7 @@ def _corrected(measurement: Measurement, points: Points, fit: TiltFit, centre_mm
             "tilt", measurement, reason, _calibrated_mean(measurement, covariance), numbers
         )
     moved = _flattened(points, fit, centre_mm)
-    std = np.array([*fit.plane_std, np.nan])
-    return Correction("tilt", mean, moved, settings, fit.plane, std, uncertainty=numbers)
+    return Correction("tilt", mean, moved, settings, fit.plane, fit.plane_std, uncertainty=numbers)
 
 
 def _doubt(fit: TiltFit) -> str:

@@ -19,6 +19,7 @@ from dic.out_of_plane.expectations import Expectations
 from dic.out_of_plane.linearised import Linearised, Outcome
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.polynomial import Polynomial
+from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.uncertainty import Points
 from dic.typing import Float
 
@@ -41,8 +42,8 @@ class TiltFit:
     ----------
     plane : Plane
         Plane of the specimen's surface in the deformed image, relative to the surface in the reference.
-    plane_std : ndarray, shape (2,)
-        Standard deviations of the two slopes.
+    plane_std : ndarray, shape (3,)
+        Standard deviations of the two slopes and of the shift, mm; NaN for the shift without a known hinge.
     curvatures : ndarray, shape (3,)
         Curvatures of the surface since the reference: along X, mixed, along Y; 1/mm.
     gradient : ndarray, shape (2, 2)
@@ -74,7 +75,7 @@ class TiltFit:
         return np.asarray(np.sum(list(self.parts.values()), axis=0))
 
 
-def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float, shift_std_mm: float) -> TiltFit:
+def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float, shift: Shift) -> TiltFit:
     """Find the motion out of the plane and the strain that explain a displacement field together.
 
     Parameters
@@ -85,32 +86,32 @@ def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float, shift_std_m
         The camera's centre in the grid's axes.
     poisson_ratio : float
         Poisson's ratio of the specimen.
-    shift_std_mm : float
-        Standard deviation of the specimen's shift towards the camera.
+    shift : Shift
+        What is known of the specimen's shift towards the camera.
     """
-    fit = _fit(points, centre_mm, poisson_ratio, shift_std_mm, None)
+    fit = _fit(points, centre_mm, poisson_ratio, shift, None)
     if fit.misfit > _STRANGE:
-        fit = _fit(points, centre_mm, poisson_ratio, shift_std_mm, _ROUGH_PX)
+        fit = _fit(points, centre_mm, poisson_ratio, shift, _ROUGH_PX)
     return fit
 
 
 def _fit(
-    points: Points, centre_mm: Float, poisson_ratio: float, shift_std_mm: float, smooth_px: float | None
+    points: Points, centre_mm: Float, poisson_ratio: float, shift: Shift, smooth_px: float | None
 ) -> TiltFit:
     polynomial = Polynomial.of(points, centre_mm, smooth_px)
     sight = Sight(points.before_mm, points.after_mm, centre_mm)
-    expected = Expectations.of(shift_std_mm, float(np.abs(sight.centred_mm).max()))
+    expected = Expectations.of(shift.std_mm, float(np.abs(sight.centred_mm).max()))
     outcomes: list[Outcome] = []
     # The equations are linear about a plane. Models of different kinds find different planes, so each kind is
     # solved about its own plane.
     for curved, graded in product((False, True), repeat=2):
-        start = _mean_plane(outcomes) if outcomes else Plane()
+        start = _mean_plane(outcomes, shift) if outcomes else Plane()
         kind = expected.only(curved=curved, graded=graded)
         for along in _directions(outcomes) if graded else [np.array([1.0, 0.0])]:
-            found = _converged(start, kind, (sight, polynomial, poisson_ratio, along))
+            found = _converged(start, kind, (sight, polynomial, poisson_ratio, along), shift)
             outcomes += [o for o in found if not graded or o.stretched_along(along)]
-    residual_mm = polynomial.residual_mm(sight.moved(_mean_plane(outcomes)))
-    return _averaged(outcomes, residual_mm)
+    residual_mm = polynomial.residual_mm(sight.moved(_mean_plane(outcomes, shift)))
+    return _averaged(outcomes, shift, residual_mm)
 
 
 @dataclass(frozen=True)
@@ -133,21 +134,25 @@ class Suspicion:
     gradient_per_mm: float
 
 
-def suspect(points: Points, centre_mm: Float, poisson_ratio: float, shift_std_mm: float) -> Suspicion:
+def suspect(points: Points, centre_mm: Float, poisson_ratio: float, shift: Shift) -> Suspicion:
     """Find out whether one strong cause explains a field; the parameters are those of `fit_tilt`."""
     polynomial = Polynomial.of(points, centre_mm, _ROUGH_PX)
     sight = Sight(points.before_mm, points.after_mm, centre_mm)
-    expected = Expectations.of(shift_std_mm, float(np.abs(sight.centred_mm).max())).wide()
+    expected = Expectations.of(shift.std_mm, float(np.abs(sight.centred_mm).max())).wide()
     bent = _converged(
         Plane(),
         expected.only(curved=True, graded=False),
         (sight, polynomial, poisson_ratio, np.array([1.0, 0.0])),
+        shift,
     )
     graded = [
         outcome
         for along in np.eye(2)
         for outcome in _converged(
-            Plane(), expected.only(curved=False, graded=True), (sight, polynomial, poisson_ratio, along)
+            Plane(),
+            expected.only(curved=False, graded=True),
+            (sight, polynomial, poisson_ratio, along),
+            shift,
         )
     ]
     best_bent, best_graded = (min(found, key=lambda o: o.misfit) for found in (bent, graded))
@@ -168,43 +173,44 @@ def _directions(outcomes: Sequence[Outcome]) -> list[Float]:
 
 
 def _converged(
-    plane: Plane, kind: Expectations, equations: tuple[Sight, Polynomial, float, Float]
+    plane: Plane, kind: Expectations, equations: tuple[Sight, Polynomial, float, Float], shift: Shift
 ) -> list[Outcome]:
     """Return what models of one kind find, with equations that are linear about the plane that they find."""
     for _ in range(_STEPS):
-        linear = Linearised.about(plane, *equations)
+        linear = Linearised.about(plane, *equations, shift.per_slope_mm)
         scaled = kind.scaled(linear.strain)
         models = linear.models(scaled)
         step = linear.mean_step(models)
         if np.abs(step).max() < _CLOSE:
             break
-        plane = Plane(plane.slope_x + float(step[0]), plane.slope_y + float(step[1]))
+        plane = shift.plane(plane.slope_x + float(step[0]), plane.slope_y + float(step[1]))
     return linear.outcomes(models, scaled)
 
 
-def _mean_plane(outcomes: Sequence[Outcome]) -> Plane:
+def _mean_plane(outcomes: Sequence[Outcome], shift: Shift) -> Plane:
     share = probabilities(np.array([o.log_evidence for o in outcomes]))
     slopes = share @ np.array([o.slopes for o in outcomes])
-    return Plane(float(slopes[0]), float(slopes[1]))
+    return shift.plane(float(slopes[0]), float(slopes[1]))
 
 
-def _averaged(outcomes: Sequence[Outcome], residual_mm: Float) -> TiltFit:
+def _averaged(outcomes: Sequence[Outcome], shift: Shift, residual_mm: Float) -> TiltFit:
     """Return the average of all outcomes, weighted by their evidence."""
     share = probabilities(np.array([o.log_evidence for o in outcomes]))
     slopes, slope_std, curvatures, gradient = (
         np.array([getattr(o, name) for o in outcomes])
         for name in ("slopes", "slope_std", "curvatures", "gradient")
     )
-    plane, mean = _mean_plane(outcomes), share @ gradient
+    plane, mean = _mean_plane(outcomes, shift), share @ gradient
     parts = {
         name: np.einsum("k,kij->ij", share, np.array([o.parts[name] for o in outcomes]))
         for name in outcomes[0].parts
     }
     parts["model"] = parts["model"] + np.einsum("k,ki,kj->ij", share, gradient - mean, gradient - mean)
     variance = share @ (slope_std**2 + (slopes - share @ slopes) ** 2)
+    slope_stds = np.sqrt(variance)
     return TiltFit(
         plane,
-        np.sqrt(variance),
+        np.array([*slope_stds, shift.plane_std_mm(slope_stds)]),
         share @ curvatures,
         mean.reshape(2, 2),
         parts,

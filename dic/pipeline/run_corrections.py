@@ -15,11 +15,10 @@ from dic.out_of_plane.correct import (
     Motion,
     correct,
     poisson_check,
-    shift_check,
 )
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.diagnosis import Harmonics, Sensitivity, rotation_findings, tension_findings
-from dic.out_of_plane.expectations import SHIFT_STD_UM
+from dic.out_of_plane.shift import shift_checks
 from dic.out_of_plane.two_cameras import TwoCameraStep, correct_with_two_cameras
 from dic.pipeline.camera_result import CameraResult
 from dic.pipeline.reference_match import match_references
@@ -36,22 +35,26 @@ class CorrectionSettings:
     alignments : mapping of str to Alignment
         For rotations: the known alignment of each camera, keyed by the camera's name. An alignment comes from
         an earlier rotation on the same fixture.
-    shift_std_um : float
+    shift_std_um : float, optional
         Standard deviation of the specimen's shift towards the camera since the reference image, for
-        corrections by one camera.
+        corrections by one camera. Default: the value in the run file, otherwise that of `Motion`.
+    tilt_axis_mm : tuple of float, optional
+        X and Y of the grips' hinge in the grid's axes, for corrections by one camera in tension. Default: the
+        hinge in the run file, if it has one.
 
     Raises
     ------
     CorrelationError
-        If Poisson's ratio or the standard deviation of the shift is out of range.
+        If Poisson's ratio, the standard deviation of the shift or the hinge is out of range.
     """
 
     poisson_ratio: float = POISSON_RATIO
     alignments: Mapping[str, Alignment] = field(default_factory=dict)
-    shift_std_um: float = SHIFT_STD_UM
+    shift_std_um: float | None = None
+    tilt_axis_mm: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        checks = [poisson_check(self.poisson_ratio), shift_check(self.shift_std_um)]
+        checks = [poisson_check(self.poisson_ratio), *shift_checks(self.shift_std_um, self.tilt_axis_mm)]
         require_all(CorrelationError, "settings", checks)
 
     def require_use(self, source: str, cameras: Sequence[str], kinds: Set[str]) -> None:
@@ -80,18 +83,24 @@ class CorrectionSettings:
             for name, alignment in self.alignments.items()
         }
         content = {"poisson_ratio": self.poisson_ratio, "alignments": alignments}
-        return json.dumps(content | {"shift_std_um": self.shift_std_um})
+        content |= {"shift_std_um": self.shift_std_um, "tilt_axis_mm": self.tilt_axis_mm}
+        return json.dumps(content)
 
     @classmethod
     def from_text(cls, text: str) -> "CorrectionSettings":
-        """Return the settings from the JSON text that `as_text` returned; older texts lack the shift."""
+        """Return the settings from the JSON text that `as_text` returned; older texts have no hinge."""
         content = json.loads(text)
         alignments = {
             name: Alignment(**{key: np.array(value, np.float64) for key, value in values.items()})
             for name, values in content["alignments"].items()
         }
-        shift_std_um = float(content.get("shift_std_um", SHIFT_STD_UM))
-        return cls(float(content["poisson_ratio"]), alignments, shift_std_um)
+        hinge_mm = content.get("tilt_axis_mm")
+        return cls(
+            float(content["poisson_ratio"]),
+            alignments,
+            content.get("shift_std_um"),
+            None if hinge_mm is None else (hinge_mm[0], hinge_mm[1]),
+        )
 
 
 @dataclass(frozen=True)
@@ -171,7 +180,8 @@ def correct_run(cameras: Sequence[CameraResult], settings: CorrectionSettings) -
     corrected, findings = {}, {}
     for camera in cameras:
         alignment = settings.alignments.get(camera.camera) if motion == "rigid" else None
-        known = Motion(motion, settings.poisson_ratio, alignment, settings.shift_std_um)
+        hinge_mm = None if motion == "rigid" else settings.tilt_axis_mm
+        known = Motion(motion, settings.poisson_ratio, alignment, settings.shift_std_um, hinge_mm)
         found = correct(camera.measurements, camera.calibration, known)
         corrected[camera.camera] = found
         findings[camera.camera] = _findings(motion, camera, found)

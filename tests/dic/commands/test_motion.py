@@ -144,6 +144,22 @@ def test_the_shift_that_one_camera_cannot_see_is_a_stated_part_of_the_uncertaint
     assert "--shift-std-um" in refusal_of_a_negative_shift(studio, reference, image)
 
 
+def test_a_hinge_tells_the_shift_from_the_tilt(pulled):
+    studio, reference, image, _ = pulled
+    for text in ("0,-20", "-20"):
+        printed, report = studio.correlate(reference, [image], "--motion", "tension", "--tilt-axis-mm", text)
+        corrected = report["images"][0]["corrected"]
+        # The surface keeps its height 20 mm below the grid's centre and falls towards +Y.
+        shift_um = 20e3 * np.tan(np.radians(corrected["slope_y_deg"]))
+        assert shift_um == pytest.approx(-52.4, abs=2.0)
+        assert 1e3 * corrected["shift_mm"] == pytest.approx(shift_um, rel=1e-6)
+        assert 5.0 < 1e3 * corrected["shift_mm_std"] < 8.0
+        assert f"shift {shift_um:+.1f} ± {1e3 * corrected['shift_mm_std']:.1f} µm" in printed
+    calibrated = ("correlate", reference, image, "--calibration", studio.calibration, "--motion", "tension")
+    for text in ("up", "1,2,3", "0,nan"):
+        assert "give --tilt-axis-mm 0,-30" in refusal(*calibrated, "--tilt-axis-mm", text)
+
+
 def refusal_of_a_negative_shift(studio, reference, image):
     calibrated = ("correlate", reference, image, "--calibration", studio.calibration)
     return refusal(*calibrated, "--motion", "tension", "--shift-std-um", "-1")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dic.out_of_plane.rigidity import correct_rotation
+from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.tension import correct_tilt
 from dic.out_of_plane.two_cameras import correct_with_two_cameras
 from simulators.scene.pose import Pose
@@ -110,7 +111,7 @@ def test_tension_seen_by_one_camera_is_corrected(bending):
             F, pose = stretched(strain), Pose.sloped(*(0.15 * part * direction(seed, 3)))
             seen = view.measurement(pose, F, back=bent_back(F) if bending else None)
             truth = bent_truth(seen, F) if bending else green_lagrange(F)
-            found = correct_tilt(seen, view.calibration, NU, 0.0)
+            found = correct_tilt(seen, view.calibration, NU, Shift(0.0))
             assert found.declined is None
             error = strains(found) - truth
             if strain in ELASTIC:
@@ -155,7 +156,8 @@ def test_an_aligned_specimen_gets_no_bias_beyond_the_interval():
     for seed in SEEDS:
         view = RenderedView(seed, tilt_deg=30)
         for strain in ELASTIC:
-            found = correct_tilt(view.measurement(Pose(), stretched(strain)), view.calibration, NU, 0.0)
+            seen = view.measurement(Pose(), stretched(strain))
+            found = correct_tilt(seen, view.calibration, NU, Shift(0.0))
             assert found.declined is None
             errors.append(strains(found) - green_lagrange(stretched(strain)))
             stds.append(deviations(found))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dic.out_of_plane.reference_surface import reference_surface
+from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.tension import correct_tilt
 from dic.out_of_plane.two_cameras import correct_with_two_cameras
 from simulators.scene.optics import PinholeCamera
@@ -18,7 +19,7 @@ def errors(name, size, seed):
     specimen = drawn(name, size, seed)
     calibration = specimen.view.calibration()
     (seen,) = specimen.view.measurements([specimen.state], calibration, specimen.reference)
-    found = correct_tilt(seen, calibration, NU, specimen.shift_std_um)
+    found = correct_tilt(seen, calibration, NU, Shift(specimen.shift_std_um))
     truth = specimen.view.true_strain(seen, specimen.state, reference=specimen.reference)
     calibrated = 1e6 * np.array([getattr(seen.calibrated_mean, n) for n in ("exx", "eyy", "exy")])
     return calibrated - truth, strains(found) - truth, deviations(found), found.declined

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dic.out_of_plane.rigidity import correct_rotation
+from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.tension import correct_tilt
 from dic.out_of_plane.two_cameras import correct_with_two_cameras
 from simulators.scene.optics import PinholeCamera
@@ -62,7 +63,7 @@ def tilted(seed):
     state = State(Pose.sloped(*(mounted_deg + slopes_deg), gap_mm), stretched(rng))
     reference, calibration = State(Pose.sloped(*mounted_deg, gap_mm)), view.calibration()
     (measurement,) = view.measurements([state], calibration, reference)
-    found = correct_tilt(measurement, calibration, NU, 0.0)
+    found = correct_tilt(measurement, calibration, NU, Shift(0.0))
     slopes = np.array([found.after.slope_x, found.after.slope_y])
     z_slopes = (slopes - np.tan(np.radians(slopes_deg))) / found.after_std[:2]
     return (strains(found) - view.true_strain(measurement, state)) / deviations(found), z_slopes
@@ -87,7 +88,7 @@ def aligned(seed):
     view = view_from(rng, 30, seed)
     state, calibration = State(F=stretched(rng)), view.calibration()
     (measurement,) = view.measurements([state], calibration)
-    found = correct_tilt(measurement, calibration, NU, 0.0)
+    found = correct_tilt(measurement, calibration, NU, Shift(0.0))
     return (strains(found) - view.true_strain(measurement, state)) / deviations(found), found.after_std * 0
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dic.out_of_plane.rigidity import correct_rotation
+from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.tension import correct_tilt
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
@@ -58,7 +59,7 @@ def in_tension(plant, rng):
     tilt = Pose.sloped(*(0.1 * direction(rng)))
     state, calibration = plant(rng), view.calibration()
     (seen,) = view.measurements([State(tilt, state.F, state.within, state.curvatures)], calibration)
-    return correct_tilt(seen, calibration, NU, 1.0).declined
+    return correct_tilt(seen, calibration, NU, Shift(1.0)).declined
 
 
 def wandering(rng):

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.strain_parts import PART_NAMES
 from dic.out_of_plane.tension import correct_tilt
 from simulators.scene.optics import PinholeCamera
@@ -42,7 +43,7 @@ def corrected(state, view=VIEW, calibration=None):
     """Correct what one camera measures of a specimen that is known to keep its distance to 1 µm."""
     calibration = calibration or view.calibration()
     (measurement,) = view.measurements([state], calibration)
-    return measurement, correct_tilt(measurement, calibration, NU, 1.0)
+    return measurement, correct_tilt(measurement, calibration, NU, Shift(1.0))
 
 
 @pytest.mark.parametrize("within", [None, bent])
@@ -95,7 +96,7 @@ def test_strain_that_is_not_corrected_states_the_tilt_and_the_shift_to_be_expect
     state = State(Pose.sloped(0.0, 0.15), np.eye(2), torn)
     view, calibration = VIEW, VIEW.calibration()
     (measurement,) = view.measurements([state], calibration)
-    found = correct_tilt(measurement, calibration, NU, 20.0)
+    found = correct_tilt(measurement, calibration, NU, Shift(20.0))
     figures = found.as_dict()
     # 0.1° seen at 30°, and 20 µm seen from the height of 34.64 mm.
     assert 1e6 * figures["eyy_std_model"] == pytest.approx(

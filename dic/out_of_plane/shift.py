@@ -1,0 +1,106 @@
+"""What is known of a specimen's shift towards the camera, which one camera cannot measure.
+
+If the grips let the specimen tilt about a hinge, the surface keeps its height at the hinge. A tilt with the
+slopes a, b about a hinge at (X, Y) then shifts the surface above the grid's centre by -(a X + b Y). So a
+measured tilt gives this part of the shift.
+"""
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from dic.errors import Check, is_number
+from dic.out_of_plane.plane import Plane
+from dic.typing import Float
+
+SHIFT_STD_UM = 30.0
+"""Default standard deviation of the specimen's shift towards the camera since the reference, µm.
+
+One camera cannot see the shift. Grips and load trains move specimens by some tens of micrometres.
+"""
+
+HINGE_STD_UM = 5.0
+"""Default standard deviation of the shift beside a tilt about a known hinge, µm.
+
+The play of a loaded pin is a few micrometres. If the place of the hinge is wrong by 2 mm, a tilt of 0.1°
+shifts the specimen by 3.5 µm more or less.
+"""
+
+_FARTHEST_MM = 1e4
+
+
+@dataclass(frozen=True)
+class Shift:
+    """What is known of the specimen's shift towards the camera since the reference.
+
+    Attributes
+    ----------
+    std_um : float
+        Standard deviation of the shift. With a hinge, the standard deviation of what the tilt does not cause.
+    hinge_mm : tuple of float, or None
+        X and Y, in the grid's axes, of a point of the grips at which the surface keeps its height. None if no
+        such point is known.
+    """
+
+    std_um: float = SHIFT_STD_UM
+    hinge_mm: tuple[float, float] | None = None
+
+    @classmethod
+    def of(cls, std_um: float | None, hinge_mm: tuple[float, float] | None) -> "Shift":
+        """Return the knowledge of the shift, with the default standard deviation if `std_um` is None."""
+        default_um = SHIFT_STD_UM if hinge_mm is None else HINGE_STD_UM
+        return cls(default_um if std_um is None else float(std_um), hinge_mm)
+
+    @property
+    def std_mm(self) -> float:
+        """Standard deviation of the shift, or of what the tilt does not cause, mm."""
+        return 1e-3 * self.std_um
+
+    @property
+    def per_slope_mm(self) -> Float:
+        """Shift above the grid's centre that a unit of each slope causes, shape (2,), mm."""
+        return np.zeros(2) if self.hinge_mm is None else -np.array(self.hinge_mm)
+
+    def plane(self, slope_x: float, slope_y: float) -> Plane:
+        """Return the plane of a specimen that tilted with these slopes, about the hinge if there is one."""
+        return Plane(slope_x, slope_y, float(self.per_slope_mm @ [slope_x, slope_y]))
+
+    def plane_std_mm(self, slope_std: Float) -> float:
+        """Return the standard deviation of the plane's shift, given those of its slopes (2,).
+
+        The errors of the slopes are added by size, because their correlation is not known. Without a hinge
+        the shift of the plane is not known, and the result is NaN.
+        """
+        if self.hinge_mm is None:
+            return float("nan")
+        return float(np.hypot(np.abs(self.per_slope_mm) @ slope_std, self.std_mm))
+
+
+def shift_checks(std_um: float | None, hinge_mm: Any) -> list[Check]:
+    """Return the checks of the shift's standard deviation and of the hinge, for `require_all`."""
+    return [
+        (
+            std_um is None or (is_number(std_um) and 0.0 <= std_um <= 1e4),
+            "standard deviation of the shift",
+            "0 to 10000 µm",
+            f"{std_um} µm",
+            f"give --shift-std-um {SHIFT_STD_UM:g}, the default, or 0 if the specimen kept its distance",
+        ),
+        (
+            hinge_mm is None or _is_place(hinge_mm),
+            "axis of the tilt",
+            f"X and Y of the grips' hinge in mm, at most {_FARTHEST_MM:g} mm away",
+            f"{hinge_mm}",
+            "give --tilt-axis-mm 0,-30 for a hinge 30 mm below the grid's centre, or leave it out",
+        ),
+    ]
+
+
+def _is_place(hinge_mm: Any) -> bool:
+    return (
+        isinstance(hinge_mm, tuple)
+        and len(hinge_mm) == 2
+        and all(is_number(v) and isfinite(v) and abs(v) <= _FARTHEST_MM for v in hinge_mm)
+    )
