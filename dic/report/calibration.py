@@ -11,7 +11,9 @@ from dic.calibration.residuals import Residuals
 from dic.report.series import CameraSeries
 from dic.report.style import png_uri
 
-_PANEL_WIDTH_IN = 4.4
+_PANEL_WIDTH_IN = 4.3
+# Room around each panel for its title and labels
+_LEFT_IN, _RIGHT_IN, _ABOVE_IN, _BELOW_IN = 0.65, 0.1, 0.3, 0.5
 
 
 def residual_figure(cameras: Sequence[CameraSeries]) -> str:
@@ -21,20 +23,26 @@ def residual_figure(cameras: Sequence[CameraSeries]) -> str:
     """
     from matplotlib.figure import Figure
 
-    shapes = [camera.calibration.image_shape for camera in cameras]
-    # Add room for titles and labels. The layout reserves no such room if x and y have equal scales.
-    heights_in = [_PANEL_WIDTH_IN * height / width + 0.6 for height, width in shapes]
-    figure = Figure(figsize=(2 * _PANEL_WIDTH_IN + 1.2, sum(heights_in)), layout="constrained")
-    rows = figure.subplots(len(cameras), 2, squeeze=False, height_ratios=heights_in)
-    for row, camera in zip(rows, cameras, strict=True):
+    heights_in = [
+        _PANEL_WIDTH_IN * height / width
+        for height, width in (camera.calibration.image_shape for camera in cameras)
+    ]
+    width_in = 2 * (_PANEL_WIDTH_IN + _LEFT_IN) + _RIGHT_IN
+    total_in = sum(heights_in) + len(cameras) * (_ABOVE_IN + _BELOW_IN)
+    figure = Figure(figsize=(width_in, total_in))
+    bottom_in = total_in
+    for camera, height_in in zip(cameras, heights_in, strict=True):
         calibration = camera.calibration
         longest_px = max(residuals.max_px for residuals in calibration.residuals.values())
         magnification = _magnification(longest_px, calibration.grid.pitch_mm / calibration.mm_per_px)
-        for axis, (model, residuals) in zip(row, calibration.residuals.items(), strict=False):
+        bottom_in -= _ABOVE_IN + height_in
+        for column, (model, residuals) in enumerate(calibration.residuals.items()):
+            left_in = _LEFT_IN + column * (_PANEL_WIDTH_IN + _LEFT_IN)
+            box_in = np.array([left_in, bottom_in, _PANEL_WIDTH_IN, height_in])
+            axis = figure.add_axes(tuple(box_in / (width_in, total_in, width_in, total_in)))
             _draw_residuals(axis, calibration, residuals, magnification)
             axis.set_title(f"{camera.label}, {model}: residuals × {magnification:g}")
-        for axis in row[len(calibration.residuals) :]:
-            axis.set_axis_off()
+        bottom_in -= _BELOW_IN
     return png_uri(figure, dpi=130)
 
 
@@ -42,13 +50,10 @@ def _draw_residuals(axis: Any, calibration: Calibration, residuals: Residuals, m
     uv = calibration.grid.uv_px
     axis.plot(*np.vstack([calibration.outline_px, calibration.outline_px[:1]]).T, color="#bbbbbb", lw=0.8)
     axis.plot(*uv.T, ".", color="#9a9a9a", markersize=1.5)
-    arrows = axis.quiver(
+    axis.quiver(
         *uv.T, *residuals.px.T, color="#0072b2", angles="xy", scale_units="xy",
         scale=1.0 / magnification, width=0.003, headwidth=4,
     )  # fmt: skip
-    # Exclude the arrows from the layout. They have no size before drawing, and the layout would move the axes
-    # out of the figure.
-    arrows.set_in_layout(False)
     height, width = calibration.image_shape
     axis.set(
         xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal", xlabel="x, px", ylabel="y, px"

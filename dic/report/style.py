@@ -24,11 +24,20 @@ CONFIDENCE = 1.96
 
 
 PAGE_WIDTH_IN = 11.0
+_LABELS_LEFT_IN = 0.9
+"""Room for the labels of a vertical axis, up to "−100000 µε" with its name."""
+_LABELS_BELOW_IN = 0.46
+_RIGHT_IN = 0.1
+_TOP_IN = 0.18
+_LEGEND_LINE_IN = 0.19
+_LEGEND_EDGE_IN = 0.16
 _MARGIN_PX = 6
 # The type is Any, because matplotlib's own type for this dictionary lists every possible key.
 _RC: Any = {
     "font.size": 9,
     "axes.titlesize": 10,
+    # With a given height, matplotlib does not measure all labels to find a height for the titles.
+    "axes.titley": 1.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
@@ -56,11 +65,24 @@ def plot_style() -> Any:
 
 
 def new_figure(columns: int, height_in: float = 3.6) -> tuple[Any, Any]:
-    """Return a matplotlib figure that is as wide as the page, and its axes, which are side by side."""
+    """Return a matplotlib figure that is as wide as the page, and its axes, which are side by side.
+
+    The axes keep fixed distances for their labels. Matplotlib's layout engines find the distances themselves,
+    but need as long for this as for drawing the figure.
+    """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(PAGE_WIDTH_IN, height_in), layout="constrained")
-    return figure, figure.subplots(1, columns, squeeze=False)[0]
+    figure = Figure(figsize=(PAGE_WIDTH_IN, height_in))
+    width_in = (PAGE_WIDTH_IN - _RIGHT_IN) / columns - _LABELS_LEFT_IN
+    axes = figure.subplots(1, columns, squeeze=False)[0]
+    figure.subplots_adjust(
+        left=_LABELS_LEFT_IN / PAGE_WIDTH_IN,
+        right=1.0 - _RIGHT_IN / PAGE_WIDTH_IN,
+        bottom=_LABELS_BELOW_IN / height_in,
+        top=1.0 - _TOP_IN / height_in,
+        wspace=_LABELS_LEFT_IN / width_in,
+    )
+    return figure, axes
 
 
 def legend_below(figure: Any, columns: int = 4) -> None:
@@ -68,12 +90,15 @@ def legend_below(figure: Any, columns: int = 4) -> None:
     drawn = [pair for axis in figure.axes for pair in zip(*axis.get_legend_handles_labels(), strict=True)]
     named = {label: handle for handle, label in reversed(drawn)}
     labels = list(dict.fromkeys(label for _, label in drawn))
+    columns = min(columns, max(1, len(labels)))
     figure.legend(
         [named[label] for label in labels],
         labels,
-        loc="outside lower center",
-        ncols=min(columns, max(1, len(labels))),
+        loc="lower center",
+        ncols=columns,
     )
+    legend_in = _LEGEND_EDGE_IN + _LEGEND_LINE_IN * -(-len(labels) // columns)
+    figure.subplots_adjust(bottom=(_LABELS_BELOW_IN + legend_in) / figure.get_figheight())
 
 
 def line_style(series: CameraSeries, order: int, kind: Kind) -> dict[str, Any]:

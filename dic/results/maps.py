@@ -1,5 +1,6 @@
 """Maps of displacement and strain, drawn over the reference image."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,17 @@ from dic.strain.measurement import Measurement
 from dic.typing import Float, ImageLike, PathLike
 
 MICRO = 1e6
+
+_MAPS = 5
+_TITLE_IN = 0.32
+_MARGIN_IN = 0.06
+_BAR_WIDTH_IN = 0.14
+_BAR_ROOM_IN = 0.8  # for a colour bar with its labels
+_FINE_PX = 800
+_LEAST_SPREAD = 1e-3
+"""Least range of a colour scale, as a part of the values."""
+
+_Box = tuple[float, float, float, float]
 
 
 def panels(measurement: Measurement, correction: Correction | None = None) -> list[tuple[str, Float]]:
@@ -57,32 +69,86 @@ def draw_maps(
     from matplotlib.figure import Figure
 
     height, width = image.shape
-    columns = 5 if height >= width else 3
-    rows = -(-5 // columns)
-    side = 3.0 if columns == 5 else 4.2
-    figure = Figure(figsize=(side * columns, side * rows * height / width * 0.86 + 0.9), layout="constrained")
-    figure.suptitle(title)
-    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    cells = _Cells.of(height / width, bool(title))
+    figure = Figure(figsize=(cells.columns * cells.width_in, cells.figure_height_in))
+    figure.suptitle(title, va="center", y=1.0 - 0.5 * _TITLE_IN / cells.figure_height_in)
     low, high = np.percentile(image, (1, 99.5))
-    for axis, (name, values) in zip(axes, panels(measurement, correction), strict=False):
-        axis.imshow(image, cmap="gray", vmin=low, vmax=high)
-        _overlay(figure, axis, measurement, values)
-        axis.set_title(name, fontsize=9)
-    for axis in axes:
+    background, extent = _of_few_pixels(image), (-0.5, width - 0.5, height - 0.5, -0.5)
+    for number, (name, values) in enumerate(panels(measurement, correction)):
+        map_box, bar_box = cells.boxes(number)
+        axis = figure.add_axes(map_box)
+        axis.imshow(background, cmap="gray", vmin=low, vmax=high, extent=extent, aspect="auto")
+        mesh = _overlay(axis, measurement, values)
+        bar = figure.colorbar(mesh, cax=figure.add_axes(bar_box))
+        bar.ax.tick_params(labelsize=7)
+        bar.ax.ticklabel_format(useOffset=False)
+        # With a given height, matplotlib does not measure the labels to find a height.
+        axis.set_title(name, loc="left", fontsize=9, y=1.0)
         axis.set_axis_off()
     return figure
 
 
-def _overlay(figure: Any, axis: Any, measurement: Measurement, values: Float) -> None:
+@dataclass(frozen=True)
+class _Cells:
+    """Equal cells for the maps, row by row, each with a title above its map and a colour bar beside it.
+
+    The sizes are fixed, because matplotlib's layout engines need longer to find room for the labels than
+    matplotlib needs to draw the figure.
+    """
+
+    columns: int
+    width_in: float
+    map_in: tuple[float, float]  # width, height
+    figure_height_in: float
+
+    @classmethod
+    def of(cls, aspect: float, titled: bool) -> "_Cells":
+        """Return the cells for images whose height is `aspect` times their width."""
+        columns, width_in = (5, 3.0) if aspect >= 1.0 else (3, 4.2)
+        map_width_in = width_in - _BAR_ROOM_IN - _MARGIN_IN
+        map_in = map_width_in, map_width_in * aspect
+        rows_in = -(-_MAPS // columns) * (map_in[1] + _TITLE_IN)
+        height_in = rows_in + _MARGIN_IN + (_TITLE_IN if titled else 0.0)
+        return cls(columns, width_in, map_in, height_in)
+
+    def boxes(self, number: int) -> tuple[_Box, _Box]:
+        """Return the places of a map and of its colour bar as matplotlib's fractions of the figure."""
+        row, column = divmod(number, self.columns)
+        rows_below = -(-_MAPS // self.columns) - 1 - row
+        map_width_in, height_in = self.map_in
+        left_in = column * self.width_in + _MARGIN_IN
+        bottom_in = rows_below * (height_in + _TITLE_IN) + _MARGIN_IN
+        bar_left_in = left_in + map_width_in + _MARGIN_IN
+
+        def box(left_in: float, width_in: float) -> _Box:
+            across, up = self.columns * self.width_in, self.figure_height_in
+            return left_in / across, bottom_in / up, width_in / across, height_in / up
+
+        return box(left_in, map_width_in), box(bar_left_in, _BAR_WIDTH_IN)
+
+
+def _of_few_pixels(image: NDArray[Any]) -> NDArray[Any]:
+    """Return the image with at most `_FINE_PX` columns; a map in the figure has fewer."""
+    import cv2
+
+    scale = _FINE_PX / image.shape[1]
+    if scale >= 1.0:
+        return image
+    return np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
+
+
+def _overlay(axis: Any, measurement: Measurement, values: Float) -> Any:
     field = measurement.field
     known = values[np.isfinite(values)]
-    limits = np.percentile(known, (1, 99)) if known.size else (0.0, 1.0)
-    mesh = axis.pcolormesh(
+    low, high = np.percentile(known, (1, 99)) if known.size else (0.0, 1.0)
+    # A uniform field differs by rounding errors only, which a scale must not show.
+    spread = _LEAST_SPREAD * max(abs(low), abs(high))
+    if high - low < spread:
+        low, high = low - spread / 2, high + spread / 2
+    return axis.pcolormesh(
         field.x_px, field.y_px, values, shading="nearest", cmap="turbo", alpha=0.75,
-        vmin=limits[0], vmax=limits[1], rasterized=True,
+        vmin=low, vmax=high, rasterized=True,
     )  # fmt: skip
-    bar = figure.colorbar(mesh, ax=axis, shrink=0.8, pad=0.02)
-    bar.ax.tick_params(labelsize=7)
 
 
 def write_maps(

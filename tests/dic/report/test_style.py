@@ -1,0 +1,30 @@
+"""The report's figures keep room for their labels and for the legend."""
+
+from itertools import combinations
+
+import pytest
+
+from dic.report.style import legend_below, new_figure, plot_style
+
+
+@pytest.mark.parametrize("panels", [2, 3])
+@pytest.mark.parametrize("lines", [1, 9])
+def test_labels_and_legend_are_inside_the_figure_and_do_not_cover_each_other(panels: int, lines: int) -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    with plot_style():
+        figure, axes = new_figure(panels, 4.0)
+        for axis in axes:
+            for line in range(lines):
+                axis.plot([0.0, 1.0], [-1e5, 1e5 + line], label=f"off_axis 30.0°, line {line}")
+            axis.set(xlabel="step (shaded: load control)", ylabel="Δεxx corrected, µε")
+        legend_below(figure, columns=3)
+        FigureCanvasAgg(figure).draw()
+        boxes = [axis.get_tightbbox() for axis in axes] + [figure.legends[0].get_window_extent()]
+    for box in boxes:
+        assert box.x0 >= 0.0
+        assert box.y0 >= 0.0
+        assert box.x1 <= figure.bbox.x1
+        assert box.y1 <= figure.bbox.y1
+    for one, other in combinations(boxes, 2):
+        assert not one.overlaps(other)

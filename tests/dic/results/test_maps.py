@@ -1,0 +1,53 @@
+"""Pictures of maps: each map is over its part of the image, and nothing covers anything else."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from dic.results.maps import draw_maps
+from tests.dic.report.runs import affine
+
+MAPS = 5
+
+
+@pytest.fixture(scope="module", params=[(120, 120), (120, 300), (3000, 1000)], ids=str)
+def drawn(request):
+    """The figure for an image of some shape, drawn once, and the shape."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    height, width = request.param
+    image = np.tile(np.linspace(0.0, 200.0, width, dtype=np.float32), (height, 1))
+    figure = draw_maps(affine(np.array([[0.1, 0.02], [0.03, -0.05]]), "step 3"), image, "step 3")
+    FigureCanvasAgg(figure).draw()
+    return figure, (height, width)
+
+
+def test_maps_have_the_shape_of_the_image_and_show_all_of_it(drawn):
+    figure, (height, width) = drawn
+    for axis in figure.axes[::2]:
+        box = axis.get_window_extent()
+        assert box.height / box.width == pytest.approx(height / width, rel=1e-6)
+        assert (*axis.get_xlim(), *axis.get_ylim()) == (-0.5, width - 0.5, height - 0.5, -0.5)
+
+
+def test_background_is_as_bright_as_the_image_at_every_place(drawn):
+    figure, (_, width) = drawn
+    background = np.asarray(figure.axes[0].images[0].get_array())
+    assert background.shape[1] <= 800
+    # The image becomes brighter from left to right, and its columns may have been joined to fewer.
+    middles = (np.arange(background.shape[1]) + 0.5) * width / background.shape[1] - 0.5
+    np.testing.assert_allclose(background[0], 200.0 * middles / (width - 1), atol=0.5)
+
+
+def test_maps_bars_titles_and_labels_are_inside_the_figure_and_do_not_cover_each_other(drawn):
+    figure, _ = drawn
+    assert len(figure.axes) == 2 * MAPS
+    boxes = [axis.get_tightbbox() for axis in figure.axes] + [figure._suptitle.get_window_extent()]
+    for box in boxes:
+        assert box.x0 >= 0.0
+        assert box.y0 >= 0.0
+        assert box.x1 <= figure.bbox.x1
+        assert box.y1 <= figure.bbox.y1
+    for one, other in combinations(boxes, 2):
+        assert not one.overlaps(other)
