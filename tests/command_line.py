@@ -3,7 +3,7 @@
 import io
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,7 +38,7 @@ class Ended:
 
 def run_dic(*arguments: object, out: TextIO | None = None) -> Ended:
     """Run `dic` in this process; what it prints goes to `out` if one is given."""
-    return _run(dic.cli.main, ["dic", *map(str, arguments)], out)
+    return _run("dic", arguments, out)
 
 
 def refusal(*arguments: object) -> str:
@@ -53,19 +53,29 @@ def refusal(*arguments: object) -> str:
 
 def run_rig(*arguments: object, out: TextIO | None = None) -> Ended:
     """Run `rig` in the same way."""
-    return _run(rig.cli.main, ["rig", *map(str, arguments)], out)
+    return _run("rig", arguments, out)
 
 
-def _run(main: Callable[[], None], arguments: list[str], out: TextIO | None) -> Ended:
-    printed, complaints = io.StringIO(), io.StringIO()
+def run_both(*arguments: object, out: TextIO | None, err: TextIO | None) -> int:
+    """Run `dic` or `rig`, named by the first argument, on two streams, and return its status.
+
+    A stream may be None, as in a program whose stream was closed before its start.
+    """
+    typed = list(map(str, arguments))
     with (
-        patch.object(sys, "argv", arguments),
-        redirect_stdout(out or printed),
-        redirect_stderr(complaints),
+        patch.object(sys, "argv", typed),
+        redirect_stdout(out),
+        redirect_stderr(err),
         pytest.raises(SystemExit) as ended,
     ):
-        main()
-    return Ended(arguments, int(ended.value.code or 0), printed.getvalue(), complaints.getvalue())
+        {"dic": dic.cli.main, "rig": rig.cli.main}[typed[0]]()
+    return int(ended.value.code or 0)
+
+
+def _run(program: str, arguments: Sequence[object], out: TextIO | None) -> Ended:
+    printed, complaints = io.StringIO(), io.StringIO()
+    status = run_both(program, *arguments, out=out or printed, err=complaints)
+    return Ended([program, *map(str, arguments)], status, printed.getvalue(), complaints.getvalue())
 
 
 class Program:

@@ -132,3 +132,15 @@ def test_tests_are_laid_out_like_the_packages_that_they_test() -> None:
     of_packages = [folder for folder in folders if folder.parts and folder.parts[0] in PACKAGES]
     assert len(of_packages) > 20
     assert [str(folder) for folder in of_packages if not (ROOT / folder).is_dir()] == []
+
+
+def test_commands_print_in_one_way() -> None:
+    """`dic.shell.console.say` prints above a bar, and survives an output that nobody reads."""
+    own_way = {
+        f"{named(path)}: line {node.lineno}"
+        for path in MODULES
+        if path.parent.name == "commands" or path.stem == "cli"
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("print", "click.echo", "click.secho")
+    }
+    assert own_way == set()

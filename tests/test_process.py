@@ -1,5 +1,6 @@
 """From a run file to results: whole runs, killed ones, and files that are no runs."""
 
+import re
 import signal
 import subprocess
 import sys
@@ -18,8 +19,12 @@ from dic.pipeline.run_result_file import load_run_result, save_run_result
 from dic.results.maps import panels
 from dic.runfile.reader import RunFile
 from rig.run import run_protocol
-from tests.command_line import refusal, run_dic
+from tests.command_line import refusal, run_both, run_dic
 from tests.places import EXAMPLES, example
+from tests.screens import terminal
+
+BAR = r"correlating [━╸╺ ]+(\d+/\S+)? ?([-\d:]+)?"
+"""The bar, of which a screen may have received only the beginning."""
 
 COARSE = CorrelationSettings(step_px=40)
 
@@ -76,6 +81,24 @@ def test_the_command_prints_the_table_and_writes_what_it_printed(run_file, tmp_p
         assert shown in done.out
     assert run_dic("report", files["r.h5"], "-o", files["again.html"]).status == 0
     assert files["again.html"].read_bytes() == files["r.html"].read_bytes()
+
+
+def test_terminal_shows_the_table_in_100_columns_and_nothing_of_the_bar_is_left(
+    run_file, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("TERM", "xterm")
+    with terminal(100) as (stream, watched):
+        command = ("dic", "process", run_file, "--step", 40, "-o", tmp_path / "r.h5")
+        assert run_both(*command, out=stream, err=stream) == 0
+    drawn = {line for screen in watched.seen for line in screen.splitlines() if "correlating" in line}
+    assert any("/4" in line for line in drawn)
+    assert [line for line in drawn if not re.fullmatch(BAR, line)] == []
+    assert "correlating" not in "".join(watched.lines)
+    # A row that the terminal had broken would lack strains: exx, eyy and exy.
+    rows = [re.split(r" (?:raw|calibrated|corrected) +(?=-?\d)", line) for line in watched.lines]
+    strains = [re.findall(r"-?\d+(?:\.\d)?(?: ± [\d.]+)?", row[1]) for row in rows if len(row) == 2]
+    # of two cameras in two steps: raw and calibrated, and corrected by one camera
+    assert [len(values) for values in strains] == [3] * 10
 
 
 def test_a_killed_run_is_measured_as_far_as_it_went(tmp_path):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dic.files.writing import write_text
+from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_places
 
 if TYPE_CHECKING:
@@ -55,9 +56,9 @@ def assess(output: Path, json_file: Path | None, force: bool) -> None:
             write_text(path, content)
     _print_table(assessment)
     for finding in assessment.findings:
-        click.echo(finding)
+        say(finding)
     _print_models(assessment)
-    click.echo(f"figures 2 to 14, overview.png and assessment.csv are in {output}")
+    say(f"figures 2 to 14, overview.png and assessment.csv are in {output}")
 
 
 def _text(value: Any) -> str:
@@ -65,18 +66,18 @@ def _text(value: Any) -> str:
 
 
 def _print_table(assessment: "Assessment") -> None:
-    click.echo("error on the sensor, px              mean     maximum   standard deviation")
+    say("error on the sensor, px              mean     maximum   standard deviation")
     for row in assessment.rows:
         if any(abs(row.value - value) <= 1e-6 * abs(value) for value in _SHOWN[row.sweep.name]):
             case = f"{row.sweep.name:<11}{row.value:>8.3g}  {row.points.name:<10}"
             error = row.error
-            click.echo(f"{case}  {error.mean_px:>9.2e}   {error.maximum_px:>9.2e}   {error.std_px:>9.2e}")
+            say(f"{case}  {error.mean_px:>9.2e}   {error.maximum_px:>9.2e}   {error.std_px:>9.2e}")
 
 
 def _print_models(assessment: "Assessment") -> None:
     exact, noisy = "exact grid points", f"noisy by {assessment.noise_px} px"
-    click.echo(f"rms error of both models, px    {exact:<22}{noisy}")
-    click.echo(f"{'':<30}" + "  bicubic    pinhole" * 2)
+    say(f"rms error of both models, px    {exact:<22}{noisy}")
+    say(f"{'':<30}" + "  bicubic    pinhole" * 2)
     for row in assessment.models:
         cells = [errors[model] for errors in (row.exact_px, row.noisy_px) for model in ("bicubic", "pinhole")]
-        click.echo(f"{row.camera:<30}" + "".join(f"  {cell:>9.2e}" for cell in cells))
+        say(f"{row.camera:<30}" + "".join(f"  {cell:>9.2e}" for cell in cells))

@@ -10,6 +10,7 @@ import click
 from dic.commands.option_groups import all_of, option_group
 from dic.commands.target_options import TargetOptions, target_options
 from dic.files.writing import write_text
+from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_places
 
 if TYPE_CHECKING:
@@ -150,9 +151,9 @@ def calibrate(
     if outputs.json_file is not None:
         content = json.dumps(summary, indent=1, ensure_ascii=False)
         write_text(outputs.json_file, content)
-    click.echo(text(summary))
+    say(text(summary))
     for warning in calibration.grid.warnings:
-        click.echo(f"warning: {images[0]}: {warning}", err=True)
+        say(f"warning: {images[0]}: {warning}", err=True)
 
 
 def write_points(path: Path, calibration: "Calibration") -> None:

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from dic.commands.series_record import SeriesRecord
 
 _FILE = click.Path(path_type=Path)
+_UNCORRECTED = (
+    "the ± of calibrated strain contains a possible motion out of the grid's plane; --motion corrects for it"
+)
 
 
 @click.command()
@@ -80,7 +83,13 @@ def correlate(
     images = [SeriesImage(path, str(path), hint) for path in deformed]
     measured = measure_series(series, images, calibration, how, known)
     say(_gauge(how, settings, calibration))
-    record = SeriesRecord(keep_corrections=outputs.output is not None)
+    if calibration is not None and known.kind == "free":
+        say(_UNCORRECTED)
+    record = SeriesRecord(
+        [image.label for image in images],
+        calibrated=calibration is not None,
+        keep_corrections=outputs.output is not None,
+    )
     with SeriesOutputs(image, settings, files) as results:
         with progress("correlating", len(deformed)) as bar, stopping_between() as stopped:
             for number, found in enumerate(measured, 1):

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_places
 
 _FILE = click.Path(path_type=Path)
@@ -32,4 +33,4 @@ def report(results: tuple[Path, ...], output: Path, force: bool) -> None:
             f"some that do not ({type(error).__name__}: {' '.join(str(error).split())[:200]})",
             "make them again with `dic process RUN.h5`",
         ) from error
-    click.echo(f"report: {output}")
+    say(f"report: {output}")

@@ -1,13 +1,18 @@
 """The table that `dic process` prints: raw, calibrated and corrected strains of each step."""
 
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from dic import CameraResult, JointCorrections, MeanStrain, Measurement, RunResult, RunStep
+from dic.commands.series_text import strains_of
+from dic.commands.strain_table import Column, StrainTable, share_text
 
-_STRAINS = ("exx", "eyy", "exy")
+if TYPE_CHECKING:
+    from dic import CameraResult, JointCorrections, Measurement, RunResult, RunStep
+
+_READINGS = (("load_n", "load N", 0), ("displacement_mm", "displ. mm", 3), ("angle_deg", "angle °", 1))
+"""Attribute of a step, heading and number of decimals of each reading."""
 
 
 def table(result: "RunResult") -> str:
@@ -32,80 +37,103 @@ def _camera_lines(result: "RunResult", camera: "CameraResult") -> list[str]:
     lines = [
         f"{camera.camera}: {calibration.grid.found} of {calibration.grid.expected} grid points,"
         f" residual {calibration.rms_px:.4f} px rms ({calibration.rms_mm * 1e3:.2f} µm)"
-        + "".join(f", {gauge_text(m.gauge_px, m.gauge_mm)}" for m in camera.measurements[:1]),
-        _step_heading() + _strain_heading("raw", "cal.", "corr.") + "  µε",
+        + "".join(f", {gauge_text(m.gauge_px, m.gauge_mm)}" for m in camera.measurements[:1])
     ]
+    if not camera.measurements:
+        return lines
+    readings = _readings(camera.steps)
+    shares = Column("% points", len("% points"))
+    made = StrainTable([*_step_columns(camera.steps, readings), shares])
+    lines.append(made.heading())
     images = result.corrections.cameras[camera.camera].images
+    declined: dict[str, list[str]] = {}
     for step, measurement, correction in zip(camera.steps, camera.measurements, images, strict=True):
-        calibrated = measurement.calibrated_mean or measurement.raw_mean
-        corrected = None if correction.declined else correction.mean
-        cells = [_step_cells(step, calibrated.points)]
-        cells += [_strain_cells(mean) for mean in (measurement.raw_mean, calibrated, corrected)]
-        lines.append(" ".join(cells) + _updates(measurement))
-    return lines
+        summary = measurement.summary() | {"corrected": correction.as_dict()}
+        share = share_text(summary["converged"], summary["points"])
+        lines += made.lines([*_step_cells(step, readings), share], strains_of(summary))
+        lines += [f"  {note}" for note in _notes(measurement)]
+        if correction.declined is not None:
+            declined.setdefault(correction.declined, []).append(_name(step))
+    findings = result.corrections.findings[camera.camera]
+    return lines + [
+        _declined_text(steps, reason)
+        for reason, steps in declined.items()
+        if not any(reason in finding for finding in findings)
+    ]
 
 
 def _joint_lines(result: "RunResult", joint: "JointCorrections") -> list[str]:
     first, second = joint.cameras
-    lines = [
-        f"{first} and {second} together: motion of the specimen's plane by parallax",
-        _step_heading() + _strain_heading("corr.") + f" {'± exx':>6} {'± eyy':>6} {'± exy':>6}"
-        f"  µε {'shift':>8} {'±':>5} µm {'slope x':>8} {'slope y':>8} °",
-    ]
-    steps = {step.index: step for camera in result.cameras for step in camera.steps}
-    for index, found in sorted(joint.steps.items()):
+    lines = [f"{first} and {second} together: motion of the specimen's plane by parallax"]
+    every = {step.index: step for camera in result.cameras for step in camera.steps}
+    steps = [every[index] for index in sorted(joint.steps)]
+    readings = _readings(steps)
+    made = StrainTable(_step_columns(steps, readings))
+    lines.append(made.heading())
+    for step in steps:
+        found = joint.steps[step.index]
+        cells = _step_cells(step, readings)
         if found.declined or found.mean is None or found.plane is None or found.plane_std is None:
-            lines.append(_step_cells(steps[index], 0) + f"  not corrected: {found.declined}")
+            lines.append(f"{' '.join(cells)}  not corrected: {found.declined}")
             continue
         slopes = np.degrees(np.arctan([found.plane.slope_x, found.plane.slope_y]))
-        stds = " ".join(f"{1e6 * getattr(found.mean, f'{name}_std'):6.0f}" for name in _STRAINS)
+        lines += made.lines(cells, {"corrected": found.mean.as_dict()})
         lines.append(
-            f"{_step_cells(steps[index], found.mean.points)} {_strain_cells(found.mean)} {stds}"
-            f"     {1e3 * found.plane.shift_mm:z8.2f} {1e3 * found.plane_std[2]:5.2f}   "
-            f" {slopes[0]:z8.4f} {slopes[1]:z8.4f}"
+            f"  shift {1e3 * found.plane.shift_mm:z.2f} ± {1e3 * found.plane_std[2]:.2f} µm,"
+            f" slopes x {slopes[0]:z.4f}°, y {slopes[1]:z.4f}°"
         )
     return lines
 
 
-def _updates(measurement: "Measurement") -> str:
-    """Return a text about smoothing and about new reference images up to a step, with the errors they cause.
+def _notes(measurement: "Measurement") -> list[str]:
+    """Return what to know about smoothing and about new reference images up to a step.
 
     Each new reference increases the standard deviations of the displacements u and v, which the text gives in
-    mpx. The text is empty if images were not smoothed and the first reference is still in use.
+    mpx.
     """
     field = measurement.field
-    smoothed = f"  smoothed by {field.smoothing_px:g} px" if field.smoothing_px > 0.0 else ""
-    if not field.updates or not field.converged.any():
-        return smoothed
-    std_px = [1e3 * float(np.median(std[field.converged])) for std in (field.std_u_px, field.std_v_px)]
-    return f"{smoothed}  over {field.updates} new references: std u {std_px[0]:.1f}, v {std_px[1]:.1f} mpx"
+    notes = [f"images smoothed by {field.smoothing_px:g} px"] if field.smoothing_px > 0.0 else []
+    if field.updates and field.converged.any():
+        std_px = [1e3 * float(np.median(std[field.converged])) for std in (field.std_u_px, field.std_v_px)]
+        notes.append(
+            f"over {field.updates} new references: std u {std_px[0]:.1f}, v {std_px[1]:.1f} mpx (median)"
+        )
+    return notes
 
 
-def _step_heading() -> str:
-    return f"{'step':>14} {'load':>9} {'displ.':>8} {'angle':>7} {'points':>6}"
+def _declined_text(steps: Sequence[str], reason: str) -> str:
+    """Return which steps were not corrected, and why."""
+    which = steps[0] if len(steps) == 1 else f"{len(steps)} steps from {steps[0]} to {steps[-1]}"
+    return f"  not corrected, {which}: {reason}"
 
 
-def _strain_heading(*kinds: str) -> str:
-    return "".join(f" {kind + ' ' + name:>9}" for kind in kinds for name in _STRAINS)
+def _readings(steps: Iterable["RunStep"]) -> list[tuple[str, str, int]]:
+    """Return those readings that at least one of the steps has; the others were not measured."""
+    kept = list(steps)
+    return [reading for reading in _READINGS if any(_known(getattr(step, reading[0])) for step in kept)]
 
 
-def _step_cells(step: "RunStep", points: int) -> str:
-    cells = [f"{step.kind + ' ' + str(step.index):>14}", _cell(step.load_n, 9, "N")]
-    cells += [_cell(step.displacement_mm, 8, "mm"), _cell(step.angle_deg, 7, "°"), f"{points:6d}"]
-    return " ".join(cells)
+def _step_columns(steps: Sequence["RunStep"], readings: Sequence[tuple[str, str, int]]) -> list[Column]:
+    cells = [_step_cells(step, readings) for step in steps]
+    headings = ["step", *(heading for _, heading, _ in readings)]
+    widths = [max(map(len, column)) for column in zip(headings, *cells, strict=True)]
+    return [
+        Column(heading, width, number=heading != "step")
+        for heading, width in zip(headings, widths, strict=True)
+    ]
 
 
-def _strain_cells(mean: "MeanStrain | None") -> str:
-    if mean is None:
-        return " ".join([" " * 8 + "–"] * len(_STRAINS))
-    return " ".join(f"{1e6 * getattr(mean, name):z9.0f}" for name in _STRAINS)
+def _step_cells(step: "RunStep", readings: Sequence[tuple[str, str, int]]) -> list[str]:
+    values = [(getattr(step, name), digits) for name, _, digits in readings]
+    return [_name(step), *(f"{value:.{digits}f}" if _known(value) else "" for value, digits in values)]
 
 
-def _cell(value: float, width: int, unit: str) -> str:
-    if value != value:
-        return " " * (width - 1) + "–"
-    digits = {"N": 0, "mm": 3, "°": 1}[unit]
-    return f"{value:{width}.{digits}f}"
+def _name(step: "RunStep") -> str:
+    return f"{step.kind} {step.index}"
+
+
+def _known(value: float) -> bool:
+    return value == value
 
 
 def as_dict(result: "RunResult") -> dict[str, Any]:

@@ -1,9 +1,9 @@
 """The record of a series of images: `dic correlate` prints each result and keeps it for the output files."""
 
-from pathlib import Path
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from dic.commands.series_text import corrected_text, image_text
+from dic.commands.series_text import corrected_lines, image_lines, name_of, series_table
 from dic.shell.console import fail, say
 
 if TYPE_CHECKING:
@@ -15,6 +15,10 @@ class SeriesRecord:
 
     Parameters
     ----------
+    labels : sequence of str
+        Labels of all images of the series.
+    calibrated : bool
+        True if there is a calibration.
     keep_corrections : bool
         True to keep the corrections for a result file. Corrections take much memory.
 
@@ -30,7 +34,9 @@ class SeriesRecord:
         Corrections of the measured images, if `keep_corrections` is true.
     """
 
-    def __init__(self, *, keep_corrections: bool) -> None:
+    def __init__(self, labels: Sequence[str], *, calibrated: bool, keep_corrections: bool) -> None:
+        self._table = series_table([name_of(label) for label in labels], only_raw=not calibrated)
+        self._headed = False
         self._keep_corrections = keep_corrections
         self.summaries: list[dict[str, Any]] = []
         self.failures: list[dict[str, str]] = []
@@ -53,7 +59,7 @@ class SeriesRecord:
         if rotation:
             self._waiting.append(image)
         self.summaries.append(summary)
-        say(image_text(summary))
+        self._say(image_lines(self._table, summary))
         if measurement.objection is not None:
             self.bad.append(f"{image.label}: measured, but {measurement.objection}")
 
@@ -73,11 +79,18 @@ class SeriesRecord:
         if calibration is None or not self._waiting:
             return motion.alignment
         images, alignment = corrected_rotation(self._waiting, calibration, motion)
+        self._headed = False
         for summary, image in zip(self.summaries, images, strict=True):
             if image.correction is not None:
                 self._correct(summary, image.correction)
-                say(f"{Path(summary['file']).name}: {corrected_text(summary['corrected'])}")
+                self._say(corrected_lines(self._table, summary))
         return alignment
+
+    def _say(self, lines: Sequence[str]) -> None:
+        """Print lines of the table, at first below its heading."""
+        for line in lines if self._headed else [self._table.heading(), *lines]:
+            say(line)
+        self._headed = True
 
     def _correct(self, summary: dict[str, Any], correction: "Correction") -> None:
         summary["corrected"] = correction.as_dict()

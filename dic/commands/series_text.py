@@ -1,47 +1,103 @@
-"""The text that `dic correlate` prints for each image: points, strains and correction."""
+"""The lines that `dic correlate` prints for each image: points, strains and correction."""
 
 import math
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from dic.commands.strain_table import COMPONENTS, Column, StrainTable, share_text
 
 _OTHERS = ("images", "calibration", "mounting", "model")
 """Parts of the standard deviation beside the shift; see `dic.out_of_plane.strain_parts`."""
 _LOST_MIN = 0.03
 """Smallest fraction of the amplitude of local strain whose loss is printed."""
+_NAME_WIDTH_MAX = 24
+_ROTATION_WIDTH = 8
 
 
-def image_text(summary: dict[str, Any]) -> str:
-    """Return the line that `dic correlate` prints for an image.
+def series_table(names: Sequence[str], *, only_raw: bool) -> StrainTable:
+    """Return the table of a series whose images have these names; `only_raw` if there is no calibration."""
+    width = min(_NAME_WIDTH_MAX, max(len(name) for name in ("image", *names)))
+    rotation = Column("rotation", _ROTATION_WIDTH)
+    columns = [Column("image", width, number=False), Column("% points", len("% points")), rotation]
+    return StrainTable(columns, only_raw)
+
+
+def image_lines(table: StrainTable, summary: dict[str, Any]) -> list[str]:
+    """Return the lines that `dic correlate` prints for an image: its strains, and what to know about them.
 
     Parameters
     ----------
+    table : StrainTable
+        The table of the series.
     summary : dict
         The result of `Measurement.summary`. If the strain of the image was corrected, the key "corrected"
         holds the corrected values.
     """
-    share = 100.0 * summary["converged"] / max(1, summary["points"])
-    parts = [
-        f"{Path(summary['file']).name}: {summary['converged']} of {summary['points']} points ({share:.1f} %)"
-    ]
-    for kind in ("raw", "calibrated"):
-        if kind in summary:
-            parts.append(f"{kind} " + _strain_text(summary[kind]))
-    if summary.get("corrected", {"method": "none"})["method"] != "none":
-        parts.append(corrected_text(summary["corrected"]))
-    parts.append(f"rotation {summary['raw']['rotation_deg'] or 0.0:.3f}°, start from {summary['start']}")
+    rotation_deg = summary["raw"]["rotation_deg"]
+    rotation = "" if rotation_deg is None else f"{rotation_deg:z.2f}°"
+    cells = [name_of(summary["file"]), share_text(summary["converged"], summary["points"]), rotation]
+    notes = [text for text in (_points_text(summary), *_settings_texts(summary)) if text]
+    corrected = summary.get("corrected", {"method": "none"})
+    if corrected["method"] != "none":
+        notes.append(corrected_text(corrected))
+    return table.lines(cells, strains_of(summary)) + [f"  {note}" for note in notes]
+
+
+def corrected_lines(table: StrainTable, summary: dict[str, Any]) -> list[str]:
+    """Return the lines of an image whose correction became known after all images of the series."""
+    strains = strains_of(summary)
+    kind = "corrected" if "corrected" in strains else "calibrated"
+    lines = table.lines([name_of(summary["file"]), "", ""], {kind: strains[kind]})
+    return [*lines, f"  {corrected_text(summary['corrected'])}"]
+
+
+def strains_of(summary: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """Return the mean strains that were measured, by their kind: raw, calibrated and corrected.
+
+    With a calibration, raw strain has no standard deviations here, and calibrated strain only those that
+    contain the motion out of the grid's plane, because the noise alone is a small part of their errors. The
+    corrected strain is left out if the strain was not corrected.
+    """
+    if "calibrated" not in summary:
+        return {"raw": summary["raw"]}
+    corrected = summary.get("corrected", {})
+    strains = {
+        "raw": _with_stds(summary["raw"], {}),
+        "calibrated": _with_stds(summary["calibrated"], corrected),
+    }
+    return strains | ({"corrected": corrected} if corrected.get("applied") else {})
+
+
+def _with_stds(mean: Mapping[str, Any], corrected: Mapping[str, Any]) -> dict[str, Any]:
+    return {**mean, **{f"{name}_std": corrected.get(f"calibrated_{name}_std") for name in COMPONENTS}}
+
+
+def name_of(file: str) -> str:
+    """Return the name of an image file without its folder."""
+    return Path(file).name
+
+
+def _points_text(summary: dict[str, Any]) -> str:
+    """Return the numbers of points without a value and the reasons, or "" if every point has a value."""
+    lost = ", ".join(f"{count} {reason}" for reason, count in summary["failures"].items())
+    return f"{summary['points'] + summary['out_of_view']} points: {lost}" if lost else ""
+
+
+def _settings_texts(summary: dict[str, Any]) -> Iterator[str]:
+    """Yield what the settings and the series did to this image."""
     lost = {name: share for name, share in summary["strain"]["amplitude_lost"].items() if share is not None}
     if any(share >= _LOST_MIN for share in lost.values()):
         shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in lost.items())
-        parts.append(f"local strain loses amplitude to the settings: {shares}")
+        yield f"local strain loses amplitude to the settings: {shares}"
     if summary["interpolation"]["smoothing_px"] > 0.0:
-        parts.append(f"images smoothed by {summary['interpolation']['smoothing_px']:g} px")
+        yield f"images smoothed by {summary['interpolation']['smoothing_px']:g} px"
     if summary["updates"]:
-        parts.append(f"over {summary['updates']} new references")
-    return "; ".join(parts)
+        yield f"over {summary['updates']} new references"
 
 
 def corrected_text(corrected: dict[str, Any]) -> str:
-    """Return a line with the corrected strains, or with the reason why there is no correction.
+    """Return what the correction found beside the strain, or the reason why there is no correction.
 
     Parameters
     ----------
@@ -49,25 +105,12 @@ def corrected_text(corrected: dict[str, Any]) -> str:
         The result of `Correction.as_dict`.
     """
     if not corrected["applied"]:
-        return f"not corrected: {corrected['reason']}{_open_text(corrected)}"
-    values = ", ".join(
-        "–"
-        if corrected[name] is None
-        else f"{1e6 * corrected[name]:z.0f} ± {1e6 * corrected[f'{name}_std']:.0f}"
-        for name in ("exx", "eyy", "exy")
-    )
-    plane = "slopes x, y " + ", ".join(f"{corrected[f'slope_{axis}_deg']:+z.3f}°" for axis in "xy")
+        return f"not corrected: {corrected['reason']}"
+    slopes = ", ".join(f"{axis} {corrected[f'slope_{axis}_deg']:+z.3f}°" for axis in "xy")
+    shift = ""
     if corrected.get("shift_mm") is not None:
-        plane += f", shift {1e3 * corrected['shift_mm']:+z.1f} ± {1e3 * corrected['shift_mm_std']:.1f} µm"
-    return f"corrected exx, eyy, exy {values} µε ({plane}){_shift_text(corrected)}"
-
-
-def _open_text(corrected: dict[str, Any]) -> str:
-    """Return a text about the uncertainty of calibrated strain, or "" if it is not known."""
-    if "calibrated_exx_std" not in corrected:
-        return ""
-    stds = ", ".join(f"{1e6 * corrected[f'calibrated_{name}_std']:.0f}" for name in ("exx", "eyy", "exy"))
-    return f"; calibrated strain is uncertain by ± {stds} µε, because the specimen may leave the grid's plane"
+        shift = f", shift {1e3 * corrected['shift_mm']:+z.1f} ± {1e3 * corrected['shift_mm_std']:.1f} µm"
+    return f"corrected for slopes {slopes}{shift}{_shift_text(corrected)}"
 
 
 def _shift_text(corrected: dict[str, Any]) -> str:
@@ -79,9 +122,4 @@ def _shift_text(corrected: dict[str, Any]) -> str:
         f"{1e6 * math.sqrt(sum(corrected[f'{name}_std_{part}'] ** 2 for part in _OTHERS)):.0f}"
         for name in ("exx", "eyy", "exy")
     )
-    return f", of which ± {shift:.0f} µε of exx and eyy is the shift, and ± {others} all else"
-
-
-def _strain_text(strain: dict[str, Any]) -> str:
-    values = (strain["exx"], strain["eyy"], strain["exy"])
-    return "exx, eyy, exy " + ", ".join("–" if v is None else f"{1e6 * v:z.0f}" for v in values) + " µε"
+    return f"; ± {shift:.0f} µε of exx and eyy is the shift, ± {others} all else"

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TypeAlias
 
+from dic.shell.bottom_lines import bottom_lines
 from dic.shell.console import say
 from drivers.interfaces import OperatorAction
 from rig import Reading, State, Status, StepRecord
@@ -68,7 +69,7 @@ class Screen:
 
     The engine calls `on_status` and `on_step` on threads of their own, and `on_question` on the operator's
     thread. While a person is asked, nothing else is written on the terminal. If standard error is not a
-    terminal, only the finished steps are printed, on standard output.
+    terminal, or standard output is a pipe, only the finished steps are printed, on standard output.
 
     Attributes
     ----------
@@ -105,7 +106,7 @@ class Screen:
     def on_question(self, action: OperatorAction, notice: str) -> Iterator[None]:
         """Draw nothing until the operator has answered. If the operator's driver gives a notice, print the
         notice."""
-        if self.live is None:
+        if self.live is None and (notice or not sys.stderr.isatty()):
             yield
             return
         with self._changed:
@@ -113,7 +114,8 @@ class Screen:
             self._notice = notice
             if not notice:
                 self._asking = True
-                self.live.stop()
+                if self.live is not None:
+                    self.live.stop()
                 reading = None if self._status is None else self._status.reading
                 say(_holding(reading), err=True)
         try:
@@ -126,7 +128,7 @@ class Screen:
                     say(line)
                 self._held_back.clear()
                 self._changed.notify_all()
-                if not notice and not self._ended:
+                if self.live is not None and not notice and not self._ended:
                     self.live.start()
 
     def wait_for_operator(self) -> None:
@@ -167,22 +169,12 @@ class Screen:
 
 @contextmanager
 def run_screen() -> Iterator[Screen]:
-    """Yield the screen of `rig run`, which draws only if standard error is a terminal."""
+    """Yield the screen of `rig run`, which draws where `bottom_lines` may draw."""
     screen = Screen()
-    if not sys.stderr.isatty():
+    screen.live = live = bottom_lines(screen.draw, REFRESHES_PER_S)
+    if live is None:
         yield screen
         return
-    from rich.console import Console
-    from rich.live import Live
-
-    screen.live = live = Live(
-        console=Console(stderr=True),
-        refresh_per_second=REFRESHES_PER_S,
-        transient=True,
-        # Rich prints lines above the two drawn lines of a terminal; lines in a file must stay unchanged.
-        redirect_stdout=sys.stdout.isatty(),
-        get_renderable=screen.draw,
-    )
     live.start()
     try:
         yield screen
@@ -260,23 +252,11 @@ class HandScreen:
 
 @contextmanager
 def hand_screen() -> Iterator[HandScreen]:
-    """Yield the screen of `rig unload` and `rig jog`, which draws only on a terminal."""
+    """Yield the screen of `rig unload` and `rig jog`, which draws where `bottom_lines` may draw."""
     screen = HandScreen()
-    if not sys.stderr.isatty():
-        yield screen
-        return
-    from rich.console import Console
-    from rich.live import Live
-
-    screen.live = Live(
-        console=Console(stderr=True),
-        refresh_per_second=REFRESHES_PER_S,
-        transient=True,
-        redirect_stdout=sys.stdout.isatty(),
-        get_renderable=screen.draw,
-    )
+    screen.live = live = bottom_lines(screen.draw, REFRESHES_PER_S)
     try:
         yield screen
     finally:
-        if screen.live.is_started:
-            screen.live.stop()
+        if live is not None and live.is_started:
+            live.stop()

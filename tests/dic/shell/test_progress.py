@@ -109,3 +109,33 @@ def test_nothing_is_drawn_where_there_is_no_terminal(monkeypatch, tmp_path):
             bar.hide()
             bar.show()
     assert place.read_text() == ""
+
+
+@pytest.mark.parametrize("kind", ["dumb", "unknown"])
+def test_nothing_is_drawn_on_a_terminal_that_cannot_move_its_cursor(terminal, monkeypatch, kind):
+    terminal.attach()
+    monkeypatch.setenv("TERM", kind)
+    with progress("correlating", 1):
+        say("image 1: done", err=True)
+    assert terminal.shown() == "image 1: done\r\n"
+
+
+def test_nothing_is_drawn_where_a_pipe_may_lead_to_the_same_terminal(terminal, monkeypatch):
+    """As in `dic correlate … | tee log`: what comes out of the pipe would stand behind the bar."""
+    terminal.attach()
+    reader, writer = os.pipe()
+    with os.fdopen(reader) as piped, os.fdopen(writer, "w") as out:
+        monkeypatch.setattr(sys, "stdout", out)
+        with progress("correlating", 1) as bar:
+            say("image 1: done")
+            bar.advance()
+        assert piped.readline() == "image 1: done\n"
+    assert terminal.shown() == ""
+
+
+def test_long_line_above_the_bar_is_not_broken_by_a_line_feed(terminal, monkeypatch):
+    terminal.attach()
+    path = "a folder with a long name/" * 8 + "image.png"
+    with progress("correlating", 1):
+        say(path, err=True)
+    assert f"{path}\r\n" in terminal.shown()

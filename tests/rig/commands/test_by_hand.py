@@ -8,7 +8,7 @@ import pytest
 from rig.guardian.lock import machines_locked
 from rig.rigfile import read_rig
 from tests.command_line import RIG, run_rig
-from tests.rig.commands.screens import TerminalProgram
+from tests.screens import TerminalProgram
 
 RIG_FILE = """
 [rig]

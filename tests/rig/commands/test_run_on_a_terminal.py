@@ -8,7 +8,7 @@ import pytest
 
 from tests.command_line import RIG
 from tests.places import example
-from tests.rig.commands.screens import TerminalProgram
+from tests.screens import TerminalProgram
 
 pytestmark = pytest.mark.realtime
 

@@ -1,5 +1,6 @@
 """A program on a pseudo-terminal, whose screen a test reads as a person sees it."""
 
+import codecs
 import fcntl
 import os
 import pty
@@ -9,8 +10,11 @@ import signal
 import struct
 import subprocess
 import termios
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TextIO
 
 from drivers.clock import SystemClock
 
@@ -24,10 +28,12 @@ class Screen:
     Parameters
     ----------
     columns : int
+    rows : int
+        Lines above so many are scrolled away.
     """
 
-    def __init__(self, columns: int) -> None:
-        self._columns = columns
+    def __init__(self, columns: int, rows: int = ROWS) -> None:
+        self._columns, self._rows = columns, rows
         self._lines: list[list[str]] = [[]]
         self._row = self._column = 0
         self._rest = ""
@@ -54,7 +60,7 @@ class Screen:
     @property
     def lines(self) -> list[str]:
         """The lines that the terminal shows now, the oldest scrolled away."""
-        return ["".join(line).rstrip() for line in self._lines[-ROWS:]]
+        return ["".join(line).rstrip() for line in self._lines[-self._rows :]]
 
     def __str__(self) -> str:
         return "\n".join(self.lines).rstrip()
@@ -114,8 +120,7 @@ class TerminalProgram:
         self.screen = Screen(columns)
         self.seen: list[str] = []
         """Every screen, after each piece of output."""
-        self._ours, theirs = pty.openpty()
-        fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, columns, 0, 0))
+        self._ours, theirs = _terminal(columns)
         self.process = subprocess.Popen(
             command,
             stdin=theirs,
@@ -166,3 +171,56 @@ class TerminalProgram:
         if not self.seen or self.seen[-1] != str(self.screen):
             self.seen.append(str(self.screen))
         return bool(received)
+
+
+class Watched:
+    """A terminal in this process, whose screens are kept.
+
+    Attributes
+    ----------
+    seen : list of str
+        Every screen, after each piece of output.
+    """
+
+    def __init__(self, columns: int) -> None:
+        self._screen = Screen(columns, rows=1000)
+        self.seen: list[str] = []
+
+    @property
+    def lines(self) -> list[str]:
+        """The lines that the terminal shows now, without lines that it has broken."""
+        return str(self._screen).splitlines()
+
+    def read(self, descriptor: int) -> None:
+        """Show what comes from a descriptor, up to its end."""
+        # A character may be cut by the end of a piece.
+        decoder = codecs.getincrementaldecoder("utf-8")()
+        try:
+            while received := os.read(descriptor, 65536):
+                self._screen.feed(decoder.decode(received))
+                self.seen.append(str(self._screen))
+        except OSError:
+            # the other side is closed
+            return
+
+
+@contextmanager
+def terminal(columns: int) -> Iterator[tuple[TextIO, Watched]]:
+    """Give a stream that is a terminal, and what it shows; complete when the block has ended."""
+    ours, theirs = _terminal(columns)
+    watched = Watched(columns)
+    reader = threading.Thread(target=watched.read, args=(ours,))
+    reader.start()
+    try:
+        with os.fdopen(theirs, "w", buffering=1, encoding="utf-8") as stream:
+            yield stream, watched
+    finally:
+        reader.join()
+        os.close(ours)
+
+
+def _terminal(columns: int) -> tuple[int, int]:
+    """Return our side of a new terminal and the side of the program."""
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, columns, 0, 0))
+    return ours, theirs

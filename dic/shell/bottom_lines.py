@@ -1,0 +1,54 @@
+"""Lines at the bottom of a terminal that change while a command works; all printed lines stand above them."""
+
+import os
+import stat
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.live import Live
+
+_DUMB = ("dumb", "unknown")
+"""Types of terminals (the variable TERM) that cannot move the cursor."""
+
+
+def bottom_lines(draw: "Callable[[], RenderableType]", refreshes_per_s: float) -> "Live | None":
+    """Return Rich's display of the lines that `draw` returns, or None if nothing may be drawn.
+
+    Nothing may be drawn if standard error is no terminal, or one that cannot move its cursor. Nothing may be
+    drawn either if standard output is a pipe: its reader, such as `tee`, may print each line on the same
+    terminal, where the line would stand behind the drawn lines.
+
+    Parameters
+    ----------
+    draw : callable
+        Returns what stands at the bottom of the terminal now.
+    refreshes_per_s : float
+    """
+    if not sys.stderr.isatty() or os.environ.get("TERM", "").lower() in _DUMB or _leads_to_a_reader():
+        return None
+    from rich.console import Console
+    from rich.live import Live
+
+    return Live(
+        # With soft wrapping, the terminal breaks a long line. Rich would break the line with line feeds, and
+        # these would stay in a copied path or sentence.
+        console=Console(stderr=True, soft_wrap=True),
+        refresh_per_second=refreshes_per_s,
+        transient=True,
+        # Rich prints lines on the terminal above the drawn lines. A file gets its lines unchanged.
+        redirect_stdout=sys.stdout.isatty(),
+        get_renderable=draw,
+    )
+
+
+def _leads_to_a_reader() -> bool:
+    """Return True if another program reads the standard output."""
+    try:
+        mode = os.fstat(sys.stdout.fileno()).st_mode
+    except (OSError, ValueError):
+        # a stream without a descriptor keeps its lines in memory
+        return False
+    return stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode)

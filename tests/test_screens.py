@@ -1,0 +1,182 @@
+"""Every command as a person sees it: on a terminal, behind a pipe, and with an output that nobody reads.
+
+The screens on a terminal of 80 columns are kept in `tests/screens_as_text`. After a change of what a command
+prints, write them again with `python -m tests.test_screens`, and look at them.
+"""
+
+import io
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from contextlib import chdir
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.command_line import run_both
+from tests.conftest import SpecklePattern
+from tests.image_files import write_image
+from tests.places import EXAMPLES, ROOT, example
+from tests.screens import terminal
+
+KEPT = ROOT / "tests" / "screens_as_text"
+CAMERA = 'driver = "simulated-camera"'
+BAR = re.compile(r"\w+ +[━╸╺ ]+(\d+/\S+)? ?([-\d:]+)?")
+"""A bar, of which a screen may have received only the beginning."""
+
+COMMANDS = {
+    "quality": "dic quality reference.png",
+    "quality-of-a-bad-image": "dic quality flat.png",
+    "calibrate": "dic calibrate grid.png -o cal.h5 --force",
+    "correlate": "dic correlate ref.png img1.png img2.png img10.png other.png none.png --subset 21",
+    "correlate-calibrated": "dic correlate reference.png loaded.png --calibration cal.h5 --step 40",
+    "refusal": "dic correlate ref.png img1.png --subset 20",
+    "usage": "dic correlate ref.png img1.png --subsets 21",
+    "plan": "rig plan rotation.toml --rig rig.toml",
+    "check": "rig check rig.toml",
+    "run": "rig run rotation.toml --rig rig.toml -o run.h5",
+    "verify": "rig verify run.h5",
+    "repair": "rig repair run.h5",
+    "replay": "rig replay run.h5",
+    "status": "rig status rig.toml",
+    "hold": "rig hold rig.toml",
+    "jog": "rig jog tension-rig.toml --load-n 500 --yes",
+    "devices": "rig devices --no-probe",
+    "faults": "rig simulate --list-faults",
+    "refused-run": "rig run none.toml --rig rig.toml",
+}
+VARYING = {"devices", "usage"}
+"""Commands whose screen depends on the machine, or on the name of the program."""
+
+
+def make_files(folder: Path) -> None:
+    """Make the files that the commands read: images, a calibration, a rig and a finished run."""
+    pattern = SpecklePattern(seed=21)
+    write_image(folder / "ref.png", pattern.draw())
+    for name, stretch in (("img1", 0.001), ("img2", 0.002), ("img10", 0.01)):
+        write_image(folder / f"{name}.png", pattern.draw(lambda x, y, s=stretch: (x / (1 + s), y)))
+    write_image(folder / "other.png", SpecklePattern(seed=5).draw())
+    write_image(folder / "flat.png", np.full((160, 180), 77))
+    for name in ("grid", "reference", "loaded"):
+        shutil.copy(EXAMPLES / "images" / f"{name}.png", folder)
+    shutil.copy(EXAMPLES / "rotation.toml", folder)
+    small = (CAMERA, f"{CAMERA}\nwidth_px = 32\nheight_px = 24")
+    (folder / "rig.toml").write_text(example("rig-virtual-rotation-30", small))
+    (folder / "tension-rig.toml").write_text(example("rig-virtual-tension", small))
+    for name in ("calibrate", "run"):
+        assert piped(name)[0] == 0
+
+
+def typed(name: str) -> list[str]:
+    """Return a command as a person types it; a run never replaces an earlier one, so take that away."""
+    if name == "run":
+        Path("run.h5").unlink(missing_ok=True)
+    return COMMANDS[name].split()
+
+
+@cache
+def piped(name: str) -> tuple[int, str, str]:
+    """Return the status of a command, and what it prints where there is no terminal."""
+    out, err = io.StringIO(), io.StringIO()
+    status = run_both(*typed(name), out=out, err=err)
+    return status, out.getvalue(), err.getvalue()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("screens")
+    with chdir(made):
+        make_files(made)
+    return made
+
+
+@pytest.fixture(autouse=True)
+def _in_folder(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("TERM", "xterm")
+
+
+def on_terminal(name: str, columns: int) -> tuple[int, list[str], list[str]]:
+    """Return the status of a command, its last screen as lines, and every screen."""
+    with terminal(columns) as (stream, watched):
+        status = run_both(*typed(name), out=stream, err=stream)
+    return status, watched.lines, watched.seen
+
+
+def masked(text: str) -> str:
+    """Hide numbers, whose last digits differ from one processor to another, and the spaces before them."""
+    return re.sub(r"\s+", " ", re.sub(r"-?\d[\d.:e+-]*", "#", text))
+
+
+@pytest.mark.parametrize("columns", [80, 120])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_terminal_shows_each_line_of_a_pipe_and_no_line_stands_behind_a_bar(name, columns):
+    """The screen of 80 columns is the one that was looked at."""
+    expected, out, err = piped(name)
+    status, lines, seen = on_terminal(name, columns)
+    assert status == expected
+    printed = (out + err).splitlines()
+    broken = [part for line in printed for part in re.findall(f".{{1,{columns}}}", line.rstrip())]
+    assert sorted(map(masked, filter(None, lines))) == sorted(masked(part.rstrip()) for part in broken)
+    drawn = [line for screen in seen for line in screen.splitlines() if set("━╸╺") & set(line)]
+    assert [line for line in drawn if not BAR.fullmatch(line) and "Ctrl-C" not in line] == []
+    assert not set("━╸╺") & set("".join(lines))
+    if columns == 80 and name not in VARYING:
+        kept = (KEPT / f"{name}.txt").read_text(encoding="utf-8")
+        assert masked("\n".join(lines)) == masked(kept.strip())
+
+
+def test_tables_of_a_series_fit_100_columns():
+    for name in ("correlate", "correlate-calibrated"):
+        _, out, _ = piped(name)
+        rows = [line for line in out.splitlines() if " ± " in line and "contains" not in line]
+        assert rows
+        assert max(map(len, rows)) <= 100
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_output_that_nobody_reads_changes_neither_the_status_nor_the_complaints(name):
+    status, _, complaints = piped(name)
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "w") as nobody:
+        err = io.StringIO()
+        assert run_both(*typed(name), out=nobody, err=err) == status
+        assert masked(err.getvalue()) == masked(complaints)
+
+
+@pytest.mark.parametrize(
+    ("script", "status"),
+    [
+        ("{dic} quality reference.png | head -1; exit ${{PIPESTATUS[0]}}", 0),
+        ("{dic} quality reference.png >&-", 0),
+        ("{dic} quality flat.png >&- 2>&-", 2),
+        ("{rig} plan rotation.toml | head -1; exit ${{PIPESTATUS[0]}}", 0),
+        ("{rig} plan none.toml 2>&1 | true; exit ${{PIPESTATUS[0]}}", 2),
+    ],
+)
+def test_program_in_a_shell_ends_with_its_status_and_no_traceback(script, status):
+    programs = {name: f"{sys.executable} -c 'from {name}.cli import main; main()'" for name in ("dic", "rig")}
+    done = subprocess.run(["bash", "-c", script.format(**programs)], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (status, "")
+    assert len(done.stdout.splitlines()) <= 1
+
+
+def write_screens() -> None:
+    """Write the screens anew, to be looked at."""
+    os.environ["TERM"] = "xterm"
+    KEPT.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory() as place, chdir(place):
+        make_files(Path(place))
+        for name in sorted(COMMANDS.keys() - VARYING):
+            _, lines, _ = on_terminal(name, 80)
+            (KEPT / f"{name}.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write_screens()
