@@ -9,6 +9,7 @@ from rig.errors import ProtocolError
 from rig.facts import UNKNOWN_RIG, RigFacts, objections
 from rig.limit_settings import RigLimits
 from rig.limits.run_limits import RunLimits, limits_of
+from rig.mounting import Mounting
 from rig.protocol.durations import motion_times_s
 from rig.protocol.protocol import Protocol
 from rig.protocol.step import ProtocolStep
@@ -50,6 +51,8 @@ class Plan:
         Reasons why the rig cannot execute the protocol. `rig run` starts only if this list is empty.
     cautions : list of str
         Warnings about dangers that the rig file accepts; every start of a run prints them.
+    mounting : Mounting
+        The mounting of grid and specimen, as the protocol and the rig file declare it.
     """
 
     title: str
@@ -62,6 +65,7 @@ class Plan:
     limits: RunLimits
     objections: list[str]
     cautions: list[str] = field(default_factory=list)
+    mounting: Mounting = field(default_factory=Mounting)
 
     @property
     def duration_s(self) -> float | None:
@@ -96,6 +100,7 @@ def make_plan(protocol: Protocol, facts: RigFacts = UNKNOWN_RIG, rig_limits: Rig
         limits=in_force,
         # Both lists can name the same motion. The first list also names the protocol's setting, so prefer it.
         objections=objections(protocol, facts) or in_force.objections,
+        mounting=protocol.mounting,
     )
 
 

@@ -11,6 +11,7 @@ from drivers.registry import DeviceKind, DriverSpec, find_driver
 from drivers.settings import Settings, mistakes_in, read_toml_text
 from rig.guarding import GuardianSettings
 from rig.limit_settings import RigLimits
+from rig.mounting import Mounting
 from rig.notifying import NewsSettings
 from rig.recording import RecordingSettings
 
@@ -77,6 +78,7 @@ class RigFile:
     limits : RigLimits
     interlocks : dict of str to InterlockEntry
     news : NewsSettings
+    mounting : Mounting
     """
 
     path: Path
@@ -94,6 +96,7 @@ class RigFile:
     limits: RigLimits = field(default_factory=RigLimits)
     interlocks: dict[str, "InterlockEntry"] = field(default_factory=dict)
     news: NewsSettings = field(default_factory=NewsSettings)
+    mounting: Mounting = field(default_factory=Mounting)
 
 
 class _RigTable(Settings):
@@ -121,6 +124,7 @@ def read_rig(path: str | Path) -> RigFile:
     guardian = _read_table("guardian", GuardianSettings, data, mistakes)
     limits = _read_table("limits", RigLimits, data, mistakes)
     news = _read_table("news", NewsSettings, data, mistakes)
+    mounting = _read_table("mounting", Mounting, data, mistakes)
     devices = {
         key: _read_device(key, data[key], kind, mistakes) for key, kind in _SINGLE.items() if key in data
     }
@@ -147,10 +151,11 @@ def read_rig(path: str | Path) -> RigFile:
         limits=limits or RigLimits(),
         interlocks=interlocks,
         news=news or NewsSettings(),
+        mounting=mounting or Mounting(),
     )
 
 
-_KNOWN = {"rig", "cameras", "interlocks", "limits", "recording", "guardian", "news", *_SINGLE}
+_KNOWN = {"rig", "cameras", "interlocks", "limits", "recording", "guardian", "news", "mounting", *_SINGLE}
 
 
 def _read_table(key: str, settings: type[_Table], data: dict[str, Any], mistakes: list[str]) -> _Table | None:

@@ -54,7 +54,8 @@ def plan_protocol(protocol_path: str | Path, rig_path: str | Path | None = None)
         return make_plan(read_protocol(protocol_path))
     files = _read_both(protocol_path, rig_path)
     made = make_plan(files.protocol, facts_of_file(files.rig_file), files.rig_file.limits)
-    return replace(made, cautions=cautions(files.rig_file))
+    mounting = files.protocol.mounting.over(files.rig_file.mounting)
+    return replace(made, cautions=cautions(files.rig_file), mounting=mounting)
 
 
 def run_protocol(

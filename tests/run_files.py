@@ -169,6 +169,9 @@ HOSTILE: dict[str, Change] = {
     "a grid without lines": _put("entry/grid/lines", 0),
     "a pitch that is no number": _put("entry/grid/pitch_mm", np.nan),
     "a pitch of zero": _put("entry/grid/pitch_mm", 0.0),
+    "an infinite plate": _put("entry/mounting/plate_mm", np.inf),
+    "half a hinge": _put("entry/mounting/tilt_axis_mm", [np.nan, 1.0]),
+    "a negative shift": _put("entry/mounting/shift_std_um", -1.0),
     "a format that is no text": _attribute,
     "no attribute": lambda file: file["entry"].attrs.clear(),
 }

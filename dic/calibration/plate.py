@@ -38,7 +38,7 @@ def behind(calibration: Calibration, plate_mm: float) -> Calibration:
             "move to the specimen's surface",
             "a pinhole model, which gives the camera's centre",
             f"none, because {calibration.pinhole_problem}",
-            "leave --plate-mm out, or calibrate with more lines in view",
+            "give --plate-mm 0, or calibrate with more lines in view",
         )
     away_mm = float(pinhole.centre_mm[2])
     check = (
@@ -46,7 +46,7 @@ def behind(calibration: Calibration, plate_mm: float) -> Calibration:
         "distance of the surface behind the grid's lines",
         f"at most half of the camera's distance, {_THICKEST_SHARE * away_mm:.3g} mm",
         f"{plate_mm} mm",
-        "give --plate-mm 1 for a plate of 1 mm, or leave it out",
+        "give --plate-mm 1 for a plate of 1 mm, or 0 for none",
     )
     require_all(CalibrationError, source, [check])
     share, foot_mm = plate_mm / away_mm, pinhole.centre_mm[:2]

@@ -148,6 +148,7 @@ def _set_up(
     sensitivity = Sensitivity.of(calibration)
     return {
         "motion": motion.kind,
+        "shift": motion.shift.as_dict(),
         "alignment": None if alignment is None else alignment.as_dict(),
         "sensitivity": None if sensitivity is None else vars(sensitivity),
     }

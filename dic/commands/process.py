@@ -85,6 +85,12 @@ class MotionOptions:
 @click.argument("run", type=_FILE)
 @click.option("-o", "--output", type=_FILE, help="Result file. Default: RUN with the ending .results.h5.")
 @click.option("--report", "report_file", type=_FILE, help="HTML file for a report.")
+@click.option(
+    "--plate-mm",
+    type=float,
+    help="Distance of the specimen's surface behind the grid's lines, such as the thickness of the grid's"
+    " plate. Default: the value in the run file, otherwise 0.",
+)
 @option_group(
     "correlation",
     CorrelationOptions,
@@ -120,6 +126,7 @@ def process(
     run: Path,
     output: Path | None,
     report_file: Path | None,
+    plate_mm: float | None,
     correlation: CorrelationOptions,
     strain: StrainOptions,
     motion: MotionOptions,
@@ -154,6 +161,7 @@ def process(
             how,
             correcting=correcting,
             incremental=correlation.incremental,
+            plate_mm=plate_mm,
             on_image=bar.advance,
             on_count=bar.expect,
         )

@@ -37,6 +37,7 @@ def _camera_lines(result: "RunResult", camera: "CameraResult") -> list[str]:
     lines = [
         f"{camera.camera}: {calibration.grid.found} of {calibration.grid.expected} grid points,"
         f" residual {calibration.rms_px:.4f} px rms ({calibration.rms_mm * 1e3:.2f} µm)"
+        + (f", surface {calibration.plate_mm:g} mm behind the lines" if calibration.plate_mm else "")
         + "".join(f", {gauge_text(m.gauge_px, m.gauge_mm)}" for m in camera.measurements[:1])
     ]
     if not camera.measurements:
@@ -156,6 +157,7 @@ def as_dict(result: "RunResult") -> dict[str, Any]:
                 "rms_px": calibration.rms_px,
                 "max_px": calibration.max_px,
                 "rms_mm": calibration.rms_mm,
+                "plate_mm": calibration.plate_mm,
             },
             "alignment": None if corrections.alignment is None else corrections.alignment.as_dict(),
             "findings": result.corrections.findings[camera.camera],
@@ -170,6 +172,7 @@ def as_dict(result: "RunResult") -> dict[str, Any]:
         "simulated": info.simulated,
         "settings": vars(result.settings),
         "motion": result.corrections.motion,
+        "shift": result.correcting.shift.as_dict(),
         "cameras": cameras,
         "both": None if result.corrections.joint is None else _joint_as_dict(result.corrections.joint),
     }

@@ -53,6 +53,19 @@ class Shift:
         default_um = SHIFT_STD_UM if hinge_mm is None else HINGE_STD_UM
         return cls(default_um if std_um is None else float(std_um), hinge_mm)
 
+    def as_dict(self) -> dict[str, Any]:
+        """Return the standard deviation and the hinge under the names of the options, for JSON."""
+        hinge_mm = None if self.hinge_mm is None else list(self.hinge_mm)
+        return {"shift_std_um": self.std_um, "tilt_axis_mm": hinge_mm}
+
+    @property
+    def text(self) -> str:
+        """The knowledge of the shift as text, for reports."""
+        if self.hinge_mm is None:
+            return f"± {self.std_um:g} µm for one camera"
+        x, y = self.hinge_mm
+        return f"that of a tilt about a hinge at {x:g}, {y:g} mm, ± {self.std_um:g} µm, for one camera"
+
     @property
     def std_mm(self) -> float:
         """Standard deviation of the shift, or of what the tilt does not cause, mm."""

@@ -9,6 +9,7 @@ from threading import Event
 import numpy as np
 
 from dic.calibration.calibration import Calibration
+from dic.calibration.plate import behind
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CalibrationError, RunFileError, require_kind
@@ -89,6 +90,7 @@ def process_run(
     *,
     correcting: CorrectionSettings | None = None,
     incremental: str = "auto",
+    plate_mm: float | None = None,
     on_image: Callable[[], None] = lambda: None,
     on_count: Callable[[int], None] = lambda _: None,
 ) -> RunResult:
@@ -105,6 +107,9 @@ def process_run(
     incremental : str
         Rule for taking a new reference image in the series of a camera: "auto" (when the correlation drops),
         "never", or "always" (at every image).
+    plate_mm : float, optional
+        Distance of the specimen's surface behind the grid's lines. Default: the value in the run file, which
+        is 0 if protocol and rig file declare none.
     on_image : callable, optional
         Function that is called after each image.
     on_count : callable, optional
@@ -128,7 +133,8 @@ def process_run(
     with open_run(path) as run:
         run.step_of_kind("grid")
         run.step_of_kind("reference")
-        correcting = correcting or CorrectionSettings()
+        correcting = (correcting or CorrectionSettings()).completed(run.mounting)
+        plate_mm = run.mounting.plate_mm if plate_mm is None else plate_mm
         kinds = {step.kind for step in run.series()[1:]}
         correcting.require_use(str(path), list(run.cameras), kinds)
         on_count(len(run.cameras) * (len(run.series()) - 1))
@@ -136,7 +142,9 @@ def process_run(
         with ThreadPoolExecutor() as pool:
             stopped = Event()
             tasks = [
-                pool.submit(_process_camera, run, name, settings, strain, incremental, on_image, stopped)
+                pool.submit(
+                    _process_camera, run, name, settings, strain, incremental, plate_mm, on_image, stopped
+                )
                 for name in run.cameras
             ]
             try:
@@ -156,10 +164,11 @@ def _process_camera(
     settings: CorrelationSettings,
     strain: StrainSettings,
     incremental: str,
+    plate_mm: float,
     on_image: Callable[[], None],
     stopped: Event,
 ) -> CameraResult:
-    calibration = _calibrate(run, camera)
+    calibration = _calibrate(run, camera, plate_mm)
     first, *others = run.series()
     reference = run.image(camera, first)
     region = _calibrated_region(calibration, reference.shape)
@@ -182,14 +191,15 @@ def _process_camera(
     return CameraResult(camera, calibration, reference, steps, measurements, failures)
 
 
-def _calibrate(run: RunFile, camera: str) -> Calibration:
+def _calibrate(run: RunFile, camera: str, plate_mm: float) -> Calibration:
     image = run.image(camera, run.step_of_kind("grid"))
     source = f"{run.path}: {camera}"
     try:
         grid = find_target(image, _target(run), source)
     except CalibrationError as error:
         raise CalibrationError(source, error.step, error.expected, error.got, error.remedy) from error
-    return Calibration.fit(grid, image.shape, source)
+    calibration = Calibration.fit(grid, image.shape, source)
+    return behind(calibration, plate_mm) if plate_mm else calibration
 
 
 def _target(run: RunFile) -> Target:

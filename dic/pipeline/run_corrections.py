@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -18,10 +18,11 @@ from dic.out_of_plane.correct import (
 )
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.diagnosis import Harmonics, Sensitivity, rotation_findings, tension_findings
-from dic.out_of_plane.shift import shift_checks
+from dic.out_of_plane.shift import Shift, shift_checks
 from dic.out_of_plane.two_cameras import TwoCameraStep, correct_with_two_cameras
 from dic.pipeline.camera_result import CameraResult
 from dic.pipeline.reference_match import match_references
+from dic.runfile.mounting import RunMounting
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,17 @@ class CorrectionSettings:
     def __post_init__(self) -> None:
         checks = [poisson_check(self.poisson_ratio), *shift_checks(self.shift_std_um, self.tilt_axis_mm)]
         require_all(CorrelationError, "settings", checks)
+
+    @property
+    def shift(self) -> Shift:
+        """What is known of the specimen's shift towards the camera."""
+        return Shift.of(self.shift_std_um, self.tilt_axis_mm)
+
+    def completed(self, mounting: RunMounting) -> "CorrectionSettings":
+        """Return the settings, with the values that a run file declares for those that are not given."""
+        shift_std_um = mounting.shift_std_um if self.shift_std_um is None else self.shift_std_um
+        hinge_mm = mounting.tilt_axis_mm if self.tilt_axis_mm is None else self.tilt_axis_mm
+        return replace(self, shift_std_um=shift_std_um, tilt_axis_mm=hinge_mm)
 
     def require_use(self, source: str, cameras: Sequence[str], kinds: Set[str]) -> None:
         """Raise an error if a run with these cameras and kinds of steps cannot use the given alignments.

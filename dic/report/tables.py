@@ -83,6 +83,8 @@ def settings_rows(run: Run) -> list[tuple[str, str]]:
     rows += _strain_rows(run)
     rows += _calibration_settings(run)
     rows.append(("Correction", f"{_MOTIONS[result.corrections.motion]}; {_poisson(run)}"))
+    if result.corrections.motion == "tension":
+        rows.append(("Shift towards the camera", result.correcting.shift.text))
     starts = sorted({m.field.start for camera in run.cameras for m in camera.measurements})
     if starts:
         rows.append(("First guesses from", ", ".join(starts)))
@@ -101,6 +103,10 @@ def _calibration_settings(run: Run) -> list[tuple[str, str]]:
         f"{_MODELS[c.model]}" + (f", camera from {c.images} images" if c.images > 1 else "")
         for c in calibrations
     }
+    rows += [
+        ("Specimen's surface", f"{plate_mm:g} mm behind the grid's lines")
+        for plate_mm in sorted({c.plate_mm for c in calibrations if c.plate_mm})
+    ]
     return rows + [("Calibrated strain by", text) for text in sorted(models)]
 
 

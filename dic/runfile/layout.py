@@ -49,10 +49,13 @@ def require_layout(file: Any) -> None:
         set.
     """
     entry = _group(file, "entry")
-    for name, layout in (("", schema.ENTRY), ("sample", schema.SAMPLE), ("grid", schema.GRID)):
+    groups = {"": schema.ENTRY, "sample": schema.SAMPLE, "grid": schema.GRID}
+    if schema.MOUNTING_GROUP in entry:
+        groups[schema.MOUNTING_GROUP] = schema.MOUNTING
+    for name, layout in groups.items():
         group = _group(entry, name) if name else entry
         for item in layout.items:
-            _require_item(group, item, (2,) if item.name == "lines" else ())
+            _require_item(group, item, (2,) if item.name in ("lines", "tilt_axis_mm") else ())
     cameras = camera_names(file)
     for name in cameras:
         camera = _group(file, f"entry/instrument/{name}")

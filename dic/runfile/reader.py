@@ -18,6 +18,7 @@ from dic.runfile.chunks import pixel_places
 from dic.runfile.digests import BLOCK_BYTES, file_digest, frame_digest, read_user_block
 from dic.runfile.interlocks import RANGE, read_interlocks
 from dic.runfile.layout import Unlike, camera_names, require_layout
+from dic.runfile.mounting import read_mounting
 from dic.runfile.settings import Setting, settings_of
 
 
@@ -73,6 +74,8 @@ class RunFile:
         lines, `grid_lines` are the numbers of squares or dots.
     grid_marker_mm, grid_dictionary : float, str
         Length of a marker's side, and OpenCV's dictionary of the markers, for a ChArUco board.
+    mounting : RunMounting
+        The declared mounting of grid and specimen.
     cameras : list of str
         Names of the cameras.
     interlocks : dict of str to RunInterlock
@@ -312,6 +315,7 @@ class RunFile:
             self.grid_target = _text(entry["grid"]["target"])
             self.grid_marker_mm = float(entry["grid"]["marker_mm"][()])
             self.grid_dictionary = _text(entry["grid"]["dictionary"])
+        self.mounting = read_mounting(self._file)
         self._detectors = entry["instrument"]
         self.cameras = camera_names(self._file)
         self.interlocks = read_interlocks(self._file)

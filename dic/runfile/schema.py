@@ -101,6 +101,16 @@ SAMPLE = Group(
 )
 TARGET = (Item("target", "S16"), Item("marker_mm", "float64", "mm"), Item("dictionary", "S"))
 GRID = Group("NXcollection", (Item("lines", "int64", "1"), Item("pitch_mm", "float64", "mm"), *TARGET))
+MOUNTING_GROUP = "mounting"
+"""Name of the group with the declared mounting; files of earlier programs lack this group."""
+MOUNTING = Group(
+    "NXcollection",
+    (
+        Item("plate_mm", "float64", "mm"),
+        Item("tilt_axis_mm", "float64", "mm"),
+        Item("shift_std_um", "float64", "um"),
+    ),
+)
 INSTRUMENT = Group("NXinstrument")
 
 # Each group below is a table, whose items are columns. The last column is written last. So a row is complete

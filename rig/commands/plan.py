@@ -32,6 +32,7 @@ def plan_lines(plan: Plan) -> list[str]:
             + (", as the specimen decides how many increments it takes to yield" if at_most else "")
         )
     lines += _limit_lines(plan)
+    lines += [f"mounting: {fact}" for fact in plan.mounting.facts()]
     lines += [f"caution: {caution}" for caution in plan.cautions]
     return lines + [f"not on this rig: {objection}" for objection in plan.objections]
 
@@ -86,6 +87,7 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
         "worst_load_n": _known(plan.worst_load_n),
         "worst_displacement_mm": _known(plan.worst_displacement_mm),
         "limits": plan.limits.table.rows(),
+        "mounting": plan.mounting.model_dump(),
         "objections": plan.objections,
         "cautions": plan.cautions,
     }

@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from drivers.settings import Settings
+from rig.mounting import Mounting
 from rig.protocol.compiler import Compiler
 from rig.protocol.conditions import Conditions
 from rig.protocol.course import Course
@@ -34,6 +35,7 @@ class PhasesProtocol(Settings):
     settle: PhasesSettle
     grid: GridTable = Grid()
     images: Images = Images()
+    mounting: Mounting = Mounting()
     start: Start | None = None
     limits: Limits | None = None
     plausible: Plausible = Plausible()

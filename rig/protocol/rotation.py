@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from drivers.settings import Settings
+from rig.mounting import Mounting
 from rig.protocol.approach import Approach
 from rig.protocol.conditions import Conditions, Demand, Turn
 from rig.protocol.course import Beginning, Course, Place
@@ -38,11 +39,15 @@ class RotationProtocol(Settings):
     settle: RotationSettle
     grid: GridTable = Grid()
     images: Images = Images()
+    mounting: Mounting = Mounting()
 
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> "RotationProtocol":
         tolerance_deg = self.settle.angle_tolerance_deg
-        if mistakes := too_fine("rotation.increment_deg", self.rotation.increment_deg, tolerance_deg):
+        mistakes = too_fine("rotation.increment_deg", self.rotation.increment_deg, tolerance_deg)
+        if self.mounting.tilt_axis_mm is not None:
+            mistakes.append("mounting.tilt_axis_mm must be left out, because a rotation stage has no grips")
+        if mistakes:
             raise ValueError("; ".join(mistakes))
         return self
 

@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 
 from drivers.settings import Settings
 from rig.errors import ProtocolError
+from rig.mounting import Mounting
 from rig.protocol.approach import Approach
 from rig.protocol.conditions import TARE_PER_INCREMENT, Conditions, Demand, Pull, Zeroing
 from rig.protocol.course import Beginning, Course, Place
@@ -56,6 +57,7 @@ class TensionProtocol(Settings):
     settle: TensionSettle
     grid: GridTable = Grid()
     images: Images = Images()
+    mounting: Mounting = Mounting()
     limits: Limits
     plausible: Plausible = Plausible()
 

@@ -41,6 +41,7 @@ def make_header(
         provenance=_json(_provenance()),
         continues=continues,
         devices=_devices(rig_file, rig),
+        mounting=protocol.mounting.over(rig_file.mounting),
     )
 
 

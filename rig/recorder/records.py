@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 
 from drivers.interfaces import DeviceInfo
+from rig.mounting import Mounting
 from rig.protocol.grid import AnyGrid
 from rig.protocol.step import ProtocolStep, Reading
 from rig.protocol.tables import Sample
@@ -36,6 +37,8 @@ class RunHeader:
         ``interlocks.door``) its settings, as JSON.
     continues : str
         The earlier run that this run continues, as JSON; empty if there is no earlier run.
+    mounting : Mounting
+        The declared mounting of grid and specimen.
     """
 
     title: str
@@ -50,6 +53,7 @@ class RunHeader:
     provenance: str = "{}"
     devices: Mapping[str, str] = field(default_factory=dict)
     continues: str = ""
+    mounting: Mounting = field(default_factory=Mounting)
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from drivers.interfaces import CameraInfo, DeviceInfo, Frame, LoadFrameState, St
 from rig.devices import OpenedInterlock, Rig
 from rig.engine.engine import Engine
 from rig.engine.status import Outcome
+from rig.mounting import Mounting
 from rig.protocol.protocol import Protocol, parse_protocol
 from rig.recorder import Recorder, RunHeader
 from rig.recorder.header import interlock_records
@@ -236,6 +237,16 @@ def _header(run: RunFile) -> RunHeader:
         grid=protocol.grid,
         simulated=info.simulated,
         provenance=json.dumps({"command": shlex.join(sys.argv), "replay_of": info.run_id}),
+        mounting=_mounting(run),
+    )
+
+
+def _mounting(run: RunFile) -> Mounting:
+    mounting = run.mounting
+    return Mounting(
+        plate_mm=mounting.plate_mm,
+        tilt_axis_mm=None if mounting.tilt_axis_mm is None else list(mounting.tilt_axis_mm),
+        shift_std_um=mounting.shift_std_um,
     )
 
 

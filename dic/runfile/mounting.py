@@ -1,0 +1,51 @@
+"""Read what a run file says about the mounting of the grid and of the specimen."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dic.runfile import schema
+from dic.runfile.layout import Unlike
+
+
+@dataclass(frozen=True)
+class RunMounting:
+    """The mounting that the protocol or the rig file of a run declares.
+
+    Attributes
+    ----------
+    plate_mm : float
+        Distance of the specimen's surface behind the grid's lines; 0 if it is not declared.
+    tilt_axis_mm : tuple of float, or None
+        X and Y of the grips' hinge in the grid's axes; None if it is not declared.
+    shift_std_um : float or None
+        Standard deviation of the specimen's shift towards the camera; None if it is not declared.
+    """
+
+    plate_mm: float = 0.0
+    tilt_axis_mm: tuple[float, float] | None = None
+    shift_std_um: float | None = None
+
+
+def read_mounting(file: Any) -> RunMounting:
+    """Return the mounting in an open run file. Files of earlier programs declare none.
+
+    Raises
+    ------
+    Unlike
+        If a value is infinite, or the hinge has one coordinate only.
+    """
+    entry = file["entry"]
+    if schema.MOUNTING_GROUP not in entry:
+        return RunMounting()
+    group = entry[schema.MOUNTING_GROUP]
+    plate_mm, shift_std_um = float(group["plate_mm"][()]), float(group["shift_std_um"][()])
+    x, y = group["tilt_axis_mm"][:].tolist()
+    if np.isinf([plate_mm, shift_std_um, x, y]).any() or np.isnan(x) != np.isnan(y) or shift_std_um < 0.0:
+        raise Unlike(f"a mounting of plate {plate_mm} mm, hinge {x}, {y} mm and shift {shift_std_um} µm")
+    return RunMounting(
+        0.0 if np.isnan(plate_mm) else plate_mm,
+        None if np.isnan(x) else (x, y),
+        None if np.isnan(shift_std_um) else shift_std_um,
+    )

@@ -1,0 +1,104 @@
+"""`dic process` takes the mounting from the run file: rendered images of a specimen behind a grid plate."""
+
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+from dic.correlation.settings import CorrelationSettings
+from dic.errors import CalibrationError
+from dic.pipeline.run import process_run
+from dic.pipeline.run_corrections import CorrectionSettings
+from drivers.interfaces import CameraInfo, DeviceInfo, Frame
+from rig.mounting import Mounting
+from rig.protocol.grid import Grid
+from rig.protocol.step import ProtocolStep, Reading
+from rig.recorder import Recorder, StepRecord
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
+from simulators.scene.render import render
+from simulators.scene.scene import Surface
+from simulators.scene.sensor import Sensor
+from simulators.scene.texture import LineGrid, Speckle
+from tests.command_line import run_dic
+from tests.run_files import HEADER, START
+
+SIDE_PX, PITCH_MM, PLATE_MM, SLIDE_MM = 420, 0.35, 1.0, 0.3
+CAMERA = PinholeCamera(SIDE_PX, SIDE_PX, 2000.0, tilt_deg=30.0)
+SENSOR = Sensor(8, 32_500.0, 20.0, 12_000.0)
+COARSE = CorrelationSettings(step_px=30, shape="quadratic")
+
+
+@pytest.fixture(scope="module")
+def run_file(tmp_path_factory):
+    """A specimen slides in its plane, 1 mm behind the lines of the grid."""
+    rng, texture = np.random.default_rng(3), Speckle.sprayed(11)
+    lines = LineGrid(pitch_mm=PITCH_MM, overhang_mm=0.05, plate_half_mm=4.2)
+    surfaces = {
+        "grid": Surface(lines, Pose.sloped(0.0, 0.0, PLATE_MM)),
+        "reference": Surface(texture),
+        "load": Surface(texture, Pose(np.eye(3), np.array([0.0, SLIDE_MM, 0.0]))),
+    }
+    path = tmp_path_factory.mktemp("run") / "run.h5"
+    mounting = Mounting(plate_mm=PLATE_MM, tilt_axis_mm=[0.0, -30.0], shift_std_um=3.0)
+    header = replace(HEADER, grid=Grid(pitch_mm=PITCH_MM), mounting=mounting)
+    info = CameraInfo("v", "m", "s", width_px=SIDE_PX, height_px=SIDE_PX, bits=8)
+    recorder = Recorder(path, header, {"aside": info}, load_frame=DeviceInfo("v", "m", "s"))
+    for index, (kind, surface) in enumerate(surfaces.items()):
+        image = SENSOR.expose(render(CAMERA, surface), 10_000.0, 1.0, rng)
+        frame = Frame(image, float(index), index + 0.1, START, index, 0, 900.0, 1.0)
+        step = ProtocolStep(index, kind, 1000.0 if kind == "load" else np.nan)
+        frames = {"aside": (recorder.frame("aside", frame), 1)}
+        recorder.step(StepRecord(step, Reading(float(index), 1000.0), frames)).result(20)
+    recorder.close("completed", "", START)
+    return path
+
+
+def slide_mm(result):
+    (measurement,) = result.cameras[0].measurements
+    calibrated = measurement.calibrated
+    return calibrated.vector[calibrated.valid].mean(axis=0)
+
+
+@pytest.fixture(scope="module")
+def result(run_file):
+    return process_run(run_file, COARSE)
+
+
+def test_the_plate_of_the_run_file_is_taken_out_of_the_scale(run_file, result):
+    assert result.cameras[0].calibration.plate_mm == PLATE_MM
+    np.testing.assert_allclose(slide_mm(result), [0.0, SLIDE_MM], atol=0.0005)
+    without = slide_mm(process_run(run_file, COARSE, plate_mm=0.0))
+    # The lines are nearer to the camera by 1 mm of 34.64 mm.
+    share = 1.0 - PLATE_MM / (40.0 * np.cos(np.radians(30.0)))
+    np.testing.assert_allclose(without, [0.0, share * SLIDE_MM], atol=0.0005)
+
+
+def test_shift_and_hinge_of_the_run_file_are_taken_unless_they_are_given(run_file, result):
+    assert result.correcting == CorrectionSettings(shift_std_um=3.0, tilt_axis_mm=(0.0, -30.0))
+    given = CorrectionSettings(shift_std_um=9.0, tilt_axis_mm=(0.0, 50.0))
+    assert process_run(run_file, COARSE, correcting=given).correcting == given
+
+
+def test_the_command_line_replaces_the_plate_and_tells_it(run_file, tmp_path):
+    options = ("--step", 30, "-o", tmp_path / "r.h5", "--json", tmp_path / "r.json")
+    done = run_dic("process", run_file, *options, "--plate-mm", 0.5, "--tilt-axis-mm", "1,-20")
+    assert "surface 0.5 mm behind the lines" in done.out
+    assert done.report["cameras"]["aside"]["calibration"]["plate_mm"] == 0.5
+    assert done.report["shift"] == {"shift_std_um": 3.0, "tilt_axis_mm": [1.0, -20.0]}
+
+
+def test_a_plate_that_cannot_be_is_refused(run_file):
+    with pytest.raises(CalibrationError, match="or 0 for none"):
+        process_run(run_file, COARSE, plate_mm=30.0)
+
+
+def test_a_run_file_of_an_earlier_program_declares_nothing(run_file, tmp_path):
+    older = tmp_path / "older.h5"
+    older.write_bytes(run_file.read_bytes())
+    with h5py.File(older, "a") as file:
+        del file["entry/mounting"]
+    found = process_run(older, COARSE)
+    assert found.cameras[0].calibration.plate_mm == 0.0
+    assert found.correcting == CorrectionSettings()
