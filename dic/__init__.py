@@ -45,6 +45,10 @@ if TYPE_CHECKING:
     from dic.out_of_plane.diagnosis import Sensitivity
     from dic.out_of_plane.plane import Plane
     from dic.out_of_plane.two_cameras import TwoCameraStep
+    from dic.pictures.contact_sheet import write_contact_sheet
+    from dic.pictures.maps import write_maps
+    from dic.pictures.panels import map_scale
+    from dic.pictures.settings import MapSettings
     from dic.pipeline.camera_result import CameraResult
     from dic.pipeline.images import SeriesImage, measure_images, measure_series
     from dic.pipeline.run import RunResult, process_run
@@ -58,7 +62,6 @@ if TYPE_CHECKING:
     from dic.quality.quality import Quality, assess_quality
     from dic.report.page import write_report
     from dic.results.csv import write_csv
-    from dic.results.maps import write_maps
     from dic.runfile.reader import RunInfo, RunStep
     from dic.strain.displacement import Displacement, Noise
     from dic.strain.measurement import Measurement, measure
@@ -99,6 +102,7 @@ __all__ = [
     "JointCorrections",
     "KnownCamera",
     "LineGridTarget",
+    "MapSettings",
     "MeanStrain",
     "MeasuredImage",
     "MeasuredSeries",
@@ -134,6 +138,7 @@ __all__ = [
     "load_alignment",
     "load_calibration",
     "load_run_result",
+    "map_scale",
     "measure",
     "measure_images",
     "measure_series",
@@ -149,6 +154,7 @@ __all__ = [
     "save_calibration",
     "save_run_result",
     "strain_resolution_px",
+    "write_contact_sheet",
     "write_csv",
     "write_maps",
     "write_report",
@@ -186,6 +192,10 @@ _NAMES_OF = {
     "dic.out_of_plane.diagnosis": ("Sensitivity",),
     "dic.out_of_plane.plane": ("Plane",),
     "dic.out_of_plane.two_cameras": ("TwoCameraStep",),
+    "dic.pictures.contact_sheet": ("write_contact_sheet",),
+    "dic.pictures.maps": ("write_maps",),
+    "dic.pictures.panels": ("map_scale",),
+    "dic.pictures.settings": ("MapSettings",),
     "dic.pipeline.camera_result": ("CameraResult",),
     "dic.pipeline.images": ("SeriesImage", "measure_images", "measure_series"),
     "dic.pipeline.run": ("RunResult", "process_run"),
@@ -199,7 +209,6 @@ _NAMES_OF = {
     "dic.quality.quality": ("Quality", "assess_quality"),
     "dic.report.page": ("write_report",),
     "dic.results.csv": ("write_csv",),
-    "dic.results.maps": ("write_maps",),
     "dic.runfile.reader": ("RunInfo", "RunStep"),
     "dic.strain.displacement": ("Displacement", "Noise"),
     "dic.strain.measurement": ("Measurement", "measure"),

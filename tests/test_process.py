@@ -14,9 +14,10 @@ from dic.commands.run_table import table
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CalibrationError, RunFileError
 from dic.out_of_plane.correction import Correction
+from dic.pictures.panels import maps_of
+from dic.pictures.settings import MapSettings
 from dic.pipeline.run import process_run
 from dic.pipeline.run_result_file import load_run_result, save_run_result
-from dic.results.maps import panels
 from dic.runfile.reader import RunFile
 from rig.run import run_protocol
 from tests.command_line import refusal, run_both, run_dic
@@ -244,11 +245,13 @@ def test_maps_show_corrected_strain_where_there_is_one_and_calibrated_else(resul
     camera = next(camera for camera in result.cameras if camera.camera == "off_axis")
     measurement, correction = camera.measurements[-1], result.corrections.cameras["off_axis"].images[-1]
     assert correction.declined is None
-    titles, values = zip(*panels(measurement, correction), strict=True)
-    assert titles[2:] == ("εxx corrected, µε", "εyy corrected, µε", "εxy corrected, µε")
+    corrected = maps_of(measurement, MapSettings(), correction).panels
+    titles = [panel.title for panel in corrected]
+    assert titles[2:] == ["εxx corrected, µε", "εyy corrected, µε", "εxy corrected, µε"]
     # The specimen was turned, not strained; what is calibrated says otherwise.
-    calibrated = dict(panels(measurement))["εyy calibrated, µε"]
-    assert abs(np.nanmean(calibrated)) > 500
-    assert abs(np.nanmean(values[3])) < 50
+    (calibrated,) = maps_of(measurement, MapSettings(quantities=("eyy",))).panels
+    assert calibrated.title == "εyy calibrated, µε"
+    assert abs(np.nanmean(calibrated.values)) > 500
+    assert abs(np.nanmean(corrected[3].values)) < 50
     declined = Correction.refused("tilt", measurement, "necking")
-    assert panels(measurement, declined)[2][0] == "εxx calibrated, µε"
+    assert maps_of(measurement, MapSettings(), declined).panels[2].title == "εxx calibrated, µε"

@@ -24,8 +24,18 @@ from dic.files.writing import write_text
 from dic.shell.output_paths import require_places
 
 if TYPE_CHECKING:
-    from dic import Alignment, Calibration, CorrelationSettings, Motion, StrainSettings
+    from collections.abc import Iterable
+
+    from dic import (
+        Alignment,
+        Calibration,
+        CorrelationSettings,
+        MeasuredImage,
+        Motion,
+        StrainSettings,
+    )
     from dic.commands.series_record import SeriesRecord
+    from dic.pipeline.series_files import SeriesOutputs
 
 _FILE = click.Path(path_type=Path)
 _UNCORRECTED = (
@@ -63,15 +73,16 @@ def correlate(
     from dic import Series, SeriesImage, load_calibration, measure_series, read_image
     from dic.commands.series_record import SeriesRecord
     from dic.pipeline.series_files import SeriesOutputs
-    from dic.shell.console import fail, say, stopping_between
+    from dic.shell.console import fail, say
     from dic.shell.progress import progress
 
-    settings, how, _, known, _ = all_of(
+    settings, how, _, known, _, drawn = all_of(
         lambda: correlation.settings(motion.motion),
         strain.settings,
         start.check,
         motion.read,
         motion.require_rotation,
+        outputs.maps.settings,
     )
     files = outputs.files(deformed)
     inputs = [reference, *deformed, calibration_file, *region.files(), motion.alignment_file]
@@ -90,20 +101,13 @@ def correlate(
         calibrated=calibration is not None,
         keep_corrections=outputs.output is not None,
     )
-    with SeriesOutputs(image, settings, files) as results:
-        with progress("correlating", len(deformed)) as bar, stopping_between() as stopped:
-            for number, found in enumerate(measured, 1):
-                if found.measurement is not None:
-                    results.write(number - 1, found.measurement)
-                record.add(found, rotation=known.kind == "rigid")
-                bar.advance()
-                if stopped() and number < len(deformed):
-                    left = f"{len(deformed) - number} of {len(deformed)} images not measured"
-                    rest = f"stopped by a signal, {left}"
-                    record.fail(str(deformed[number]), rest, "; those before it are kept")
-                    break
+    with SeriesOutputs(image, settings, files, drawn) as results:
+        _measure(measured, record, results, deformed, rotation=known.kind == "rigid")
         alignment = record.finish(calibration, known)
         results.write_corrections(record.corrections)
+        if results.maps.pictures_left:
+            with progress("drawing", results.maps.pictures_left) as bar:
+                results.maps.draw(bar.advance)
     if outputs.json_file is not None:
         set_up = _set_up(calibration, known, alignment)
         _write_json(outputs.json_file, reference, record, settings, set_up)
@@ -111,6 +115,31 @@ def correlate(
     for sentence in record.bad:
         fail(sentence)
     click.get_current_context().exit(2 if record.failures else 1 if record.bad else 0)
+
+
+def _measure(
+    measured: "Iterable[MeasuredImage]",
+    record: "SeriesRecord",
+    results: "SeriesOutputs",
+    files: tuple[Path, ...],
+    *,
+    rotation: bool,
+) -> None:
+    """Measure the images one by one, until the last or a signal; print and write each result at once."""
+    from dic.shell.console import stopping_between
+    from dic.shell.progress import progress
+
+    with progress("correlating", len(files)) as bar, stopping_between() as stopped:
+        for number, found in enumerate(measured, 1):
+            if found.measurement is not None:
+                results.write(number - 1, found.measurement, found.correction)
+            record.add(found, rotation=rotation)
+            bar.advance()
+            if stopped() and number < len(files):
+                left = f"{len(files) - number} of {len(files)} images not measured"
+                rest = f"stopped by a signal, {left}"
+                record.fail(str(files[number]), rest, "; those before it are kept")
+                break
 
 
 def _gauge(

@@ -18,6 +18,7 @@ from dic.commands.correlation_options import (
     step_option,
     subset_option,
 )
+from dic.commands.map_options import MapOptions, map_group
 from dic.commands.option_groups import all_of, option_group
 from dic.shell.output_paths import FORCE
 
@@ -254,7 +255,7 @@ class OutputOptions:
 
     output: Path | None
     csv_folder: Path | None
-    maps_folder: Path | None
+    maps: MapOptions
     json_file: Path | None
     force: bool
 
@@ -262,7 +263,9 @@ class OutputOptions:
         """Return the paths of the output files for the deformed images, except the file of `--json`."""
         from dic.pipeline.series_files import SeriesFiles
 
-        return SeriesFiles(self.output, self.csv_folder, self.maps_folder, deformed)
+        maps = self.maps
+        sheets = maps.contact_sheets()
+        return SeriesFiles(self.output, self.csv_folder, maps.folder, deformed, maps.file_format, sheets)
 
 
 output_options = option_group(
@@ -270,7 +273,7 @@ output_options = option_group(
     OutputOptions,
     click.option("-o", "--output", type=_FILE, help="Result file, HDF5."),
     click.option("--csv", "csv_folder", type=_FILE, help="Folder for one CSV file per image."),
-    click.option("--maps", "maps_folder", type=_FILE, help="Folder for one PNG file of maps per image."),
+    map_group,
     click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results."),
     FORCE,
 )

@@ -1,14 +1,15 @@
 """The output files of `dic correlate`. Each kind of file is written only if the user names a place for it."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
 from dic.correlation.settings import CorrelationSettings
 from dic.out_of_plane.correction import Correction
+from dic.pictures.settings import MapSettings
+from dic.pipeline.series_maps import MapFiles, SeriesMaps
 from dic.results.csv import write_csv
-from dic.results.maps import write_maps
 from dic.results.writer import ResultWriter
 from dic.strain.measurement import Measurement
 from dic.typing import Grey
@@ -27,6 +28,8 @@ class SeriesFiles:
         csv_folder: Path | None,
         maps_folder: Path | None,
         deformed: Sequence[Path],
+        map_format: str = "png",
+        sheets: Mapping[str, Path] | None = None,
     ) -> None:
         for folder in (csv_folder, maps_folder):
             if folder is not None:
@@ -38,39 +41,48 @@ class SeriesFiles:
         ]
         self.output = output
         self.csv = [] if csv_folder is None else [csv_folder / f"{name}.csv" for name in names]
-        self.maps = [] if maps_folder is None else [maps_folder / f"{name}.png" for name in names]
+        maps = [] if maps_folder is None else [maps_folder / f"{name}.{map_format}" for name in names]
+        self.pictures = MapFiles(maps, sheets or {})
 
     def all(self) -> list[Path]:
         """Return the paths of all output files of the series."""
-        return [*([] if self.output is None else [self.output]), *self.csv, *self.maps]
+        return [*([] if self.output is None else [self.output]), *self.csv, *self.pictures.all()]
 
 
 class SeriesOutputs:
     """A writer that adds the images of a series to its output files one by one."""
 
-    def __init__(self, reference: Grey, settings: CorrelationSettings, files: SeriesFiles) -> None:
-        self._reference, self._settings, self._files = reference, settings, files
+    def __init__(
+        self,
+        reference: Grey,
+        settings: CorrelationSettings,
+        files: SeriesFiles,
+        how: MapSettings | None = None,
+    ) -> None:
+        self._settings, self._files = settings, files
         self._writer = None if files.output is None else ResultWriter(files.output)
+        self.maps = SeriesMaps(reference, files.pictures, how or MapSettings())
 
     def __enter__(self) -> Self:
+        self.maps.__enter__()
         if self._writer is not None:
             self._writer.__enter__()
         return self
 
     def __exit__(self, *error: Any) -> None:
+        self.maps.__exit__(*error)
         if self._writer is not None:
             self._writer.__exit__(*error)
 
-    def write(self, number: int, measurement: Measurement) -> None:
+    def write(self, number: int, measurement: Measurement, correction: Correction | None = None) -> None:
         """Write a measurement to its output files; `number` is the image's index in the series, from 0."""
         if self._writer is not None:
             self._writer.add("series", measurement)
         if self._files.csv:
             write_csv(measurement, self._files.csv[number])
-        if self._files.maps:
-            name = Path(measurement.label).name
-            title = f"{name}, subset {self._settings.subset_px} px, step {self._settings.step_px} px"
-            write_maps(measurement, self._reference, self._files.maps[number], title=title)
+        name = Path(measurement.label).name
+        title = f"{name}, subset {self._settings.subset_px} px, step {self._settings.step_px} px"
+        self.maps.add(number, title, measurement, correction)
 
     def write_corrections(self, corrections: Sequence[Correction]) -> None:
         """Write the corrections of all images to the result file; call this once, after the last image."""

@@ -2,11 +2,16 @@
 
 from dataclasses import dataclass
 
+from dic.pictures.layout import MM_PER_IN
+from dic.pictures.maps import draw_maps
+from dic.pictures.panels import maps_of, scale_of
+from dic.pictures.settings import MapSettings
 from dic.report import rotation, tension
 from dic.report.series import Run
-from dic.report.style import png_uri
-from dic.results.maps import draw_maps
+from dic.report.style import PAGE_WIDTH_IN, png_uri
 from dic.runfile.reader import RunStep
+
+_SETTINGS = MapSettings(width_mm=PAGE_WIDTH_IN * MM_PER_IN)
 
 
 @dataclass(frozen=True)
@@ -29,6 +34,8 @@ def field_pictures(run: Run) -> list[FieldPicture]:
             if step.index in measured:
                 at = measured[step.index]
                 correction = run.result.corrections.best(series.camera, step.index, at)
-                figure = draw_maps(series.measurements[at], series.result.reference, "", correction)
+                maps = maps_of(series.measurements[at], _SETTINGS, correction)
+                scale = scale_of([maps], _SETTINGS)
+                figure = draw_maps(maps, series.result.reference, "", _SETTINGS, scale)
                 pictures.append(FieldPicture(series.label, step, words, png_uri(figure, dpi=90)))
     return pictures

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 import signal
 from pathlib import Path
 
@@ -58,6 +59,33 @@ def test_every_output_tells_the_same(folder, tmp_path):
         values = series["u_px"][0][np.isfinite(series["u_px"][0])]
         assert sorted(values.round(6)) == sorted(float(row["u_px"]) for row in good)
     assert cv2.imread(str(tmp_path / "maps" / "moved.png")).shape[1] > 500
+
+
+def test_maps_are_drawn_as_the_options_say(folder, tmp_path):
+    result = run_dic(
+        "correlate", folder / "ref.png", folder / "moved.png", folder / "still.png", "--step", 20,
+        "--maps", tmp_path / "maps", "--map-format", "svg", "--map-on", "deformed", "--map-quantities", "exx",
+        "--map-limits", "exx=0,12000", "--map-colours", "cividis", "--map-width-mm", 90,
+        "--contact-sheet", f"exx={tmp_path / 'sheet.png'}",
+    )  # fmt: skip
+    assert result.status == 0, result
+    for name in ("moved", "still"):
+        drawn = (tmp_path / "maps" / f"{name}.svg").read_text()
+        width_pt = float(re.search(r'<svg[^>]* width="([\d.]+)pt"', drawn)[1])
+        assert width_pt == pytest.approx(90 / 25.4 * 72, abs=0.1)
+    assert cv2.imread(str(tmp_path / "sheet.png")).shape[1] == pytest.approx(90 / 25.4 * 150, abs=1)
+
+
+def test_mistakes_in_options_of_maps_are_reported_together(folder, tmp_path):
+    words = refusal(
+        "correlate", folder / "ref.png", folder / "moved.png", "--maps", tmp_path / "maps",
+        "--map-on", "moved",
+        "--map-format", "gif", "--map-limits", "exx=1", "--contact-sheet", "ezz=a.png",
+        "--map-colours", "jet",
+    )  # fmt: skip
+    for name in ("image under maps", "format of maps", "limits of maps", "contact sheet", "colours of maps"):
+        assert f"settings: {name}: expected" in words
+    assert not (tmp_path / "maps").exists()
 
 
 def test_a_truncated_image_is_named_and_the_others_are_kept(folder, tmp_path):

@@ -13,11 +13,12 @@ import pytest
 from dic.commands.run_table import as_dict, table
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import RunFileError
+from dic.pictures.panels import maps_of
+from dic.pictures.settings import MapSettings
 from dic.pipeline.camera_result import CameraResult
 from dic.pipeline.run import RunResult
 from dic.pipeline.run_corrections import CorrectionSettings, correct_run
 from dic.pipeline.run_result_file import load_run_result, save_run_result
-from dic.results.maps import panels
 from dic.runfile.reader import RunStep
 from dic.strain.strain import STRAIN_KEYS
 from simulators.scene.optics import PinholeCamera
@@ -240,8 +241,8 @@ class TestTamperedFile:
         aside = next(camera for camera in result.cameras if camera.camera == "aside")
         for k, expected in ((2, 5 * self.STRAIN), (1, 6 * self.STRAIN)):
             best = result.corrections.best("aside", aside.steps[k].index, k)
-            (_, exx), *_ = [p for p in panels(aside.measurements[k], best) if p[0].startswith("εxx")]
-            np.testing.assert_allclose(exx, 1e6 * expected)
+            (exx,) = maps_of(aside.measurements[k], MapSettings(quantities=("exx",)), best).panels
+            np.testing.assert_allclose(exx.values, 1e6 * expected)
 
 
 class TestFileWrittenBefore:

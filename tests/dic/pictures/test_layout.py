@@ -5,20 +5,28 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from dic.results.maps import draw_maps
+import dic
+from dic.pictures.maps import draw_maps
+from dic.pictures.panels import maps_of, scale_of
 from tests.dic.report.runs import affine
 
 MAPS = 5
 
 
+@pytest.fixture(scope="module", params=["px", "off"])
+def settings(request):
+    return dic.MapSettings(axes=request.param)
+
+
 @pytest.fixture(scope="module", params=[(120, 120), (120, 300), (3000, 1000)], ids=str)
-def drawn(request):
+def drawn(request, settings):
     """The figure for an image of some shape, drawn once, and the shape."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     height, width = request.param
     image = np.tile(np.linspace(0.0, 200.0, width, dtype=np.float32), (height, 1))
-    figure = draw_maps(affine(np.array([[0.1, 0.02], [0.03, -0.05]]), "step 3"), image, "step 3")
+    maps = maps_of(affine(np.array([[0.1, 0.02], [0.03, -0.05]]), "step 3"), settings)
+    figure = draw_maps(maps, image, "step 3", settings, scale_of([maps], settings))
     FigureCanvasAgg(figure).draw()
     return figure, (height, width)
 
@@ -34,7 +42,7 @@ def test_maps_have_the_shape_of_the_image_and_show_all_of_it(drawn):
 def test_background_is_as_bright_as_the_image_at_every_place(drawn):
     figure, (_, width) = drawn
     background = np.asarray(figure.axes[0].images[0].get_array())
-    assert background.shape[1] <= 800
+    assert max(background.shape) <= 1200
     # The image becomes brighter from left to right, and its columns may have been joined to fewer.
     middles = (np.arange(background.shape[1]) + 0.5) * width / background.shape[1] - 0.5
     np.testing.assert_allclose(background[0], 200.0 * middles / (width - 1), atol=0.5)

@@ -1,0 +1,158 @@
+"""The options of `dic correlate` for maps and contact sheets."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dic.commands.option_groups import all_of, option_group
+from dic.errors import CorrelationError
+
+if TYPE_CHECKING:
+    from dic import MapSettings
+
+FORMATS = ("png", "pdf", "svg")
+_DEFAULT_QUANTITIES = "u,v,exx,eyy,exy"
+
+
+@dataclass(frozen=True)
+class MapOptions:
+    """Options of maps: what they show, and how."""
+
+    folder: Path | None
+    file_format: str
+    quantities: str
+    on: str
+    axes: str
+    scale: str
+    limits: tuple[str, ...]
+    colours: str
+    width_mm: float
+    dpi: int
+    sheets: tuple[str, ...]
+
+    def settings(self) -> "MapSettings":
+        """Return the options as `MapSettings`."""
+        parts = self._settings, self._limits, self._require_format, self.contact_sheets
+        settings, limits, _, _ = all_of(*parts)
+        complete: MapSettings = replace(settings, limits=limits)
+        return complete
+
+    def _settings(self) -> "MapSettings":
+        from dic import MapSettings
+
+        return MapSettings(
+            quantities=tuple(name.strip() for name in self.quantities.split(",")),
+            on=self.on,
+            axes=self.axes,
+            scale=self.scale,
+            colours=self.colours,
+            width_mm=self.width_mm,
+            dpi=self.dpi,
+        )
+
+    def contact_sheets(self) -> dict[str, Path]:
+        """Return the file of each contact sheet by its quantity."""
+        found = {}
+        for text in self.sheets:
+            quantity, _, file = text.partition("=")
+            if quantity not in _DEFAULT_QUANTITIES.split(",") or not file:
+                raise CorrelationError(
+                    "settings",
+                    "contact sheet",
+                    f"QUANTITY=FILE with one of {_DEFAULT_QUANTITIES}",
+                    text,
+                    "give for example --contact-sheet eyy=sheet.png",
+                )
+            found[quantity] = Path(file)
+        return found
+
+    def _limits(self) -> dict[str, tuple[float, float]]:
+        limits = {}
+        for text in self.limits:
+            quantity, _, ends = text.partition("=")
+            try:
+                low, high = (float(end) for end in ends.split(","))
+            except ValueError as error:
+                remedy = "give for example --map-limits eyy=0,2000 (strain in µε)"
+                raise CorrelationError(
+                    "settings", "limits of maps", "QUANTITY=LOW,HIGH", text, remedy
+                ) from error
+            limits[quantity] = (low, high)
+        return limits
+
+    def _require_format(self) -> None:
+        if self.file_format not in FORMATS:
+            raise CorrelationError(
+                "settings",
+                "format of maps",
+                f"one of {', '.join(FORMATS)}",
+                self.file_format,
+                "give png for a screen, pdf for print",
+            )
+
+
+map_group = option_group(
+    "maps",
+    MapOptions,
+    click.option(
+        "--maps", "folder", type=click.Path(path_type=Path), help="Folder for one picture of maps per image."
+    ),
+    click.option(
+        "--map-format", "file_format", default="png", show_default=True, help="Format: png, pdf or svg."
+    ),
+    click.option(
+        "--map-quantities",
+        "quantities",
+        default=_DEFAULT_QUANTITIES,
+        show_default=True,
+        help="Quantities to draw.",
+    ),
+    click.option(
+        "--map-on",
+        "on",
+        default="reference",
+        show_default=True,
+        help="Image under the maps: reference or deformed.",
+    ),
+    click.option(
+        "--map-axes",
+        "axes",
+        default="auto",
+        show_default=True,
+        help="Axes of the maps: mm, px, off, or auto (mm with a calibration).",
+    ),
+    click.option(
+        "--map-scale",
+        "scale",
+        default="series",
+        show_default=True,
+        help="Scale of the colours: series (the same in all images) or image (each image its own).",
+    ),
+    click.option(
+        "--map-limits",
+        "limits",
+        multiple=True,
+        metavar="QUANTITY=LOW,HIGH",
+        help="Ends of a quantity's scale, in the unit of its map, such as eyy=0,2000. May be repeated.",
+    ),
+    click.option(
+        "--map-colours",
+        "colours",
+        default="viridis",
+        show_default=True,
+        help="Range of colours: viridis, cividis, inferno, grey, or diverging (white at zero).",
+    ),
+    click.option("--map-width-mm", "width_mm", default=250.0, show_default=True, help="Width of a picture."),
+    click.option(
+        "--map-dpi", "dpi", default=150, show_default=True, help="Resolution of a picture, points per inch."
+    ),
+    click.option(
+        "--contact-sheet",
+        "sheets",
+        multiple=True,
+        metavar="QUANTITY=FILE",
+        help="Picture with a small map of a quantity for each image, such as eyy=sheet.png. May be repeated.",
+    ),
+)

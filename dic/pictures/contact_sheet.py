@@ -1,0 +1,117 @@
+"""A contact sheet: one quantity in all images of a series, side by side on one scale."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from dic.errors import CorrelationError
+from dic.files.writing import write_figure
+from dic.image.given import grey_image
+from dic.out_of_plane.correction import Correction
+from dic.pictures.background import background_of
+from dic.pictures.layout import FONT_PT, Layout
+from dic.pictures.maps import cut_ends, draw_background, draw_bar, draw_panel
+from dic.pictures.panels import Maps, Panel, Scale, map_scale, maps_of
+from dic.pictures.settings import MapSettings
+from dic.strain.measurement import Measurement
+from dic.typing import Grey, ImageLike, PathLike
+
+MOST_PANELS = 48
+"""A longer series is shown by this number of images, evenly spaced, with the first and the last."""
+
+_COLUMNS = {"wide": 6, "tall": 8}
+_LONGEST_NAME = 24
+
+
+def shown_of(number: int) -> list[int]:
+    """Return the indices of the images that a contact sheet of a series of `number` images shows."""
+    if number <= MOST_PANELS:
+        return list(range(number))
+    return sorted({round(k * (number - 1) / (MOST_PANELS - 1)) for k in range(MOST_PANELS)})
+
+
+def write_contact_sheet(
+    measurements: Sequence[Measurement],
+    reference: ImageLike,
+    path: PathLike,
+    *,
+    quantity: str = "eyy",
+    corrections: Sequence[Correction | None] = (),
+    settings: MapSettings | None = None,
+) -> None:
+    """Write one picture with a small map of one quantity for each image of a series, all on one scale.
+
+    Parameters
+    ----------
+    measurements : sequence of Measurement
+        At least one; a series of more than 48 images is shown by 48 of them.
+    reference : ndarray, shape (height, width), or path
+        The reference image, which is drawn under all maps.
+    path : path
+        The file to write. The suffix of the file name determines the format, such as .png or .pdf.
+    quantity : str
+        "u", "v", "exx", "eyy" or "exy".
+    corrections : sequence of Correction or None, optional
+        Corrections of the measurements, in their order. Where there is one, corrected values are shown.
+    settings : MapSettings, optional
+
+    Raises
+    ------
+    MeasurementError
+        If there is no measurement, or a setting is wrong.
+    OSError
+        If the file cannot be written.
+    """
+    settings = replace(settings or MapSettings(), quantities=(quantity,), on="reference")
+    grey = grey_image(reference, "reference image")
+    given = list(corrections) or [None] * len(measurements)
+    scale = map_scale(measurements, settings, given)
+    chosen = [(measurements[k], given[k]) for k in shown_of(len(measurements))]
+    images = [(each.label, maps_of(each, settings, correction)) for each, correction in chosen]
+    figure = draw_contact_sheet(images, grey, len(measurements), settings, scale)
+    write_figure(figure, path, dpi=settings.dpi)
+
+
+def draw_contact_sheet(
+    images: Sequence[tuple[str, Maps]], reference: Grey, number: int, settings: MapSettings, scale: Scale
+) -> Any:
+    """Return a matplotlib figure with a map of each image, all on one scale.
+
+    Parameters
+    ----------
+    images : sequence of (str, Maps)
+        Name of each image that is shown, and its map.
+    reference : ndarray, shape (height, width)
+    number : int
+        Number of images of the series, of which these are shown.
+    settings : MapSettings
+    scale : mapping
+        Lower and upper end of the quantity.
+    """
+    if not images:
+        raise CorrelationError("contact sheet", "draw", "at least one measured image", "none", "measure one")
+    panels: list[Panel] = [maps.panels[0] for _, maps in images]
+    background = background_of(reference, images[0][1].places)
+    most = _COLUMNS["tall" if background.aspect >= 1.0 else "wide"]
+    columns = min(len(images), most)
+    layout = Layout(len(images), columns, settings.width_mm, background.aspect, False, True, bars=False)
+    figure = layout.new_figure()
+    share = "" if len(images) == number else f", {len(images)} of {number} images"
+    figure.suptitle(panels[0].title + share, fontsize=FONT_PT + 2, y=1 - 1.0 / layout.height_mm, va="top")
+    meshes = []
+    for index, (name, maps) in enumerate(images):
+        axis = layout.add_axes(figure, index)
+        draw_background(axis, background, None)
+        axis.set_title(_shortened(name), fontsize=FONT_PT - 1, pad=1.5, y=1.0)
+        meshes.append(draw_panel(axis, panels[index], maps.places.drawn_corners(), settings, scale))
+    drawn = [mesh for mesh in meshes if mesh is not None]
+    if drawn:
+        known = [panel for panel, mesh in zip(panels, meshes, strict=True) if mesh is not None]
+        draw_bar(figure, drawn[0], layout.add_bar(figure, 0), cut_ends(known, scale))
+    return figure
+
+
+def _shortened(name: str) -> str:
+    """Return the last part of a path, cut at its beginning if it is too long for a small map."""
+    last = name.rsplit("/", 1)[-1]
+    return last if len(last) <= _LONGEST_NAME else "…" + last[1 - _LONGEST_NAME :]

@@ -1,0 +1,134 @@
+"""Maps of displacement and strain, drawn over the reference or the deformed image."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.errors import MEASURE_FIRST, require_kind
+from dic.files.writing import write_figure
+from dic.image.given import grey_image
+from dic.out_of_plane.correction import Correction
+from dic.pictures.background import Background, background_of
+from dic.pictures.layout import FONT_PT, Layout
+from dic.pictures.panels import Maps, Panel, Scale, maps_of, scale_of
+from dic.pictures.settings import COLOURS, MapSettings
+from dic.strain.measurement import Measurement
+from dic.typing import Float, ImageLike, PathLike
+
+_GREY_PERCENTILES = (1.0, 99.5)
+
+
+def write_maps(
+    measurement: Measurement,
+    image: ImageLike,
+    path: PathLike,
+    *,
+    title: str | None = None,
+    correction: Correction | None = None,
+    settings: MapSettings | None = None,
+    scale: Scale | None = None,
+) -> None:
+    """Write one picture with the maps of a measurement: two displacements and three strains.
+
+    Parameters
+    ----------
+    measurement : Measurement
+    image : ndarray, shape (height, width), or path
+        The image under the maps: the reference image, or the deformed image if `settings.on` says so.
+    path : path
+        The file to write. The suffix of the file name determines the format, such as .png, .pdf or .svg.
+    title : str, optional
+        Title of the picture. Default: the measurement's label.
+    correction : Correction, optional
+        Correction of the measurement. If the image was corrected, the maps show corrected values instead of
+        calibrated ones.
+    settings : MapSettings, optional
+    scale : mapping, optional
+        Lower and upper end of the colours of each quantity, for example from `dic.map_scale`. Default: the
+        1st to the 99th percentile of this image.
+
+    Raises
+    ------
+    MeasurementError
+        If an argument has the wrong type, or the settings ask for axes in mm without a calibration.
+    OSError
+        If the file cannot be written.
+    """
+    require_kind("measurement", measurement, Measurement, MEASURE_FIRST)
+    settings = settings or MapSettings()
+    grey = grey_image(image, "image under the maps")
+    maps = maps_of(measurement, settings, correction)
+    scale = scale_of([maps], settings) if scale is None else scale
+    title = measurement.label if title is None else title
+    write_figure(draw_maps(maps, grey, title, settings, scale), path, dpi=settings.dpi)
+
+
+def draw_maps(maps: Maps, image: NDArray[Any], title: str, settings: MapSettings, scale: Scale) -> Any:
+    """Return a matplotlib figure with all maps of one image."""
+    background = background_of(image, maps.places)
+    number = len(maps.panels)
+    columns = min(number, 5 if background.aspect >= 1.0 else 3)
+    ticks = maps.places.unit is not None
+    layout = Layout(number, columns, settings.width_mm, background.aspect, ticks, bool(title))
+    figure = layout.new_figure()
+    if title:
+        figure.suptitle(title, fontsize=FONT_PT + 2, y=1 - 1.0 / layout.height_mm, va="top")
+    corners = maps.places.drawn_corners()
+    for index, panel in enumerate(maps.panels):
+        axis = layout.add_axes(figure, index)
+        draw_background(axis, background, maps.places.unit)
+        # with a given height, matplotlib does not measure all labels to find one
+        axis.set_title(panel.title, fontsize=FONT_PT, pad=2.5, y=1.0)
+        mesh = draw_panel(axis, panel, corners, settings, scale)
+        if mesh is not None:
+            draw_bar(figure, mesh, layout.add_bar(figure, index), cut_ends([panel], scale))
+    return figure
+
+
+def draw_background(axis: Any, background: Background, unit: str | None) -> None:
+    """Draw the image under a map, and the numbers at the axes."""
+    grey = background.grey
+    low, high = np.nanpercentile(grey, _GREY_PERCENTILES)
+    axis.imshow(grey, cmap="gray", vmin=low, vmax=high, extent=background.extent, aspect="auto")
+    left, right, lower, upper = background.extent
+    axis.set_xlim(left, right)
+    axis.set_ylim(lower, upper)
+    if unit is None:
+        axis.set_axis_off()
+        return
+    x, y = ("X", "Y") if unit == "mm" else ("x", "y")
+    axis.set_xlabel(f"{x}, {unit}", fontsize=FONT_PT, labelpad=1)
+    axis.set_ylabel(f"{y}, {unit}", fontsize=FONT_PT, labelpad=1)
+    axis.tick_params(labelsize=FONT_PT - 1, length=2, pad=1.5)
+    axis.locator_params(nbins=5)
+
+
+def draw_panel(axis: Any, panel: Panel, corners: Float, settings: MapSettings, scale: Scale) -> Any:
+    """Draw the values of a map as coloured cells; return the cells, or None if there is no value."""
+    ends = scale.get(panel.quantity)
+    if ends is None or not np.isfinite(panel.values).any():
+        axis.text(0.5, 0.5, "no value", transform=axis.transAxes, ha="center", fontsize=FONT_PT)
+        return None
+    return axis.pcolormesh(
+        corners[..., 0], corners[..., 1], np.ma.masked_invalid(panel.values), shading="flat",
+        cmap=COLOURS[settings.colours], alpha=settings.opacity, vmin=ends[0], vmax=ends[1], rasterized=True,
+        linewidth=0, edgecolors="none",
+    )  # fmt: skip
+
+
+def draw_bar(figure: Any, mesh: Any, axis: Any, extend: str) -> None:
+    """Draw the bar of colours. Its end is an arrow where values lie beyond the scale."""
+    bar = figure.colorbar(mesh, cax=axis, extend=extend, extendfrac=0.04)
+    bar.ax.tick_params(labelsize=FONT_PT - 1, length=2, pad=1.5)
+    bar.ax.ticklabel_format(useOffset=False)
+
+
+def cut_ends(panels: list[Panel], scale: Scale) -> str:
+    """Return which ends of the scale are exceeded by values: "neither", "min", "max" or "both"."""
+    low, high = scale[panels[0].quantity]
+    least = min(float(np.nanmin(panel.values)) for panel in panels)
+    most = max(float(np.nanmax(panel.values)) for panel in panels)
+    return {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[
+        least < low, most > high
+    ]

@@ -1,0 +1,167 @@
+"""What a map shows of a measurement: its values, their place in the image, and their scale."""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dic.out_of_plane.correction import Correction
+from dic.pictures.places import Places, places_of
+from dic.pictures.settings import QUANTITIES, MapSettings
+from dic.strain.measurement import Measurement
+from dic.typing import Float
+
+MICRO = 1e6
+_PERCENTILES = (1.0, 99.0)
+"""The scale spans these percentiles, so that single extreme points do not stretch it."""
+
+_LEAST_SPREAD = 1e-3
+"""Least range of a scale, as a fraction of its values."""
+_LEAST_RANGE = 1e-9
+"""Least range of the scale of an image without any motion."""
+
+_STRAIN_NAMES = {"exx": "εxx", "eyy": "εyy", "exy": "εxy"}
+
+
+@dataclass(frozen=True)
+class Panel:
+    """The values of one map.
+
+    Attributes
+    ----------
+    quantity : str
+        One of `QUANTITIES`.
+    name : str
+        Title of the map, without the unit.
+    unit : str
+    values : ndarray, shape (rows, columns)
+        Values at the points, NaN where there is none.
+    """
+
+    quantity: str
+    name: str
+    unit: str
+    values: Float
+
+    @property
+    def title(self) -> str:
+        """Name and unit."""
+        return f"{self.name}, {self.unit}"
+
+    @property
+    def span(self) -> tuple[float, float] | None:
+        """The ends of the values without single extreme points; None if there are no values."""
+        known = self.values[np.isfinite(self.values)]
+        if not known.size:
+            return None
+        low, high = np.percentile(known, _PERCENTILES)
+        return float(low), float(high)
+
+
+@dataclass(frozen=True)
+class Maps:
+    """All maps of one image: the values, and the places of the points in the picture."""
+
+    panels: tuple[Panel, ...]
+    places: Places
+
+    def only(self, quantities: Collection[str]) -> "Maps":
+        """Return the maps of some of the quantities."""
+        return replace(self, panels=tuple(panel for panel in self.panels if panel.quantity in quantities))
+
+
+def maps_of(measurement: Measurement, settings: MapSettings, correction: Correction | None = None) -> Maps:
+    """Return the maps of a measurement. They show corrected values if the image was corrected.
+
+    Otherwise they show calibrated values, or raw values if there is no calibration.
+    """
+    panels = {panel.quantity: panel for panel in _panels(measurement, correction)}
+    chosen = tuple(panels[quantity] for quantity in QUANTITIES if quantity in settings.quantities)
+    return Maps(chosen, places_of(measurement, settings))
+
+
+def _panels(measurement: Measurement, correction: Correction | None) -> Iterable[Panel]:
+    if correction is not None and correction.declined is None:
+        shown, strain, kind = correction.displacement, correction.strain, "corrected"
+    else:
+        shown, strain = measurement.calibrated or measurement.raw, measurement.strain
+        kind = "calibrated" if measurement.calibrated is not None else "raw"
+    vector = np.where(measurement.field.converged[..., None], shown.vector, np.nan)
+    x, y = ("U", "V") if shown.unit == "mm" else ("u", "v")
+    yield Panel("u", f"{x} to the right", shown.unit, vector[..., 0])
+    yield Panel("v", f"{y} upwards", shown.unit, vector[..., 1])
+    for quantity, name in _STRAIN_NAMES.items():
+        yield Panel(quantity, f"{name} {kind}", "µε", getattr(strain, quantity) * MICRO)
+
+
+Scale = Mapping[str, tuple[float, float]]
+"""Lower and upper end of the colours of each quantity."""
+
+
+def widened(scale: Scale, maps: Maps) -> Scale:
+    """Return a scale that also spans the 1st to the 99th percentile of the maps of a further image."""
+    ends = dict(scale)
+    for panel in maps.panels:
+        if (span := panel.span) is not None:
+            low, high = ends.get(panel.quantity, span)
+            ends[panel.quantity] = min(low, span[0]), max(high, span[1])
+    return ends
+
+
+def finished(scale: Scale, settings: MapSettings) -> Scale:
+    """Return the scale that is drawn: symmetric for diverging colours, with the ends that the user gave."""
+    ends = {quantity: _spread(*span) for quantity, span in scale.items()}
+    if settings.colours == "diverging":
+        ends = {quantity: _symmetric(*span) for quantity, span in ends.items()}
+    return ends | dict(settings.limits)
+
+
+def _spread(low: float, high: float) -> tuple[float, float]:
+    """Return ends that are apart: the values of a uniform field differ by rounding errors only."""
+    least = max(_LEAST_SPREAD * max(abs(low), abs(high)), _LEAST_RANGE)
+    if high - low >= least:
+        return low, high
+    return (low + high - least) / 2, (low + high + least) / 2
+
+
+def _symmetric(low: float, high: float) -> tuple[float, float]:
+    reach = max(abs(low), abs(high))
+    return -reach, reach
+
+
+def scale_of(several: Iterable[Maps], settings: MapSettings) -> Scale:
+    """Return one scale for the maps of one or several images.
+
+    The scale spans the 1st to the 99th percentile of each image, unless `settings.limits` gives its ends.
+    With diverging colours the scale is symmetric about zero.
+    """
+    scale: Scale = {}
+    for maps in several:
+        scale = widened(scale, maps)
+    return finished(scale, settings)
+
+
+def map_scale(
+    measurements: Sequence[Measurement],
+    settings: MapSettings | None = None,
+    corrections: Sequence[Correction | None] = (),
+) -> Scale:
+    """Return one scale for the maps of a series, for `write_maps`.
+
+    Parameters
+    ----------
+    measurements : sequence of Measurement
+    settings : MapSettings, optional
+    corrections : sequence of Correction or None, optional
+        Corrections of the measurements, in their order.
+
+    Returns
+    -------
+    dict of str to (float, float)
+        Lower and upper end of each quantity, in the unit of its map: px or mm for displacement, µε for
+        strain.
+    """
+    settings = settings or MapSettings()
+    given = list(corrections) or [None] * len(measurements)
+    pairs = zip(measurements, given, strict=True)
+    return scale_of((maps_of(each, settings, correction) for each, correction in pairs), settings)

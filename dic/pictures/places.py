@@ -1,0 +1,112 @@
+"""Where the points of a field are drawn: on the reference or the deformed image, in px or mm."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.correlation.field import Field
+from dic.errors import CorrelationError
+from dic.pictures.settings import MapSettings
+from dic.strain.measurement import Measurement
+from dic.typing import Float
+
+_CORNERS = ((0, 0), (0, 1), (1, 0), (1, 1))
+
+
+@dataclass(frozen=True)
+class Places:
+    """Cells around the points of a field, as they are drawn.
+
+    Attributes
+    ----------
+    corners : ndarray, shape (rows + 1, columns + 1, 2)
+        Corners of the cells in the image, px. The cell [i, j] belongs to the point [i, j].
+    to_axes : ndarray, shape (3, 3)
+        Homography from the image's pixels to the axes of the picture.
+    unit : str or None
+        Unit of the axes, "px" or "mm"; None for a picture without axes.
+    """
+
+    corners: Float
+    to_axes: Float
+    unit: str | None
+
+    def drawn_corners(self) -> Float:
+        """Return the corners of the cells in the axes, shape (rows + 1, columns + 1, 2)."""
+        return mapped(self.to_axes, self.corners)
+
+
+def places_of(measurement: Measurement, settings: MapSettings) -> Places:
+    """Return where the points of a measurement are drawn.
+
+    Raises
+    ------
+    CorrelationError
+        If axes in mm are asked for, but there is no calibration.
+    """
+    corners = _cell_corners(measurement.field, deformed=settings.on == "deformed")
+    in_mm = settings.axes == "mm" or (settings.axes == "auto" and measurement.calibrated is not None)
+    if not in_mm:
+        return Places(corners, np.eye(3), None if settings.axes == "off" else "px")
+    if measurement.calibrated is None:
+        raise CorrelationError(
+            "settings",
+            "axes of maps",
+            "a calibration for axes in mm",
+            "none",
+            "give --calibration FILE, or --map-axes px",
+        )
+    return Places(corners, _homography(measurement.field.points, measurement.calibrated.position), "mm")
+
+
+def mapped(homography: Float, points: Float) -> Float:
+    """Return points (…, 2) mapped by a homography (3, 3)."""
+    ends = np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1) @ homography.T
+    return np.asarray(ends[..., :2] / ends[..., 2:])
+
+
+def _homography(points_px: Float, position_mm: Float) -> Float:
+    """Return the homography that fits best between pixels and millimetres.
+
+    The picture is rectified by it. Distortion of the lens is left out, which moves no point visibly.
+    """
+    import cv2
+
+    there = position_mm.reshape(-1, 2)
+    known = np.isfinite(there).all(axis=1)
+    homography, _ = cv2.findHomography(points_px[known], there[known], 0)
+    return np.asarray(homography, np.float64)
+
+
+def _cell_corners(field: Field, *, deformed: bool) -> Float:
+    """Return the corners of the cells around the points, px, shape (rows + 1, columns + 1, 2).
+
+    On the deformed image a corner is where its neighbouring points predict it, by their displacements and
+    gradients; the prediction is the mean of up to four.
+    """
+    x, y = (_between(along.astype(np.float64)) for along in (field.x_px, field.y_px))
+    corners = np.stack(np.meshgrid(x, y), axis=-1)
+    if not deformed:
+        return corners
+    rows, columns = field.status.shape
+    total, count = np.zeros_like(corners), np.zeros(corners.shape[:2])
+    points = field.points.reshape(rows, columns, 2).astype(np.float64)
+    shift = np.stack([field.u_px, field.v_px], axis=-1)
+    # a field that was read from a result file may have no gradients: its cells keep their shape
+    gradient = np.nan_to_num(field.gradient).reshape(rows, columns, 2, 2)
+    for down, right in _CORNERS:
+        window = slice(down, down + rows), slice(right, right + columns)
+        away = corners[window] - points
+        moved = shift + np.einsum("...ij,...j->...i", gradient, away)
+        known = np.isfinite(moved).all(axis=-1)
+        total[window] += np.where(known[..., None], moved, 0.0)
+        count[window] += known
+    # corners without a measured neighbour belong to cells that are not drawn
+    return np.asarray(corners + total / np.maximum(count, 1.0)[..., None])
+
+
+def _between(positions: Float) -> Float:
+    """Return the limits of cells around positions (n,), shape (n + 1,); a single one is 1 px wide."""
+    middle = (positions[1:] + positions[:-1]) / 2
+    half = (positions[1] - positions[0]) / 2 if positions.size > 1 else 0.5
+    return np.concatenate([[positions[0] - half], middle, [positions[-1] + half]])

@@ -1,0 +1,130 @@
+"""The maps of a series of images on one scale; memory does not grow with the number of images."""
+
+import pickle
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Self
+
+from dic.files.writing import write_figure
+from dic.image.read import read_image
+from dic.out_of_plane.correction import Correction
+from dic.pictures.contact_sheet import draw_contact_sheet, shown_of
+from dic.pictures.maps import draw_maps
+from dic.pictures.panels import Maps, Scale, finished, maps_of, scale_of, widened
+from dic.pictures.settings import MapSettings
+from dic.strain.measurement import Measurement
+from dic.typing import Grey
+
+
+@dataclass(frozen=True)
+class MapFiles:
+    """Places of the pictures of a series.
+
+    Attributes
+    ----------
+    maps : sequence of path
+        The picture of each image; empty for no pictures.
+    sheets : mapping of str to path
+        The contact sheet of each quantity that is to have one.
+    """
+
+    maps: Sequence[Path]
+    sheets: Mapping[str, Path]
+
+    def all(self) -> list[Path]:
+        """Return the paths of all pictures."""
+        return [*self.maps, *self.sheets.values()]
+
+
+@dataclass(frozen=True)
+class _Waiting:
+    number: int
+    label: str
+    title: str
+    maps: Maps
+    small: Maps
+
+
+class SeriesMaps:
+    """Draw the maps of a series of image files.
+
+    A scale that serves all images is known only after the last image. Until then the values wait in a
+    temporary file. With a scale for each image, its picture is drawn at once.
+
+    Parameters
+    ----------
+    reference : ndarray, shape (height, width)
+    files : MapFiles
+    settings : MapSettings
+    """
+
+    def __init__(self, reference: Grey, files: MapFiles, settings: MapSettings) -> None:
+        self._reference, self._files, self._settings = reference, files, settings
+        self._small = replace(settings, quantities=tuple(files.sheets) or ("eyy",), on="reference")
+        self._at_once = bool(files.maps) and settings.scale == "image"
+        self._scale: Scale = {}
+        self._small_scale: Scale = {}
+        self._number = 0
+
+    def __enter__(self) -> Self:
+        self._spool: Any = tempfile.TemporaryFile()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._spool.close()
+
+    def add(self, number: int, title: str, measurement: Measurement, correction: Correction | None) -> None:
+        """Add an image; `number` is its index in the series, from 0, and its label is its file."""
+        if not self._files.all():
+            return
+        maps, small = (maps_of(measurement, how, correction) for how in (self._settings, self._small))
+        waiting = _Waiting(number, measurement.label, title, maps, small)
+        if self._at_once:
+            self._draw_maps(waiting, scale_of([maps], self._settings))
+        if self._files.sheets or not self._at_once:
+            pickle.dump(waiting, self._spool)
+            self._number += 1
+            if self._files.maps:
+                self._scale = widened(self._scale, maps)
+            if self._files.sheets:
+                self._small_scale = widened(self._small_scale, small)
+
+    @property
+    def pictures_left(self) -> int:
+        """Number of pictures that `draw` will write."""
+        if not self._number:
+            return 0
+        return len(self._files.sheets) + (0 if self._at_once else len(self._files.maps) and self._number)
+
+    def draw(self, on_picture: Callable[[], None] = lambda: None) -> None:
+        """Write all pictures that have waited for the last image. Call `on_picture` after each."""
+        scale = finished(self._scale, self._settings)
+        shown = set(shown_of(self._number))
+        of_sheets: list[tuple[str, Maps]] = []
+        for index, waiting in enumerate(self._waiting()):
+            if self._files.maps and not self._at_once:
+                self._draw_maps(waiting, scale)
+                on_picture()
+            if self._files.sheets and index in shown:
+                of_sheets.append((waiting.label, waiting.small))
+        for quantity, path in self._files.sheets.items() if of_sheets else ():
+            self._draw_sheet(path, [(label, small.only({quantity})) for label, small in of_sheets])
+            on_picture()
+
+    def _waiting(self) -> Iterator[_Waiting]:
+        self._spool.seek(0)
+        for _ in range(self._number):
+            yield pickle.load(self._spool)  # the file is this program's own, and has no name
+
+    def _draw_maps(self, waiting: _Waiting, scale: Scale) -> None:
+        settings = self._settings
+        image = self._reference if settings.on == "reference" else read_image(waiting.label)
+        figure = draw_maps(waiting.maps, image, waiting.title, settings, scale)
+        write_figure(figure, self._files.maps[waiting.number], dpi=settings.dpi)
+
+    def _draw_sheet(self, path: Path, images: Sequence[tuple[str, Maps]]) -> None:
+        scale = finished(self._small_scale, self._small)
+        figure = draw_contact_sheet(images, self._reference, self._number, self._small, scale)
+        write_figure(figure, path, dpi=self._settings.dpi)

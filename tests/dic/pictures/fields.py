@@ -1,0 +1,43 @@
+"""Fields with displacements known exactly, which no correlation has computed."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+import dic
+
+SHAPE = (240, 300)
+
+
+def field_of(motion: Callable[[np.ndarray], np.ndarray], gradient: np.ndarray, lost: tuple = ()) -> dic.Field:
+    """Return a field whose points are displaced by `motion`, which takes and gives (…, 2) in px.
+
+    Parameters
+    ----------
+    motion : function
+        Displacement (u, v) at positions (x, y).
+    gradient : ndarray, shape (2, 2)
+        The displacement's gradient, the same everywhere.
+    lost : sequence of (row, column)
+        Points that failed.
+    """
+    x, y = np.arange(40, 261, 20), np.arange(30, 211, 20)
+    places = np.stack(np.meshgrid(x, y), axis=-1).astype(float)
+    shape = places.shape[:2]
+    warps = np.empty((*shape, 6))
+    warps[..., [0, 3]] = motion(places)
+    warps[..., [1, 2, 4, 5]] = gradient.ravel()
+    status = np.full(shape, dic.Status.CONVERGED, np.int8)
+    for place in lost:
+        warps[place] = np.nan
+        status[place] = dic.Status.LOW_CORRELATION
+    settings = dic.CorrelationSettings(subset_px=21, step_px=20)
+    few, one = np.full((*shape, 6), 1e-4), np.ones(shape)
+    active = np.ones(shape, bool)
+    return dic.Field(x, y, warps, few, one, np.full(shape, 3, np.int16), status, active, "search", settings)
+
+
+def stretched(exx: float, lost: tuple = ()) -> dic.Field:
+    """Return the field of a specimen that is stretched to the right by `exx`, with u = 0 at x = 0."""
+    gradient = np.array([[exx, 0.0], [0.0, 0.0]])
+    return field_of(lambda places: places @ gradient.T, gradient, lost)
