@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         RunFileError,
     )
     from dic.image.given import read_region
+    from dic.image.pages import list_images
     from dic.image.read import read_image
     from dic.out_of_plane.alignment import Alignment, load_alignment, save_alignment
     from dic.out_of_plane.correct import Corrections, Motion
@@ -135,6 +136,7 @@ __all__ = [
     "corrected_rotation",
     "find_target",
     "gauge_text",
+    "list_images",
     "load_alignment",
     "load_calibration",
     "load_run_result",
@@ -185,6 +187,7 @@ _NAMES_OF = {
         "RunFileError",
     ),
     "dic.image.given": ("read_region",),
+    "dic.image.pages": ("list_images",),
     "dic.image.read": ("read_image",),
     "dic.out_of_plane.alignment": ("Alignment", "load_alignment", "save_alignment"),
     "dic.out_of_plane.correct": ("Corrections", "Motion"),

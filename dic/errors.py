@@ -1,6 +1,9 @@
 """Errors of a measurement. The message of each error is one sentence that ends with a remedy."""
 
-from collections.abc import Iterable, Sequence
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from numbers import Integral, Real
 from typing import Any, get_args
 
@@ -36,6 +39,30 @@ class ImageError(MeasurementError):
 
 class ImageWarning(UserWarning):
     """A warning that only a part of an image file's content is used, or that the image is turned."""
+
+
+_given: ContextVar[set[str] | None] = ContextVar("given", default=None)
+"""Warnings about images that were given in the present series; None outside of a series."""
+
+
+@contextmanager
+def each_warning_once() -> Iterator[None]:
+    """Give each warning about image files only for the first file of a series; also a decorator."""
+    before = _given.set(set() if _given.get() is None else _given.get())
+    try:
+        yield
+    finally:
+        _given.reset(before)
+
+
+def warn_of_image(path: object, note: str) -> None:
+    """Give an `ImageWarning` about a file; within `each_warning_once`, only for the first file."""
+    given = _given.get()
+    if given is None:
+        warnings.warn(f"{path}: {note}", ImageWarning, stacklevel=3)
+    elif note not in given:
+        given.add(note)
+        warnings.warn(f"{path}: {note} (said once for the series)", ImageWarning, stacklevel=3)
 
 
 class CalibrationError(MeasurementError):

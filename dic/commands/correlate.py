@@ -20,11 +20,12 @@ from dic.commands.series_options import (
     region_options,
     start_options,
 )
+from dic.errors import each_warning_once
 from dic.files.writing import write_text
 from dic.shell.output_paths import require_places
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from dic import (
         Alignment,
@@ -45,7 +46,7 @@ _UNCORRECTED = (
 
 @click.command()
 @click.argument("reference", type=_FILE)
-@click.argument("deformed", type=_FILE, nargs=-1, required=True)
+@click.argument("deformed", type=_FILE, nargs=-1)
 @click.option("--calibration", "calibration_file", type=_FILE, help="Calibration file, for results in mm.")
 @correlation_options
 @strain_options
@@ -53,6 +54,7 @@ _UNCORRECTED = (
 @start_options
 @motion_options
 @output_options
+@each_warning_once()
 def correlate(
     reference: Path,
     deformed: tuple[Path, ...],
@@ -66,6 +68,10 @@ def correlate(
 ) -> None:
     """Correlate DEFORMED images with the REFERENCE image.
 
+    DEFORMED are image files, folders, quoted patterns such as "img*.tif", and TIFF files of several pages, of
+    which all pages are measured. Names are taken in natural order: img2 before img10. Without DEFORMED, the
+    first image of a folder, pattern or TIFF file is the reference of the others.
+
     If an image cannot be measured, the command reports the image and continues with the next. Ctrl-C ends
     the series after the current image and keeps its results. Exit status: 0 if all images are measured well,
     1 if an image is measured poorly, 2 if an image cannot be measured.
@@ -73,6 +79,7 @@ def correlate(
     from dic import Series, SeriesImage, load_calibration, measure_series, read_image
     from dic.commands.series_record import SeriesRecord
     from dic.pipeline.series_files import SeriesOutputs
+    from dic.pipeline.series_sources import SeriesSources
     from dic.shell.console import fail, say
     from dic.shell.progress import progress
 
@@ -84,14 +91,17 @@ def correlate(
         motion.require_rotation,
         outputs.maps.settings,
     )
-    files = outputs.files(deformed)
-    inputs = [reference, *deformed, calibration_file, *region.files(), motion.alignment_file]
+    sources = SeriesSources.of(reference, deformed or None)
+    files = outputs.files(sources.images)
+    inputs = [*sources.files, calibration_file, *region.files(), motion.alignment_file]
     require_places(inputs, [outputs.json_file, motion.save_alignment, *files.all()], force=outputs.force)
     calibration = None if calibration_file is None else load_calibration(calibration_file)
-    image = read_image(reference)
+    for note in sources.notes:
+        say(note)
+    image = read_image(sources.reference)
     hint = start.hint(image.shape)
     series = Series(image, region.read(image.shape), settings, incremental=start.incremental)
-    images = [SeriesImage(path, str(path), hint) for path in deformed]
+    images = [SeriesImage(path, str(path), hint) for path in sources.images]
     measured = measure_series(series, images, calibration, how, known)
     say(_gauge(how, settings, calibration))
     if calibration is not None and known.kind == "free":
@@ -102,7 +112,7 @@ def correlate(
         keep_corrections=outputs.output is not None,
     )
     with SeriesOutputs(image, settings, files, drawn) as results:
-        _measure(measured, record, results, deformed, rotation=known.kind == "rigid")
+        _measure(measured, record, results, sources.images, rotation=known.kind == "rigid")
         alignment = record.finish(calibration, known)
         results.write_corrections(record.corrections)
         if results.maps.pictures_left:
@@ -110,7 +120,7 @@ def correlate(
                 results.maps.draw(bar.advance)
     if outputs.json_file is not None:
         set_up = _set_up(calibration, known, alignment)
-        _write_json(outputs.json_file, reference, record, settings, set_up)
+        _write_json(outputs.json_file, sources.reference, record, settings, set_up)
     motion.save(alignment)
     for sentence in record.bad:
         fail(sentence)
@@ -121,7 +131,7 @@ def _measure(
     measured: "Iterable[MeasuredImage]",
     record: "SeriesRecord",
     results: "SeriesOutputs",
-    files: tuple[Path, ...],
+    files: "Sequence[Path]",
     *,
     rotation: bool,
 ) -> None:

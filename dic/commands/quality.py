@@ -9,6 +9,7 @@ import click
 
 from dic.commands.correlation_options import smoothing_option, smoothing_px, subset_option
 from dic.commands.option_groups import all_of, option_group
+from dic.errors import each_warning_once
 from dic.files.writing import write_text
 from dic.shell.output_paths import FORCE, require_places
 
@@ -47,7 +48,7 @@ class PlannedOptions:
 
 
 @click.command()
-@click.argument("image", type=_FILE)
+@click.argument("images", metavar="IMAGE...", type=_FILE, nargs=-1, required=True)
 @click.option(
     "--roi", type=_FILE, help="Mask image, white in the region to check. Default: the area with texture."
 )
@@ -69,8 +70,9 @@ class PlannedOptions:
 @click.option("--plot", "plot_file", type=_FILE, help="PNG file with noise floor, focus and pattern.")
 @click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results.")
 @FORCE
+@each_warning_once()
 def quality(
-    image: Path,
+    images: tuple[Path, ...],
     roi: Path | None,
     second: Path | None,
     planned: PlannedOptions,
@@ -80,13 +82,51 @@ def quality(
 ) -> None:
     """Check the speckles, light, focus and noise of IMAGE, and print the expected noise of displacements.
 
-    Exit status: 0 for a good image, 1 for an image with a fault, 2 if the image cannot be checked.
+    IMAGE may also be several files, a folder, a quoted pattern such as "img*.tif", or a TIFF file of several
+    pages: each image is checked, and the JSON has a list `images`.
+
+    Exit status: 0 for good images, 1 if an image has a fault, 2 if an image cannot be checked.
     """
+    from dic import MeasurementError, list_images
+    from dic.pipeline.series_sources import files_of
+    from dic.shell.console import fail
+    from dic.shell.progress import progress
+
+    settings = planned.settings()
+    listed = list_images(*images)
+    _require_one(listed, {"--second": second, "--plot": plot_file})
+    require_places([*files_of(listed), roi, second], [plot_file, json_file], force=force)
+    contents: list[dict[str, Any]] = []
+    failures: list[dict[str, str]] = []
+    with progress("checking", len(listed)) as bar:
+        for image in listed:
+            try:
+                contents.append(_check(image, roi, second, planned, settings, plot_file))
+            except MeasurementError as error:
+                if len(listed) == 1:
+                    raise
+                failures.append({"file": str(image), "error": str(error)})
+                fail(f"{image}: {error}" if str(image) not in str(error) else str(error))
+            bar.advance()
+    if json_file is not None:
+        content = contents[0] if len(listed) == 1 else {"images": contents, "failures": failures}
+        write_text(json_file, json.dumps(content, indent=1, ensure_ascii=False))
+    good = all(content["good"] for content in contents)
+    click.get_current_context().exit(2 if failures else 0 if good else 1)
+
+
+def _check(
+    image: Path,
+    roi: Path | None,
+    second: Path | None,
+    planned: PlannedOptions,
+    settings: "CorrelationSettings",
+    plot_file: Path | None,
+) -> dict[str, Any]:
+    """Check an image, print what is found, and return it for JSON."""
     from dic import assess_quality, plot_quality, quality_findings
     from dic.shell.console import fail, say
 
-    settings = planned.settings()
-    require_places([image, roi, second], [plot_file, json_file], force=force)
     judged = assess_quality(
         image,
         roi,
@@ -98,13 +138,21 @@ def quality(
     sentences, figures = quality_findings(judged), judged.as_dict()
     if plot_file is not None:
         plot_quality(judged, image, plot_file)
-    if json_file is not None:
-        content = {"image": str(image), **figures, "good": not sentences, "findings": sentences}
-        write_text(json_file, json.dumps(content, indent=1, ensure_ascii=False))
     say(f"{image}: {'not good' if sentences else 'good'}\n{text(figures)}")
     for sentence in sentences:
         fail(f"{image}: {sentence}")
-    click.get_current_context().exit(1 if sentences else 0)
+    return {"image": str(image), **figures, "good": not sentences, "findings": sentences}
+
+
+def _require_one(images: list[Path], options: dict[str, Path | None]) -> None:
+    """Raise an error if there are several images, but an option that is about one."""
+    from dic import CorrelationError
+
+    for option, value in options.items():
+        if value is not None and len(images) > 1:
+            raise CorrelationError(
+                "settings", option, "one image", f"{len(images)} images", f"leave {option} out"
+            )
 
 
 def text(figures: dict[str, Any]) -> str:

@@ -259,7 +259,7 @@ class OutputOptions:
     json_file: Path | None
     force: bool
 
-    def files(self, deformed: tuple[Path, ...]) -> "SeriesFiles":
+    def files(self, deformed: list[Path]) -> "SeriesFiles":
         """Return the paths of the output files for the deformed images, except the file of `--json`."""
         from dic.pipeline.series_files import SeriesFiles
 

@@ -3,7 +3,10 @@
 import errno
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO, Protocol
 
 MOST_TEXT_BYTES = 16 * 2**20
 """Largest size of a text file; usual files of polygons, alignments and tables are far smaller."""
@@ -18,6 +21,44 @@ _KINDS = (
     (stat.S_ISBLK, "a device"),
     (stat.S_ISDIR, "a folder"),
 )
+
+
+class Content(Protocol):
+    """The content of a file, of which slices are read: bytes, or a `FileContent`."""
+
+    def __len__(self) -> int:
+        """Return the size in bytes."""
+
+    def __getitem__(self, part: slice, /) -> bytes:
+        """Return the bytes of a slice; fewer bytes at the end of the file."""
+
+
+class FileContent:
+    """The content of an open file; a slice is read when it is asked for, so a large file needs no memory."""
+
+    def __init__(self, file: BinaryIO, size: int) -> None:
+        self._file, self._size = file, size
+
+    def __len__(self) -> int:
+        return self._size
+
+    def __getitem__(self, part: slice, /) -> bytes:
+        start, stop, _ = part.indices(self._size)
+        self._file.seek(start)
+        return self._file.read(max(0, stop - start))
+
+
+@contextmanager
+def opened(path: str | Path) -> Iterator[FileContent]:
+    """Give the content of a regular file, which may be larger than the memory.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be opened, or is not a regular file.
+    """
+    with _regular_file(path) as file:
+        yield FileContent(file, os.fstat(file.fileno()).st_size)
 
 
 def read_bytes(path: str | Path, most_bytes: int = MOST_IMAGE_BYTES) -> bytes:
@@ -38,13 +79,8 @@ def read_bytes(path: str | Path, most_bytes: int = MOST_IMAGE_BYTES) -> bytes:
         If the file cannot be opened, is not a regular file, or is larger than `most_bytes`. The attribute
         ``strerror`` describes the file for an error message, such as "a named pipe".
     """
-    # With O_NONBLOCK, opening a named pipe does not wait for a writer. Regular files ignore O_NONBLOCK.
-    require_regular(path)
-    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    with os.fdopen(descriptor, "rb") as file:
-        found = os.fstat(descriptor)
-        # Check the kind of the file again, because another program may have replaced the file by a pipe.
-        _require_regular(found, path)
+    with _regular_file(path) as file:
+        found = os.fstat(file.fileno())
         if found.st_size > most_bytes:
             size = f"a file of {found.st_size / 2**20:.0f} MB, more than {most_bytes / 2**20:.0f} MB"
             raise OSError(errno.EFBIG, size, str(path))
@@ -54,6 +90,17 @@ def read_bytes(path: str | Path, most_bytes: int = MOST_IMAGE_BYTES) -> bytes:
         size = f"a file of more than {most_bytes / 2**20:.0f} MB"
         raise OSError(errno.EFBIG, size, str(path))
     return content
+
+
+@contextmanager
+def _regular_file(path: str | Path) -> Iterator[BinaryIO]:
+    # With O_NONBLOCK, opening a named pipe does not wait for a writer. Regular files ignore O_NONBLOCK.
+    require_regular(path)
+    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    with os.fdopen(descriptor, "rb") as file:
+        # Check the kind of the file again, because another program may have replaced the file by a pipe.
+        _require_regular(os.fstat(descriptor), path)
+        yield file
 
 
 def read_text(path: str | Path) -> str:

@@ -28,7 +28,11 @@ _PIECE = 2**20
 
 
 class Damage(Exception):
-    """An image file is damaged; the message names the damage and becomes a part of an `ImageError`."""
+    """An image file cannot be used; damage and remedy become parts of an `ImageError`."""
+
+    def __init__(self, damage: str, remedy: str = "save or copy it again") -> None:
+        super().__init__(damage)
+        self.remedy = remedy
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,8 @@ class Container:
         The value of the orientation tag, 1 to 8. An image with the value 1 is upright (TIFF 6.0, section 8).
     pages : int
         Number of pages in the file.
+    lossy : bool
+        True if the pixels are compressed with losses, as in a JPEG file.
     """
 
     content: bytes
@@ -56,6 +62,7 @@ class Container:
     pixel_bits: int
     orientation: int = 1
     pages: int = 1
+    lossy: bool = False
 
 
 def require_bounded(container: Container, file_bytes: int) -> None:

@@ -1,22 +1,26 @@
 """Read image files as grey levels, and refuse files that cannot be measured."""
 
 import struct
-import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.errors import ImageError, ImageWarning, require_kind
-from dic.files.reading import read_bytes
+from dic.errors import ImageError, require_kind, warn_of_image
+from dic.files.reading import FileContent, opened, read_bytes
 from dic.image.container import Container, Damage, read_bmp, require_bounded
+from dic.image.decoding import decode, to_grey
+from dic.image.jpeg import SIGNATURE as JPEG
+from dic.image.jpeg import read_jpeg
+from dic.image.netpbm import SIGNATURES as NETPBM
+from dic.image.netpbm import read_netpbm
+from dic.image.pages import page_name, split_page
 from dic.image.png import SIGNATURE as PNG
 from dic.image.png import read_png
-from dic.image.tiff import SIGNATURES as TIFFS
 from dic.image.tiff import read_tiff
+from dic.image.tiff_directory import SIGNATURES as TIFFS
 
 MINIMUM_SIDE_PX = 32
 GREY_MAX = 1e9
@@ -25,8 +29,10 @@ GREY_MAX = 1e9
 No camera gives larger grey levels.
 """
 
-# weights of ITU-R BT.601 for blue, green and red, which is OpenCV's order of channels
-_LUMA_BGR = np.array([0.114, 0.587, 0.299])
+_LOSSY = (
+    "is compressed as JPEG, which changes the grey levels of speckles and can add errors to displacements"
+    " that their standard deviations do not contain; let the camera save PNG or TIFF"
+)
 
 # For each orientation tag, the turn that makes the stored image upright (TIFF 6.0, section 8).
 _TURNS: dict[int, Callable[[NDArray[np.float32]], NDArray[np.float32]]] = {
@@ -42,12 +48,13 @@ _TURNS: dict[int, Callable[[NDArray[np.float32]], NDArray[np.float32]]] = {
 
 
 def read_image(path: str | Path) -> NDArray[np.float32]:
-    """Read a PNG, TIFF or BMP image without loss of grey levels.
+    """Read a PNG, TIFF, BMP, PGM, PPM or JPEG image without loss of grey levels.
 
     Parameters
     ----------
     path : path
-        A grey or colour image of at most 160 megapixels, with 8 bit, 16 bit or floating-point values.
+        A grey or colour image of at most 160 megapixels, with 8 bit, 16 bit or floating-point values. A page
+        of a TIFF file has the page's number behind its name: ``stack.tif#3`` is the third page.
 
     Returns
     -------
@@ -64,29 +71,27 @@ def read_image(path: str | Path) -> NDArray[np.float32]:
     Warns
     -----
     ImageWarning
-        If a TIFF file holds more than one page, of which only the first is read, or if the image is turned or
-        mirrored because of the orientation tag in the file.
+        If a TIFF file holds more than one page and the path names none of them, so that the first is read; if
+        the image is turned or mirrored because of the orientation tag in the file; or if the image was
+        compressed as JPEG.
     """
     require_kind("path", path, str | Path, "name an image file; arrays need no reading")
     path = Path(path)
+    file, page = split_page(path)
     try:
-        content = read_bytes(path)
+        container = _contained(file, page or 1)
+        stored = decode(container)
     except OSError as error:
         raise _refusal(path, error.strerror or str(error), "name an image file that exists") from error
-    try:
-        container = _inspect(content)
     except Damage as damage:
-        raise _refusal(path, str(damage), "save or copy it again") from damage
-    for note in _notes(container):
-        warnings.warn(f"{path}: {note}", ImageWarning, stacklevel=2)
-    stored = _decode(container.content)
-    if stored is None:
-        raise _refusal(path, "one that cannot be decoded", "save or copy it again")
+        raise _refusal(path, str(damage), damage.remedy) from damage
+    for note in _notes(container, file, page):
+        warn_of_image(path, note)
     if stored.dtype.kind == "f" and not np.isfinite(stored).all():
         raise _refusal(path, "pixels that are NaN or infinite", "save it with finite grey levels")
     if max(float(stored.max()), -float(stored.min())) > GREY_MAX:
         raise _refusal(path, f"grey levels beyond {GREY_MAX:.0e}", "save it as the camera gave it")
-    grey = np.ascontiguousarray(_TURNS[container.orientation](_grey(stored)))
+    grey = np.ascontiguousarray(_TURNS[container.orientation](to_grey(stored)))
     if min(grey.shape) < MINIMUM_SIDE_PX:
         got = f"{grey.shape[1]} × {grey.shape[0]} px"
         raise _refusal(path, got, f"use images of at least {MINIMUM_SIDE_PX} px on each side")
@@ -119,64 +124,52 @@ def require_same_size(images: Sequence[NDArray[Any]], names: Sequence[str]) -> N
             )
 
 
-def _notes(container: Container) -> Iterator[str]:
-    if container.pages > 1:
-        yield f"holds {container.pages} pages, and only the first one is read"
+def _notes(container: Container, file: Path, page: int | None) -> Iterator[str]:
+    if container.pages > 1 and page is None:
+        yield (
+            f"holds {container.pages} pages, and only the first one is read; the last one is named"
+            f" {page_name(file, container.pages).name}"
+        )
     if container.orientation != 1:
         yield f"was turned as its tag of orientation says ({container.orientation})"
+    if container.lossy:
+        yield _LOSSY
+
+
+def _contained(file: Path, page: int) -> Container:
+    """Check a page of an image file; only a TIFF file has more than one."""
+    with opened(file) as content:
+        beginning = content[:4]
+        if beginning in TIFFS:
+            return _undamaged(content, lambda: read_tiff(content, page))
+    whole = read_bytes(file)
+    if page > 1:
+        raise Damage("a file with one page", "name it without a page")
+    return _undamaged(whole, lambda: _inspect(whole))
+
+
+def _undamaged(content: bytes | FileContent, read: Callable[[], Container]) -> Container:
+    try:
+        return read()
+    except struct.error as error:
+        raise Damage(f"a file that was cut off after {len(content)} bytes") from error
 
 
 def _inspect(content: bytes) -> Container:
     if not content:
         raise Damage("an empty file")
-    try:
-        if content.startswith(PNG):
-            return read_png(content)
-        if content[:4] in TIFFS:
-            return read_tiff(content)
-        if content.startswith(b"BM"):
-            bitmap = read_bmp(content)
-            require_bounded(bitmap, len(content))
-            return bitmap
-    except struct.error as error:
-        raise Damage(f"a file that was cut off after {len(content)} bytes") from error
+    if content.startswith(PNG):
+        return read_png(content)
+    if content.startswith(JPEG):
+        return read_jpeg(content)
+    if content.startswith(NETPBM):
+        return read_netpbm(content)
+    if content.startswith(b"BM"):
+        bitmap = read_bmp(content)
+        require_bounded(bitmap, len(content))
+        return bitmap
     raise Damage("another kind of file")
 
 
-def _grey(stored: NDArray[Any]) -> NDArray[np.float32]:
-    if stored.ndim == 2:
-        return np.ascontiguousarray(stored, np.float32)
-    if stored.shape[2] < 3:
-        return np.ascontiguousarray(stored[..., 0], np.float32)
-    grey = np.empty(stored.shape[:2], np.float32)
-    # Convert one row at a time, because a whole image in float64 would take twelve times its memory.
-    for row, pixels in zip(grey, stored, strict=True):
-        row[:] = pixels[:, :3].astype(np.float64) @ _LUMA_BGR
-    return grey
-
-
-def _decode(content: bytes) -> NDArray[Any] | None:
-    import cv2
-
-    with _silent_opencv():
-        try:
-            image: NDArray[Any] | None = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
-        except cv2.error:
-            return None
-    return image
-
-
-@contextmanager
-def _silent_opencv() -> Iterator[None]:
-    """Keep OpenCV's log off the terminal, because the raised error already reports the problem."""
-    import cv2
-
-    before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        yield
-    finally:
-        cv2.utils.logging.setLogLevel(before)
-
-
 def _refusal(path: Path, got: str, remedy: str) -> ImageError:
-    return ImageError(str(path), "read image", "a whole PNG, TIFF or BMP image", got, remedy)
+    return ImageError(str(path), "read image", "a whole PNG, TIFF, BMP, PGM or JPEG image", got, remedy)

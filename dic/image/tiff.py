@@ -1,103 +1,105 @@
-"""Check TIFF and BigTIFF files before decoding: strips, checksums, declared size and pages (TIFF 6.0)."""
+"""Check the pages of TIFF and BigTIFF files before decoding: strips, checksums, declared size (TIFF 6.0)."""
 
+import re
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
 
+from dic.files.reading import Content
 from dic.image.container import Container, Damage, inflated_bytes, require_bounded
+from dic.image.tiff_directory import (
+    BITS,
+    COMPRESSION,
+    HEIGHT,
+    ORIENTATION,
+    SAMPLES,
+    STRIPS_AND_TILES,
+    WIDTH,
+    Entry,
+    byte_order,
+    first_directory,
+    integers,
+    page_directories,
+    read_entries,
+)
+from dic.image.tiff_page import single_page
 
-SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
-_INTEGERS = {1: "B", 3: "H", 4: "I", 16: "Q"}
-_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _ORIENTATION, _SAMPLES = 256, 257, 258, 259, 274, 277
-_STRIPS_AND_TILES = ((273, 279), (324, 325))
+_DESCRIPTION = 270
 _DEFLATE = (8, 32946)
-_WANTED = {_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _ORIENTATION, _SAMPLES}
-_WANTED |= {tag for pair in _STRIPS_AND_TILES for tag in pair}
-_MOST_PAGES = 100_000
+_JPEG = (6, 7, 34892)
+_IMAGEJ = re.compile(rb"ImageJ=.*?^images=(\d+)", re.DOTALL | re.MULTILINE)
 
 Tags = Mapping[int, tuple[int, ...]]
 
 
-def read_tiff(content: bytes) -> Container:
-    """Check a TIFF file and read the tags of its first page.
+def read_tiff(content: Content, page: int = 1) -> Container:
+    """Check a page of a TIFF file and read its tags; pages count from 1.
+
+    The container holds this page alone, with only those tags that the decoder needs, because decoders print
+    messages about other tags.
 
     Raises
     ------
     Damage
-        If a strip or tile of pixels lies beyond the end of the file or has a wrong checksum, or if the
-        declared image is far too large.
+        If the file does not have this page, if a strip or tile of pixels lies beyond the end of the file or
+        has a wrong checksum, or if the declared image is far too large.
     struct.error
         If the file was cut off within its directory of tags.
     """
-    tags = _tags(content)
+    pages = page_directories(content)
+    if page > len(pages):
+        raise Damage(f"a TIFF with {len(pages)} pages", f"name a page from 1 to {len(pages)}")
+    entries = read_entries(content, pages[page - 1])
+    order = byte_order(content)
+    tags = integers(entries, order)
+    _require_pages_of_imagej(entries, len(pages))
     pieces = _pieces(content, tags)
-    bits = tags.get(_BITS, (1,))
-    samples = max(tags.get(_SAMPLES, (1,))[0], len(bits))
-    width, height = (tags.get(tag, (0,))[0] for tag in (_WIDTH, _HEIGHT))
+    bits = tags.get(BITS, (1,))
+    samples = max(tags.get(SAMPLES, (1,))[0], len(bits))
+    width, height = (tags.get(tag, (0,))[0] for tag in (WIDTH, HEIGHT))
+    compression = tags.get(COMPRESSION, (1,))[0]
     container = Container(
-        _upright(content), width, height, max(max(bits), 8) * samples, orientation(content), _pages(content)
+        single_page(order, entries, pieces),
+        width,
+        height,
+        max(max(bits), 8) * samples,
+        _orientation(tags),
+        len(pages),
+        lossy=compression in _JPEG,
     )
     require_bounded(container, len(content))
-    if tags.get(_COMPRESSION, (1,))[0] in _DEFLATE:
+    if compression in _DEFLATE:
         _require_inflatable(pieces, 2 * width * height * container.pixel_bits // 8 + 2**20)
     return container
 
 
-def orientation(content: bytes) -> int:
+def orientation(content: Content) -> int:
     """Return the orientation tag of a TIFF file or Exif block, 1 to 8, or 1 without a valid tag."""
     try:
-        found = _tags(content).get(_ORIENTATION, (1,))[0]
+        entries = read_entries(content, first_directory(content), (ORIENTATION,))
     except struct.error:
         return 1
+    return _orientation(integers(entries, byte_order(content)))
+
+
+def _orientation(tags: Tags) -> int:
+    found = tags.get(ORIENTATION, (1,))[0]
     return found if 1 <= found <= 8 else 1
 
 
-def _upright(content: bytes) -> bytes:
-    """Return the content of the TIFF file with the orientation tag set to 1, which means upright."""
-    places = [entry.at for entry in _entries(content) if entry.tag == _ORIENTATION and entry.kind == 3]
-    if not places:
-        return content
-    order = _layout(content)[0]
-    changed = bytearray(content)
-    for at in places:
-        struct.pack_into(order + "H", changed, at, 1)
-    return bytes(changed)
+def _require_pages_of_imagej(entries: Sequence[Entry], pages: int) -> None:
+    """Raise an error for a large stack of ImageJ, whose pages but the first have no directories."""
+    described = [entry.stored for entry in entries if entry.tag == _DESCRIPTION]
+    found = _IMAGEJ.match(described[0]) if described else None
+    if found is not None and int(found[1]) > pages:
+        raise Damage(
+            f"a stack of ImageJ with {int(found[1])} images and directories for {pages}",
+            "save its images one by one, by ImageJ's Image Sequence",
+        )
 
 
-class _Entry(NamedTuple):
-    """One entry of a TIFF directory; `at` is the position of the entry's values in the file."""
-
-    tag: int
-    kind: int
-    values: int
-    at: int
-
-
-def _entries(content: bytes) -> Iterator[_Entry]:
-    """Yield those entries of the first page's directory that this module needs, if they are whole numbers."""
-    order, offset_code, _, entry_bytes = _layout(content)
-    value_bytes = struct.calcsize(order + offset_code)
-    first, entries = _directory(content, _first_directory(content))
-    for at in range(first, first + entries * entry_bytes, entry_bytes):
-        tag, kind, count = struct.unpack_from(order + "HH" + offset_code, content, at)
-        if tag in _WANTED and kind in _INTEGERS and count > 0:
-            inline = at + entry_bytes - value_bytes
-            fits = count * struct.calcsize(order + _INTEGERS[kind]) <= value_bytes
-            where = inline if fits else struct.unpack_from(order + offset_code, content, inline)[0]
-            yield _Entry(tag, kind, count, where)
-
-
-def _tags(content: bytes) -> dict[int, tuple[int, ...]]:
-    order = _layout(content)[0]
-    return {
-        entry.tag: struct.unpack_from(f"{order}{entry.values}{_INTEGERS[entry.kind]}", content, entry.at)
-        for entry in _entries(content)
-    }
-
-
-def _pieces(content: bytes, tags: Tags) -> list[bytes]:
-    for offsets, counts in _STRIPS_AND_TILES:
+def _pieces(content: Content, tags: Tags) -> list[bytes]:
+    for offsets, counts in STRIPS_AND_TILES:
         places = list(zip(tags.get(offsets, ()), tags.get(counts, ()), strict=False))
         if any(start + size > len(content) for start, size in places):
             raise Damage(f"a TIFF that was cut off after {len(content)} bytes")
@@ -115,35 +117,3 @@ def _require_inflatable(pieces: list[bytes], most_bytes: int) -> None:
                 raise Damage("a TIFF with more pixels than it declares")
     except zlib.error as error:
         raise Damage("a TIFF with damaged pixels") from error
-
-
-def _layout(content: bytes) -> tuple[str, str, str, int]:
-    """Return the byte order, the `struct` codes of an offset and of an entry count, and the entry size."""
-    order = "<" if content[:1] == b"I" else ">"
-    return (order, "Q", "Q", 20) if content[2:4] in (b"+\0", b"\0+") else (order, "I", "H", 12)
-
-
-def _first_directory(content: bytes) -> int:
-    order, offset_code, _, _ = _layout(content)
-    return int(struct.unpack_from(order + offset_code, content, 8 if offset_code == "Q" else 4)[0])
-
-
-def _directory(content: bytes, at: int) -> tuple[int, int]:
-    """Return the position of the first entry and the number of entries of the TIFF directory at `at`."""
-    order, _, count_code, _ = _layout(content)
-    (entries,) = struct.unpack_from(order + count_code, content, at)
-    return at + struct.calcsize(order + count_code), entries
-
-
-def _pages(content: bytes) -> int:
-    order, offset_code, _, entry_bytes = _layout(content)
-    seen: set[int] = set()
-    at = _first_directory(content)
-    while at and at not in seen and len(seen) < _MOST_PAGES:
-        seen.add(at)
-        try:
-            first, entries = _directory(content, at)
-            (at,) = struct.unpack_from(order + offset_code, content, first + entries * entry_bytes)
-        except struct.error:
-            break
-    return len(seen)

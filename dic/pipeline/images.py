@@ -8,12 +8,14 @@ from dic.calibration.calibration import Calibration
 from dic.calibration.file import load_calibration
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import CalibrationError, MeasurementError, require_kind
+from dic.errors import CalibrationError, CorrelationError, MeasurementError, each_warning_once, require_kind
 from dic.image.given import grey_image, name_of, one_by_one
+from dic.image.pages import list_images
 from dic.out_of_plane.correct import Motion
 from dic.out_of_plane.diagnosis import Sensitivity
 from dic.pipeline.series_corrections import corrected, corrected_rotation, require_calibration
 from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
+from dic.pipeline.series_sources import SeriesSources, expanded, only_paths
 from dic.strain.measurement import measure
 from dic.strain.strain import StrainSettings
 from dic.typing import Float, ImageLike, Mask, PathLike
@@ -39,7 +41,7 @@ class SeriesImage:
 
 def measure_images(
     reference: ImageLike,
-    images: ImageLike | SeriesImage | Iterable[ImageLike | SeriesImage],
+    images: ImageLike | SeriesImage | Iterable[ImageLike | SeriesImage] | None = None,
     *,
     calibration: Calibration | PathLike | None = None,
     settings: CorrelationSettings | None = None,
@@ -56,8 +58,11 @@ def measure_images(
     Parameters
     ----------
     reference : ndarray, shape (height, width), or path
-    images : iterable of ndarray, path or SeriesImage
-        The images of the deformed specimen, in order. A single image may be given without a list.
+        If this is a folder, a pattern or a TIFF file of several pages, its first image is the reference.
+    images : iterable of ndarray, path or SeriesImage, optional
+        The images of the deformed specimen, in order. A single image may be given without a list. A folder, a
+        pattern such as "img*.tif", or a TIFF file of several pages stands for all its images, in the natural
+        order of their names; see `list_images`. Default: the other images of `reference`.
     calibration : Calibration or path, optional
         Calibration of the camera, for results in millimetres. Without a calibration all results are in
         pixels.
@@ -85,16 +90,35 @@ def measure_images(
     require_calibration(motion, calibration)
     # If the camera looks at an angle, a rotation deforms a subset of the image in a way that is not affine.
     settings = settings or CorrelationSettings(shape="quadratic" if motion.kind == "rigid" else "affine")
-    grey = grey_image(reference, "reference image")
-    several = [images] if isinstance(images, SeriesImage) else one_by_one(images)
-    series = Series(grey, region, settings, incremental=incremental)
-    measured = list(measure_series(series, several, calibration, strain, motion))
+    reference, several = _sources(reference, images)
+    with each_warning_once():
+        grey = grey_image(reference, "reference image")
+        series = Series(grey, region, settings, incremental=incremental)
+        measured = list(measure_series(series, several, calibration, strain, motion))
     if calibration is None:
         return MeasuredSeries(grey, tuple(measured))
     alignment = motion.alignment
     if motion.kind == "rigid":
         measured, alignment = corrected_rotation(measured, calibration, motion)
     return MeasuredSeries(grey, tuple(measured), alignment, Sensitivity.of(calibration))
+
+
+def _sources(
+    reference: ImageLike, images: ImageLike | SeriesImage | Iterable[ImageLike | SeriesImage] | None
+) -> tuple[ImageLike, Iterable[ImageLike | SeriesImage]]:
+    """Return the reference and the images one by one, where paths may name folders, patterns and stacks."""
+    if isinstance(images, SeriesImage):
+        return reference, [images]
+    several = None if images is None else one_by_one(images)
+    if isinstance(reference, str | Path):
+        if several is None or (isinstance(several, list | tuple) and only_paths(several)):
+            found = SeriesSources.of(reference, several)
+            return found.reference, found.images
+        reference = list_images(reference)[0]
+    if several is None:
+        remedy = "give images, or the path of a folder or stack as the reference"
+        raise CorrelationError("arguments", "images", "images of the deformed specimen", "None", remedy)
+    return reference, expanded(several)
 
 
 def measure_series(

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from dic.correlation.settings import CorrelationSettings
+from dic.image.pages import split_page
 from dic.out_of_plane.correction import Correction
 from dic.pictures.settings import MapSettings
 from dic.pipeline.series_maps import MapFiles, SeriesMaps
@@ -34,11 +35,9 @@ class SeriesFiles:
         for folder in (csv_folder, maps_folder):
             if folder is not None:
                 folder.mkdir(parents=True, exist_ok=True)
-        stems = Counter(path.stem for path in deformed)
-        names = [
-            f"{number:04d}_{path.stem}" if stems[path.stem] > 1 else path.stem
-            for number, path in enumerate(deformed, 1)
-        ]
+        stems = list(map(_stem, deformed))
+        counts = Counter(stems)
+        names = [f"{number:04d}_{stem}" if counts[stem] > 1 else stem for number, stem in enumerate(stems, 1)]
         self.output = output
         self.csv = [] if csv_folder is None else [csv_folder / f"{name}.csv" for name in names]
         maps = [] if maps_folder is None else [maps_folder / f"{name}.{map_format}" for name in names]
@@ -88,3 +87,9 @@ class SeriesOutputs:
         """Write the corrections of all images to the result file; call this once, after the last image."""
         if self._writer is not None and corrections:
             self._writer.add_corrections("series", corrections)
+
+
+def _stem(path: Path) -> str:
+    """Return the name of an image without its ending; of a page of a file with the page's number."""
+    file, page = split_page(path)
+    return file.stem if page is None else f"{file.stem}_page{page}"

@@ -218,15 +218,6 @@ def test_a_wrong_colour_profile_changes_nothing_and_prints_nothing(
     assert capfd.readouterr() == ("", "")
 
 
-def test_further_pages_are_said_aloud(tmp_path: Path) -> None:
-    pages = [Image.fromarray(_grey()) for _ in range(3)]
-    pages[0].save(tmp_path / "stack.tif", save_all=True, append_images=pages[1:])
-
-    with pytest.warns(ImageWarning, match=r"stack.tif: holds 3 pages, and only the first one is read"):
-        first = read_image(tmp_path / "stack.tif")
-    assert first.shape == (90, 120)
-
-
 @pytest.mark.parametrize("orientation", range(2, 9))
 @pytest.mark.parametrize("suffix", ["tif", "png"])
 def test_a_tag_of_orientation_is_obeyed_and_said_aloud(tmp_path: Path, suffix: str, orientation: int) -> None:

@@ -1,0 +1,120 @@
+"""Decode checked image files with OpenCV, and keep its libraries' own messages off the terminal."""
+
+import os
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.image.container import Container, Damage
+
+# weights of ITU-R BT.601 for blue, green and red, which is OpenCV's order of channels
+_LUMA_BGR = np.array([0.114, 0.587, 0.299])
+_JPEG_MESSAGES = (
+    b"Corrupt JPEG data",
+    b"Premature end of JPEG",
+    b"Unsupported marker",
+    b"Invalid SOS",
+    b"Warning:",
+)
+_STDERR = 2
+_redirecting = threading.Lock()
+
+
+def decode(container: Container) -> NDArray[Any]:
+    """Return the pixels of an image file as stored, shape (height, width) or (height, width, channels).
+
+    The colours of a JPEG file are stored as luma and two differences. The luma is returned, because it is the
+    grey level that `to_grey` computes.
+
+    Raises
+    ------
+    Damage
+        If the pixels cannot be decoded, or are damaged.
+    """
+    import cv2
+
+    of_jpeg = container.content.startswith(b"\xff\xd8")
+    with _opencv_silent(), _messages_of_libjpeg(of_jpeg) as messages:
+        try:
+            image: NDArray[Any] | None = cv2.imdecode(
+                np.frombuffer(container.content, np.uint8),
+                cv2.IMREAD_GRAYSCALE if of_jpeg else cv2.IMREAD_UNCHANGED,
+            )
+        except cv2.error:
+            image = None
+    if messages:
+        raise Damage(f"a JPEG with damaged pixels ({messages[0]})")
+    if image is None:
+        raise Damage("one that cannot be decoded")
+    return image
+
+
+def to_grey(stored: NDArray[Any]) -> NDArray[np.float32]:
+    """Return the grey levels of decoded pixels: of a colour image its luma (ITU-R BT.601)."""
+    if stored.ndim == 2:
+        return np.ascontiguousarray(stored, np.float32)
+    if stored.shape[2] < 3:
+        return np.ascontiguousarray(stored[..., 0], np.float32)
+    grey = np.empty(stored.shape[:2], np.float32)
+    # Convert one row at a time, because a whole image in float64 would take twelve times its memory.
+    for row, pixels in zip(grey, stored, strict=True):
+        row[:] = pixels[:, :3].astype(np.float64) @ _LUMA_BGR
+    return grey
+
+
+@contextmanager
+def _opencv_silent() -> Iterator[None]:
+    """Keep OpenCV's log off the terminal, because the raised error already reports the problem."""
+    import cv2
+
+    before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        yield
+    finally:
+        cv2.utils.logging.setLogLevel(before)
+
+
+@contextmanager
+def _messages_of_libjpeg(wanted: bool) -> Iterator[list[str]]:
+    """Take what libjpeg writes to standard error; the list is filled when the `with` block ends.
+
+    libjpeg fills damaged pixels with grey, and tells so only by a message that it writes itself. What other
+    threads write meanwhile is passed on.
+    """
+    messages: list[str] = []
+    if not wanted:
+        yield messages
+        return
+    with _redirecting, tempfile.TemporaryFile() as taken:
+        with _standard_error_to(taken):
+            yield messages
+        taken.seek(0)
+        for line in taken.read().splitlines(keepends=True):
+            if line.startswith(_JPEG_MESSAGES):
+                messages.append(line.decode(errors="replace").strip())
+            else:
+                os.write(_STDERR, line)
+
+
+@contextmanager
+def _standard_error_to(file: BinaryIO) -> Iterator[None]:
+    try:
+        before = os.dup(_STDERR)
+    except OSError:
+        # the program has no standard error
+        yield
+        return
+    try:
+        if sys.stderr is not None:
+            sys.stderr.flush()
+        os.dup2(file.fileno(), _STDERR)
+        yield
+    finally:
+        os.dup2(before, _STDERR)
+        os.close(before)

@@ -1,0 +1,37 @@
+"""Check PGM and PPM files before they are decoded (the formats P2, P3, P5 and P6 of Netpbm)."""
+
+import re
+
+from dic.image.container import Container, Damage, require_bounded
+
+SIGNATURES = (b"P2", b"P3", b"P5", b"P6")
+_SPACE = rb"(?:\s|#[^\n]*\n)"
+_HEADER = re.compile(rb"P[2356]" + 3 * (_SPACE + rb"+(\d{1,10})") + _SPACE)
+_BRIGHTEST = 65535
+
+
+def read_netpbm(content: bytes) -> Container:
+    """Check a PGM or PPM file and read its header.
+
+    Raises
+    ------
+    Damage
+        If the header is damaged, if the file was cut off, or if the declared image is far too large.
+    """
+    header = _HEADER.match(content)
+    if header is None:
+        raise Damage("a PGM or PPM without a header")
+    width, height, brightest = (int(number) for number in header.groups()[:3])
+    if not 0 < brightest <= _BRIGHTEST:
+        raise Damage(f"a PGM or PPM with grey levels up to {brightest}")
+    channels, value_bytes = 3 if content[1:2] in b"36" else 1, 2 if brightest > 255 else 1
+    as_text = content[1:2] in b"23"
+    # The decoder takes the end of the file within the last number for an error.
+    container = Container(content + b"\n" * as_text, width, height, 8 * channels * value_bytes)
+    require_bounded(container, len(content))
+    values = width * height * channels
+    # In text, each value has at least one digit, and a space before the next.
+    needed = 2 * values - 1 if as_text else values * value_bytes
+    if len(content) - header.end() < needed:
+        raise Damage(f"a PGM or PPM that was cut off after {len(content)} bytes")
+    return container

@@ -1,0 +1,94 @@
+"""The names of image files: pages of a TIFF file, files of a folder or a pattern, and their natural order."""
+
+import glob
+import re
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+
+from dic.errors import ImageError
+from dic.files.reading import opened
+from dic.image.tiff_directory import SIGNATURES as TIFFS
+from dic.image.tiff_directory import page_directories
+from dic.typing import PathLike
+
+ENDINGS = (".png", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".pnm", ".jpg", ".jpeg")
+"""Endings of the names that a folder's images have, in small or capital letters."""
+
+_PAGE = re.compile(r"(.+)#([1-9]\d{0,6})", re.DOTALL)
+_PARTS = re.compile(r"(\d+)")
+
+
+def split_page(path: PathLike) -> tuple[Path, int | None]:
+    """Return the file and the page of a name such as ``stack.tif#3``; None if the name tells no page.
+
+    A file whose own name ends like this is not split.
+    """
+    found = _PAGE.fullmatch(str(path))
+    if found is None or Path(path).exists():
+        return Path(path), None
+    return Path(found[1]), int(found[2])
+
+
+def page_name(file: Path, page: int) -> Path:
+    """Return the name of a page, which counts from 1."""
+    return file.with_name(f"{file.name}#{page}")
+
+
+def natural_key(path: PathLike) -> list[tuple[int, str]]:
+    """Return a key that sorts names with numbers by the values of the numbers: img2 before img10."""
+    parts = _PARTS.split(str(path))
+    # Text and numbers alternate, so the same position of two keys always holds the same kind of part.
+    return [(int(part), part) if number % 2 else (0, part.casefold()) for number, part in enumerate(parts)]
+
+
+def list_images(*sources: PathLike) -> list[Path]:
+    """Return the image files that are meant by files, folders and patterns, in order.
+
+    A folder means its image files, and a pattern such as ``img*.tif`` the files that match, each in the
+    natural order of their names (img2 before img10). A TIFF file of several pages means all its pages, as
+    ``stack.tif#1``, ``stack.tif#2`` and so on, without smaller copies of pages. Names in the alphabetical
+    order in which a shell lists them (img1, img10, img2) are put in natural order too.
+
+    Parameters
+    ----------
+    *sources : path
+
+    Raises
+    ------
+    ImageError
+        If a folder holds no image, or if no file matches a pattern.
+    """
+    given = [Path(source) for source in sources]
+    if given == sorted(given, key=str) or given == sorted(given, key=lambda path: str(path).casefold()):
+        given.sort(key=natural_key)
+    return [page for source in given for file in _files(source) for page in _pages(file)]
+
+
+def _files(source: Path) -> Sequence[Path]:
+    if source.is_dir():
+        files = [path for path in source.iterdir() if path.suffix.lower() in ENDINGS and _is_shown(path)]
+        expected = f"a folder with images ({', '.join(ENDINGS)})"
+    elif not source.exists() and glob.has_magic(str(source)):
+        # Path.glob takes no absolute patterns.
+        files = [path for path in map(Path, glob.glob(str(source), recursive=True)) if path.is_file()]  # noqa: PTH207
+        expected = "a pattern that files match"
+    else:
+        return [source]
+    if not files:
+        raise ImageError(str(source), "list images", expected, "none", "name the images, or another place")
+    return sorted(files, key=natural_key)
+
+
+def _is_shown(path: Path) -> bool:
+    return path.is_file() and not path.name.startswith(".")
+
+
+def _pages(file: Path) -> Sequence[Path]:
+    """Return the names of the pages of a file; a file that cannot be read keeps its name."""
+    try:
+        with opened(file) as content:
+            number = len(page_directories(content)) if content[:4] in TIFFS else 1
+    except (OSError, struct.error):
+        number = 1
+    return [file] if number == 1 else [page_name(file, page) for page in range(1, number + 1)]

@@ -1,0 +1,92 @@
+"""The reference and the images of a series, from files, folders, patterns, pages and arrays."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dic.errors import CorrelationError
+from dic.image.pages import list_images, split_page
+from dic.typing import PathLike
+
+
+@dataclass(frozen=True)
+class SeriesSources:
+    """The files of a series, in order.
+
+    Attributes
+    ----------
+    reference : Path
+        The reference image, or a page of a file.
+    images : list of Path
+        The images of the deformed specimen, or pages of files.
+    notes : list of str
+        What a person should know about the choice: the reference of a stack or folder, images left out.
+    """
+
+    reference: Path
+    images: list[Path]
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def files(self) -> list[Path]:
+        """All files of the series, also of pages."""
+        return files_of([self.reference, *self.images])
+
+    @classmethod
+    def of(cls, reference: PathLike, images: Sequence[PathLike] | None = None) -> "SeriesSources":
+        """Return the series that a reference and images name.
+
+        Parameters
+        ----------
+        reference : path
+            A file; or a TIFF file of several pages, a folder or a pattern. Of these the first image is the
+            reference.
+        images : sequence of path, optional
+            Files, TIFF files of several pages, folders and patterns. Default: the other images of
+            `reference`.
+
+        Raises
+        ------
+        ImageError, CorrelationError
+            If a folder or a pattern has no images, or if there is no image but the reference.
+        """
+        first, *others = list_images(reference)
+        notes = [] if first == Path(reference) else [f"the reference is {first}"]
+        if images is None:
+            if others or not split_page(first)[0].exists():
+                # Reading refuses a reference that does not exist.
+                return cls(first, others, notes)
+            expected, remedy = "images of the deformed specimen", "name them, or a folder or stack"
+            raise CorrelationError(str(reference), "list images", expected, "none", remedy)
+        listed = list_images(*images)
+        given = [Path(image) for image in images]
+        kept = [path for path in listed if path in given or not _same(path, first)]
+        if len(kept) < len(listed):
+            notes.append(f"{first} is the reference, and is not measured again")
+        if set(listed) == set(given) and listed != given:
+            notes.append(f"in the order of their numbers: {listed[0].name}, {listed[1].name}, …")
+        if listed and not kept:
+            expected, remedy = "other images than the reference", "name images of the deformed specimen"
+            raise CorrelationError(str(reference), "list images", expected, "none", remedy)
+        return cls(first, kept, notes)
+
+
+def files_of(images: Iterable[Path]) -> list[Path]:
+    """Return the files that hold the images, of which some may be pages."""
+    return [split_page(path)[0] for path in images]
+
+
+def expanded(images: Iterable[Any]) -> Iterable[Any]:
+    """Return images one by one, with all images of each folder, pattern and TIFF file of several pages."""
+    for image in images:
+        yield from list_images(image) if isinstance(image, str | Path) else [image]
+
+
+def only_paths(images: Iterable[Any]) -> bool:
+    """Return True if all images are given by paths."""
+    return all(isinstance(image, str | Path) for image in images)
+
+
+def _same(image: Path, other: Path) -> bool:
+    return image == other or image.resolve() == other.resolve()

@@ -1,0 +1,117 @@
+"""JPEG, PGM and PPM files, written by Pillow or by hand."""
+
+import warnings
+
+import numpy as np
+import pytest
+from PIL import Image, ImageOps
+
+from dic.errors import ImageError, ImageWarning, each_warning_once
+from dic.image.read import read_image
+
+NOISE = np.random.default_rng(8)
+SMOOTH = 90 + 60 * np.sin(np.arange(120) / 9.0) * np.cos(np.arange(90) / 7.0)[:, None]
+
+
+@pytest.fixture
+def jpeg(tmp_path):
+    """A path, and the grey levels that Pillow decodes from it."""
+    Image.fromarray(SMOOTH.astype(np.uint8)).save(tmp_path / "a.jpg", quality=92)
+    return tmp_path / "a.jpg", np.asarray(Image.open(tmp_path / "a.jpg"))
+
+
+def test_jpeg_is_read_and_the_warning_says_what_compression_does(jpeg):
+    path, decoded = jpeg
+    with pytest.warns(ImageWarning, match=r"a\.jpg: is compressed as JPEG, which changes the grey"):
+        image = read_image(path)
+    assert np.array_equal(image, decoded)
+
+
+def test_colour_jpeg_becomes_luma(tmp_path):
+    """Red, green and blue weigh 0.299, 0.587 and 0.114; compression of even areas costs up to two levels."""
+    colours = np.zeros((64, 96, 3), np.uint8)
+    colours[:, :32], colours[:, 32:64], colours[:, 64:] = (200, 0, 0), (0, 200, 0), (0, 0, 200)
+    Image.fromarray(colours).save(tmp_path / "a.jpg", quality=98, subsampling=0)
+    with pytest.warns(ImageWarning):
+        image = read_image(tmp_path / "a.jpg")
+    assert image[32, [16, 48, 80]] == pytest.approx([59.8, 117.4, 22.8], abs=2.0)
+
+
+@pytest.mark.parametrize("orientation", range(2, 9))
+def test_a_tag_of_orientation_in_a_jpeg_is_obeyed_and_said_aloud(tmp_path, orientation):
+    exif = Image.Exif()
+    exif[274] = orientation
+    Image.fromarray(SMOOTH.astype(np.uint8)).save(tmp_path / "a.jpg", exif=exif)
+    upright = ImageOps.exif_transpose(Image.open(tmp_path / "a.jpg"))
+    with pytest.warns(ImageWarning) as said:
+        image = read_image(tmp_path / "a.jpg")
+    assert np.array_equal(image, np.asarray(upright))
+    assert any(f"orientation says ({orientation})" in str(each.message) for each in said)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.002, 0.1, 0.5, 0.999])
+@pytest.mark.filterwarnings("ignore::dic.errors.ImageWarning")
+def test_a_jpeg_that_was_cut_off_is_refused_in_silence(jpeg, share, capfd):
+    path, _ = jpeg
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(ImageError, match=r"cut off|empty|another kind"):
+        read_image(path)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_damaged_pixels_of_a_jpeg_are_refused_and_libjpeg_prints_nothing(tmp_path, capfd):
+    """libjpeg fills what it cannot decode with grey; the message that it prints becomes the refusal."""
+    picture = NOISE.integers(0, 255, (90, 120)).astype(np.uint8)
+    Image.fromarray(picture).save(tmp_path / "a.jpg", quality=95)
+    content = (tmp_path / "a.jpg").read_bytes()
+    half = len(content) // 2
+    # a marker within the coded pixels ends a run of zero bits and leaves the rest undecodable
+    (tmp_path / "a.jpg").write_bytes(content[:half] + b"\xff\xd3" + content[half + 600 :])
+    with pytest.raises(ImageError, match=r"a JPEG with damaged pixels \(Corrupt JPEG data"):
+        read_image(tmp_path / "a.jpg")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_warning_is_given_once_for_a_series(tmp_path):
+    for number in range(3):
+        Image.fromarray(SMOOTH.astype(np.uint8)).save(tmp_path / f"{number}.jpg")
+    with warnings.catch_warnings(record=True) as said, each_warning_once():
+        warnings.simplefilter("always")
+        for number in range(3):
+            read_image(tmp_path / f"{number}.jpg")
+    assert [str(each.message).partition(":")[0] for each in said] == [str(tmp_path / "0.jpg")]
+    assert "said once for the series" in str(said[0].message)
+
+
+@pytest.mark.parametrize("brightest", [100, 255, 4095, 65535])
+@pytest.mark.parametrize("colour", [False, True])
+def test_levels_of_pgm_and_ppm_are_read_as_stored(tmp_path, brightest, colour):
+    levels = NOISE.integers(0, brightest + 1, (40, 50, 3 if colour else 1))
+    header = f"P{6 if colour else 5}\n# a comment\n50 40\n{brightest}\n".encode()
+    (tmp_path / "a.pgm").write_bytes(header + levels.astype(">u2" if brightest > 255 else "u1").tobytes())
+    expected = levels @ [0.299, 0.587, 0.114] if colour else levels[..., 0]
+    assert np.allclose(read_image(tmp_path / "a.pgm"), expected, rtol=0, atol=1e-2)
+
+
+def test_a_pgm_of_text_is_read(tmp_path):
+    levels = NOISE.integers(0, 256, (40, 50))
+    (tmp_path / "a.pgm").write_text(f"P2 50 40 255\n{' '.join(map(str, levels.ravel()))}")
+    assert np.array_equal(read_image(tmp_path / "a.pgm"), levels)
+
+
+@pytest.mark.parametrize(
+    ("content", "got"),
+    [
+        (b"P5\n50 40\n255\n" + bytes(1999), "cut off"),
+        (b"P2\n50 40\n255\n" + b"7 " * 900, "cut off"),
+        (b"P5\n50", "without a header"),
+        (b"P5 50 40 70000\n" + bytes(4000), "grey levels up to 70000"),
+        (b"P5 99999999 99999999 255\n", "megapixels"),
+    ],
+)
+def test_a_damaged_pgm_is_refused(tmp_path, content, got, capfd):
+    (tmp_path / "a.pgm").write_bytes(content)
+    with pytest.raises(ImageError, match=got):
+        read_image(tmp_path / "a.pgm")
+    assert capfd.readouterr() == ("", "")

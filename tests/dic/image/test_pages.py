@@ -1,0 +1,177 @@
+"""Pages of TIFF files, folders and patterns; the pictures are written by Pillow and OpenCV."""
+
+import struct
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from dic.errors import ImageError, ImageWarning
+from dic.image.pages import list_images, natural_key
+from dic.image.read import read_image
+from tests.image_files import write_image
+
+
+def pictures(number: int, depth: type = np.uint8) -> list[np.ndarray]:
+    noise = np.random.default_rng(3)
+    return [noise.integers(0, np.iinfo(depth).max, (48, 64)).astype(depth) for _ in range(number)]
+
+
+def stack_by_pillow(path: Path, images: list[np.ndarray]) -> None:
+    first, *others = map(Image.fromarray, images)
+    first.save(path, save_all=True, append_images=others)
+
+
+def big_tiff_by_pillow(path: Path, images: list[np.ndarray]) -> None:
+    first, *others = map(Image.fromarray, images)
+    first.save(path, save_all=True, append_images=others, big_tiff=True)
+    assert path.read_bytes()[2] == 43
+
+
+def stack_by_opencv(path: Path, images: list[np.ndarray]) -> None:
+    assert cv2.imwritemulti(str(path), images)
+
+
+def big_endian_stack(path: Path, images: list[np.ndarray], tags: tuple[tuple[int, int], ...] = ()) -> None:
+    """Write a TIFF by hand (TIFF 6.0, section 2), with the directory of each page behind its pixels."""
+    file, link = bytearray(b"MM\0*\0\0\0\0"), 4
+    for image in images:
+        at = len(file)
+        file += image.astype(">u2").tobytes()
+        height, width = image.shape
+        entries = [(256, width), (257, height), (258, 16), (259, 1), (262, 1), (273, at), (277, 1)]
+        entries += [(278, height), (279, 2 * image.size), *tags]
+        struct.pack_into(">I", file, link, len(file))
+        file += struct.pack(">H", len(entries))
+        file += b"".join(struct.pack(">HHII", tag, 4, 1, value) for tag, value in sorted(entries))
+        link = len(file)
+        file += bytes(4)
+    path.write_bytes(file)
+
+
+@pytest.mark.parametrize("depth", [np.uint8, np.uint16])
+@pytest.mark.parametrize("write", [stack_by_pillow, big_tiff_by_pillow, stack_by_opencv, big_endian_stack])
+def test_every_page_of_a_stack_is_read_as_stored(tmp_path, write, depth):
+    images = pictures(4, depth)
+    write(tmp_path / "stack.tif", images)
+    listed = list_images(tmp_path / "stack.tif")
+    assert [path.name for path in listed] == [f"stack.tif#{page}" for page in (1, 2, 3, 4)]
+    for path, image in zip(listed, images, strict=True):
+        assert np.array_equal(read_image(path), image)
+
+
+def test_stack_in_the_place_of_one_image_is_said_aloud(tmp_path):
+    stack_by_pillow(tmp_path / "stack.tif", pictures(3))
+    with pytest.warns(ImageWarning, match=r"holds 3 pages, and only the first one is read.*stack\.tif#3"):
+        first = read_image(tmp_path / "stack.tif")
+    assert np.array_equal(first, pictures(3)[0])
+
+
+def test_page_that_is_not_there_is_refused(tmp_path):
+    stack_by_pillow(tmp_path / "stack.tif", pictures(3))
+    with pytest.raises(ImageError, match=r"stack\.tif#4: .*got a TIFF with 3 pages; name a page from 1 to 3"):
+        read_image(tmp_path / "stack.tif#4")
+    write_image(tmp_path / "one.png", pictures(1)[0])
+    with pytest.raises(ImageError, match="got a file with one page"):
+        read_image(tmp_path / "one.png#2")
+
+
+def test_file_whose_own_name_looks_like_a_page_is_read_itself(tmp_path):
+    write_image(tmp_path / "a.png", pictures(1)[0])
+    (tmp_path / "a.png").rename(tmp_path / "a.png#2")
+    assert np.array_equal(read_image(tmp_path / "a.png#2"), pictures(1)[0])
+
+
+def test_smaller_copies_and_masks_are_no_pages(tmp_path):
+    """The tag 254, NewSubfileType: bit 0 is a smaller copy, bit 2 a mask (TIFF 6.0, section 8)."""
+    for kind, pages in ((0, 3), (1, 1), (4, 1), (2, 3)):
+        big_endian_stack(tmp_path / "a.tif", pictures(2, np.uint16), ((254, kind),))
+        content = bytearray((tmp_path / "a.tif").read_bytes())
+        big_endian_stack(tmp_path / "b.tif", pictures(1, np.uint16))
+        whole = (tmp_path / "b.tif").read_bytes()
+        # b.tif with both pages of a.tif behind its own: places in a.tif count from the end of b.tif
+        shifted = _shifted(content, len(whole))
+        joined = bytearray(whole) + shifted
+        struct.pack_into(">I", joined, len(whole) - 4, struct.unpack_from(">I", shifted, 4)[0])
+        (tmp_path / "joined.tif").write_bytes(joined)
+        assert len(list_images(tmp_path / "joined.tif")) == pages
+
+
+def _shifted(content: bytearray, by: int) -> bytearray:
+    """Move all places in a stack of `big_endian_stack`."""
+    link = 4
+    while at := struct.unpack_from(">I", content, link)[0]:
+        struct.pack_into(">I", content, link, at + by)
+        (entries,) = struct.unpack_from(">H", content, at)
+        for place in range(at + 2, at + 2 + 12 * entries, 12):
+            tag, _, _, value = struct.unpack_from(">HHII", content, place)
+            if tag == 273:
+                struct.pack_into(">I", content, place + 8, value + by)
+        link = at + 2 + 12 * entries
+    return content
+
+
+def test_tags_that_the_decoder_does_not_know_are_read_in_silence(tmp_path, capfd):
+    image = pictures(1, np.uint16)
+    big_endian_stack(tmp_path / "a.tif", image, ((65000, 7), (50838, 9)))
+    assert np.array_equal(read_image(tmp_path / "a.tif"), image[0])
+    assert capfd.readouterr() == ("", "")
+
+
+def test_large_stack_of_imagej_is_refused_because_its_pages_have_no_directories(tmp_path):
+    described = {270: "ImageJ=1.53t\nimages=500\nslices=500\n"}
+    Image.fromarray(pictures(1)[0]).save(tmp_path / "a.tif", tiffinfo=described)
+    with pytest.raises(ImageError, match="a stack of ImageJ with 500 images and directories for 1"):
+        read_image(tmp_path / "a.tif")
+
+
+def test_names_with_numbers_are_in_the_order_of_the_numbers():
+    names = ["img10.png", "img2.png", "IMG1.png", "a3b12", "a3b2", "a", "7", "img2.bmp"]
+    assert sorted(names, key=natural_key) == [
+        "7", "a", "a3b2", "a3b12", "IMG1.png", "img2.bmp", "img2.png", "img10.png"
+    ]  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    for name in ("img10.png", "img2.PNG", "img1.png", "mask.tif", ".hidden.png"):
+        (tmp_path / name).write_bytes(b"")
+    (tmp_path / "notes.txt").write_text("no image")
+    (tmp_path / "deeper.png").mkdir()
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def names(images: list[Path]) -> list[str]:
+    return [path.name for path in images]
+
+
+def test_folder_means_its_images_in_natural_order(folder):
+    assert names(list_images(folder)) == ["img1.png", "img2.PNG", "img10.png", "mask.tif"]
+
+
+@pytest.mark.parametrize("absolute", [False, True])
+def test_pattern_means_the_files_that_match(folder, absolute):
+    pattern = f"{folder}/img*" if absolute else "img*"
+    assert names(list_images(pattern)) == ["img1.png", "img2.PNG", "img10.png"]
+
+
+def test_names_as_a_shell_lists_them_are_put_in_natural_order_and_others_are_kept(folder):
+    assert names(list_images("img1.png", "img10.png", "img2.PNG")) == ["img1.png", "img2.PNG", "img10.png"]
+    assert names(list_images("img2.PNG", "img1.png", "img10.png")) == ["img2.PNG", "img1.png", "img10.png"]
+
+
+@pytest.mark.parametrize(
+    ("source", "got"),
+    [("x*.png", "expected a pattern that files match, got none"), ("deeper.png", "a folder with images")],
+)
+def test_place_without_images_is_refused(folder, source, got):
+    with pytest.raises(ImageError, match=got):
+        list_images(source)
+
+
+def test_file_whose_name_looks_like_a_pattern_is_itself(folder):
+    (folder / "a[1].png").write_bytes(b"")
+    assert names(list_images("a[1].png")) == ["a[1].png"]
