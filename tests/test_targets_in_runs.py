@@ -7,7 +7,7 @@ from dic.pipeline.run import process_run
 from dic.runfile.reader import RunFile
 from dic.targets.find import CharucoTarget
 from rig.run import run_protocol
-from tests.dic.targets.test_find import _charuco, _checkerboard, _dots
+from tests.dic.targets.drawings import charuco, checkerboard, dots
 from tests.places import EXAMPLES, example
 
 SMALL = ('driver = "simulated-camera"', 'driver = "simulated-camera"\nwidth_px = 560\nheight_px = 560\n')
@@ -18,15 +18,15 @@ CHARUCO = CharucoTarget((9, 7), 1.2, 0.9, "DICT_5X5_100")
 TARGETS = {
     "checkerboard": (
         'target = "checkerboard"\nsquares_x = 12\nsquares_y = 11\npitch_mm = 0.9\n',
-        _checkerboard((12, 11), 0.9),
+        checkerboard((12, 11), 0.9),
         110,
     ),
     "charuco": (
         'target = "charuco"\nsquares_x = 9\nsquares_y = 7\npitch_mm = 1.2\nmarker_mm = 0.9\n',
-        _charuco(CHARUCO),
+        charuco(CHARUCO),
         48,
     ),
-    "dots": ('target = "dots"\ndots_x = 13\ndots_y = 13\npitch_mm = 0.8\n', _dots((13, 13), 0.8, 0.2), 169),
+    "dots": ('target = "dots"\ndots_x = 13\ndots_y = 13\npitch_mm = 0.8\n', dots((13, 13), 0.8, 0.2), 169),
 }
 
 

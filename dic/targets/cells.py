@@ -15,6 +15,8 @@ _MIN_CELL_AREA_PX = 12
 _SEEDS = 12
 # Largest distance between a neighbour and its predicted place, as a fraction of the lattice vector.
 _LATTICE_TOLERANCE = 0.3
+# The four neighbours of a region: the number of the lattice vector, and its sign.
+_WAYS = ((0, 1), (0, -1), (1, 1), (1, -1))
 
 
 @dataclass(frozen=True)
@@ -100,48 +102,49 @@ def lattice_of_regions(centres: Float, areas: Float) -> tuple[Indices, Indices]:
         return none
     tree = KDTree(centres)
     neighbours: NDArray[Any] = np.asarray(tree.query(centres, k=9)[1])
-    seeds = {}
-    for cell in range(len(centres)):
-        basis = _local_basis(centres, areas, neighbours[cell])
-        if basis is not None:
-            seeds[cell] = basis
-    if not seeds:
+    seeds, bases = _local_bases(centres, areas, neighbours)
+    if not len(seeds):
         return none
-    middle = np.median(centres[list(seeds)], axis=0)
-    nearest_first = sorted(seeds, key=lambda cell: float(np.linalg.norm(centres[cell] - middle)))
+    middle = np.median(centres[seeds], axis=0)
+    nearest_first = np.argsort(np.linalg.norm(centres[seeds] - middle, axis=1), kind="stable")
     best: dict[tuple[int, int], int] = {}
     seen: set[int] = set()
     tried = 0
-    for seed in nearest_first:
-        if tried == _SEEDS:
+    for at in nearest_first:
+        if tried == _SEEDS or len(best) > len(centres) // 2:
             break
+        seed = int(seeds[at])
         if seed not in seen:
             tried += 1
-            grown = _grow(tree, centres, areas, seed, seeds[seed])
+            grown = _grow(tree, centres, areas, seed, bases[at])
             seen.update(grown.values())
             best = max(best, grown, key=len)
     return np.array(list(best), np.int64).reshape(-1, 2), np.array(list(best.values()), np.int64)
 
 
-def _local_basis(centres: Float, areas: Float, neighbours: NDArray[Any]) -> Float | None:
-    """Return the two lattice vectors (2, 2) at a cell, or None if the neighbours do not determine them.
+def _local_bases(centres: Float, areas: Float, neighbours: NDArray[Any]) -> tuple[Indices, Float]:
+    """Return the cells whose neighbours determine lattice vectors, shape (n,), and the vectors, (n, 2, 2).
 
     A lattice vector leads from a cell to a neighbour. The function uses only pairs of neighbours with similar
-    areas, on opposite sides of the cell.
+    areas, on opposite sides of the cell. The argument `neighbours` (m, 9) has the cell itself and its eight
+    nearest neighbours in each row.
     """
-    cell = neighbours[0]
-    alike = [other for other in neighbours[1:] if 0.5 < areas[other] / areas[cell] < 2]
-    steps = centres[alike] - centres[cell]
-    basis: list[Float] = []
-    for step in steps:
-        length = np.linalg.norm(step)
-        if np.linalg.norm(steps + step, axis=1).min() > 0.2 * length:
-            continue
-        if all(abs(np.linalg.det([step, other])) > 0.5 * length * np.linalg.norm(other) for other in basis):
-            basis.append(step)
-        if len(basis) == 2:
-            return np.array(basis)
-    return None
+    steps = centres[neighbours[:, 1:]] - centres[neighbours[:, :1]]
+    ratio = areas[neighbours[:, 1:]] / areas[neighbours[:, :1]]
+    alike = (ratio > 0.5) & (ratio < 2)
+    length = np.linalg.norm(steps, axis=-1)
+    unmatched = np.linalg.norm(steps[:, :, None] + steps[:, None], axis=-1)
+    unmatched = np.where(alike[:, None], unmatched, np.inf).min(axis=-1)
+    paired = alike & (unmatched <= 0.2 * length)
+    every = np.arange(len(steps))
+    first = np.argmax(paired, axis=1)
+    nearest, its_length = steps[every, first][:, None], length[every, first][:, None]
+    cross = np.abs(nearest[..., 0] * steps[..., 1] - nearest[..., 1] * steps[..., 0])
+    across = paired & (cross > 0.5 * its_length * length)
+    second = np.argmax(across, axis=1)
+    sound = np.flatnonzero(across.any(axis=1))
+    bases: Float = np.stack([steps[sound, first[sound]], steps[sound, second[sound]]], axis=1)
+    return neighbours[sound, 0].astype(np.int64), bases
 
 
 def along_short_vectors(index: Indices, centres: Float) -> Indices:
@@ -176,24 +179,26 @@ def _grow(
     """
     placed = {(0, 0): seed}
     taken = {seed}
-    front = [((0, 0), basis)]
+    front, vectors = [(0, 0)], basis[None]
     while front:
-        following = []
-        for at, vectors in front:
-            cell = placed[at]
-            for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
+        cells = np.array([placed[at] for at in front])
+        # (ways, cells of the front, 2)
+        steps = np.stack([sign * vectors[:, axis] for axis, sign in _WAYS])
+        miss, found = tree.query(centres[cells] + steps)
+        ratio = areas[found] / areas[cells]
+        near = miss <= _LATTICE_TOLERANCE * np.linalg.norm(steps, axis=-1)
+        good = near & (ratio > 0.5) & (ratio < 2)
+        following, updated = [], []
+        for k, at in enumerate(front):
+            for way, (axis, sign) in enumerate(_WAYS):
                 there = (at[0] + sign * (axis == 0), at[1] + sign * (axis == 1))
-                if there in placed:
+                other = int(found[way, k])
+                if not good[way, k] or there in placed or other in taken:
                     continue
-                step = sign * vectors[axis]
-                miss, other = tree.query(centres[cell] + step)
-                alike = 0.5 < areas[other] / areas[cell] < 2
-                if other in taken or not alike or miss > _LATTICE_TOLERANCE * np.linalg.norm(step):
-                    continue
-                placed[there] = int(other)
-                taken.add(int(other))
-                updated = vectors.copy()
-                updated[axis] += 0.5 * (sign * (centres[other] - centres[cell]) - vectors[axis])
-                following.append((there, updated))
-        front = following
+                placed[there] = other
+                taken.add(other)
+                following.append(there)
+                updated.append(vectors[k].copy())
+                updated[-1][axis] += 0.5 * (sign * (centres[other] - centres[cells[k]]) - vectors[k, axis])
+        front, vectors = following, np.array(updated)
     return placed

@@ -6,9 +6,10 @@ The markers of the board identify each corner. Therefore a part of the board may
 import numpy as np
 
 from dic.errors import CalibrationError
-from dic.targets.checkerboard import as_bytes, refine
+from dic.targets.checkerboard import refine
 from dic.targets.lattice import fits_lattice
 from dic.targets.points import GridPoints
+from dic.targets.sampled_image import as_bytes
 from dic.typing import Float, Grey, Indices
 
 # Smallest share of the corners that must be visible.

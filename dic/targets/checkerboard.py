@@ -5,13 +5,12 @@ point symmetry of the image around each corner.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
 from dic.targets.axes import Axes, XAxis, axes_in_image
 from dic.targets.lattice import fits_lattice
 from dic.targets.points import GridPoints
-from dic.targets.sampled_image import GridImage
+from dic.targets.sampled_image import GridImage, as_bytes
 from dic.typing import Float, Grey
 
 # A corner is refined within a disc of this radius, in pitches. The disc must not reach the next corner.
@@ -125,13 +124,6 @@ def _gradient(image: GridImage, points: Float) -> Float:
     half = 0.5
     steps = [np.array([half, 0.0]), np.array([0.0, half])]
     return np.stack([image.sample(points + step) - image.sample(points - step) for step in steps], axis=-1)
-
-
-def as_bytes(grey: Grey) -> NDArray[np.uint8]:
-    """Return the image with grey levels stretched to 0 … 255, for detectors that need 8-bit images."""
-    low, high = (float(value) for value in np.percentile(grey, (0.1, 99.9)))
-    stretched = np.rint((grey - low) * (255.0 / max(high - low, 1e-6)))
-    return np.asarray(np.clip(stretched, 0, 255), np.uint8)
 
 
 def _first_square_is_dark(grey: Grey, px: Float) -> bool:

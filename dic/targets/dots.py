@@ -1,168 +1,170 @@
 """Detection of the centres of round dots.
 
-The centre of a dot is its centroid, corrected for the shift that perspective causes.
+The centre of a dot is the centre of the ellipse that is its image, corrected for the shift that perspective
+causes.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from dic.errors import CalibrationError
 from dic.targets.axes import Axes, XAxis, axes_in_image
+from dic.targets.blobs import Blobs, find_blobs
 from dic.targets.cells import along_short_vectors, lattice_of_regions
+from dic.targets.ellipses import Ellipses, fit_ellipses
+from dic.targets.hollow_marks import HollowMarks, find_hollow_marks, hollow_dots
 from dic.targets.lattice import LatticeShape, fits_lattice
 from dic.targets.points import GridPoints
 from dic.typing import Float, Grey, Indices, Mask
 
-# Smallest share of the dots that must be found.
-_SUFFICIENT = 0.9
-# Distance that the blurred edge of a dot reaches beyond the dot.
-_EDGE_PX = 2.5
+# Smallest share of the dots that must be found; of a plate with marks, of the dots in the picture.
+_SUFFICIENT, _SUFFICIENT_WITH_MARKS = 0.9, 0.5
+_FEWEST = 16
+# Limits, in units of the median, of the misfit and of the contrast of a sound dot.
+_MISFIT, _CONTRAST = 2.0, 0.3
+# Rounding and interpolation cause a misfit of this fraction of the contrast also without noise.
+_MISFIT_OF_CONTRAST = 0.02
 # A dot is divided into this number of rings and spokes, over which the shift by perspective is integrated.
 _RINGS, _SPOKES = 6, 24
+
+
+@dataclass(frozen=True)
+class _Dots:
+    """The dots of a lattice: lattice indices (n, 2), approximate blobs, and fitted ellipses."""
+
+    index: Indices
+    blobs: Blobs
+    hollow: Mask
+    ellipses: Ellipses
+
+    @classmethod
+    def in_image(cls, grey: Grey, dots: tuple[int, int], source: str) -> "_Dots":
+        """Return the dots of the largest lattice of blobs."""
+        best: tuple[Indices, Blobs] | None = None
+        for blobs in find_blobs(grey):
+            index, placed = lattice_of_regions(blobs.centre_px, blobs.area_px2)
+            if best is None or len(index) > len(best[0]):
+                best = index, blobs.only(placed)
+            if len(best[0]) >= dots[0] * dots[1]:
+                break
+        if best is None or len(best[0]) < _FEWEST:
+            raise _refusal(source, dots, f"{0 if best is None else len(best[0])} dots in a lattice")
+        index, blobs = best
+        hollow = hollow_dots(grey, blobs)
+        ellipses = fit_ellipses(grey, blobs, hollow)
+        return cls(along_short_vectors(index, blobs.centre_px), blobs, hollow, ellipses)
+
+    def sound(self) -> Mask:
+        """Return True for each dot (n,) whose ellipse fits the grey levels about as well as usual."""
+        fit = self.ellipses
+        fitted = np.isfinite(fit.centre_px).all(axis=1)
+        if not fitted.any():
+            return np.asarray(fitted)
+        contrast, misfit = np.abs(fit.contrast), fit.misfit
+        usual = float(np.median(contrast[fitted]))
+        limit = _MISFIT * float(np.median(misfit[fitted])) + _MISFIT_OF_CONTRAST * usual
+        with np.errstate(invalid="ignore"):
+            return np.asarray(fitted & (contrast > _CONTRAST * usual) & (misfit < limit))
 
 
 def find_dots(grey: Grey, dots: tuple[int, int], pitch_mm: float, source: str, x_axis: XAxis) -> GridPoints:
     """Return the centres of a lattice of dots. `dic.targets.find.DotTarget` describes this target.
 
+    If three of the dots are hollow, they mark the origin and the axes, and the lattice may be larger than the
+    picture. Dots that the image's rim cuts are left out.
+
     Raises
     ------
     CalibrationError
-        If fewer than 90 % of the dots are found, or the numbers of rows and columns differ from `dots`.
+        If fewer than 90 % of the dots are found, or the numbers of rows and columns differ from `dots`. With
+        marks: if fewer than half of the dots in the picture are found, or the dots do not fit into the
+        lattice.
     """
-    index, centre_px, boxes, signed = _lattice(grey, dots[0] * dots[1])
-    if len(index) < max(16, _SUFFICIENT * dots[0] * dots[1]):
-        raise _refusal(source, dots, f"{len(index)} dots in a lattice")
+    found = _Dots.in_image(grey, dots, source)
+    sound = found.sound()
+    if np.count_nonzero(sound) < _FEWEST:
+        raise _refusal(source, dots, f"{np.count_nonzero(sound)} dots in a lattice")
+    index, centre = found.index.astype(float), found.ellipses.centre_px
+    shape = LatticeShape.fit(index[sound], centre[sound])
+    centre = centre - _eccentricity(shape, index, found.ellipses.area_px2, sound)
+    # A partly hidden dot is smaller than the others, and its centre is shifted. Leave such dots out.
+    size = found.ellipses.area_px2 / _cell_px2(shape, index)
+    off = np.abs(size / np.median(size[sound]) - 1)
+    sound &= off < 6 * np.median(off[sound]) + 0.02
+    sound[sound] = fits_lattice(index[sound], centre[sound])
+    middle = (index.min(axis=0) + index.max(axis=0)) / 2
+    vectors = np.stack([shape.step(middle, 0), shape.step(middle, 1)])
+    marks = find_hollow_marks(found.index, found.hollow, vectors)
+    if marks is not None:
+        return _numbered_by_marks(found.index[sound], centre[sound], marks, dots, pitch_mm, source)
+    axes, spans = _axes_and_spans(found.index, vectors, dots, x_axis, source)
+    if np.count_nonzero(sound) < _SUFFICIENT * dots[0] * dots[1]:
+        raise _refusal(source, dots, f"only {np.count_nonzero(sound)} whole dots")
+    column_row, centre = axes.columns_and_rows(found.index, spans)[sound], centre[sound]
+    by_row = np.lexsort((column_row[:, 0], column_row[:, 1]))
+    return GridPoints.on_lattice(
+        column_row[by_row], centre[by_row], dots, pitch_mm, axes.warnings, axes.orientation
+    )
+
+
+def _axes_and_spans(
+    index: Indices, vectors: Float, dots: tuple[int, int], x_axis: XAxis, source: str
+) -> tuple[Axes, tuple[range, range]]:
+    """Return the axes and the ranges of lattice indices of a plate without marks, all of it in view."""
+    if len(index) < _SUFFICIENT * dots[0] * dots[1]:
+        raise _refusal(source, dots, f"{len(index)} dots in a lattice, without three hollow dots as marks")
     counts = tuple(int(count) for count in np.ptp(index, axis=0) + 1)
     if sorted(counts) != sorted(dots):
-        raise _refusal(source, dots, f"{counts[0]} × {counts[1]} dots")
+        raise _refusal(source, dots, f"{counts[0]} × {counts[1]} dots, without three hollow dots as marks")
     low = index.min(axis=0)
     spans = (range(int(low[0]), int(low[0]) + counts[0]), range(int(low[1]), int(low[1]) + counts[1]))
-    centroid, area_px2 = _centroids(signed, centre_px, boxes)
-    shape = LatticeShape.fit(index.astype(float), centroid)
-    centroid -= _eccentricity(shape, index.astype(float), area_px2)
-
-    middle = np.array([span[0] + (len(span) - 1) / 2 for span in spans])
-    vectors = np.stack([shape.step(middle, 0), shape.step(middle, 1)])
 
     def possible(axes: Axes) -> bool:
         return tuple(len(spans[axis]) for axis in axes.lattice_axes) == tuple(dots)
 
-    axes = axes_in_image(vectors, x_axis, source, possible)
-    # A partly hidden dot is smaller than the others, and its centroid is shifted. Leave such dots out.
-    size = area_px2 / _cell_px2(shape, index.astype(float))
-    off = np.abs(size / np.median(size) - 1)
-    sound = fits_lattice(index.astype(float), centroid) & (off < 6 * np.median(off) + 0.02)
-    if np.count_nonzero(sound) < _SUFFICIENT * dots[0] * dots[1]:
-        raise _refusal(source, dots, f"only {np.count_nonzero(sound)} whole dots")
-    column_row, centroid = axes.columns_and_rows(index, spans)[sound], centroid[sound]
+    return axes_in_image(vectors, x_axis, source, possible), spans
+
+
+def _numbered_by_marks(
+    index: Indices, centre: Float, marks: HollowMarks, dots: tuple[int, int], pitch_mm: float, source: str
+) -> GridPoints:
+    """Return the points of a plate with marks. The origin of X and Y is the origin mark."""
+    signs = np.where(marks.axes.flip, -1, 1)
+    from_mark = (index - marks.origin)[:, list(marks.axes.lattice_axes)] * signs
+    low, high = from_mark.min(axis=0), from_mark.max(axis=0)
+    seen = high - low + 1
+    if (seen > dots).any():
+        raise _refusal(source, dots, f"{seen[0]} × {seen[1]} dots, with the marks of a plate")
+    # The marks of such plates lie symmetrically to the middle. Where the dots in view contradict this, the
+    # nearest numbering that holds all dots is taken. X and Y do not depend on it.
+    symmetric = (np.array(dots) - 1 - np.array(marks.pitches)) // 2
+    column_row = from_mark + np.clip(symmetric, -low, np.array(dots) - 1 - high)
+    if len(index) < max(_FEWEST, _SUFFICIENT_WITH_MARKS * _of_hull(index)):
+        raise _refusal(source, dots, f"only {len(index)} whole dots between the outermost ones")
     by_row = np.lexsort((column_row[:, 0], column_row[:, 1]))
-    return GridPoints.on_lattice(
-        column_row[by_row], centroid[by_row], dots, pitch_mm, axes.warnings, axes.orientation
-    )
+    xy_mm = from_mark[by_row].astype(np.float64) * pitch_mm
+    return GridPoints(column_row[by_row], xy_mm, centre[by_row], dots, pitch_mm, (), "mark")
 
 
-def _lattice(grey: Grey, expected: int) -> tuple[Indices, Float, Indices, Grey]:
-    """Find the largest lattice of blobs; return its blobs and an image in which the dots are bright.
+def _of_hull(index: Indices) -> float:
+    """Return about how many dots a lattice without gaps has in the convex hull of the given dots."""
+    from scipy.spatial import ConvexHull
 
-    The blobs are given by lattice indices (n, 2), centres (n, 2) in px and bounding boxes (n, 4): left, top,
-    width, height. If the dots are dark, the returned image is the negative of the given one.
-    """
-    best_index, best_centre = np.empty((0, 2), np.int64), np.empty((0, 2))
-    best_boxes, best_image = np.empty((0, 4), np.int64), grey
-    for width_px in (31, 15, 61, 121):
-        if width_px > min(grey.shape) // 3:
-            continue
-        for signed in (-grey, grey):
-            centres, areas, boxes = _blobs(signed, width_px)
-            index, placed = lattice_of_regions(centres, areas)
-            if len(index) > len(best_index):
-                best_index, best_centre = along_short_vectors(index, centres[placed]), centres[placed]
-                best_boxes, best_image = boxes[placed], signed
-            if len(best_index) >= expected:
-                return best_index, best_centre, best_boxes, best_image
-    return best_index, best_centre, best_boxes, best_image
+    # Pick's theorem, with the rim taken as a rectangle's: area + half of the rim + 1.
+    hull = ConvexHull(index)
+    return float(hull.volume + hull.area / 2 + 1)
 
 
-def _blobs(signed: Grey, width_px: int) -> tuple[Float, Float, Indices]:
-    """Return the centres (n, 2), areas (n,) and bounding boxes (n, 4) of bright blobs.
+def _eccentricity(shape: LatticeShape, index: Float, area_px2: Float, sound: Mask) -> Float:
+    """Return the differences (n, 2), px, between centres of dots' images and images of dots' centres.
 
-    The width of a blob is at most `width_px`.
-    """
-    import cv2
-
-    smooth = cv2.GaussianBlur(signed, (0, 0), max(0.7, width_px / 30))
-    disc = cv2.getStructuringElement(cv2.MORPH_RECT, (width_px, width_px))
-    height = cv2.morphologyEx(smooth, cv2.MORPH_TOPHAT, disc)
-    wide = cv2.getStructuringElement(cv2.MORPH_RECT, (2 * width_px + 1, 2 * width_px + 1))
-    contrast = cv2.GaussianBlur(cv2.dilate(height, wide), (0, 0), width_px)
-    seen = (height > 0.5 * contrast).astype(np.uint8)
-    _, _, stats, centres = cv2.connectedComponentsWithStats(seen, connectivity=4)
-    stats, centres = stats[1:].astype(np.int64), centres[1:]
-    area = stats[:, cv2.CC_STAT_AREA]
-    filled = area / (stats[:, cv2.CC_STAT_WIDTH] * stats[:, cv2.CC_STAT_HEIGHT])
-    # An ellipse with axes along x and y fills pi/4 of its bounding box, an inclined ellipse less.
-    like = (area >= 12) & (filled > 0.45) & (filled < 0.9)
-    return centres[like].astype(np.float64), area[like].astype(np.float64), stats[like, :4]
-
-
-def _centroids(signed: Grey, centre_px: Float, boxes: Indices) -> tuple[Float, Float]:
-    """Return centroids (n, 2), px, and areas (n,), px², of dots, after subtracting the local background."""
-    result, area = np.empty_like(centre_px), np.empty(len(centre_px))
-    rows, columns = signed.shape
-    for k, (left, top, width, height) in enumerate(boxes):
-        reach = max(4, int(0.25 * max(width, height)))
-        y = np.arange(max(0, top - reach), min(rows, top + height + reach))
-        x = np.arange(max(0, left - reach), min(columns, left + width + reach))
-        patch = signed[y[0] : y[-1] + 1, x[0] : x[-1] + 1].astype(np.float64)
-        inside = _dot_pixels(patch)
-        light = (patch - _background(patch, ~inside)) * inside
-        total = light.sum()
-        result[k] = (light.sum(axis=0) @ x / total, light.sum(axis=1) @ y / total)
-        area[k] = total / np.percentile(light[inside], 80)
-    return result, area
-
-
-def _dot_pixels(patch: Float) -> Mask:
-    """Return a mask of the pixels that belong to a dot or to its blurred edge.
-
-    The mask is an ellipse with the second moments of the pixels above half height, enlarged by the width of
-    the blurred edge. The border of a filled ellipse is at twice the standard deviation of its pixels, in
-    every direction.
-    """
-    above = patch > (np.percentile(patch, 5) + np.percentile(patch, 95)) / 2
-    places = np.argwhere(above).astype(np.float64)
-    covariance = np.cov(places.T) + 0.1 * np.eye(2)
-    every = np.argwhere(np.ones(patch.shape, bool)).reshape(*patch.shape, 2)
-    relative = every - places.mean(axis=0)
-    reach = np.sqrt(np.einsum("...i,ij,...j", relative, np.linalg.inv(covariance), relative)) / 2
-    shortest_px = 2 * float(np.sqrt(np.linalg.eigvalsh(covariance)[0]))
-    return np.asarray(reach < 1 + _EDGE_PX / shortest_px)
-
-
-def _background(patch: Float, beside: Mask) -> Float:
-    """Return the background of a dot: a plane fitted to the grey levels of the pixels in the mask `beside`.
-
-    The fit rejects outliers, such as the pixels of an object that hides a neighbouring dot.
-    """
-    y, x = np.mgrid[: patch.shape[0], : patch.shape[1]]
-    design = np.column_stack([np.ones(patch.size), x.ravel(), y.ravel()])
-    used, level = beside.ravel(), patch.ravel()
-    for _ in range(3):
-        plane = np.linalg.lstsq(design[used], level[used], rcond=None)[0]
-        away = np.abs(level - design @ plane)
-        # 4.5 times the median of the absolute deviations is about three standard deviations.
-        used = beside.ravel() & (away <= 4.5 * np.median(away[beside.ravel()]) + 1e-6)
-    ground: Float = (design @ plane).reshape(patch.shape)
-    return ground
-
-
-def _eccentricity(shape: LatticeShape, index: Float, area_px2: Float) -> Float:
-    """Return the differences (n, 2), px, between centroids of dots' images and images of dots' centres.
-
-    In perspective the centroid of a dot's image is not the image of the dot's centre. The function computes
-    the centroid as a sum over small elements of the dot, weighted by the areas of the elements in the image.
+    In perspective the centre of a dot's image is not the image of the dot's centre. The function computes the
+    centre of the image as a sum over small elements of the dot, weighted by the areas of the elements in the
+    image.
     """
     pixels_per_cell = _cell_px2(shape, index)
-    radius = float(np.sqrt(np.median(area_px2 / pixels_per_cell) / np.pi))
+    radius = float(np.sqrt(np.median((area_px2 / pixels_per_cell)[sound]) / np.pi))
     ring = np.sqrt((np.arange(_RINGS) + 0.5) / _RINGS) * radius
     angle = np.arange(_SPOKES) * (2 * np.pi / _SPOKES)
     disc = np.stack([np.outer(ring, np.cos(angle)), np.outer(ring, np.sin(angle))], axis=-1).reshape(-1, 2)
@@ -186,7 +188,7 @@ def _refusal(source: str, dots: tuple[int, int], got: str) -> CalibrationError:
     return CalibrationError(
         source,
         "find dots",
-        f"{dots[0]} × {dots[1]} dots, at least {_SUFFICIENT:.0%} of them",
+        f"{dots[0]} × {dots[1]} dots, at least {_SUFFICIENT:.0%} of them, or a plate with three hollow dots",
         got,
         "check that all dots are in view, sharp and evenly lit, and that --dots gives their numbers",
     )

@@ -74,10 +74,13 @@ class CharucoTarget:
 class DotTarget:
     """Round dots on a square lattice, darker or brighter than the background.
 
+    If three of the dots are hollow (rings), they mark the origin, a place on the X axis and a place on the Y
+    axis. The origin mark is then the origin of X and Y, and the lattice may be larger than the picture.
+
     Attributes
     ----------
     dots : tuple of int
-        Number of dots along X and along Y.
+        Number of dots along X and along Y. For a plate larger than the picture, all dots of the plate count.
     pitch_mm : float
         Distance between the centres of neighbouring dots.
     """
@@ -125,7 +128,7 @@ def find_target(
     CalibrationError
         If the target or too many of its points are not found. At least 90 % of the points of a line grid or a
         dot target must be found, and half of the corners of a ChArUco board. All corners of a checkerboard
-        must be in view.
+        must be in view. Of a plate with three hollow dots, half of the dots in the picture suffice.
     """
     spec = LineGridTarget() if spec is None else spec
     require_kind("target", spec, Target, "give dic.LineGridTarget((21, 21), pitch_mm=0.5)")

@@ -16,7 +16,8 @@ class GridPoints:
     index : ndarray of int64, shape (n, 2)
         Column and row of each point on the target, ``0 … lines − 1``. Columns increase with X, rows with Y.
     xy_mm : ndarray, shape (n, 2)
-        Coordinates X and Y of each point on the target. The origin is the centre of the target.
+        Coordinates X and Y of each point on the target. The origin is the centre of the target, or the origin
+        mark of a plate with three hollow dots.
     uv_px : ndarray, shape (n, 2)
         Coordinates x and y of each point in the image. The x axis points right and the y axis down; the
         centres of pixels have integer coordinates.
@@ -72,19 +73,24 @@ class GridPoints:
         return len(self.index)
 
     def outline_px(self) -> Float:
-        """Return the image positions of the points in the outermost rows and columns, shape (m, 2), px.
+        """Return the image positions of the outermost points, shape (m, 2), px.
 
-        The points are ordered around the rim of the target.
+        These are the points on the edge of the smallest convex polygon that contains all points on the
+        target, in order around it. If the whole target was found, they are its outer rows and columns. If the
+        picture shows only a part of the target, no place between these points lies beyond the points found.
         """
-        column, row = self.index[:, 0], self.index[:, 1]
-        right, top = self.lines[0] - 1, self.lines[1] - 1
-        sides = [
-            (row == 0) & (column < right),
-            (column == right) & (row < top),
-            (row == top) & (column > 0),
-            (column == 0) & (row > 0),
-        ]
-        ways = [column, row, -column, -row]
-        order = [np.flatnonzero(side)[np.argsort(way[side])] for side, way in zip(sides, ways, strict=True)]
-        outline: Float = self.uv_px[np.concatenate(order)]
+        from scipy.spatial import ConvexHull
+
+        place = self.xy_mm / self.pitch_mm
+        corners = place[ConvexHull(place).vertices]
+        following = np.roll(corners, -1, axis=0)
+        order: list[int] = []
+        for start, end in zip(corners, following, strict=True):
+            side = end - start
+            away = place - start
+            along = away @ side / (side @ side)
+            on_side = np.abs(side[0] * away[:, 1] - side[1] * away[:, 0]) < 1e-6 * (1 + side @ side)
+            numbers = np.flatnonzero(on_side & (along >= -1e-9) & (along < 1 - 1e-9))
+            order += numbers[np.argsort(along[numbers])].tolist()
+        outline: Float = self.uv_px[order]
         return outline

@@ -4,6 +4,7 @@ A segment is the part of a line between two neighbouring intersections. Stations
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dic.targets.lattice import LatticeShape
 from dic.typing import Float, Grey
@@ -42,6 +43,13 @@ class GridImage:
         height, width = self._shape
         values[(x < 0) | (y < 0) | (x > width - 1) | (y > height - 1)] = np.nan
         return values
+
+
+def as_bytes(grey: Grey) -> NDArray[np.uint8]:
+    """Return the image with grey levels stretched to 0 … 255, for detectors that need 8-bit images."""
+    low, high = (float(value) for value in np.percentile(grey, (0.1, 99.9)))
+    stretched = np.rint((grey - low) * (255.0 / max(high - low, 1e-6)))
+    return np.asarray(np.clip(stretched, 0, 255), np.uint8)
 
 
 def profiles_across(image: GridImage, shape: LatticeShape, axis: int, numbers: range, across: range) -> Float:

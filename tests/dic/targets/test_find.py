@@ -1,9 +1,5 @@
 """Checkerboards, ChArUco boards and dots, drawn here and seen by the simulators' camera."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import ClassVar
-
 import cv2
 import numpy as np
 import pytest
@@ -13,73 +9,9 @@ from dic.targets.find import CharucoTarget, CheckerboardTarget, DotTarget, LineG
 from dic.targets.points import GridPoints
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
-from simulators.scene.render import render
 from simulators.scene.scene import Surface
 from simulators.scene.texture import LineGrid
-
-SIZE_PX = 560
-FOCAL_PX = 1560.0
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """A texture given by a formula of x and y in mm.
-
-    Its edges are sharp, so that they must not run along the pixels: Gauss points would see them in steps.
-    """
-
-    formula: Callable[[np.ndarray, np.ndarray], np.ndarray]
-    quadrature_order: ClassVar[int] = 4
-
-    def reflectance(self, points_mm: np.ndarray) -> np.ndarray:
-        return np.where(self.formula(points_mm[:, 0], points_mm[:, 1]), 0.1, 0.9)
-
-
-def _checkerboard(squares: tuple[int, int], pitch_mm: float) -> Drawing:
-    half = np.array(squares) / 2 * pitch_mm
-
-    def dark(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        column, row = np.floor((x + half[0]) / pitch_mm), np.floor((y + half[1]) / pitch_mm)
-        return ((column + row) % 2 == 0) & (abs(x) < half[0]) & (abs(y) < half[1])
-
-    return Drawing(dark)
-
-
-def _dots(dots: tuple[int, int], pitch_mm: float, radius_mm: float) -> Drawing:
-    middle = (np.array(dots) - 1) / 2
-
-    def dark(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        column = np.clip(np.rint(x / pitch_mm + middle[0]), 0, dots[0] - 1) - middle[0]
-        row = np.clip(np.rint(y / pitch_mm + middle[1]), 0, dots[1] - 1) - middle[1]
-        return np.hypot(x - column * pitch_mm, y - row * pitch_mm) < radius_mm
-
-    return Drawing(dark)
-
-
-def _charuco(target: CharucoTarget) -> Drawing:
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, target.dictionary))
-    board = cv2.aruco.CharucoBoard(target.squares, target.pitch_mm, target.marker_mm, dictionary)
-    px_per_square = 140
-    columns, rows = (count * px_per_square for count in target.squares)
-    picture = board.generateImage((columns, rows))
-
-    def dark(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        column = np.floor(x / target.pitch_mm * px_per_square + columns / 2).astype(int)
-        row = np.floor(-y / target.pitch_mm * px_per_square + rows / 2).astype(int)
-        on = (column >= 0) & (row >= 0) & (column < columns) & (row < rows)
-        return on & (picture[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)] < 128)
-
-    return Drawing(dark)
-
-
-def _seen(
-    texture: Drawing | LineGrid, noise: float = 2.0, roll_deg: float = 0.0, **swing: float
-) -> tuple[np.ndarray, PinholeCamera, Surface]:
-    camera = PinholeCamera(SIZE_PX, SIZE_PX, focal_px=FOCAL_PX, **swing)
-    surface = Surface(texture, Pose.turned(np.array([0.0, 0.0, 1.0]), roll_deg, np.zeros(3)))
-    image = cv2.GaussianBlur(200 * render(camera, surface), (0, 0), 0.8)
-    noisy = image + np.random.default_rng(8).normal(0, noise, image.shape)
-    return np.rint(noisy).astype(np.float32), camera, surface
+from tests.dic.targets.drawings import FOCAL_PX, SIZE_PX, Drawing, charuco, checkerboard, dots, seen
 
 
 def _rms(grid: GridPoints, camera: PinholeCamera, surface: Surface) -> float:
@@ -95,13 +27,13 @@ DOTS = DotTarget((13, 12), 0.8)
 @pytest.mark.parametrize("roll_deg", [50.0, 173.0, 275.0])
 @pytest.mark.parametrize(
     ("target", "drawing", "limit_px"),
-    [(BOARD, _checkerboard((12, 11), 0.9), 0.02), (CHARUCO, _charuco(CHARUCO), 0.04)],
+    [(BOARD, checkerboard((12, 11), 0.9), 0.02), (CHARUCO, charuco(CHARUCO), 0.04)],
     ids=["checkerboard", "ChArUco"],
 )
 def test_boards_that_are_not_symmetric_name_their_axes_themselves(
     target: Target, drawing: Drawing, limit_px: float, roll_deg: float
 ) -> None:
-    image, camera, surface = _seen(drawing, roll_deg=roll_deg, pan_deg=25.0)
+    image, camera, surface = seen(drawing, roll_deg=roll_deg, pan_deg=25.0)
     grid = find_target(image, target)
 
     assert grid.orientation == "mark"
@@ -111,7 +43,7 @@ def test_boards_that_are_not_symmetric_name_their_axes_themselves(
 
 @pytest.mark.parametrize("squares", [(12, 12), (12, 10)])
 def test_a_symmetric_board_follows_the_image_or_the_option(squares: tuple[int, int]) -> None:
-    image, camera, surface = _seen(_checkerboard(squares, 0.85), roll_deg=10.0)
+    image, camera, surface = seen(checkerboard(squares, 0.85), roll_deg=10.0)
     target = CheckerboardTarget(squares, 0.85)
     assumed, turned = find_target(image, target), find_target(image, target, x_axis="left")
 
@@ -126,7 +58,7 @@ def _half_turn(surface: Surface) -> Pose:
 
 @pytest.mark.parametrize("swing", [{}, {"pan_deg": 30.0}, {"pan_deg": 30.0, "tilt_deg": -30.0}], ids=str)
 def test_dots_are_found_where_their_centres_are(swing: dict[str, float]) -> None:
-    image, camera, surface = _seen(_dots((13, 12), 0.8, 0.2), roll_deg=8.0, **swing)
+    image, camera, surface = seen(dots((13, 12), 0.8, 0.2), roll_deg=8.0, **swing)
     grid = find_target(image, DOTS)
 
     assert grid.found == 156
@@ -140,7 +72,7 @@ def test_large_dots_are_not_shifted_by_perspective() -> None:
     Mean of u over the disc, weighted by its area in the image ``∝ D³/(D − x sin θ)³``, to second order:
     ``(r²/4)(u''/2 + 3 u' sin θ/D)`` with ``u' = f cos θ/D`` and ``u'' = 2 f sin θ cos θ/D²``.
     """
-    image, camera, surface = _seen(_dots((11, 10), 0.95, 0.3), noise=0.0, pan_deg=40.0)
+    image, camera, surface = seen(dots((11, 10), 0.95, 0.3), noise=0.0, pan_deg=40.0)
     grid = find_target(image, DotTarget((11, 10), 0.95))
     sin, cos = np.sin(np.radians(40)), np.cos(np.radians(40))
     shift_px = 0.3**2 / 4 * (1 + 3) * FOCAL_PX * sin * cos / 40**2
@@ -151,7 +83,7 @@ def test_large_dots_are_not_shifted_by_perspective() -> None:
 
 
 def test_a_board_with_markers_may_be_covered_to_a_half() -> None:
-    image, camera, surface = _seen(_charuco(CHARUCO), roll_deg=20.0)
+    image, camera, surface = seen(charuco(CHARUCO), roll_deg=20.0)
     covered = image.copy()
     hidden = np.array([[-0.7, -0.7], [6, -0.7], [6, 6], [-0.7, 6]])
     cv2.fillPoly(covered, [camera.project(surface.world(hidden)).astype(np.int32)], 120.0)
@@ -165,7 +97,7 @@ def test_a_board_with_markers_may_be_covered_to_a_half() -> None:
 
 
 def test_hidden_dots_are_left_out_up_to_a_tenth() -> None:
-    image, camera, surface = _seen(_dots((13, 12), 0.8, 0.2), roll_deg=8.0, pan_deg=20.0)
+    image, camera, surface = seen(dots((13, 12), 0.8, 0.2), roll_deg=8.0, pan_deg=20.0)
     covered = image.copy()
     hidden = np.array([[0.5, 0.5], [2.7, 0.5], [2.7, 2.7], [0.5, 2.7]])
     cv2.fillPoly(covered, [camera.project(surface.world(hidden)).astype(np.int32)], 120.0)
@@ -176,7 +108,7 @@ def test_hidden_dots_are_left_out_up_to_a_tenth() -> None:
 
 
 def test_the_line_grid_is_found_through_the_same_function() -> None:
-    image, camera, surface = _seen(LineGrid(), roll_deg=3.0)
+    image, camera, surface = seen(LineGrid(), roll_deg=3.0)
     grid = find_target(image, LineGridTarget(), x_axis="right")
 
     assert grid.found == 441
@@ -190,7 +122,7 @@ def test_what_is_not_the_target_is_refused(target: Target, picture: str) -> None
     if picture == "noise":
         image = np.random.default_rng(2).normal(128, 30, (SIZE_PX, SIZE_PX)).astype(np.float32)
     else:
-        image = _seen(LineGrid())[0]
+        image = seen(LineGrid())[0]
 
     with pytest.raises(CalibrationError, match="expected"):
         find_target(image, target)

@@ -1,0 +1,271 @@
+"""Measurement of the centres of dots: an ellipse with a blurred edge is fitted to the grey levels.
+
+The image of a round dot is an ellipse, also in perspective. The model of its grey levels is
+
+    I(p) = (1 − S)·(b₀ + b·(p − c)) + S·(d₀ + d·(p − c)),    S = Φ(−t/s)
+
+with the distance t of the pixel p from the ellipse, positive outside, the blur s of the edge, the normal
+distribution Φ, and the grey levels and gradients of the background, b, and of the dot, d. Only pixels near
+the edge are used, because only they contain information about the centre. The fit therefore reaches nearly
+the Cramér-Rao bound for the noise of the pixels, other than a centroid.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.targets.blobs import Blobs
+from dic.typing import Float, Grey, Indices, Mask
+
+# The fit uses the pixels up to this distance from the edge.
+_BAND_PX = 7.0
+# The hole of a hollow dot begins deeper than this fraction of the dot's smaller semi-axis.
+_RIM_OF_HOLLOW = 0.3
+# Steps without knowledge of the light, then with the gradients of the light around the neighbouring dots.
+_STEPS, _STEPS_IN_KNOWN_LIGHT = 5, 3
+_NEIGHBOURS = 9
+# Scatter of the neighbours' gradients, in units of the median, that counts as noise.
+_USUAL_SCATTER = 1.5
+_DOTS_AT_ONCE = 48
+_BLUR_PX = (0.35, 6.0)
+# Twelve parameters: levels and gradients of both sides, centre, shape and blur of the ellipse.
+_PARAMETERS = 12
+_GRADIENTS = [1, 2, 4, 5]
+
+
+@dataclass(frozen=True)
+class Ellipses:
+    """Ellipses fitted to dots.
+
+    Attributes
+    ----------
+    centre_px : ndarray, shape (n, 2)
+        Centres of the ellipses; NaN if a fit failed.
+    area_px2 : ndarray, shape (n,)
+        Areas of the ellipses.
+    contrast : ndarray, shape (n,)
+        Grey level of the background minus grey level of the dot.
+    misfit : ndarray, shape (n,)
+        Root mean square difference between the grey levels and the model.
+    """
+
+    centre_px: Float
+    area_px2: Float
+    contrast: Float
+    misfit: Float
+
+
+def fit_ellipses(grey: Grey, blobs: Blobs, hollow: Mask) -> Ellipses:
+    """Fit ellipses to blobs.
+
+    Saturated pixels, which have the image's highest grey level, count only if the model is below that level.
+    The parts of a picture that a reflection saturates therefore do not shift the centres.
+
+    Parameters
+    ----------
+    grey : ndarray, shape (height, width)
+    blobs : Blobs
+        Approximate ellipses, at least two.
+    hollow : ndarray of bool, shape (n,)
+        True for rings.
+    """
+    from scipy.spatial import KDTree
+
+    count = len(blobs)
+    centre, area, contrast, misfit = np.full((count, 2), np.nan), *np.full((3, count), np.nan)
+    semi_axes = 2 * np.sqrt(np.linalg.eigvalsh(blobs.covariance_px2))
+    near = np.arange(1, min(_NEIGHBOURS, count) + 1)
+    away, numbers = KDTree(blobs.centre_px).query(blobs.centre_px, k=near)
+    neighbours = np.asarray(numbers, np.int64)
+    outside = np.clip((np.asarray(away)[:, 1] - 2 * semi_axes[:, 1]) / 2, 1.5, _BAND_PX)
+    inside = np.where(hollow, np.minimum(_RIM_OF_HOLLOW * semi_axes[:, 0], _BAND_PX), _BAND_PX)
+    saturated = float(grey.max())
+    by_size = np.argsort(blobs.area_px2)
+    batches = [by_size[first : first + _DOTS_AT_ONCE] for first in range(0, count, _DOTS_AT_ONCE)]
+    bands = [_band(grey, blobs.only(some), inside[some], outside[some]) for some in batches]
+    fits = [_Fit.start(blobs.only(some), *band) for some, band in zip(batches, bands, strict=True)]
+    unknown_light = _Light(np.zeros((count, 4)), np.zeros((count, 4)))
+    for k, band in enumerate(bands):
+        for _ in range(_STEPS):
+            fits[k] = fits[k].improved(*band, saturated, unknown_light.only(batches[k]))
+    light = _Light.around(blobs.centre_px, _gathered([fit.linear for fit in fits], batches), neighbours)
+    for some, fit, band in zip(batches, fits, bands, strict=True):
+        noise2 = fit.misfit(*band, saturated)[:, None] ** 2
+        known = _Light(light.gradients[some], light.precision[some] * noise2)
+        for _ in range(_STEPS_IN_KNOWN_LIGHT):
+            fit = fit.improved(*band, saturated, known)
+        centre[some], area[some] = fit.centre, np.pi / np.sqrt(np.maximum(fit.determinant, 1e-12))
+        contrast[some] = fit.linear[:, 0] - fit.linear[:, 3]
+        misfit[some] = fit.misfit(*band, saturated)
+    # A fit that left its blob or changed its size did not measure this blob.
+    moved = np.linalg.norm(centre - blobs.centre_px, axis=1) > np.maximum(1.5, 0.3 * semi_axes[:, 0])
+    with np.errstate(invalid="ignore"):
+        wrong = moved | ~(np.abs(np.log(area / blobs.area_px2)) < 0.7) | ~np.isfinite(misfit)
+    centre[wrong] = np.nan
+    return Ellipses(centre, area, contrast, misfit)
+
+
+@dataclass(frozen=True)
+class _Light:
+    """What is known of the gradients of the light: their values (n, 4) and precisions (n, 4), 1/variance."""
+
+    gradients: Float
+    precision: Float
+
+    def only(self, which: Indices) -> "_Light":
+        return _Light(self.gradients[which], self.precision[which])
+
+    @classmethod
+    def around(cls, centre_px: Float, linear: Float, neighbours: Indices) -> "_Light":
+        """Return the gradients at each dot, from a plane through the gradients at its neighbours.
+
+        A gradient of the light looks like a shift of the dot. Where light changes little from dot to dot, the
+        neighbours know the gradient better than the dot itself. Where the gradients of the neighbours scatter
+        more than usual, as in a reflection, the precision is low, and the dot's own grey levels decide.
+        """
+        gradients = linear[:, _GRADIENTS]
+        offset = centre_px[neighbours] - centre_px[:, None]
+        size = np.linalg.norm(offset, axis=-1).max(axis=1)[:, None, None] + 1e-9
+        design = np.concatenate([np.ones_like(offset[..., :1]), offset / size], axis=-1)
+        # A small ridge: the neighbours of a dot can lie on one line.
+        normal = np.swapaxes(design, 1, 2) @ design + np.diag([0.0, 0.05, 0.05]) + 1e-9 * np.eye(3)
+        plane = np.linalg.solve(normal, np.swapaxes(design, 1, 2) @ gradients[neighbours])
+        scatter2 = ((gradients[neighbours] - design @ plane) ** 2).mean(axis=1)
+        usual2 = np.median(scatter2, axis=0)
+        excess2 = np.maximum(scatter2 - _USUAL_SCATTER * usual2, 0.0) + usual2 / 10
+        return cls(plane[:, 0], 1.0 / np.maximum(excess2, 1e-12))
+
+
+def _gathered(parts: list[Float], batches: list[Indices]) -> Float:
+    """Return the rows of several batches in the order of the dots."""
+    every = np.empty((sum(len(some) for some in batches), parts[0].shape[1]))
+    for part, some in zip(parts, batches, strict=True):
+        every[some] = part
+    return every
+
+
+def _band(grey: Grey, blobs: Blobs, inside: Float, outside: Float) -> tuple[Float, Float, Mask]:
+    """Return the pixels near the edges: positions (n, m, 2), grey levels and a mask of valid ones (n, m)."""
+    height, width = grey.shape
+    every: list[tuple[Float, Float]] = []
+    for k in range(len(blobs)):
+        reach = 2 * np.sqrt(np.diag(blobs.covariance_px2[k])) + outside[k] + 1
+        low = np.maximum(np.floor(blobs.centre_px[k] - reach), 0).astype(int)
+        high = np.minimum(np.ceil(blobs.centre_px[k] + reach), [width - 1, height - 1]).astype(int)
+        y, x = np.mgrid[low[1] : high[1] + 1, low[0] : high[0] + 1]
+        places = np.stack([x, y], axis=-1).reshape(-1, 2).astype(np.float64)
+        shape = np.linalg.inv(4 * blobs.covariance_px2[k])
+        distance = _distance(places[None], blobs.centre_px[None, k], shape[None])[0][0]
+        places = places[(distance > -inside[k]) & (distance < outside[k])]
+        every.append((places, grey[places[:, 1].astype(int), places[:, 0].astype(int)].astype(np.float64)))
+    most = max(len(places) for places, _ in every)
+    pixels, level = np.zeros((len(every), most, 2)), np.zeros((len(every), most))
+    used = np.zeros((len(every), most), bool)
+    for k, (places, levels) in enumerate(every):
+        pixels[k, : len(places)], level[k, : len(places)], used[k, : len(places)] = places, levels, True
+        pixels[k, len(places) :] = blobs.centre_px[k] + 1.0
+    return pixels, level, used
+
+
+def _distance(pixels: Float, centre: Float, shape: Float) -> tuple[Float, Float, Float]:
+    """Return distances (n, m) from the ellipses, px, their gradients by the centre, and by the shape.
+
+    The ellipse is ``d·Q·d = 1`` with ``d = p − c``. The distance is exact to first order near the ellipse:
+    ``t = (ρ − 1)/|∇ρ|`` with ``ρ² = d·Q·d``. The gradient by the shape, (n, m, 3), is for Q's elements xx, xy
+    and yy.
+    """
+    d = pixels - centre[:, None]
+    product = d @ shape
+    rho = np.sqrt(np.maximum((product * d).sum(axis=-1), 1e-6))
+    slope = np.maximum(np.linalg.norm(product, axis=-1) / rho, 1e-6)
+    normal = product / (rho * slope)[..., None]
+    terms = np.stack([d[..., 0] ** 2, 2 * d[..., 0] * d[..., 1], d[..., 1] ** 2], axis=-1)
+    return (rho - 1) / slope, -normal, terms / (2 * rho * slope)[..., None]
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """The parameters of n dots: centre (n, 2), shape Q (n, 3), blur (n,), levels and gradients (n, 6)."""
+
+    centre: Float
+    shape: Float
+    blur: Float
+    linear: Float
+
+    @classmethod
+    def start(cls, blobs: Blobs, pixels: Float, level: Float, used: Mask) -> "_Fit":
+        shape: Float = np.linalg.inv(4 * blobs.covariance_px2).astype(np.float64)
+        distance = _distance(pixels, blobs.centre_px, shape)[0]
+        beside, within = used & (distance > 0), used & (distance < 0)
+        linear = np.zeros((len(blobs), 6))
+        for column, mask in ((0, beside), (3, within)):
+            linear[:, column] = (level * mask).sum(axis=1) / np.maximum(mask.sum(axis=1), 1)
+        upper = np.stack([shape[:, 0, 0], shape[:, 0, 1], shape[:, 1, 1]], axis=-1)
+        return cls(blobs.centre_px.copy(), upper, np.full(len(blobs), 1.2), linear)
+
+    @property
+    def _matrix(self) -> Float:
+        xx, xy, yy = self.shape.T
+        matrix: Float = np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2)
+        return matrix
+
+    @property
+    def determinant(self) -> Float:
+        """Determinants of Q, shape (n,), px⁻⁴."""
+        determinant: Float = self.shape[:, 0] * self.shape[:, 2] - self.shape[:, 1] ** 2
+        return determinant
+
+    def _model(self, pixels: Float) -> tuple[Float, Float]:
+        """Return the model's grey levels (n, m) and their derivatives (n, m, 12) by the parameters."""
+        from scipy.special import ndtr
+
+        distance, by_centre, by_shape = _distance(pixels, self.centre, self._matrix)
+        scaled = distance / self.blur[:, None]
+        covered = ndtr(-scaled)
+        density = np.exp(-(scaled**2) / 2) / np.sqrt(2 * np.pi) / self.blur[:, None]
+        d = pixels - self.centre[:, None]
+        terms = np.concatenate([np.ones_like(d[..., :1]), d], axis=-1)
+        design = np.concatenate([terms * (1 - covered)[..., None], terms * covered[..., None]], axis=-1)
+        step = np.einsum("nmk,nk->nm", terms, self.linear[:, 3:] - self.linear[:, :3])
+        by_distance = (-step * density)[..., None]
+        jacobian = np.concatenate(
+            [design, by_distance * by_centre, by_distance * by_shape, by_distance * -scaled[..., None]],
+            axis=-1,
+        )
+        level: Float = np.einsum("nmk,nk->nm", design, self.linear)
+        return level, jacobian
+
+    def improved(self, pixels: Float, level: Float, used: Mask, saturated: float, light: "_Light") -> "_Fit":
+        """Return the parameters after a step of Gauss and Newton."""
+        model, jacobian = self._model(pixels)
+        weight = _weight(model, level, used, saturated)
+        # The parameters differ in size by powers of ten.
+        scale = np.sqrt((weight[..., None] * jacobian**2).sum(axis=1)) + 1e-12
+        jacobian = jacobian / scale[:, None]
+        weighted = jacobian * weight[..., None]
+        normal = np.swapaxes(weighted, 1, 2) @ jacobian + 1e-9 * np.eye(_PARAMETERS)
+        right = (weighted * (level - model)[..., None]).sum(axis=1)
+        its_scale = scale[:, _GRADIENTS]
+        normal[:, _GRADIENTS, _GRADIENTS] += light.precision / its_scale**2
+        right[:, _GRADIENTS] += light.precision * (light.gradients - self.linear[:, _GRADIENTS]) / its_scale
+        step = np.linalg.solve(normal, right[..., None])[..., 0] / scale
+        # Far from the solution a step may be too long.
+        length = np.linalg.norm(step[:, 6:8], axis=1)
+        step *= np.minimum(1.0, 1.0 / np.maximum(length, 1e-9))[:, None]
+        shape = self.shape + step[:, 8:11]
+        definite = (shape[:, 0] > 0) & (shape[:, 0] * shape[:, 2] > shape[:, 1] ** 2)
+        shape = np.where(definite[:, None], shape, self.shape)
+        blur = np.clip(self.blur + step[:, 11], *_BLUR_PX)
+        return _Fit(self.centre + step[:, 6:8], shape, blur, self.linear + step[:, :6])
+
+    def misfit(self, pixels: Float, level: Float, used: Mask, saturated: float) -> Float:
+        """Return the root mean square difference between grey levels and model, shape (n,)."""
+        model = self._model(pixels)[0]
+        weight = _weight(model, level, used, saturated)
+        square = (weight * (level - model) ** 2).sum(axis=1) / np.maximum(weight.sum(axis=1), 1.0)
+        return np.asarray(np.sqrt(square))
+
+
+def _weight(model: Float, level: Float, used: Mask, saturated: float) -> Float:
+    """Return 1 for the pixels that count, and 0 for saturated pixels where the model is saturated too."""
+    return np.asarray(used & ~((level >= saturated) & (model >= saturated)), np.float64)

@@ -1,0 +1,152 @@
+"""Calibration targets drawn by formulas, and seen by the simulators' camera: exact truth without `dic`."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import cv2
+import numpy as np
+
+from dic.targets.find import CharucoTarget
+from dic.targets.points import GridPoints
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
+from simulators.scene.render import render
+from simulators.scene.scene import Surface
+from simulators.scene.texture import LineGrid
+
+SIZE_PX = 560
+FOCAL_PX = 1560.0
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A texture given by a formula of x and y in mm.
+
+    Its edges are sharp, so that they must not run along the pixels: Gauss points would see them in steps.
+    """
+
+    formula: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    quadrature_order: ClassVar[int] = 4
+
+    def reflectance(self, points_mm: np.ndarray) -> np.ndarray:
+        return np.where(self.formula(points_mm[:, 0], points_mm[:, 1]), 0.1, 0.9)
+
+
+def checkerboard(squares: tuple[int, int], pitch_mm: float) -> Drawing:
+    half = np.array(squares) / 2 * pitch_mm
+
+    def dark(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        column, row = np.floor((x + half[0]) / pitch_mm), np.floor((y + half[1]) / pitch_mm)
+        return ((column + row) % 2 == 0) & (abs(x) < half[0]) & (abs(y) < half[1])
+
+    return Drawing(dark)
+
+
+def dots(dots: tuple[int, int], pitch_mm: float, radius_mm: float) -> Drawing:
+    middle = (np.array(dots) - 1) / 2
+
+    def dark(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        column = np.clip(np.rint(x / pitch_mm + middle[0]), 0, dots[0] - 1) - middle[0]
+        row = np.clip(np.rint(y / pitch_mm + middle[1]), 0, dots[1] - 1) - middle[1]
+        return np.hypot(x - column * pitch_mm, y - row * pitch_mm) < radius_mm
+
+    return Drawing(dark)
+
+
+@dataclass(frozen=True)
+class HollowDots:
+    """A plate of dots as DICe and VIC use it: three dots are rings, at the origin, on X and on Y.
+
+    The origin of x and y is the origin mark. `low` and `high` are the first and the last column and row.
+    """
+
+    low: tuple[int, int]
+    high: tuple[int, int]
+    pitch_mm: float
+    radius_mm: float
+    hole_mm: float
+    marks: tuple[int, int] = (9, 5)
+    bright_dots: bool = False
+    quadrature_order: ClassVar[int] = 4
+
+    def reflectance(self, points_mm: np.ndarray) -> np.ndarray:
+        index = np.clip(np.rint(points_mm / self.pitch_mm), self.low, self.high)
+        radius = np.hypot(*(points_mm - index * self.pitch_mm).T)
+        marked = ((index == 0) | (index == np.array(self.marks))).all(axis=1) & ~(
+            index == np.array(self.marks)
+        ).all(axis=1)
+        ink = (radius < self.radius_mm) & ~(marked & (radius < self.hole_mm))
+        return np.where(ink ^ self.bright_dots, 0.1, 0.9)
+
+
+def charuco(target: CharucoTarget, legacy: bool = False) -> Drawing:
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, target.dictionary))
+    board = cv2.aruco.CharucoBoard(target.squares, target.pitch_mm, target.marker_mm, dictionary)
+    board.setLegacyPattern(legacy)
+    px_per_square = 140
+    columns, rows = (count * px_per_square for count in target.squares)
+    picture = board.generateImage((columns, rows))
+
+    def dark(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        column = np.floor(x / target.pitch_mm * px_per_square + columns / 2).astype(int)
+        row = np.floor(-y / target.pitch_mm * px_per_square + rows / 2).astype(int)
+        on = (column >= 0) & (row >= 0) & (column < columns) & (row < rows)
+        return on & (picture[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)] < 128)
+
+    return Drawing(dark)
+
+
+@dataclass(frozen=True)
+class View:
+    """A target in front of a camera."""
+
+    camera: PinholeCamera
+    surface: Surface
+
+    @classmethod
+    def of(
+        cls,
+        texture: Any,
+        roll_deg: float = 0.0,
+        size_px: tuple[int, int] = (SIZE_PX, SIZE_PX),
+        focal_px: float = FOCAL_PX,
+        shift_mm: tuple[float, float] = (0.0, 0.0),
+        **camera: float,
+    ) -> "View":
+        """Turn the target by `roll_deg`, shift it, and look at it from pan_deg and tilt_deg."""
+        pose = Pose.turned(np.array([0.0, 0.0, 1.0]), roll_deg, np.zeros(3))
+        moved = Pose(pose.rotation, np.array([*shift_mm, 0.0]))
+        return cls(PinholeCamera(*size_px, focal_px=focal_px, **camera), Surface(texture, moved))
+
+    def image(
+        self, noise: float = 2.0, blur_px: float = 0.8, seed: int = 8, glare: float = 0.0
+    ) -> np.ndarray:
+        """Return grey levels 0 to 255. `glare` is the height of a reflection; from 75 on it saturates."""
+        light = 200 * render(self.camera, self.surface)
+        rng = np.random.default_rng(seed)
+        if glare:
+            y, x = np.mgrid[: light.shape[0], : light.shape[1]]
+            place = rng.uniform(0.2, 0.8, 2) * light.shape
+            width = rng.uniform(0.08, 0.2) * max(light.shape)
+            light = light + glare * np.exp(-((y - place[0]) ** 2 + (x - place[1]) ** 2) / (2 * width**2))
+        blurred = cv2.GaussianBlur(light, (0, 0), blur_px)
+        return np.clip(np.rint(blurred + rng.normal(0, noise, light.shape)), 0, 255).astype(np.float32)
+
+    def project(self, xy_mm: np.ndarray) -> np.ndarray:
+        """Return where points of the target (n, 2), mm, are in the image, px."""
+        return self.camera.project(self.surface.world(xy_mm))
+
+    def errors_px(self, grid: GridPoints) -> np.ndarray:
+        return grid.uv_px - self.project(grid.xy_mm)
+
+    def rms_px(self, grid: GridPoints) -> float:
+        return float(np.sqrt((self.errors_px(grid) ** 2).sum(axis=1).mean()))
+
+
+def seen(
+    texture: Drawing | LineGrid, noise: float = 2.0, roll_deg: float = 0.0, **swing: float
+) -> tuple[np.ndarray, PinholeCamera, Surface]:
+    """Return the image of a target, the camera and the target's surface."""
+    view = View.of(texture, roll_deg, **swing)
+    return view.image(noise), view.camera, view.surface
