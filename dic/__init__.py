@@ -37,6 +37,7 @@ if TYPE_CHECKING:
         OutputError,
         RunFileError,
     )
+    from dic.example.copy import write_example
     from dic.image.given import read_region
     from dic.image.pages import list_images
     from dic.image.read import read_image
@@ -158,6 +159,7 @@ __all__ = [
     "strain_resolution_px",
     "write_contact_sheet",
     "write_csv",
+    "write_example",
     "write_maps",
     "write_report",
 ]
@@ -186,6 +188,7 @@ _NAMES_OF = {
         "OutputError",
         "RunFileError",
     ),
+    "dic.example.copy": ("write_example",),
     "dic.image.given": ("read_region",),
     "dic.image.pages": ("list_images",),
     "dic.image.read": ("read_image",),

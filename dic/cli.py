@@ -8,6 +8,7 @@ _COMMANDS = {
     "assess": "dic.commands.assess:assess",
     "calibrate": "dic.commands.calibrate:calibrate",
     "correlate": "dic.commands.correlate:correlate",
+    "example": "dic.commands.example:example",
     "process": "dic.commands.process:process",
     "quality": "dic.commands.quality:quality",
     "report": "dic.commands.report:report",

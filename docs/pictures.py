@@ -20,6 +20,7 @@ MADE_BY_COMMANDS = {
     "grid-found.png": "grid-found.png",
     "quality.png": "quality.png",
     "plate-maps.png": "maps/loaded.png",
+    "contact-sheet.png": "sheet.png",
     "assessment.png": "assessment/overview.png",
 }
 """Maps each picture of the documentation to the file that a command of the gallery writes."""

@@ -1,0 +1,1 @@
+"""A small measurement to try at once: images, mask, the machine's record, and the true strains."""

@@ -1,0 +1,58 @@
+"""`dic example`: a measurement to try at once, whose true strains are known."""
+
+import csv
+import json
+
+import cv2
+import numpy as np
+
+from simulators.scene.specimen import Specimen, SpecimenSettings
+from tests.command_line import refusal, run_dic
+
+
+def test_the_files_belong_together(tmp_path):
+    done = run_dic("example", tmp_path / "first")
+    assert done.status == 0, done
+    folder = tmp_path / "first"
+    images = ["grid", "reference", "mask", *(f"step-{number}" for number in range(1, 9))]
+    shapes = {cv2.imread(str(folder / f"{name}.png"), cv2.IMREAD_UNCHANGED).shape for name in images}
+    assert len(shapes) == 1
+    truth = json.loads((folder / "truth.json").read_text())
+    with (folder / "machine.csv").open(newline="") as file:
+        record = list(csv.DictReader(file))
+    assert [row["image"] for row in record[1:]] == [step["image"] for step in truth["images"]]
+    for row, step in zip(record[1:], truth["images"], strict=True):
+        assert (folder / row["image"]).is_file()
+        # five standard deviations of the load cell's noise
+        assert abs(float(row["load_n"]) - step["load_n"]) < 10.0
+    for command in ("dic quality", "dic calibrate", "dic correlate"):
+        assert f"  {command} {folder}/" in done.out
+
+
+def test_the_true_strains_are_those_of_the_virtual_specimen(tmp_path):
+    assert run_dic("example", tmp_path).status == 0
+    truth = json.loads((tmp_path / "truth.json").read_text())
+    modulus, area_mm2 = truth["youngs_modulus_mpa"], truth["width_mm"] * truth["thickness_mm"]
+    yield_mpa = SpecimenSettings().yield_stress_mpa
+    exponent = Specimen(SpecimenSettings())._exponent
+    for step in truth["images"]:
+        stress_mpa = step["load_n"] / area_mm2
+        plastic = 0.002 * (stress_mpa / yield_mpa) ** exponent
+        along = stress_mpa / modulus + plastic
+        assert np.isclose(step["eyy"], along + along**2 / 2, atol=1e-8)
+
+
+def test_existing_files_are_kept_unless_forced(tmp_path):
+    assert run_dic("example", tmp_path).status == 0
+    (tmp_path / "mask.png").write_bytes(b"mine")
+    assert "--force" in refusal("example", tmp_path)
+    assert (tmp_path / "mask.png").read_bytes() == b"mine"
+    assert run_dic("example", tmp_path, "--force").status == 0
+    assert (tmp_path / "mask.png").read_bytes() != b"mine"
+
+
+def test_a_folder_that_is_a_file_is_refused(tmp_path):
+    (tmp_path / "taken").write_bytes(b"")
+    words = refusal("example", tmp_path / "taken")
+    assert "taken" in words
+    assert (tmp_path / "taken").read_bytes() == b""
