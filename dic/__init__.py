@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from dic.pictures.settings import MapSettings
     from dic.pipeline.camera_result import CameraResult
     from dic.pipeline.images import SeriesImage, measure_images, measure_series
+    from dic.pipeline.measured import measure
     from dic.pipeline.run import RunResult, process_run
     from dic.pipeline.run_corrections import CorrectionSettings, JointCorrections, RunCorrections
     from dic.pipeline.run_result_file import load_run_result, save_run_result
@@ -66,7 +67,7 @@ if TYPE_CHECKING:
     from dic.results.csv import write_csv
     from dic.runfile.reader import RunInfo, RunStep
     from dic.strain.displacement import Displacement, Noise
-    from dic.strain.measurement import Measurement, measure
+    from dic.strain.measurement import Measurement
     from dic.strain.resolution import strain_resolution_px
     from dic.strain.strain import MeanStrain, StrainField, StrainSettings, gauge_text
     from dic.targets.find import (
@@ -204,6 +205,7 @@ _NAMES_OF = {
     "dic.pictures.settings": ("MapSettings",),
     "dic.pipeline.camera_result": ("CameraResult",),
     "dic.pipeline.images": ("SeriesImage", "measure_images", "measure_series"),
+    "dic.pipeline.measured": ("measure",),
     "dic.pipeline.run": ("RunResult", "process_run"),
     "dic.pipeline.run_corrections": ("CorrectionSettings", "JointCorrections", "RunCorrections"),
     "dic.pipeline.run_result_file": ("load_run_result", "save_run_result"),
@@ -217,7 +219,7 @@ _NAMES_OF = {
     "dic.results.csv": ("write_csv",),
     "dic.runfile.reader": ("RunInfo", "RunStep"),
     "dic.strain.displacement": ("Displacement", "Noise"),
-    "dic.strain.measurement": ("Measurement", "measure"),
+    "dic.strain.measurement": ("Measurement",),
     "dic.strain.resolution": ("strain_resolution_px",),
     "dic.strain.strain": ("MeanStrain", "StrainField", "StrainSettings", "gauge_text"),
     "dic.targets.find": (

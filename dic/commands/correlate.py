@@ -113,7 +113,7 @@ def correlate(
     )
     with SeriesOutputs(image, settings, files, drawn) as results:
         _measure(measured, record, results, sources.images, rotation=known.kind == "rigid")
-        alignment = record.finish(calibration, known)
+        alignment = record.finish(calibration, known, results.rewrite)
         results.write_corrections(record.corrections)
         if results.maps.pictures_left:
             with progress("drawing", results.maps.pictures_left) as bar:

@@ -1,13 +1,13 @@
 """The record of a series of images: `dic correlate` prints each result and keeps it for the output files."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from dic.commands.series_text import corrected_lines, image_lines, name_of, series_table
 from dic.shell.console import fail, say
 
 if TYPE_CHECKING:
-    from dic import Alignment, Calibration, Correction, MeasuredImage, Motion
+    from dic import Alignment, Calibration, Correction, MeasuredImage, Measurement, Motion
 
 
 class SeriesRecord:
@@ -68,11 +68,17 @@ class SeriesRecord:
         self.failures.append({"file": label, "error": error})
         fail((error if label in error else f"{label}: {error}") + consequence)
 
-    def finish(self, calibration: "Calibration | None", motion: "Motion") -> "Alignment | None":
+    def finish(
+        self,
+        calibration: "Calibration | None",
+        motion: "Motion",
+        rewrite: "Callable[[int, Measurement], None]",
+    ) -> "Alignment | None":
         """Correct the images of a rotating specimen, and return the alignment of the rotation stage.
 
         If the motion is not a rotation, no image is corrected here, and the result is the given alignment or
-        None.
+        None. The function `rewrite` gets the index of each corrected image among the measured images, and its
+        measurement with the errors of calibrated strain that the correction found.
         """
         from dic import corrected_rotation
 
@@ -80,8 +86,10 @@ class SeriesRecord:
             return motion.alignment
         images, alignment = corrected_rotation(self._waiting, calibration, motion)
         self._headed = False
-        for summary, image in zip(self.summaries, images, strict=True):
-            if image.correction is not None:
+        for place, (summary, image) in enumerate(zip(self.summaries, images, strict=True)):
+            if image.correction is not None and image.measurement is not None:
+                rewrite(place, image.measurement)
+                summary["calibrated"] = image.measurement.summary()["calibrated"]
                 self._correct(summary, image.correction)
                 self._say(corrected_lines(self._table, summary))
         return alignment

@@ -61,16 +61,14 @@ def strains_of(summary: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     """
     if "calibrated" not in summary:
         return {"raw": summary["raw"]}
-    corrected = summary.get("corrected", {})
+    corrected, unknown = summary.get("corrected", {}), {f"{name}_std": None for name in COMPONENTS}
+    calibrated = summary["calibrated"]
     strains = {
-        "raw": _with_stds(summary["raw"], {}),
-        "calibrated": _with_stds(summary["calibrated"], corrected),
+        "raw": summary["raw"] | unknown,
+        # Result files of earlier versions have the noise alone.
+        "calibrated": calibrated if "exx_std_images" in calibrated else calibrated | unknown,
     }
     return strains | ({"corrected": corrected} if corrected.get("applied") else {})
-
-
-def _with_stds(mean: Mapping[str, Any], corrected: Mapping[str, Any]) -> dict[str, Any]:
-    return {**mean, **{f"{name}_std": corrected.get(f"calibrated_{name}_std") for name in COMPONENTS}}
 
 
 def name_of(file: str) -> str:

@@ -12,7 +12,14 @@ from dic.out_of_plane.plane import Plane, moved_out_of_plane
 from dic.out_of_plane.uncertainty import Points
 from dic.strain.displacement import Displacement, calibrated_displacement
 from dic.strain.measurement import Measurement
-from dic.strain.strain import MeanStrain, StrainField, StrainSettings, strain_field
+from dic.strain.strain import (
+    MeanStrain,
+    StrainField,
+    StrainSettings,
+    mean_strain,
+    strain_field,
+    with_shared,
+)
 from dic.typing import Float
 
 _CLEARLY_BETTER = 0.95
@@ -50,8 +57,11 @@ class Correction:
         Local strain that was read from a result file. If the attribute is None, `strain` is computed at its
         first use.
     uncertainty : mapping of str to float, or None
-        Parts of the standard deviations of `mean`, standard deviations of the calibrated strain, and
-        probabilities of causes, by their names in JSON; see `docs/results.md`. None if not known.
+        Parts of the standard deviations of `mean`, and probabilities of causes, by their names in JSON; see
+        `docs/results.md`. None if not known.
+    shared : ndarray, shape (3, 3), or None
+        Covariance of the errors of exx, eyy, exy that all points share, which are all errors but those of the
+        images. If the attribute is None, `shared_errors` derives it from `mean`.
     """
 
     method: str
@@ -63,6 +73,7 @@ class Correction:
     declined: str | None = None
     stored_strain: StrainField | None = None
     uncertainty: Mapping[str, float] | None = None
+    shared: Float | None = None
 
     def __repr__(self) -> str:
         what = f"{self.mean}" if self.declined is None else f"declined: {self.declined}"
@@ -76,28 +87,48 @@ class Correction:
         reason: str,
         mean: MeanStrain | None = None,
         uncertainty: Mapping[str, float] | None = None,
+        shared: Float | None = None,
     ) -> "Correction":
         """Return the result if a measurement cannot be corrected: its calibrated values and the reason.
 
         The argument `mean` is the calibrated mean strain with standard deviations that contain the motion out
-        of the plane, and `uncertainty` their parts.
+        of the plane, `uncertainty` their parts, and `shared` the covariance of the errors that all points
+        share. Without these arguments the standard deviations are not known.
         """
         if measurement.calibrated is None or measurement.calibrated_mean is None:
             raise ValueError("only calibrated measurements can be corrected")
+        if shared is None:
+            shared = np.full((3, 3), np.nan)
         return cls(
             method,
-            mean or measurement.calibrated_mean,
+            mean or with_shared(measurement.calibrated_mean, shared),
             measurement.calibrated,
             measurement.strain_settings,
             declined=reason,
             stored_strain=measurement.stored_strain,
             uncertainty=uncertainty,
+            shared=shared,
         )
 
     @cached_property
     def strain(self) -> StrainField:
         """Local strain, computed from `displacement` or read from a result file."""
-        return self.stored_strain or strain_field(self.displacement, self.strain_settings)
+        if self.stored_strain is not None:
+            return self.stored_strain
+        return with_shared(strain_field(self.displacement, self.strain_settings), self.shared_errors)
+
+    @property
+    def shared_errors(self) -> Float:
+        """Covariance of the errors of exx, eyy, exy that all points share, shape (3, 3)."""
+        if self.shared is not None:
+            return self.shared
+        by_images = mean_strain(self.displacement, measure=self.strain_settings.measure)
+        return np.diag(
+            [
+                max(getattr(self.mean, name) ** 2 - np.nan_to_num(getattr(by_images, name)) ** 2, 0.0)
+                for name in ("exx_std", "eyy_std", "exy_std")
+            ]
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Return the corrected strain and the plane as a dictionary for JSON; see `docs/results.md`."""
@@ -115,6 +146,19 @@ class Correction:
             slopes["shift_mm"] = _plain(self.after.shift_mm) if np.isfinite(self.after_std[2]) else None
             slopes["shift_mm_std"] = _plain(self.after_std[2])
         return summary | slopes | dict(self.uncertainty or {})
+
+
+def stated(measurement: Measurement, correction: Correction) -> Measurement:
+    """Return a measurement whose calibrated strain states the errors that its correction found.
+
+    Strain that was not corrected has the errors that are to be expected of a specimen. If the strain was
+    corrected, the correction is the estimated error of the calibrated strain.
+    """
+    calibrated, found = measurement.calibrated_mean, correction.mean
+    if calibrated is None:
+        raise ValueError("only calibrated measurements can be corrected")
+    off = np.array([calibrated.exx - found.exx, calibrated.eyy - found.eyy, calibrated.exy - found.exy])
+    return measurement.sharing(correction.shared_errors + np.outer(off, off))
 
 
 def points_of(

@@ -12,7 +12,7 @@ from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.uncertainty import Points
 from dic.strain.fit import gradient_weights, slopes_of
-from dic.strain.strain import strain_of_gradient
+from dic.strain.measures import strain_covariance
 from dic.typing import Float
 
 PART_NAMES = ("images", *PARTS)
@@ -24,11 +24,10 @@ _STRAINS = ("exx", "eyy", "exy")
 
 UNCERTAINTY_KEYS = (
     *(f"{name}_std_{part}" for part in PART_NAMES for name in _STRAINS),
-    *(f"calibrated_{name}_std" for name in _STRAINS),
     "curved_probability",
     "graded_probability",
 )
-"""Names in result files and JSON of the parts, of calibrated strain's uncertainty, and of probabilities."""
+"""Names in result files and JSON of the parts of the standard deviations, and of probabilities."""
 
 
 @dataclass(frozen=True)
@@ -40,39 +39,30 @@ class StrainParts:
     parts : mapping of str to ndarray, shape (3,)
         The standard deviations by their causes, with the keys `PART_NAMES`. Their root sum of squares is the
         standard deviation of the strain.
-    calibrated : ndarray, shape (3,)
-        Total standard deviations of the calibrated strain, which is not corrected.
+    shared : ndarray, shape (3, 3)
+        Covariance of exx, eyy, exy that all parts but the images cause.
     """
 
     parts: Mapping[str, Float]
-    calibrated: Float
+    shared: Float
 
     def as_dict(self) -> dict[str, float]:
-        """Return the values under the names `exx_std_images` … and `calibrated_exx_std` …."""
-        named = {
+        """Return the values under the names `exx_std_images` …."""
+        return {
             f"{name}_std_{part}": float(values[k])
             for part, values in self.parts.items()
             for k, name in enumerate(_STRAINS)
         }
-        return named | {
-            f"calibrated_{name}_std": float(v) for name, v in zip(_STRAINS, self.calibrated, strict=True)
-        }
 
     @classmethod
-    def of(cls, gradient: Float, covariances: Mapping[str, Float], measure: str, off: Float) -> "StrainParts":
-        """Return the parts for covariances (4, 4) of a mean displacement gradient (2, 2).
-
-        The argument `off` (3,) is the estimated error of the calibrated strain, 0 if it is not known.
-        """
-        parts = {name: strain_std(gradient, covariance, measure) for name, covariance in covariances.items()}
-        total = np.sqrt(sum(part**2 for part in parts.values()))
-        return cls(parts, np.hypot(total, off))
-
-
-def strain_std(gradient: Float, covariance: Float, measure: str) -> Float:
-    """Return the standard deviations of exx, eyy, exy (3,) for the covariance (4, 4) of the gradient."""
-    mean = strain_of_gradient(gradient, covariance, 0, measure)
-    return np.array([mean.exx_std, mean.eyy_std, mean.exy_std])
+    def of(cls, gradient: Float, covariances: Mapping[str, Float], measure: str) -> "StrainParts":
+        """Return the parts for covariances (4, 4) of a mean displacement gradient (2, 2)."""
+        strains = {
+            name: strain_covariance(gradient, covariance, measure) for name, covariance in covariances.items()
+        }
+        shared = np.sum([value for name, value in strains.items() if name != "images"], axis=0)
+        parts = {name: np.sqrt(np.maximum(np.diag(value), 0.0)) for name, value in strains.items()}
+        return cls(parts, np.asarray(shared))
 
 
 def open_parts(points: Points, shift: Shift) -> tuple[Float, dict[str, Float]]:

@@ -97,9 +97,9 @@ def declined(
         return Correction.refused(method, measurement, reason)
     measure = measurement.strain_settings.measure
     gradient, covariances = open_parts(points, shift)
-    parts = StrainParts.of(gradient, covariances, measure, np.zeros(3))
+    parts = StrainParts.of(gradient, covariances, measure)
     mean = _calibrated_mean(measurement, np.sum(list(covariances.values()), axis=0))
-    return Correction.refused(method, measurement, reason, mean, parts.as_dict())
+    return Correction.refused(method, measurement, reason, mean, parts.as_dict(), parts.shared)
 
 
 def _calibrated_mean(measurement: Measurement, covariance: Float) -> MeanStrain:
@@ -119,7 +119,7 @@ def _corrected(measurement: Measurement, points: Points, fit: TiltFit, centre_mm
     plain = slopes_of(points.before_mm, points.after_mm - points.before_mm)
     calibrated = strain_of_gradient(plain, None, count, settings.measure)
     off = np.array([calibrated.exx - mean.exx, calibrated.eyy - mean.eyy, calibrated.exy - mean.exy])
-    parts = StrainParts.of(fit.gradient, fit.parts, settings.measure, off)
+    parts = StrainParts.of(fit.gradient, fit.parts, settings.measure)
     numbers = parts.as_dict() | {"curved_probability": fit.curved, "graded_probability": fit.graded}
     # The shift is the same in calibrated and in corrected strain, so it does not decide.
     own_std = np.sqrt(sum(part**2 for name, part in parts.parts.items() if name != "shift"))
@@ -129,11 +129,19 @@ def _corrected(measurement: Measurement, points: Points, fit: TiltFit, centre_mm
             f"the tilt is too uncertain here: a correction would change the strain by {change}{_doubt(fit)}"
         )
         covariance = fit.covariance + np.outer((plain - fit.gradient).ravel(), (plain - fit.gradient).ravel())
-        return Correction.refused(
-            "tilt", measurement, reason, _calibrated_mean(measurement, covariance), numbers
-        )
+        mean, shared = _calibrated_mean(measurement, covariance), parts.shared + np.outer(off, off)
+        return Correction.refused("tilt", measurement, reason, mean, numbers, shared)
     moved = _flattened(points, fit, centre_mm)
-    return Correction("tilt", mean, moved, settings, fit.plane, fit.plane_std, uncertainty=numbers)
+    return Correction(
+        "tilt",
+        mean,
+        moved,
+        settings,
+        fit.plane,
+        fit.plane_std,
+        uncertainty=numbers,
+        shared=parts.shared,
+    )
 
 
 def _doubt(fit: TiltFit) -> str:

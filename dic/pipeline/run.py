@@ -17,7 +17,12 @@ from dic.image.threads import processors
 from dic.out_of_plane.diagnosis import Sensitivity
 from dic.pipeline.camera_result import CameraResult
 from dic.pipeline.images import SeriesImage, measure_series
-from dic.pipeline.run_corrections import CorrectionSettings, RunCorrections, correct_run
+from dic.pipeline.run_corrections import (
+    CorrectionSettings,
+    RunCorrections,
+    correct_run,
+    stated_camera,
+)
 from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
 from dic.runfile.joined import open_run
 from dic.runfile.reader import RunFile, RunInfo, RunStep
@@ -155,6 +160,7 @@ def process_run(
                 stopped.set()
                 raise
         corrections = correct_run(cameras, correcting)
+        cameras = [stated_camera(camera, corrections) for camera in cameras]
         return RunResult(str(path), run.info, settings, correcting, cameras, corrections)
 
 

@@ -16,7 +16,7 @@ from dic.out_of_plane.correct import (
     correct,
     poisson_check,
 )
-from dic.out_of_plane.correction import Correction
+from dic.out_of_plane.correction import Correction, stated
 from dic.out_of_plane.diagnosis import Harmonics, Sensitivity, rotation_findings, tension_findings
 from dic.out_of_plane.shift import Shift, shift_checks
 from dic.out_of_plane.two_cameras import TwoCameraStep, correct_with_two_cameras
@@ -199,6 +199,15 @@ def correct_run(cameras: Sequence[CameraResult], settings: CorrectionSettings) -
         findings[camera.camera] = _findings(motion, camera, found)
     pair = _pair(cameras) if motion == "tension" else None
     return RunCorrections(motion, corrected, findings, None if pair is None else _solve_jointly(*pair))
+
+
+def stated_camera(camera: CameraResult, corrections: RunCorrections) -> CameraResult:
+    """Return a camera's results, whose calibrated strains state the errors that the corrections found."""
+    measurements = [
+        stated(measurement, corrections.best(camera.camera, step.index, place))
+        for place, (step, measurement) in enumerate(zip(camera.steps, camera.measurements, strict=True))
+    ]
+    return replace(camera, measurements=measurements)
 
 
 def motion_of(kinds: Set[str]) -> str:

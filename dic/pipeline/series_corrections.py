@@ -7,6 +7,7 @@ from dic.calibration.calibration import Calibration
 from dic.errors import CorrelationError, require_kind
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correct import Motion, correct
+from dic.out_of_plane.correction import stated
 from dic.pipeline.series_result import MeasuredImage
 
 
@@ -31,13 +32,18 @@ def require_calibration(motion: Motion | None, calibration: Calibration | None) 
 
 
 def corrected(image: MeasuredImage, calibration: Calibration | None, motion: Motion | None) -> MeasuredImage:
-    """Return the image with its correction. An image of a rotating specimen is returned without a correction.
+    """Return the image with its correction, and with the errors of calibrated strain that it states.
 
-    The correction of a rotation needs all images: `corrected_rotation` computes it.
+    An image of a rotating specimen is returned without a correction, which needs all images:
+    `corrected_rotation` computes it. Until then its calibrated strain states the errors that are to be
+    expected without a correction.
     """
-    if image.measurement is None or calibration is None or motion is None or motion.kind == "rigid":
+    if image.measurement is None or calibration is None:
         return image
-    return replace(image, correction=correct([image.measurement], calibration, motion).images[0])
+    known = motion is not None and motion.kind != "rigid"
+    found = correct([image.measurement], calibration, motion if known and motion else Motion()).images[0]
+    measurement = stated(image.measurement, found)
+    return replace(image, measurement=measurement, correction=found if known else None)
 
 
 def corrected_rotation(
@@ -56,7 +62,11 @@ def corrected_rotation(
     measurements = [image.measurement for image in images if image.measurement is not None]
     found = correct(measurements, calibration, motion)
     corrections = iter(found.images)
-    return [
-        image if image.measurement is None else replace(image, correction=next(corrections))
-        for image in images
-    ], found.alignment or motion.alignment
+    solved = []
+    for image in images:
+        if image.measurement is not None:
+            correction = next(corrections)
+            measurement = stated(image.measurement, correction)
+            image = replace(image, measurement=measurement, correction=correction)
+        solved.append(image)
+    return solved, found.alignment or motion.alignment

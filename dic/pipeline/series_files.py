@@ -61,6 +61,7 @@ class SeriesOutputs:
         self._settings, self._files = settings, files
         self._writer = None if files.output is None else ResultWriter(files.output)
         self.maps = SeriesMaps(reference, files.pictures, how or MapSettings())
+        self._numbers: list[int] = []
 
     def __enter__(self) -> Self:
         self.maps.__enter__()
@@ -75,6 +76,7 @@ class SeriesOutputs:
 
     def write(self, number: int, measurement: Measurement, correction: Correction | None = None) -> None:
         """Write a measurement to its output files; `number` is the image's index in the series, from 0."""
+        self._numbers.append(number)
         if self._writer is not None:
             self._writer.add("series", measurement)
         if self._files.csv:
@@ -82,6 +84,13 @@ class SeriesOutputs:
         name = Path(measurement.label).name
         title = f"{name}, subset {self._settings.subset_px} px, step {self._settings.step_px} px"
         self.maps.add(number, title, measurement, correction)
+
+    def rewrite(self, place: int, measurement: Measurement) -> None:
+        """Replace the measurement with the index `place` among those written; maps stay as they are."""
+        if self._writer is not None:
+            self._writer.add("series", measurement, place)
+        if self._files.csv:
+            write_csv(measurement, self._files.csv[self._numbers[place]])
 
     def write_corrections(self, corrections: Sequence[Correction]) -> None:
         """Write the corrections of all images to the result file; call this once, after the last image."""

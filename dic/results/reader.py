@@ -5,7 +5,7 @@ computes these values.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from dic.out_of_plane.two_cameras import TwoCameraStep
 from dic.results.schema import MEAN_KEYS
 from dic.strain.displacement import Displacement, raw_displacement
 from dic.strain.measurement import Measurement, measure
-from dic.strain.strain import STRAIN_KEYS, MeanStrain, StrainField, StrainSettings
+from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, MeanStrain, StrainField, StrainSettings
 from dic.typing import Float
 
 NOT_SMOOTHED: dict[str, Any] = {"smoothing_px": 0.0}
@@ -118,11 +118,12 @@ def _read_measurement(
     if "points" not in series["raw_mean"]:
         anew = measure(field, calibration, strain, label=label)
     raw_mean = _read_mean(series["raw_mean"], k, None if anew is None else anew.raw_mean)
-    calibrated, calibrated_mean, gauge_mm = None, None, None
+    calibrated, calibrated_mean, by_images, gauge_mm = None, None, None, None
     if "calibrated_mean" in series:
         calibrated = _read_displacement(series, k)
         mean = None if anew is None else anew.calibrated_mean
         calibrated_mean = _read_mean(series["calibrated_mean"], k, mean)
+        by_images = _read_by_images(series["calibrated_mean"], k, calibrated_mean)
         gauge_mm = float(series.attrs["strain_gauge_mm"])
     return Measurement(
         label=label,
@@ -135,7 +136,18 @@ def _read_measurement(
         raw_mean=raw_mean,
         calibrated_mean=calibrated_mean,
         stored_strain=_read_strain(series, k),
+        by_images=by_images,
     )
+
+
+def _read_by_images(group: Any, k: int, mean: MeanStrain) -> MeanStrain | None:
+    """Return the mean strain with the standard deviations of the images; None if the file has only these."""
+    if IMAGES_KEYS[0] not in group:
+        return None
+    # Those of the principal strains are not stored, and nobody asks for them.
+    unknown: dict[str, Any] = {name: np.nan for name in MEAN_KEYS if name.endswith("_std")}
+    parts: dict[str, Any] = {name.removesuffix("_images"): float(group[name][k]) for name in IMAGES_KEYS}
+    return replace(mean, **unknown | parts)
 
 
 def _read_correction(group: Any, k: int, measurement: Measurement, anew: Correction | None) -> Correction:
@@ -159,6 +171,7 @@ def _read_correction(group: Any, k: int, measurement: Measurement, anew: Correct
         declined=declined,
         stored_strain=strain,
         uncertainty=_read_uncertainty(table, k),
+        shared=None if anew is None else anew.shared,
     )
 
 
@@ -210,7 +223,9 @@ def _read_displacement(group: Any, k: int) -> Displacement:
 
 
 def _read_strain(group: Any, k: int) -> StrainField:
-    return StrainField(**{name: group[name][k] for name in STRAIN_KEYS})
+    # Files of earlier versions lack the parts of the standard deviations, and so do raw strains.
+    parts = {name: group[name][k] for name in IMAGES_KEYS if name in group}
+    return StrainField(**{name: group[name][k] for name in STRAIN_KEYS}, **parts)
 
 
 def _read_mean(group: Any, k: int, anew: MeanStrain | None = None) -> MeanStrain:

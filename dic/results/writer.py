@@ -20,7 +20,7 @@ from dic.out_of_plane.two_cameras import TwoCameraStep
 from dic.results.schema import FORMAT, MEAN_KEYS, PLANE_UNITS, VERSION, strain_units
 from dic.strain.displacement import Displacement
 from dic.strain.measurement import Measurement
-from dic.strain.strain import STRAIN_KEYS, MeanStrain, StrainField
+from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, MeanStrain, StrainField
 
 
 class ResultWriter:
@@ -70,8 +70,11 @@ class ResultWriter:
         """Return the group `name` of the open file; create the group if it does not exist."""
         return self._file.require_group(name)
 
-    def add(self, series: str, measurement: Measurement) -> None:
-        """Append a measurement to the group `series` of the file; create this group if it does not exist."""
+    def add(self, series: str, measurement: Measurement, place: int | None = None) -> None:
+        """Append a measurement to the group `series` of the file; create this group if it does not exist.
+
+        If `place` is given, the measurement replaces the one with this index.
+        """
         group = self._file.get(series)
         if group is None:
             group = _create_series(self._file.create_group(series), measurement)
@@ -98,10 +101,13 @@ class ResultWriter:
         if calibrated is not None and measurement.calibrated_mean is not None:
             rows |= _displacement_rows(calibrated)
             rows |= _mean_rows(measurement.calibrated_mean, "calibrated_mean/")
-        n = len(group["label"])
+            parts = measurement.images_std.items()
+            rows |= {f"calibrated_mean/{name}": np.nan if v is None else v for name, v in parts}
+        n = len(group["label"]) if place is None else place
         for name, value in rows.items():
             dataset = group[name]
-            dataset.resize(n + 1, axis=0)
+            if place is None:
+                dataset.resize(n + 1, axis=0)
             dataset[n] = value
 
     def add_corrections(
@@ -129,7 +135,7 @@ class ResultWriter:
         # All images of a series have the same points, so their reference positions are stored once.
         position = corrections[applied[0]].displacement.position
         _create_displacement(local, position, len(corrections))
-        _create_strain(local, position.shape[:2], len(corrections))
+        _create_strain(local, position.shape[:2], len(corrections), strain=corrections[applied[0]].strain)
         for k in sorted({*applied} - {*elsewhere}):
             rows = _displacement_rows(corrections[k].displacement) | _strain_rows(corrections[k].strain)
             for name, value in rows.items():
@@ -185,16 +191,19 @@ def _create_series(group: Any, measurement: Measurement) -> Any:
     _rows(group, "status", "1", shape, dtype="u1")
     _rows(group, "iterations", "1", shape, dtype="u2")
     _rows(group, "updates", "1", dtype="u2")
-    _create_strain(group, shape)
+    _create_strain(group, shape, strain=measurement.strain)
     _create_means(group.create_group("raw_mean"))
     if measurement.calibrated is not None:
         _create_displacement(group, measurement.calibrated.position)
-        _create_means(group.create_group("calibrated_mean"))
+        mean = group.create_group("calibrated_mean")
+        _create_means(mean)
+        for name in measurement.images_std:
+            _rows(mean, name, strain_units(name))
     return group
 
 
-def _create_strain(group: Any, shape: tuple[int, ...], n: int = 0) -> None:
-    for name in STRAIN_KEYS:
+def _create_strain(group: Any, shape: tuple[int, ...], n: int = 0, *, strain: StrainField) -> None:
+    for name in _strain_rows(strain):
         _rows(group, name, strain_units(name), shape, n)
 
 
@@ -212,7 +221,9 @@ def _create_means(group: Any) -> None:
 
 
 def _strain_rows(strain: StrainField) -> dict[str, Any]:
-    return {name: getattr(strain, name) for name in STRAIN_KEYS}
+    parts = {name: getattr(strain, name) for name in IMAGES_KEYS}
+    known = {name: part for name, part in parts.items() if part is not None}
+    return {name: getattr(strain, name) for name in STRAIN_KEYS} | known
 
 
 def _mean_rows(mean: MeanStrain, place: str) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """The measurement of one image: the result of the correlation, the displacements and the strains."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,12 +16,14 @@ from dic.errors import require_kind
 from dic.strain.displacement import Displacement, calibrated_displacement, raw_displacement
 from dic.strain.resolution import Filters, amplitude_kept, amplitude_lost, strain_resolution_px
 from dic.strain.strain import (
+    IMAGES_KEYS,
     MeanStrain,
     StrainField,
     StrainSettings,
     bias_of_mean,
     mean_strain,
     strain_field,
+    with_shared,
 )
 from dic.typing import Float
 
@@ -57,6 +59,12 @@ class Measurement:
     stored_strain : StrainField or None
         Local strain that was read from a result file. If the attribute is None, `strain` computes the local
         strain at its first use.
+    by_images : MeanStrain or None
+        The mean calibrated strain with the standard deviations that the images alone cause. None if those of
+        `calibrated_mean` have no other part.
+    shared : ndarray, shape (3, 3), or None
+        Covariance of the errors of exx, eyy, exy that all points of the calibrated strain share: those of the
+        calibration and of motion out of the grid's plane. None if they are not known yet.
     """
 
     label: str
@@ -69,6 +77,8 @@ class Measurement:
     raw_mean: MeanStrain
     calibrated_mean: MeanStrain | None
     stored_strain: StrainField | None = None
+    by_images: MeanStrain | None = None
+    shared: Float | None = None
 
     def __repr__(self) -> str:
         return f"Measurement({self.label!r}, {self.field}, {self.mean})"
@@ -86,7 +96,20 @@ class Measurement:
     @cached_property
     def strain(self) -> StrainField:
         """Local strain, calibrated if there is a calibration, raw otherwise."""
-        return self.stored_strain or strain_field(self.calibrated or self.raw, self.strain_settings)
+        if self.stored_strain is not None:
+            return self.stored_strain
+        strain = strain_field(self.calibrated or self.raw, self.strain_settings)
+        return strain if self.shared is None else with_shared(strain, self.shared)
+
+    def sharing(self, covariance: Float) -> "Measurement":
+        """Return the measurement with standard deviations of calibrated strain that contain shared errors.
+
+        The argument `covariance` is the value of the attribute `shared`; NaN if the errors are not known.
+        """
+        own = self.by_images or self.calibrated_mean
+        if own is None:
+            raise ValueError("only calibrated measurements have errors of the calibration")
+        return replace(self, calibrated_mean=with_shared(own, covariance), by_images=own, shared=covariance)
 
     @property
     def resolution_px(self) -> float:
@@ -101,9 +124,17 @@ class Measurement:
         beyond its noise. `dic.strain.resolution` describes the method.
         """
         filters, strain = Filters(self.settings, self.strain_settings), self.strain
+        # An error that all points share is no noise of the strain's shape.
+        noise_xx, noise_yy = (
+            std if images is None else images
+            for std, images in (
+                (strain.exx_std, strain.exx_std_images),
+                (strain.eyy_std, strain.eyy_std_images),
+            )
+        )
         return {
-            "exx": amplitude_kept(strain.exx, strain.exx_std, filters, along_x=True),
-            "eyy": amplitude_kept(strain.eyy, strain.eyy_std, filters, along_x=False),
+            "exx": amplitude_kept(strain.exx, noise_xx, filters, along_x=True),
+            "eyy": amplitude_kept(strain.eyy, noise_yy, filters, along_x=False),
         }
 
     @property
@@ -167,8 +198,19 @@ class Measurement:
             "raw": self.raw_mean.as_dict(),
         }
         if self.calibrated_mean is not None:
-            summary["calibrated"] = self.calibrated_mean.as_dict()
+            summary["calibrated"] = self.calibrated_mean.as_dict() | self.images_std
         return summary
+
+    @property
+    def images_std(self) -> dict[str, float | None]:
+        """The parts `exx_std_images` … of the standard deviations of the mean calibrated strain.
+
+        The dict is empty if the standard deviations have no other part.
+        """
+        if self.by_images is None:
+            return {}
+        own = self.by_images.as_dict()
+        return {name: own[name.removesuffix("_images")] for name in IMAGES_KEYS}
 
     def _interpolation(self) -> dict[str, float | None]:
         """Return the smoothing, the predicted bias, and the bias's part in the mean strain's deviations."""
@@ -190,6 +232,9 @@ def measure(
     label: str = "",
 ) -> Measurement:
     """Compute the displacements and strains of a correlated image.
+
+    The standard deviations of calibrated strain are those that the images cause. `Measurement.sharing` adds
+    other errors.
 
     Parameters
     ----------

@@ -56,6 +56,34 @@ def strain_of(gradient: Float, covariance: Float | None, measure: str) -> tuple[
     return strain, std + 0.0 * strain
 
 
+def shared_std(tensor: Float, covariance: Float) -> Float:
+    """Return the standard deviations that an error common to all points causes, shape (6, …).
+
+    Parameters
+    ----------
+    tensor : ndarray, shape (…, 3)
+        The strains exx, eyy, exy of each point.
+    covariance : ndarray, shape (3, 3)
+        Covariance of the error of exx, eyy, exy that all points share.
+    """
+    _, by_tensor = _with_principal(tensor)
+    variance = np.einsum("...ki,ij,...kj->k...", by_tensor, covariance, by_tensor)
+    std = np.sqrt(np.maximum(variance, 0.0))
+    std[5] = np.degrees(std[5])
+    return np.asarray(std)
+
+
+def strain_covariance(gradient: Float, covariance: Float, measure: str) -> Float:
+    """Return the covariance (3, 3) of exx, eyy, exy for that (4, 4) of a displacement gradient (2, 2)."""
+    _, derivative = _tensor(gradient, measure)
+    return np.asarray(derivative @ covariance @ derivative.T)
+
+
+def limited(std: Float) -> Float:
+    """Return standard deviations (6, …) with that of the direction limited to a completely unknown one."""
+    return np.concatenate([std[:5], np.minimum(std[5:], _ANY_DIRECTION_DEG)])
+
+
 def _tensor(gradient: Float, measure: str) -> tuple[Float, Float]:
     """Return the strains exx, eyy, exy, shape (…, 3), and their derivatives, shape (…, 3, 4).
 

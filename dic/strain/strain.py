@@ -1,7 +1,7 @@
 """Strain from displacements, for a whole region and at every point, with standard deviations."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -9,13 +9,15 @@ from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError, is_whole, require_all
 from dic.strain.displacement import Displacement
 from dic.strain.fit import fitted_gradients, mean_gradient
-from dic.strain.measures import COMPONENTS, MEASURES, strain_of
+from dic.strain.measures import COMPONENTS, MEASURES, limited, shared_std, strain_of
 from dic.typing import Float, Mask
 
 SOURCES = ("fit", "quadratic-fit", "shape")
 """Sources of local strain: a fitted plane, a fitted quadratic surface, or the subset's shape function."""
 
 STRAIN_KEYS = (*COMPONENTS, *(f"{name}_std" for name in COMPONENTS))
+IMAGES_KEYS = tuple(f"{name}_std_images" for name in COMPONENTS[:3])
+"""Names of the parts of the standard deviations that the images cause."""
 
 
 @dataclass(frozen=True)
@@ -102,8 +104,7 @@ class MeanStrain:
         Direction of the principal strain e1: the angle from x towards y in degrees, in the interval
         (-90, 90].
     exx_std, eyy_std, exy_std, e1_std, e2_std, direction_deg_std : float
-        Standard deviations of the strains that image noise causes; NaN if they are not known.
-        `direction_deg_std` is at most 52°.
+        Standard deviations of the strains; NaN if they are not known. `direction_deg_std` is at most 52°.
     """
 
     exx: float
@@ -144,6 +145,8 @@ class StrainField:
         point has no valid displacement, or where too few of its neighbours have one.
     exx_std, eyy_std, exy_std, e1_std, e2_std, direction_deg_std : ndarray, shape (rows, columns)
         Standard deviations of these strain values; NaN where they are not known.
+    exx_std_images, eyy_std_images, exy_std_images : ndarray, shape (rows, columns), or None
+        The parts of the standard deviations that the images cause. None if there is no other part.
     """
 
     exx: Float
@@ -158,11 +161,37 @@ class StrainField:
     e1_std: Float
     e2_std: Float
     direction_deg_std: Float
+    exx_std_images: Float | None = None
+    eyy_std_images: Float | None = None
+    exy_std_images: Float | None = None
 
     def __repr__(self) -> str:
         rows, columns = self.exx.shape
         known = int(np.isfinite(self.exx).sum())
         return f"StrainField({rows} × {columns} points, {known} with a value)"
+
+
+_Strain = TypeVar("_Strain", MeanStrain, StrainField)
+
+
+def with_shared(strain: _Strain, covariance: Float) -> _Strain:
+    """Return strains whose standard deviations also contain an error that all points share.
+
+    Parameters
+    ----------
+    strain : MeanStrain or StrainField
+        Strains with the standard deviations that the images cause.
+    covariance : ndarray, shape (3, 3)
+        Covariance of the shared error of exx, eyy, exy; NaN if it is not known.
+    """
+    tensor = np.stack([getattr(strain, name) for name in COMPONENTS[:3]], axis=-1)
+    own = np.stack([getattr(strain, f"{name}_std") for name in COMPONENTS])
+    total = limited(np.hypot(own, shared_std(tensor, covariance)))
+    stds: dict[str, Any] = {f"{name}_std": std for name, std in zip(COMPONENTS, total, strict=True)}
+    if isinstance(strain, MeanStrain):
+        plain: dict[str, Any] = {name: float(std) for name, std in stds.items()}
+        return replace(strain, **plain)
+    return replace(strain, **stds | dict(zip(IMAGES_KEYS, own[:3], strict=True)))
 
 
 def mean_strain(

@@ -194,7 +194,8 @@ class TestSeries:
         )
         (image,), (told,) = series.images, done.report["images"]
         assert told["raw"] == image.measurement.raw_mean.as_dict()
-        assert told["calibrated"] == image.measurement.calibrated_mean.as_dict()
+        parts = image.measurement.images_std
+        assert told["calibrated"] == image.measurement.calibrated_mean.as_dict() | parts
         assert told["corrected"] == image.correction.as_dict()
         assert done.report["sensitivity"] == vars(series.sensitivity)
 

@@ -1,5 +1,6 @@
 """`dic correlate --motion`: false strain of a specimen that left its plane, removed on rendered images."""
 
+import csv
 import json
 import re
 
@@ -143,6 +144,35 @@ def test_the_shift_that_one_camera_cannot_see_is_a_stated_part_of_the_uncertaint
     assert corrected["exx_std"] > corrected["exx_std_shift"]
     assert f"± {1e6 * corrected['exx_std_shift']:.0f} µε of exx and eyy is the shift" in printed
     assert "--shift-std-um" in refusal_of_a_negative_shift(studio, reference, image)
+
+
+def stated(folder, name):
+    """Return the standard deviation of calibrated exx, and the images' part, as result file and CSV state."""
+    with h5py.File(folder / "r.h5") as file:
+        mean = file["series/calibrated_mean"]
+        last = [mean["exx_std"][-1], mean["exx_std_images"][-1]]
+    rows = list(csv.DictReader((folder / f"{name}.csv").read_text().splitlines()))
+    local = [[float(row[key]) for row in rows] for key in ("exx_std", "exx_std_images")]
+    return np.array(last), np.nanmedian(local, axis=1)
+
+
+def test_every_file_states_the_motion_that_calibrated_strain_may_contain(pulled, turned, tmp_path):
+    for (studio, reference, images), motion in (
+        ((pulled[0], pulled[1], [pulled[2]]), "tension"),
+        ((pulled[0], pulled[1], [pulled[2]]), "free"),
+        (turned, "rigid"),
+    ):
+        files = ("-o", tmp_path / "r.h5", "--csv", tmp_path)
+        _, report = studio.correlate(reference, images, "--motion", motion, *files)
+        calibrated, corrected = (report["images"][-1][key] for key in ("calibrated", "corrected"))
+        # 30 µm from 40 mm · cos 30° is 870 µε, and the tilt costs a rotation up to 4000 µε.
+        off = abs(calibrated["exx"] - corrected["exx"])
+        assert calibrated["exx_std"] > (0.9 * off if motion == "rigid" else 800e-6)
+        assert calibrated["exx_std_images"] < 20e-6
+        mean, local = stated(tmp_path, images[-1].stem)
+        assert mean == pytest.approx([calibrated["exx_std"], calibrated["exx_std_images"]], rel=1e-9)
+        assert local[0] == pytest.approx(calibrated["exx_std"], rel=0.1)
+        assert local[1] < 0.3 * local[0]
 
 
 def test_a_hinge_tells_the_shift_from_the_tilt(pulled):
