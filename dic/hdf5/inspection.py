@@ -1,7 +1,8 @@
 """Inspect an HDF5 file in a process of its own, because a damaged file can crash HDF5 or keep it busy.
 
 The command `python -m dic.hdf5.inspection` reads paths of files and answers whether each file is good;
-`serve` describes the lines. Every file is inspected in a process of its own. The inspection visits every
+`serve` describes the lines. With a path as its argument, the command answers for this file only. Every file
+is inspected in a process of its own. The inspection visits every
 object in the file. The files of this program are trees of groups and data sets, each with one name. A file
 is refused if it holds anything else: links to places outside the tree, data stored in other files,
 references to objects, or declared sizes that the file cannot hold.
@@ -9,8 +10,9 @@ references to objects, or declared sizes that the file cannot hold.
 
 import json
 import os
-import resource
 import select
+import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -176,6 +178,8 @@ def _inspect_in_child(path: Path) -> tuple[int, str]:
     The status is negative for the number of a signal that ended the child.
     This process has one thread, so forking is safe; and it has loaded HDF5, so forking is quick.
     """
+    import resource  # Windows has none, but does not call this function
+
     read_end, write_end = os.pipe()
     child = os.fork()
     if child == 0:
@@ -199,8 +203,11 @@ def serve(requests: int, answers: int) -> None:
     A request is a JSON text with the path of a file, on a line of its own. The answer is a line with the JSON
     list of the exit status of the inspecting process, negative for a signal, and its report.
     """
+    import resource
+
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
+    with suppress(ValueError, OSError):  # macOS cannot limit the address space
+        resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
     with os.fdopen(requests, "rb", buffering=0) as incoming:
         while select.select([incoming], [], [], _IDLE_S)[0]:
             line = incoming.readline()
@@ -210,5 +217,13 @@ def serve(requests: int, answers: int) -> None:
             os.write(answers, json.dumps(answer).encode() + b"\n")
 
 
+def answer_once(path: Path) -> None:
+    """Inspect one file in this process, and print the answer; for systems that cannot copy a process."""
+    print(json.dumps((0, _report(path)[:_REPORT_BYTES_MAX])))
+
+
 if __name__ == "__main__":
-    serve(0, 1)
+    if len(sys.argv) > 1:
+        answer_once(Path(sys.argv[1]))
+    else:
+        serve(0, 1)

@@ -9,6 +9,8 @@ import sys
 import threading
 from pathlib import Path
 
+_COMMAND = [sys.executable, "-P", "-m", "dic.hdf5.inspection"]
+
 _lock = threading.Lock()
 _process: subprocess.Popen[bytes] | None = None
 _owner = 0
@@ -40,6 +42,8 @@ def ask_inspector(path: Path, timeout_s: float) -> tuple[int, str]:
     OSError
         If no process can be started.
     """
+    if not hasattr(os, "fork"):
+        return _ask_once(path, timeout_s)
     with _lock:
         for _ in range(2):
             line = _answer(_started(), json.dumps(str(path.absolute())).encode() + b"\n", timeout_s)
@@ -51,21 +55,39 @@ def ask_inspector(path: Path, timeout_s: float) -> tuple[int, str]:
     raise OSError("the process ended twice without an answer")
 
 
+def _ask_once(path: Path, timeout_s: float) -> tuple[int, str]:
+    """Start a process for this file alone. Windows cannot copy a process that has loaded HDF5 already."""
+    command = [*_COMMAND, str(path.absolute())]
+    try:
+        ended = subprocess.run(
+            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=timeout_s, env=_environment(),
+            check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired as error:
+        raise TimeoutError from error
+    if ended.returncode:
+        return ended.returncode, ""
+    status, said = json.loads(ended.stdout)
+    return int(status), str(said)
+
+
+def _environment() -> dict[str, str]:
+    # Prevent HDF5 from loading a plugin that the file asks for.
+    return os.environ | {"HDF5_PLUGIN_PRELOAD": "::", "OPENBLAS_NUM_THREADS": "1"}
+
+
 def _started() -> "subprocess.Popen[bytes]":
     global _process, _owner
     if _process is not None and _owner != os.getpid():
         _of_others.append(_process)
         _process = None
     if _process is None:
-        command = [sys.executable, "-P", "-m", "dic.hdf5.inspection"]
-        # Prevent HDF5 from loading a plugin that the file asks for.
-        environment = os.environ | {"HDF5_PLUGIN_PRELOAD": "::", "OPENBLAS_NUM_THREADS": "1"}
         _process = subprocess.Popen(
-            command,
+            _COMMAND,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env=environment,
+            env=_environment(),
             bufsize=0,
             # Ctrl-C ends this program, which then ends the inspector.
             start_new_session=True,

@@ -57,7 +57,7 @@ def _inspect(path: Path) -> None:
         raise NotReadable(f"a file that was not read through within {_TIMEOUT_S:g} s") from error
     except OSError as error:
         raise NotReadable(f"no process to inspect it ({error.strerror or error})") from error
-    if status == -signal.SIGXCPU:
+    if status == -getattr(signal, "SIGXCPU", 0) and status:
         raise NotReadable("a damaged file, with which HDF5 does not come to an end")
     if status < 0:
         raise NotReadable(f"a damaged file: HDF5 crashed on it (signal {-status})")

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import PurePath
 from typing import Any
 
 from dic.errors import CorrelationError
@@ -113,5 +114,5 @@ def draw_contact_sheet(
 
 def _shortened(name: str) -> str:
     """Return the last part of a path, cut at its beginning if it is too long for a small map."""
-    last = name.rsplit("/", 1)[-1]
+    last = PurePath(name).name
     return last if len(last) <= _LONGEST_NAME else "…" + last[1 - _LONGEST_NAME :]

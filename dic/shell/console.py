@@ -15,7 +15,8 @@ import click
 from dic.errors import ImageWarning
 
 COULD_NOT = 2
-_ENDING = (signal.SIGTERM, signal.SIGHUP)
+_ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
+"""Signals that end a program: SIGHUP where a terminal can hang up, SIGBREAK on Windows."""
 _unprinted: list[OSError] = []
 """Errors from lines that could not be printed to standard output.
 
