@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from dic.quality.quality import Quality, assess_quality
     from dic.report.page import write_report
     from dic.results.csv import write_csv
+    from dic.results.strain_table import write_strain_table
     from dic.runfile.reader import RunInfo, RunStep
     from dic.strain.displacement import Displacement, Noise
     from dic.strain.measurement import Measurement
@@ -163,6 +164,7 @@ __all__ = [
     "write_example",
     "write_maps",
     "write_report",
+    "write_strain_table",
 ]
 
 _NAMES_OF = {
@@ -217,6 +219,7 @@ _NAMES_OF = {
     "dic.quality.quality": ("Quality", "assess_quality"),
     "dic.report.page": ("write_report",),
     "dic.results.csv": ("write_csv",),
+    "dic.results.strain_table": ("write_strain_table",),
     "dic.runfile.reader": ("RunInfo", "RunStep"),
     "dic.strain.displacement": ("Displacement", "Noise"),
     "dic.strain.measurement": ("Measurement",),

@@ -1,5 +1,6 @@
 """From a run file to results: whole runs, killed ones, and files that are no runs."""
 
+import csv
 import re
 import signal
 import subprocess
@@ -69,9 +70,24 @@ def test_the_command_prints_the_table_and_writes_what_it_printed(run_file, tmp_p
     files = {name: tmp_path / name for name in ("r.h5", "r.json", "r.html", "again.html")}
     done = run_dic(
         "process", run_file, "--step", 40, "-o", files["r.h5"], "--json", files["r.json"],
-        "--report", files["r.html"],
+        "--report", files["r.html"], "--csv", tmp_path / "csv", "--decimal-comma",
     )  # fmt: skip
     assert done.status == 0
+    with (tmp_path / "csv" / "strain.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file, delimiter=";"))
+    assert len(rows) == 4
+    for row in rows:
+        steps = done.report["cameras"][row["camera"]]["steps"]
+        (step,) = [step for step in steps if f"{step['kind']} {step['index']}" == row["step"]]
+        assert float(row["angle_deg"].replace(",", ".")) == pytest.approx(step["angle_deg"], abs=1e-6)
+        for kind in ("raw", "calibrated") + (("corrected",) if step["corrected"]["applied"] else ()):
+            found = float(row[f"{kind}_exx"].replace(",", "."))
+            assert found == pytest.approx(step[kind]["exx"], abs=1e-9)
+        name = f"{row['camera']}_{row['step'].replace(' ', '_')}.csv"
+        with (tmp_path / "csv" / name).open(encoding="utf-8", newline="") as file:
+            points = list(csv.DictReader(file, delimiter=";"))
+        assert sum(point["status"] == "converged" for point in points) == int(row["converged"])
+        assert ("corrected_exx" in points[0]) == step["corrected"]["applied"]
     assert "SIMULATED" in done.out
     content = done.report
     for camera in ("on_axis", "off_axis"):

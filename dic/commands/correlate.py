@@ -111,9 +111,12 @@ def correlate(
         calibrated=calibration is not None,
         keep_corrections=outputs.output is not None,
     )
-    with SeriesOutputs(image, settings, files, drawn) as results:
-        _measure(measured, record, results, sources.images, rotation=known.kind == "rigid")
-        alignment = record.finish(calibration, known, results.rewrite)
+    with SeriesOutputs(image, settings, files, drawn, decimal_comma=outputs.decimal_comma) as results:
+        try:
+            _measure(measured, record, results, sources.images, rotation=known.kind == "rigid")
+            alignment = record.finish(calibration, known, results.rewrite)
+        finally:
+            results.write_table(record.rows)
         results.write_corrections(record.corrections)
         if results.maps.pictures_left:
             with progress("drawing", results.maps.pictures_left) as bar:

@@ -1,6 +1,7 @@
 """Command-line options for correlation and strain that several subcommands share."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -24,6 +25,17 @@ incremental_option = click.option(
     default="auto",
     show_default=True,
     help="When to take a new reference image: auto (when correlation drops), never, or always (each image).",
+)
+csv_option = click.option(
+    "--csv",
+    "csv_folder",
+    type=click.Path(path_type=Path),
+    help="Folder for CSV files: strain.csv with one line per image, and one file of points per image.",
+)
+comma_option = click.option(
+    "--decimal-comma",
+    is_flag=True,
+    help="Write CSV files with decimal commas, and semicolons between the cells.",
 )
 poisson_option = click.option(
     "--poisson-ratio", default=0.33, show_default=True, help="Poisson's ratio of the specimen, for bending."

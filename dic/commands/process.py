@@ -10,6 +10,8 @@ import click
 
 from dic.commands.correlation_options import (
     StrainOptions,
+    comma_option,
+    csv_option,
     hinge_mm,
     hinge_option,
     incremental_option,
@@ -81,10 +83,31 @@ class MotionOptions:
         return CorrectionSettings(self.poisson_ratio, dict(alignments), self.shift_std_um, hinge)
 
 
+@dataclass(frozen=True)
+class OutputOptions:
+    """Options that name the output files of `dic process`."""
+
+    output: Path | None
+    report_file: Path | None
+    csv_folder: Path | None
+    decimal_comma: bool
+    json_file: Path | None
+    force: bool
+
+    def require_places(self, run: Path, output: Path, alignments: Path | None) -> None:
+        """Raise an error if an output file of the run cannot be written; make the folders of outputs."""
+        written = [] if alignments is None else [*alignments.glob("*.alignment.json")]
+        # The names of the tables of points follow from the steps of the run.
+        tables = [] if self.csv_folder is None else [*self.csv_folder.glob("*.csv")]
+        places = [output, self.report_file, self.json_file, *written, *tables]
+        require_places([run], places, force=self.force)
+        for folder in (alignments, self.csv_folder):
+            if folder is not None:
+                _make_folder(folder)
+
+
 @click.command()
 @click.argument("run", type=_FILE)
-@click.option("-o", "--output", type=_FILE, help="Result file. Default: RUN with the ending .results.h5.")
-@click.option("--report", "report_file", type=_FILE, help="HTML file for a report.")
 @click.option(
     "--plate-mm",
     type=float,
@@ -120,18 +143,23 @@ class MotionOptions:
         "--save-alignment", type=_FILE, help="Folder for JSON files of the alignments that a rotation gives."
     ),
 )
-@click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results.")
-@FORCE
+@option_group(
+    "outputs",
+    OutputOptions,
+    click.option("-o", "--output", type=_FILE, help="Result file. Default: RUN with the ending .results.h5."),
+    click.option("--report", "report_file", type=_FILE, help="HTML file for a report."),
+    csv_option,
+    comma_option,
+    click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results."),
+    FORCE,
+)
 def process(
     run: Path,
-    output: Path | None,
-    report_file: Path | None,
     plate_mm: float | None,
     correlation: CorrelationOptions,
     strain: StrainOptions,
     motion: MotionOptions,
-    json_file: Path | None,
-    force: bool,
+    outputs: OutputOptions,
 ) -> None:
     """Calibrate every camera of a RUN file, correlate the images of every step, and print the strains.
 
@@ -143,17 +171,16 @@ def process(
     """
     from dic import process_run, save_run_result, write_report
     from dic.commands.run_table import as_dict, table
+    from dic.pipeline.run_tables import write_run_tables
+    from dic.results.strain_table import STRAIN_FILE
     from dic.shell.console import fail, say
     from dic.shell.progress import progress
 
     settings, _, how, correcting = all_of(
         correlation.settings, correlation.check, strain.settings, motion.settings
     )
-    output = output or run.with_suffix(".results.h5")
-    alignments = [] if motion.save_alignment is None else motion.save_alignment.glob("*.alignment.json")
-    require_places([run], [output, report_file, json_file, *alignments], force=force)
-    if motion.save_alignment is not None:
-        _make_folder(motion.save_alignment)
+    output = outputs.output or run.with_suffix(".results.h5")
+    outputs.require_places(run, output, motion.save_alignment)
     with progress("correlating") as bar:
         result = process_run(
             run,
@@ -170,11 +197,14 @@ def process(
     say(f"results: {output}")
     if motion.save_alignment is not None:
         _save_alignments(motion.save_alignment, result)
-    if report_file is not None:
-        write_report([result], report_file)
-        say(f"report: {report_file}")
-    if json_file is not None:
-        write_text(json_file, json.dumps(as_dict(result), indent=1))
+    if outputs.csv_folder is not None:
+        write_run_tables(result, outputs.csv_folder, decimal_comma=outputs.decimal_comma)
+        say(f"tables: {outputs.csv_folder / STRAIN_FILE} and one of points for each image")
+    if outputs.report_file is not None:
+        write_report([result], outputs.report_file)
+        say(f"report: {outputs.report_file}")
+    if outputs.json_file is not None:
+        write_text(outputs.json_file, json.dumps(as_dict(result), indent=1))
     failures = [failure for camera in result.cameras for failure in camera.failures]
     bad = [
         f"{run}: {camera.camera}, {measurement.label}: measured, but {measurement.objection}"
@@ -210,7 +240,7 @@ def _make_folder(folder: Path) -> None:
     except OSError as error:
         raise OutputError(
             str(folder),
-            "save alignments",
+            "write results",
             "a folder that can be made",
             str(error.strerror or error),
             "name another place",

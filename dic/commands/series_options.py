@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from dic.commands.correlation_options import (
+    comma_option,
+    csv_option,
     hinge_mm,
     hinge_option,
     incremental_option,
@@ -255,6 +257,7 @@ class OutputOptions:
 
     output: Path | None
     csv_folder: Path | None
+    decimal_comma: bool
     maps: MapOptions
     json_file: Path | None
     force: bool
@@ -272,7 +275,8 @@ output_options = option_group(
     "outputs",
     OutputOptions,
     click.option("-o", "--output", type=_FILE, help="Result file, HDF5."),
-    click.option("--csv", "csv_folder", type=_FILE, help="Folder for one CSV file per image."),
+    csv_option,
+    comma_option,
     map_group,
     click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results."),
     FORCE,

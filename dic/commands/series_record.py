@@ -7,7 +7,7 @@ from dic.commands.series_text import corrected_lines, image_lines, name_of, seri
 from dic.shell.console import fail, say
 
 if TYPE_CHECKING:
-    from dic import Alignment, Calibration, Correction, MeasuredImage, Measurement, Motion
+    from dic import Alignment, Calibration, Correction, MeasuredImage, Motion
 
 
 class SeriesRecord:
@@ -30,6 +30,8 @@ class SeriesRecord:
         Images that could not be measured. Each dictionary has the keys `file` and `error`.
     bad : list of str
         One sentence for each image that was measured poorly.
+    rows : list of dict
+        The summaries and failures of all images in order, for the table of strains.
     corrections : list of Correction
         Corrections of the measured images, if `keep_corrections` is true.
     """
@@ -41,6 +43,7 @@ class SeriesRecord:
         self.summaries: list[dict[str, Any]] = []
         self.failures: list[dict[str, str]] = []
         self.bad: list[str] = []
+        self.rows: list[dict[str, Any]] = []
         self.corrections: list[Correction] = []
         self._waiting: list[MeasuredImage] = []
 
@@ -59,26 +62,29 @@ class SeriesRecord:
         if rotation:
             self._waiting.append(image)
         self.summaries.append(summary)
+        self.rows.append(summary)
         self._say(image_lines(self._table, summary))
         if measurement.objection is not None:
             self.bad.append(f"{image.label}: measured, but {measurement.objection}")
 
     def fail(self, label: str, error: str, consequence: str = "") -> None:
         """Add an image that could not be measured to the record, and print the reason."""
-        self.failures.append({"file": label, "error": error})
+        failure = {"file": label, "error": error}
+        self.failures.append(failure)
+        self.rows.append(failure)
         fail((error if label in error else f"{label}: {error}") + consequence)
 
     def finish(
         self,
         calibration: "Calibration | None",
         motion: "Motion",
-        rewrite: "Callable[[int, Measurement], None]",
+        rewrite: "Callable[[int, MeasuredImage], None]",
     ) -> "Alignment | None":
         """Correct the images of a rotating specimen, and return the alignment of the rotation stage.
 
         If the motion is not a rotation, no image is corrected here, and the result is the given alignment or
-        None. The function `rewrite` gets the index of each corrected image among the measured images, and its
-        measurement with the errors of calibrated strain that the correction found.
+        None. The function `rewrite` gets the index of each corrected image among the measured images, and the
+        image with its correction and with the errors of calibrated strain that the correction found.
         """
         from dic import corrected_rotation
 
@@ -88,7 +94,7 @@ class SeriesRecord:
         self._headed = False
         for place, (summary, image) in enumerate(zip(self.summaries, images, strict=True)):
             if image.correction is not None and image.measurement is not None:
-                rewrite(place, image.measurement)
+                rewrite(place, image)
                 summary["calibrated"] = image.measurement.summary()["calibrated"]
                 self._correct(summary, image.correction)
                 self._say(corrected_lines(self._table, summary))

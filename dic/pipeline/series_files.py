@@ -10,7 +10,9 @@ from dic.image.pages import split_page
 from dic.out_of_plane.correction import Correction
 from dic.pictures.settings import MapSettings
 from dic.pipeline.series_maps import MapFiles, SeriesMaps
+from dic.pipeline.series_result import MeasuredImage
 from dic.results.csv import write_csv
+from dic.results.strain_table import STRAIN_FILE, write_strain_table
 from dic.results.writer import ResultWriter
 from dic.strain.measurement import Measurement
 from dic.typing import Grey
@@ -36,16 +38,19 @@ class SeriesFiles:
             if folder is not None:
                 folder.mkdir(parents=True, exist_ok=True)
         stems = list(map(_stem, deformed))
-        counts = Counter(stems)
+        # The table of strains is beside the tables of points.
+        counts = Counter([*stems, Path(STRAIN_FILE).stem])
         names = [f"{number:04d}_{stem}" if counts[stem] > 1 else stem for number, stem in enumerate(stems, 1)]
         self.output = output
+        self.strains = None if csv_folder is None else csv_folder / STRAIN_FILE
         self.csv = [] if csv_folder is None else [csv_folder / f"{name}.csv" for name in names]
         maps = [] if maps_folder is None else [maps_folder / f"{name}.{map_format}" for name in names]
         self.pictures = MapFiles(maps, sheets or {})
 
     def all(self) -> list[Path]:
         """Return the paths of all output files of the series."""
-        return [*([] if self.output is None else [self.output]), *self.csv, *self.pictures.all()]
+        single = [path for path in (self.output, self.strains) if path is not None]
+        return [*single, *self.csv, *self.pictures.all()]
 
 
 class SeriesOutputs:
@@ -57,8 +62,10 @@ class SeriesOutputs:
         settings: CorrelationSettings,
         files: SeriesFiles,
         how: MapSettings | None = None,
+        *,
+        decimal_comma: bool = False,
     ) -> None:
-        self._settings, self._files = settings, files
+        self._settings, self._files, self._decimal_comma = settings, files, decimal_comma
         self._writer = None if files.output is None else ResultWriter(files.output)
         self.maps = SeriesMaps(reference, files.pictures, how or MapSettings())
         self._numbers: list[int] = []
@@ -79,18 +86,28 @@ class SeriesOutputs:
         self._numbers.append(number)
         if self._writer is not None:
             self._writer.add("series", measurement)
-        if self._files.csv:
-            write_csv(measurement, self._files.csv[number])
+        self._write_points(number, measurement, correction)
         name = Path(measurement.label).name
         title = f"{name}, subset {self._settings.subset_px} px, step {self._settings.step_px} px"
         self.maps.add(number, title, measurement, correction)
 
-    def rewrite(self, place: int, measurement: Measurement) -> None:
-        """Replace the measurement with the index `place` among those written; maps stay as they are."""
+    def rewrite(self, place: int, image: MeasuredImage) -> None:
+        """Replace the image with the index `place` among those written; maps stay as they are."""
+        if image.measurement is None:
+            return
         if self._writer is not None:
-            self._writer.add("series", measurement, place)
+            self._writer.add("series", image.measurement, place)
+        self._write_points(self._numbers[place], image.measurement, image.correction)
+
+    def write_table(self, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Write the table of the mean strains; `write_strain_table` describes the rows."""
+        if self._files.strains is not None:
+            write_strain_table(rows, self._files.strains, decimal_comma=self._decimal_comma)
+
+    def _write_points(self, number: int, measurement: Measurement, correction: Correction | None) -> None:
         if self._files.csv:
-            write_csv(measurement, self._files.csv[self._numbers[place]])
+            path, comma = self._files.csv[number], self._decimal_comma
+            write_csv(measurement, path, correction=correction, decimal_comma=comma)
 
     def write_corrections(self, corrections: Sequence[Correction]) -> None:
         """Write the corrections of all images to the result file; call this once, after the last image."""

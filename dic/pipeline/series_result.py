@@ -1,6 +1,7 @@
 """The results of a series of images."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from dic.errors import CorrelationError
 from dic.out_of_plane.alignment import Alignment
@@ -58,6 +59,13 @@ class MeasuredImage:
         """
         return self._measured.strain if self._corrected is None else self._corrected.strain
 
+    def row(self) -> dict[str, Any]:
+        """Return the results as a dict for `write_strain_table`; `docs/results.md` explains the values."""
+        if self.measurement is None:
+            return {"file": self.label, "error": self.failure}
+        corrected = {} if self.correction is None else {"corrected": self.correction.as_dict()}
+        return self.measurement.summary() | corrected | {"error": self.measurement.objection}
+
     @property
     def _corrected(self) -> Correction | None:
         return None if self.correction is None or self.correction.declined else self.correction
@@ -100,6 +108,10 @@ class MeasuredSeries:
     def measurements(self) -> tuple[Measurement, ...]:
         """The measurements of all images that could be measured."""
         return tuple(image.measurement for image in self.images if image.measurement is not None)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the results of all images for `write_strain_table`."""
+        return [image.row() for image in self.images]
 
     @property
     def failures(self) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 import csv
 import io
 import re
+import shutil
 import signal
 from pathlib import Path
 
@@ -51,6 +52,13 @@ def test_every_output_tells_the_same(folder, tmp_path):
     for row in good:
         assert float(row["u_px"]) == pytest.approx(P[0] + P[1] * float(row["x_px"]), abs=0.02)
         assert float(row["v_px"]) == pytest.approx(P[3] + P[5] * float(row["y_px"]), abs=0.02)
+
+    with (tmp_path / "csv" / "strain.csv").open() as file:
+        (line,) = csv.DictReader(file)
+    assert line["image"] == str(folder / "moved.png")
+    assert int(line["converged"]) == summary["converged"]
+    for name in ("exx", "eyy", "exy", "exx_std", "eyy_std", "exy_std"):
+        assert float(line[f"raw_{name}"]) == pytest.approx(summary["raw"][name], abs=1e-9)
 
     with h5py.File(tmp_path / "r.h5") as file:
         series = file["series"]
@@ -180,10 +188,24 @@ def test_an_image_is_never_overwritten_by_results(folder, tmp_path, monkeypatch,
     assert (tmp_path / "still.png").read_bytes() == content
 
 
+def test_image_of_the_name_of_the_table_of_strains_has_a_table_beside_it(folder, tmp_path):
+    shutil.copy(folder / "still.png", tmp_path / "strain.png")
+    csv_folder = tmp_path / "csv"
+    done = run_dic(
+        "correlate", folder / "ref.png", tmp_path / "strain.png", "--step", 40, "--csv", csv_folder
+    )
+    assert done.status == 0
+    assert sorted(path.name for path in csv_folder.iterdir()) == ["0001_strain.csv", "strain.csv"]
+
+
 def test_an_image_given_twice_gives_a_table_each(folder, tmp_path):
     still = folder / "still.png"
     assert run_dic("correlate", folder / "ref.png", still, still, "--step", 40, "--csv", tmp_path).status == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["0001_still.csv", "0002_still.csv"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "0001_still.csv",
+        "0002_still.csv",
+        "strain.csv",
+    ]
 
 
 def test_too_few_points_for_a_strain_are_called_that(folder):

@@ -152,7 +152,7 @@ def stated(folder, name):
         mean = file["series/calibrated_mean"]
         last = [mean["exx_std"][-1], mean["exx_std_images"][-1]]
     rows = list(csv.DictReader((folder / f"{name}.csv").read_text().splitlines()))
-    local = [[float(row[key]) for row in rows] for key in ("exx_std", "exx_std_images")]
+    local = [[float(row[key] or "nan") for row in rows] for key in ("exx_std", "exx_std_images")]
     return np.array(last), np.nanmedian(local, axis=1)
 
 

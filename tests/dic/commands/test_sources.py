@@ -1,5 +1,6 @@
 """What `dic correlate`, `dic quality` and `dic.measure_images` take for images of a series."""
 
+import csv
 import shutil
 import warnings
 from pathlib import Path
@@ -139,6 +140,17 @@ def test_python_takes_the_same(folder):
         dic.CorrelationError, match="images: expected images of the deformed specimen, got None"
     ):
         dic.measure_images(reference, settings=SETTINGS)
+
+
+def test_python_writes_the_table_of_strains(folder, tmp_path):
+    (tmp_path / "a.png").write_bytes(b"no image")
+    images = [*dic.list_images("series"), tmp_path / "a.png"]
+    series = dic.measure_images("series/img0.png", images[1:], settings=SETTINGS)
+    dic.write_strain_table(series.rows(), tmp_path / "strain.csv")
+    with (tmp_path / "strain.csv").open(encoding="utf-8", newline="") as file:
+        *measured_rows, failed = csv.DictReader(file)
+    assert [float(row["raw_exx"]) for row in measured_rows] == pytest.approx(STRETCHES[1:], abs=3e-5)
+    assert "another kind of file" in failed["problem"]
 
 
 def test_python_warns_once_for_a_series(folder):

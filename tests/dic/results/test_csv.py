@@ -1,6 +1,7 @@
 """Points as CSV: fields whose local strain and its standard deviations are known in closed form."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from dic.calibration.calibration import Calibration
 from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.status import Status
+from dic.out_of_plane.correction import Correction
 from dic.results.csv import write_csv
 from dic.strain.measurement import measure
 from dic.strain.strain import STRAIN_KEYS
@@ -101,4 +103,35 @@ def test_local_strain_has_the_standard_deviation_of_a_plane_fitted_to_its_window
 
 def test_point_that_failed_has_its_reason_and_no_strain(rows: list[dict[str, str]]) -> None:
     assert rows[0]["status"] == "low correlation"
-    assert {rows[0][name] for name in ("u_px", "v_px", *STRAIN_KEYS)} == {"nan"}
+    assert {rows[0][name] for name in ("u_px", "v_px", *STRAIN_KEYS)} == {""}
+
+
+def test_decimal_commas_change_no_value(rows: list[dict[str, str]], tmp_path: Path) -> None:
+    measured = measure(field(), calibration() if "X_mm" in rows[0] else None)
+    write_csv(measured, tmp_path / "comma.csv", decimal_comma=True)
+    text = (tmp_path / "comma.csv").read_text(encoding="utf-8")
+    assert "." not in text
+    with (tmp_path / "comma.csv").open(encoding="utf-8", newline="") as file:
+        again = list(csv.DictReader(file, delimiter=";"))
+    assert [{name: cell.replace(",", ".") for name, cell in row.items()} for row in again] == rows
+
+
+def test_corrected_local_strain_stands_beside_the_calibrated_one(tmp_path: Path) -> None:
+    """A correction whose displacement is half of the measured one halves the displacement gradient."""
+    measured = measure(field(), calibration())
+    half = replace(measured.calibrated, vector=measured.calibrated.vector / 2)
+    gradients = np.array([[EXX, EXY], [EXY, EYY]])
+    C = np.eye(2) + 2 * gradients
+    squares, axes = np.linalg.eigh(C)
+    H = (axes @ np.diag(np.sqrt(squares)) @ axes.T - np.eye(2)) / 2
+    expected = (H + H.T + H.T @ H) / 2
+    correction = Correction(
+        "tilt", measured.calibrated_mean, half, replace(measured.strain_settings, source="fit")
+    )
+    write_csv(measured, tmp_path / "points.csv", correction=correction)
+    with (tmp_path / "points.csv").open(encoding="utf-8", newline="") as file:
+        middle = next(row for row in csv.DictReader(file) if row["x_px"] == row["y_px"] == "60")
+    found = [float(middle[f"corrected_{name}"]) for name in ("exx", "eyy", "exy")]
+    assert found == pytest.approx([expected[0, 0], expected[1, 1], expected[0, 1]], abs=2e-9)
+    write_csv(measured, tmp_path / "points.csv", correction=replace(correction, declined="too little"))
+    assert "corrected" not in (tmp_path / "points.csv").read_text(encoding="utf-8")

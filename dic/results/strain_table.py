@@ -1,0 +1,87 @@
+"""The table strain.csv of a series: one line per image, with raw, calibrated and corrected mean strain."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from dic.results.csv import new_table
+from dic.strain.measures import COMPONENTS
+from dic.typing import PathLike
+
+STRAIN_FILE = "strain.csv"
+_READINGS = ("load_n", "displacement_mm", "angle_deg", "time_s")
+_DIGITS = {
+    "load_n": 3,
+    "displacement_mm": 6,
+    "angle_deg": 6,
+    "time_s": 3,
+    "converged_percent": 2,
+    "rotation_deg": 6,
+}
+"""Decimals of the columns; strains have more."""
+_STRAIN_DIGITS = 9
+_KINDS = ("raw", "calibrated", "corrected")
+_STRAINS = tuple(name for component in COMPONENTS for name in (component, f"{component}_std"))
+
+
+def write_strain_table(
+    rows: Sequence[Mapping[str, Any]], path: PathLike, *, decimal_comma: bool = False
+) -> None:
+    """Write one line for each image with its mean strains, their standard deviations and its readings.
+
+    `docs/results.md` describes the columns. Columns in which no image has a value are left out.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        For each image the result of `Measurement.summary`; with a correction, its `Correction.as_dict` under
+        the key "corrected"; and, if known, "camera", "step", "load_n", "displacement_mm", "angle_deg" and
+        "time_s". Of an image that was not measured, the keys "file" and "error".
+    path : path
+    decimal_comma : bool
+        True for numbers with a decimal comma and semicolons between cells.
+    """
+    values = [_values(row) for row in rows]
+    columns = list(dict.fromkeys(name for name in _COLUMNS for found in values if name in found))
+    only_ascii = all(str(value).isascii() for found in values for value in found.values())
+    with new_table(path, decimal_comma=decimal_comma, only_ascii=only_ascii) as table:
+        table.write(columns)
+        for found in values:
+            line = [found.get(name, "") for name in columns]
+            table.write(
+                table.number(value, _DIGITS.get(name, _STRAIN_DIGITS)) if isinstance(value, float) else value
+                for name, value in zip(columns, line, strict=True)
+            )
+
+
+_COLUMNS = (
+    "image",
+    "camera",
+    "step",
+    *_READINGS,
+    "points",
+    "converged",
+    "converged_percent",
+    "rotation_deg",
+    *(f"{kind}_{name}" for kind in _KINDS for name in _STRAINS),
+    "correction",
+    "problem",
+)
+
+
+def _values(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the known values of an image by the names of their columns."""
+    values = {"image": row["file"], "problem": row.get("error")}
+    values |= {name: row.get(name) for name in ("camera", "step", *_READINGS, "points", "converged")}
+    if row.get("points"):
+        values["converged_percent"] = 100.0 * row["converged"] / row["points"]
+    corrected = row.get("corrected", {})
+    for kind in _KINDS:
+        mean = row.get(kind, {})
+        if kind != "corrected" or corrected.get("applied"):
+            values |= {f"{kind}_{name}": mean.get(name) for name in _STRAINS}
+    if "calibrated" in row and "exx_std_images" not in row["calibrated"]:
+        # Result files of earlier versions have the noise alone, a small part of the error.
+        values |= {f"calibrated_{name}_std": None for name in COMPONENTS}
+    values["rotation_deg"] = row.get("raw", {}).get("rotation_deg")
+    values["correction"] = corrected.get("method") if corrected.get("applied") else corrected.get("reason")
+    return {name: value for name, value in values.items() if value is not None and value == value}
