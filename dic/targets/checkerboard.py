@@ -5,6 +5,7 @@ point symmetry of the image around each corner.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
 from dic.targets.axes import Axes, XAxis, axes_in_image
@@ -14,11 +15,15 @@ from dic.targets.sampled_image import GridImage, as_bytes
 from dic.typing import Float, Grey
 
 # A corner is refined within a disc of this radius, in pitches. The disc must not reach the next corner.
-_WINDOW = 0.4
+_WINDOW = 0.45
+# The image is smoothed before the refinement. In a small window, noise would disturb the gradients.
+_SMOOTHING_PX = 1.0
 # Smallest share of the corners that must pass the refinement.
 _SUFFICIENT = 0.9
 _SMALLEST_PX, _LARGEST_PX = 3.0, 16.0
 _STEPS = 6
+# Images up to this size are searched in more ways, because the search takes little time.
+_SMALL_IMAGE_PX2 = 1_600_000
 
 
 def find_checkerboard(
@@ -27,23 +32,22 @@ def find_checkerboard(
     """Return the inner corners of a checkerboard. `dic.targets.find.CheckerboardTarget` describes the board.
 
     The detector (Duda and Frese, "Accurate Detection and Localization of Checkerboard Corners for
-    Calibration", BMVC 2018) finds either all corners or none. Corners that the refinement rejects are left
-    out of the result.
+    Calibration", BMVC 2018) finds either all corners or none. Refined corners that do not fit the lattice are
+    left out of the result.
 
     Raises
     ------
     CalibrationError
-        If the detector does not find the corners, or the refinement rejects more than 10 % of them.
+        If the detector does not find the corners, or more than 10 % of them do not fit the lattice.
     """
     import cv2
 
     lines = (squares[0] - 1, squares[1] - 1)
-    flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
-    found, corners = cv2.findChessboardCornersSB(as_bytes(grey), lines, flags=flags)
-    if not found:
+    corners = _detected(as_bytes(grey), lines)
+    if corners is None:
         raise _refusal(source, squares, "no such board")
     # The detector returns the corners row by row. From here on, the first index is the column.
-    px = np.asarray(corners, np.float64).reshape(lines[1], lines[0], 2).transpose(1, 0, 2)
+    px = corners.reshape(lines[1], lines[0], 2).transpose(1, 0, 2)
     vectors = np.stack([(px[-1] - px[0]).mean(axis=0), (px[:, -1] - px[:, 0]).mean(axis=0)])
     vectors /= np.array(lines)[:, None] - 1.0
     spans = (range(lines[0]), range(lines[1]))
@@ -60,7 +64,10 @@ def find_checkerboard(
     index = np.argwhere(np.ones(lines, bool))
     column_row = axes.columns_and_rows(index, spans)
     pitch_px = float(np.linalg.norm(vectors, axis=1).min())
-    refined = refine(grey, px[index[:, 0], index[:, 1]], _WINDOW * pitch_px)
+    detected = px[index[:, 0], index[:, 1]]
+    refined = refine(cv2.GaussianBlur(grey, (0, 0), _SMOOTHING_PX), detected, _WINDOW * pitch_px)
+    # Next to the image's rim there is no room for the refinement: keep the detector's corner.
+    refined = np.where(np.isfinite(refined), refined, detected)
     sound = fits_lattice(index.astype(float), refined)
     if np.count_nonzero(sound) < _SUFFICIENT * sound.size:
         got = f"only {np.count_nonzero(sound)} of {sound.size} corners"
@@ -70,6 +77,30 @@ def find_checkerboard(
     return GridPoints.on_lattice(
         column_row[by_row], refined[by_row], lines, pitch_mm, axes.warnings, axes.orientation
     )
+
+
+def _detected(image: NDArray[np.uint8], lines: tuple[int, int]) -> Float | None:
+    """Return the corners that OpenCV's detector finds, shape (n, 2), px, or None.
+
+    The detector finds small squares more often in an enlarged image, and blurred ones in a reduced image. It
+    stretches the image itself with the flag `CALIB_CB_ACCURACY`, and then loses small squares. Therefore that
+    flag is not used first.
+    """
+    import cv2
+
+    height, width = image.shape
+    plain = cv2.CALIB_CB_EXHAUSTIVE
+    accurate = plain | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
+    attempts = [(1.0, plain), (0.5, accurate)]
+    if height * width <= _SMALL_IMAGE_PX2:
+        attempts = [(1.0, plain), (2.0, plain), (1.0, accurate), (1.0, 0)]
+    for scale, flags in attempts:
+        method = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
+        scaled = image if scale == 1 else cv2.resize(image, None, fx=scale, fy=scale, interpolation=method)
+        found, corners = cv2.findChessboardCornersSB(scaled, lines, flags=flags)
+        if found:
+            return (np.asarray(corners, np.float64).reshape(-1, 2) + 0.5) / scale - 0.5
+    return None
 
 
 def _refusal(source: str, squares: tuple[int, int], got: str) -> CalibrationError:
