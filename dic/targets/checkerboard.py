@@ -22,6 +22,8 @@ _SMOOTHING_PX = 1.0
 _SUFFICIENT = 0.9
 _SMALLEST_PX, _LARGEST_PX = 3.0, 16.0
 _STEPS = 6
+# Smallest share of neighbouring squares that differ as they should; a reflection may cover the others.
+_ALTERNATING = 0.85
 # Images up to this size are searched in more ways, because the search takes little time.
 _SMALL_IMAGE_PX2 = 1_600_000
 
@@ -43,11 +45,9 @@ def find_checkerboard(
     import cv2
 
     lines = (squares[0] - 1, squares[1] - 1)
-    corners = _detected(as_bytes(grey), lines)
-    if corners is None:
+    px = _detected(as_bytes(grey), lines)
+    if px is None:
         raise _refusal(source, squares, "no such board")
-    # The detector returns the corners row by row. From here on, the first index is the column.
-    px = corners.reshape(lines[1], lines[0], 2).transpose(1, 0, 2)
     vectors = np.stack([(px[-1] - px[0]).mean(axis=0), (px[:, -1] - px[:, 0]).mean(axis=0)])
     vectors /= np.array(lines)[:, None] - 1.0
     spans = (range(lines[0]), range(lines[1]))
@@ -80,7 +80,7 @@ def find_checkerboard(
 
 
 def _detected(image: NDArray[np.uint8], lines: tuple[int, int]) -> Float | None:
-    """Return the corners that OpenCV's detector finds, shape (n, 2), px, or None.
+    """Return the corners that OpenCV's detector finds, shape (columns, rows, 2), px, or None.
 
     The detector finds small squares more often in an enlarged image, and blurred ones in a reduced image. It
     stretches the image itself with the flag `CALIB_CB_ACCURACY`, and then loses small squares. Therefore that
@@ -99,8 +99,36 @@ def _detected(image: NDArray[np.uint8], lines: tuple[int, int]) -> Float | None:
         scaled = image if scale == 1 else cv2.resize(image, None, fx=scale, fy=scale, interpolation=method)
         found, corners = cv2.findChessboardCornersSB(scaled, lines, flags=flags)
         if found:
-            return (np.asarray(corners, np.float64).reshape(-1, 2) + 0.5) / scale - 0.5
+            px = (np.asarray(corners, np.float64).reshape(lines[1], lines[0], 2) + 0.5) / scale - 0.5
+            # From here on, the first index is the column.
+            px = px.transpose(1, 0, 2)
+            if _colours_alternate(image, px):
+                return px
     return None
+
+
+def _colours_alternate(image: NDArray[np.uint8], px: Float) -> bool:
+    """Return True if squares lie around all corners (columns, rows, 2), px, in alternating colours.
+
+    The detector sometimes takes the ends of the squares at the rim of the board for a row of corners. On the
+    far side of such a row there are no squares.
+    """
+    around = np.pad(px, ((1, 1), (1, 1), (0, 0)), mode="reflect", reflect_type="odd")
+    centre = (around[:-1, :-1] + around[1:, :-1] + around[:-1, 1:] + around[1:, 1:]) / 4
+    column, row = np.rint(centre).astype(int).transpose(2, 0, 1)
+    height, width = image.shape
+    inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
+    level = image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)].astype(np.float64)
+    # The picture's edge may cut the outer squares; NaN marks squares that cannot be seen.
+    level[~inside] = np.nan
+    sign = np.where(np.add.outer(np.arange(level.shape[0]), np.arange(level.shape[1])) % 2 == 0, 1.0, -1.0)
+    # The difference between a square and its neighbours across one corner, in one direction.
+    steps = (sign[1:] * (level[1:] - level[:-1]), sign[:, 1:] * (level[:, 1:] - level[:, :-1]))
+    every = np.concatenate([step.ravel() for step in steps])
+    right, usual = np.sign(np.nanmedian(every)), float(np.nanmedian(np.abs(every)))
+    parts = (*steps, steps[0][0], steps[0][-1], steps[1][:, 0], steps[1][:, -1])
+    seen = [part[np.isfinite(part)] for part in parts]
+    return all(not len(part) or float((right * part > 0.2 * usual).mean()) > _ALTERNATING for part in seen)
 
 
 def _refusal(source: str, squares: tuple[int, int], got: str) -> CalibrationError:
