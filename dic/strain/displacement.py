@@ -6,12 +6,14 @@ bias depends on the sub-pixel part of the displacement and is correlated over th
 """
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
+from dic.strain.convolution import convolved
 from dic.strain.sight import Sight
 from dic.typing import Float, Mask
 
@@ -193,13 +195,19 @@ def error_overlap(settings: CorrelationSettings) -> Float:
         Element [i, j] is the correlation for points that are i rows and j columns apart; element [0, 0] is 1.
         Subsets that are m or more rows or columns apart do not overlap.
     """
-    from scipy.signal import fftconvolve
+    return _overlap(settings.subset_px, settings.step_px, settings.shape)
 
-    n, r = settings.subset_px, settings.radius_px
+
+@cache
+def _overlap(n: int, step_px: int, shape: str) -> Float:
+    """Compute `error_overlap` for subsets of `n` px once, because every image of a series has the same."""
+    r = n // 2
     y, x = (axis.ravel() / r for axis in np.mgrid[-r : r + 1, -r : r + 1])
     terms = [np.ones(n * n), x, y]
-    if settings.shape == "quadratic":
+    if shape == "quadratic":
         terms += [x * x, x * y, y * y]
     weights = np.linalg.pinv(np.column_stack(terms))[0].reshape(n, n)
-    shared = fftconvolve(weights, weights)[n - 1 :: settings.step_px, n - 1 :: settings.step_px]
-    return np.asarray(shared / shared[0, 0])
+    shared = convolved(weights, weights)[n - 1 :: step_px, n - 1 :: step_px]
+    overlap = np.asarray(shared / shared[0, 0])
+    overlap.flags.writeable = False
+    return overlap

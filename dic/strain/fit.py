@@ -8,6 +8,7 @@ The mean of n points with overlapping subsets has more noise than the mean of n 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from dic.strain.convolution import convolved
 from dic.strain.displacement import Displacement, Noise
 from dic.typing import Float, Mask
 
@@ -88,12 +89,14 @@ def covariance_of_sums(weights: Float, noise: Noise) -> Float:
     noise : Noise
         Errors of the displacements.
     """
-    from scipy.signal import fftconvolve
-
     parts = np.einsum("rcia,rcip->rcpa", noise.factors, weights)
     parts = np.where((weights != 0.0).any(axis=(2, 3))[..., None, None], parts, 0.0)
     around = np.pad(noise.overlap, [(n - 1, 0) for n in noise.overlap.shape], mode="reflect")
-    shared = fftconvolve(parts, around[..., None, None], mode="same", axes=(0, 1))
+    shared = convolved(parts, around[..., None, None])
+    # The middle of the convolution belongs to the places of the points.
+    for axis in (0, 1):
+        first = noise.overlap.shape[axis] - 1
+        shared = shared.take(range(first, first + parts.shape[axis]), axis)
     covariance = np.einsum("rcpa,rcqa->pq", parts, shared)
     if noise.bias is not None:
         used = (weights != 0.0).any(axis=(2, 3))
