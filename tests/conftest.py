@@ -1,5 +1,6 @@
 """What tests of more than one package share: real images and speckle pictures with exact truth."""
 
+import os
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
@@ -30,6 +31,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("long") and not item.get_closest_marker("timeout"):
             item.add_marker(pytest.mark.timeout(LONG_LIMIT_S))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _disk_without_delay() -> Iterator[None]:
+    """Let `os.fsync` only check its descriptor, because a disk needs milliseconds to synchronise a file.
+
+    No test cuts the power. The tests of the recorder's calls of `os.fsync` replace this function again.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda descriptor: os.fstat(descriptor) and None)
+        yield
 
 
 Warp = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]

@@ -254,7 +254,7 @@ class FakeRig:
 
 @pytest.fixture
 def tension_table() -> dict:
-    return tomllib.loads(example("tension", ("poll_s = 0.2", "poll_s = 0.5")))
+    return tomllib.loads(example("tension", ("poll_s = 0.2", "poll_s = 1.0")))
 
 
 @pytest.fixture
