@@ -25,7 +25,8 @@ SOURCES = (
     "rig/engine/settle.py",
     "rig/engine/imaging.py",
 )
-STRIDE = 211
+STRIDE = 421
+"""Every so many lines are interrupted in the test command, and many more in the long campaign."""
 
 
 class Lines:
@@ -52,8 +53,16 @@ class Lines:
         return self._trace
 
 
-@pytest.mark.parametrize("distance", [1, 7])
-def test_two_signals_at_any_line_end_the_run_safely(rotation, rotation_table, tmp_path, distance):
+@pytest.mark.parametrize(
+    ("distance", "stride"),
+    [
+        (1, STRIDE),
+        (7, STRIDE),
+        pytest.param(1, 53, marks=pytest.mark.long),
+        pytest.param(7, 59, marks=pytest.mark.long),
+    ],
+)
+def test_two_signals_at_any_line_end_the_run_safely(rotation, rotation_table, tmp_path, distance, stride):
     rotation_table["rotation"]["total_deg"] = rotation_table["rotation"]["increment_deg"]
     protocol = RotationProtocol.model_validate(rotation_table)
 
@@ -76,7 +85,7 @@ def test_two_signals_at_any_line_end_the_run_safely(rotation, rotation_table, tm
     arrived = threading.Event()
     total, status, _ = run("whole.h5", lambda line: None)
     assert status == "completed"
-    for first in range(distance, total, STRIDE):
+    for first in range(distance, total, stride):
         arrived.clear()
 
         def interrupt(line: int, first: int = first) -> None:
