@@ -63,7 +63,7 @@ class SeriesRecord:
             self._waiting.append(image)
         self.summaries.append(summary)
         self.rows.append(summary)
-        self._say(image_lines(self._table, summary))
+        self._say(image_lines(self._table, summary, first=len(self.summaries) == 1))
         if measurement.objection is not None:
             self.bad.append(f"{image.label}: measured, but {measurement.objection}")
 

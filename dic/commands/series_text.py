@@ -23,8 +23,10 @@ def series_table(names: Sequence[str], *, only_raw: bool) -> StrainTable:
     return StrainTable(columns, only_raw)
 
 
-def image_lines(table: StrainTable, summary: dict[str, Any]) -> list[str]:
+def image_lines(table: StrainTable, summary: dict[str, Any], *, first: bool = True) -> list[str]:
     """Return the lines that `dic correlate` prints for an image: its strains, and what to know about them.
+
+    What holds for the whole series is said with the first image.
 
     Parameters
     ----------
@@ -37,10 +39,10 @@ def image_lines(table: StrainTable, summary: dict[str, Any]) -> list[str]:
     rotation_deg = summary["raw"]["rotation_deg"]
     rotation = "" if rotation_deg is None else f"{rotation_deg:z.2f}°"
     cells = [name_of(summary["file"]), share_text(summary["converged"], summary["points"]), rotation]
-    notes = [text for text in (_points_text(summary), *_settings_texts(summary)) if text]
+    notes = [text for text in (_points_text(summary), *_settings_texts(summary, first)) if text]
     corrected = summary.get("corrected", {"method": "none"})
     if corrected["method"] != "none":
-        notes.append(corrected_text(corrected))
+        notes += corrected_texts(corrected)
     return table.lines(cells, strains_of(summary)) + [f"  {note}" for note in notes]
 
 
@@ -49,7 +51,7 @@ def corrected_lines(table: StrainTable, summary: dict[str, Any]) -> list[str]:
     strains = strains_of(summary)
     kind = "corrected" if "corrected" in strains else "calibrated"
     lines = table.lines([name_of(summary["file"]), "", ""], {kind: strains[kind]})
-    return [*lines, f"  {corrected_text(summary['corrected'])}"]
+    return [*lines, *(f"  {text}" for text in corrected_texts(summary["corrected"]))]
 
 
 def strains_of(summary: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
@@ -82,20 +84,22 @@ def _points_text(summary: dict[str, Any]) -> str:
     return f"{summary['points'] + summary['out_of_view']} points: {lost}" if lost else ""
 
 
-def _settings_texts(summary: dict[str, Any]) -> Iterator[str]:
+def _settings_texts(summary: dict[str, Any], first: bool) -> Iterator[str]:
     """Yield what the settings and the series did to this image."""
     lost = {name: share for name, share in summary["strain"]["amplitude_lost"].items() if share is not None}
     if any(share >= _LOST_MIN for share in lost.values()):
         shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in lost.items())
         yield f"local strain loses amplitude to the settings: {shares}"
-    if summary["interpolation"]["smoothing_px"] > 0.0:
-        yield f"images smoothed by {summary['interpolation']['smoothing_px']:g} px"
+    if first and summary["interpolation"]["smoothing_px"] > 0.0:
+        yield f"all images smoothed by {summary['interpolation']['smoothing_px']:g} px"
     if summary["updates"]:
         yield f"over {summary['updates']} new references"
 
 
-def corrected_text(corrected: dict[str, Any]) -> str:
+def corrected_texts(corrected: dict[str, Any]) -> list[str]:
     """Return what the correction found beside the strain, or the reason why there is no correction.
+
+    Each text fits a line of 100 characters, except a reason.
 
     Parameters
     ----------
@@ -103,12 +107,13 @@ def corrected_text(corrected: dict[str, Any]) -> str:
         The result of `Correction.as_dict`.
     """
     if not corrected["applied"]:
-        return f"not corrected: {corrected['reason']}"
+        return [f"not corrected: {corrected['reason']}"]
     slopes = ", ".join(f"{axis} {corrected[f'slope_{axis}_deg']:+z.3f}°" for axis in "xy")
-    shift = ""
-    if corrected.get("shift_mm") is not None:
-        shift = f", shift {1e3 * corrected['shift_mm']:+z.1f} ± {1e3 * corrected['shift_mm_std']:.1f} µm"
-    return f"corrected for slopes {slopes}{shift}{_shift_text(corrected)}"
+    plane, share = f"slopes {slopes}", _shift_text(corrected)
+    if corrected.get("shift_mm") is None:
+        return [f"{plane}; {share}" if share else plane]
+    shift = f"shift {1e3 * corrected['shift_mm']:+z.1f} ± {1e3 * corrected['shift_mm_std']:.1f} µm"
+    return [f"{plane}, {shift}", *([share] if share else [])]
 
 
 def _shift_text(corrected: dict[str, Any]) -> str:
@@ -120,4 +125,4 @@ def _shift_text(corrected: dict[str, Any]) -> str:
         f"{1e6 * math.sqrt(sum(corrected[f'{name}_std_{part}'] ** 2 for part in _OTHERS)):.0f}"
         for name in ("exx", "eyy", "exy")
     )
-    return f"; ± {shift:.0f} µε of exx and eyy is the shift, ± {others} all else"
+    return f"± {shift:.0f} µε of exx and eyy is the shift, ± {others} all else"

@@ -143,6 +143,7 @@ def test_the_shift_that_one_camera_cannot_see_is_a_stated_part_of_the_uncertaint
     assert corrected["exx_std_shift"] == pytest.approx(20 * per_um, rel=0.02)
     assert corrected["exx_std"] > corrected["exx_std_shift"]
     assert f"± {1e6 * corrected['exx_std_shift']:.0f} µε of exx and eyy is the shift" in printed
+    assert max(len(line) for line in printed.splitlines() if "±" in line) <= 100
     assert "--shift-std-um" in refusal_of_a_negative_shift(studio, reference, image)
 
 
