@@ -3,7 +3,10 @@
 import numpy as np
 
 from dic.out_of_plane.diagnosis import in_grid_axes
+from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.tilt import Suspicion
+from dic.out_of_plane.uncertainty import Points
+from dic.strain.fit import slopes_of
 from dic.typing import Float
 
 _CLEARLY = 10.0
@@ -11,6 +14,12 @@ _CLEARLY = 10.0
 
 _ACROSS_SHARE = 0.15
 """Largest share of strain across the camera's tilt, if tilts cause the strain."""
+
+_GRIPS_DEG = 0.3
+"""Grips hardly tilt a specimen by more than this."""
+
+_SAME_SHARE = 0.05
+"""Largest difference of two motions that count as the same, as a fraction."""
 
 _FEWEST_STEPS = 4
 _LEAST_TANGENT = 0.1
@@ -54,6 +63,57 @@ def uneven_reason(misfit: float, limit: float, suspicion: Suspicion, half_width_
         f"the strain is not uniform (a smooth remainder, misfit {misfit:.0f}; noise, tilt, bending and a "
         f"gradient explain at most {limit:.0f}): the specimen may neck or yield in bands, so look at local "
         "strain"
+    )
+
+
+def turned_camera_reason(points: Points, slopes: Float, centre_mm: Float) -> str | None:
+    """Return the reason if a tilt and a motion in the plane are together those of a camera that turned.
+
+    A camera that turns about its own centre C sees a specimen that turns about C. With the slopes a, b the
+    specimen then slides by (a, b) Cz below the camera, and nothing else does. Grips hardly tilt a specimen by
+    as much, so only large tilts are suspected.
+
+    Parameters
+    ----------
+    points : Points
+    slopes : ndarray, shape (2,)
+        Slopes of the specimen's plane since the reference.
+    centre_mm : ndarray, shape (3,)
+        The camera's centre.
+    """
+    expected_mm = centre_mm[2] * slopes
+    if np.degrees(np.hypot(*slopes)) < _GRIPS_DEG:
+        return None
+    plane = Shift(hinge_mm=(float(centre_mm[0]), float(centre_mm[1]))).plane(*slopes.tolist())
+    moved = plane.within(points.after_mm, centre_mm) - points.before_mm
+    (_, xy), (yx, _) = slopes_of(points.before_mm, moved)
+    turn, to_foot = (yx - xy) / 2, centre_mm[:2] - points.before_mm.mean(axis=0)
+    slide_mm = moved.mean(axis=0) + turn * np.array([-to_foot[1], to_foot[0]])
+    if np.hypot(*(slide_mm - expected_mm)) > _SAME_SHARE * np.hypot(*expected_mm):
+        return None
+    return (
+        f"the camera turned by about {np.degrees(np.hypot(*slopes)):.2g}° since the reference, because tilt "
+        "and slide of the specimen are those of a turn about the camera's centre: fasten the camera and "
+        "calibrate again"
+    )
+
+
+def uncertain_mounting(points: Points, centre_mm: Float) -> str:
+    """Return a text about the motion that makes a tilt in the reference the largest part of an uncertainty.
+
+    Such a tilt causes false strain if the specimen slides or stretches. The false strain of a slide s is
+    about s/Cz times the tilt, and that of a strain e is e tan θ times the tilt.
+    """
+    slide_mm = float(np.hypot(*(points.after_mm - points.before_mm).mean(axis=0)))
+    strain = float(np.abs(slopes_of(points.before_mm, points.after_mm - points.before_mm)).max())
+    if slide_mm / centre_mm[2] > strain * np.hypot(*centre_mm[:2]) / centre_mm[2]:
+        return (
+            f", because the specimen slid by {slide_mm:.2f} mm and may be tilted against the grid: look at "
+            "the grips, and attach the grid flat on the specimen"
+        )
+    return (
+        f", because the specimen stretched by {100 * strain:.1f} % and may be tilted against the grid: "
+        "attach the grid flat on the specimen"
     )
 
 

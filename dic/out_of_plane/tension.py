@@ -14,7 +14,7 @@ from dic.calibration.calibration import Calibration
 from dic.out_of_plane.causes import Sight, curved
 from dic.out_of_plane.correction import Correction, points_of
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
-from dic.out_of_plane.reasons import uneven_reason
+from dic.out_of_plane.reasons import turned_camera_reason, uncertain_mounting, uneven_reason
 from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.strain_parts import StrainParts, open_parts
 from dic.out_of_plane.tilt import TiltFit, fit_tilt, suspect
@@ -40,6 +40,9 @@ _UNEXPLAINED = 70.0
 _UNEVEN_PX = 0.002
 _TORN = 2.0
 """Largest accepted residuals, as a multiple of the residuals that noise causes."""
+
+_LARGEST_PART = 0.5
+"""A cause with a larger share of the variance is named as the reason."""
 
 _USEFUL = 100e-6
 """A correction with a larger standard deviation of strain is made only if the correction is significant."""
@@ -121,13 +124,9 @@ def _corrected(measurement: Measurement, points: Points, fit: TiltFit, centre_mm
     off = np.array([calibrated.exx - mean.exx, calibrated.eyy - mean.eyy, calibrated.exy - mean.exy])
     parts = StrainParts.of(fit.gradient, fit.parts, settings.measure)
     numbers = parts.as_dict() | {"curved_probability": fit.curved, "graded_probability": fit.graded}
-    # The shift is the same in calibrated and in corrected strain, so it does not decide.
-    own_std = np.sqrt(sum(part**2 for name, part in parts.parts.items() if name != "shift"))
-    if own_std.max() > _USEFUL and np.abs(off).max() < 2 * own_std.max():
-        change = f"{1e6 * np.abs(off).max():.0f} ± {1e6 * own_std.max():.0f} µε"
-        reason = (
-            f"the tilt is too uncertain here: a correction would change the strain by {change}{_doubt(fit)}"
-        )
+    reason = _too_uncertain(parts, float(np.abs(off).max()), points, fit, centre_mm)
+    reason = reason or turned_camera_reason(points, fit.slopes, centre_mm)
+    if reason is not None:
         covariance = fit.covariance + np.outer((plain - fit.gradient).ravel(), (plain - fit.gradient).ravel())
         mean, shared = _calibrated_mean(measurement, covariance), parts.shared + np.outer(off, off)
         return Correction.refused("tilt", measurement, reason, mean, numbers, shared)
@@ -141,6 +140,22 @@ def _corrected(measurement: Measurement, points: Points, fit: TiltFit, centre_mm
         fit.plane_std,
         uncertainty=numbers,
         shared=parts.shared,
+    )
+
+
+def _too_uncertain(
+    parts: StrainParts, change: float, points: Points, fit: TiltFit, centre_mm: Float
+) -> str | None:
+    """Return the reason if a correction by `change` is likelier to harm than to help; None if it helps."""
+    # The shift is the same in calibrated and in corrected strain, so it does not decide.
+    own_std = np.sqrt(sum(part**2 for name, part in parts.parts.items() if name != "shift"))
+    if own_std.max() <= _USEFUL or change >= 2 * own_std.max():
+        return None
+    mounting = (parts.parts["mounting"].max() / own_std.max()) ** 2 > _LARGEST_PART
+    doubt = uncertain_mounting(points, centre_mm) if mounting else _doubt(fit)
+    return (
+        "the tilt is too uncertain here: a correction would change the strain by "
+        f"{1e6 * change:.0f} ± {1e6 * own_std.max():.0f} µε{doubt}"
     )
 
 

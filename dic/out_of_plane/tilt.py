@@ -70,6 +70,11 @@ class TiltFit:
     residual_mm: Float
 
     @property
+    def slopes(self) -> Float:
+        """The slopes of `plane`, shape (2,)."""
+        return np.array([self.plane.slope_x, self.plane.slope_y])
+
+    @property
     def covariance(self) -> Float:
         """Covariance of the gradient's elements, shape (4, 4)."""
         return np.asarray(np.sum(list(self.parts.values()), axis=0))

@@ -20,7 +20,8 @@ from dic.typing import Float, Mask
 _SMOOTH_PX = 0.0004
 """Errors of the displacement due to interpolation, px; benchmarks.order measures them on rendered images.
 
-The errors change with the sub-pixel part of the displacement, so neighbouring points have similar errors.
+These errors contain the interpolation bias, which is also predicted from the pattern of each image. They
+change with the sub-pixel part of the displacement, so neighbouring points have similar errors.
 """
 
 _DETERMINED = 1e8
@@ -104,7 +105,8 @@ class Points:
 
         Interpolation errors depend on the sub-pixel part of the displacement. In a strained specimen, this
         sub-pixel part varies slowly over the field. So the errors are modelled as polynomials of first up to
-        `degree`-th degree, with the value `smooth_px` at the outermost points.
+        `degree`-th degree, with the value `smooth_px` at the outermost points. The noise of the displacements
+        contains the predicted interpolation bias already, so the variance of the bias is taken out here.
 
         Parameters
         ----------
@@ -117,11 +119,20 @@ class Points:
         """
         centred = self.before_mm - self.before_mm.mean(axis=0)
         x, y = (centred / np.abs(centred).max()).T
-        size_mm = (_SMOOTH_PX if smooth_px is None else smooth_px) * self.calibration.mm_per_px
+        whole_mm = (_SMOOTH_PX if smooth_px is None else smooth_px) * self.calibration.mm_per_px
+        size_mm = np.sqrt(max(whole_mm**2 - self._bias_mm2, 0.0))
         powers = [(total - k, k) for total in range(1, degree + 1) for k in range(total + 1)]
         terms = size_mm * np.stack([x**i * y**j for i, j in powers], axis=1)
         factors = np.einsum("nip,nk->pik", weights, terms).reshape(weights.shape[2], -1)
         return np.asarray(factors @ factors.T)
+
+    @property
+    def _bias_mm2(self) -> float:
+        """Mean variance of the predicted interpolation bias, per component of the displacement, mm²."""
+        noise = self.displacement.noise
+        if noise is None or noise.bias is None:
+            return 0.0
+        return float((noise.bias[self.use] ** 2).sum(axis=(1, 2)).mean() / 2)
 
     def calibration_factors(self, weights: Float) -> tuple[Float, Float]:
         """Return the effect of calibration errors on weighted sums of displacements and on camera centres.

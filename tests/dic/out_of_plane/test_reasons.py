@@ -54,6 +54,35 @@ def necking(rng):
     return State(within=within)
 
 
+def sliding(rng):
+    way_mm = rng.uniform(1.2, 1.6) * direction(rng)
+    return State(F=np.diag([0.9995, 1.0015]), within=lambda p: p + way_mm)
+
+
+def in_grips(plant, rng):
+    """Return the reason for a specimen that keeps its tilt, which is also there in the reference."""
+    view, mounted = viewed(rng, 3.2), Pose.sloped(*rng.normal(0.0, 0.05, 2))
+    state, calibration = plant(rng), view.calibration()
+    loaded = State(mounted, state.F, state.within)
+    (seen,) = view.measurements([loaded], calibration, State(mounted))
+    return correct_tilt(seen, calibration, NU, Shift(1.0)).declined
+
+
+def turning_camera(rng):
+    return rng.uniform(0.35, 0.7) * direction(rng)
+
+
+def with_a_moved_camera(plant, rng):
+    """Return the reason for a camera that turns about its own centre, which sees the specimen turn."""
+    view = viewed(rng, 3.2)
+    x_deg, y_deg = plant(rng)
+    turned = Pose.turned(np.array([y_deg, -x_deg, 0.0]), np.hypot(x_deg, y_deg), view.camera.centre_mm)
+    roll = Pose.turned(view.camera.centre_mm, rng.normal(0.0, 0.1), view.camera.centre_mm)
+    calibration = view.calibration()
+    (seen,) = view.measurements([State(turned.after(roll), np.diag([0.9995, 1.0015]))], calibration)
+    return correct_tilt(seen, calibration, NU, Shift(1.0)).declined
+
+
 def in_tension(plant, rng):
     view = viewed(rng, 4.2)
     tilt = Pose.sloped(*(0.1 * direction(rng)))
@@ -89,6 +118,8 @@ PLANTED = {
     bending: (in_tension, "bends out of its plane"),
     grading: (in_tension, "gradient along the specimen"),
     necking: (in_tension, "neck"),
+    sliding: (in_grips, "specimen slid"),
+    turning_camera: (with_a_moved_camera, "camera turned"),
     wandering: (in_rotation, "axis wandered"),
     straining: (in_rotation, "not rigid"),
 }
@@ -98,6 +129,16 @@ PLANTED = {
 def test_the_planted_cause_is_named(plant):
     observe, words = PLANTED[plant]
     assert words in observe(plant, np.random.default_rng(1))
+
+
+def test_a_strong_tilt_in_the_grips_is_no_moved_camera():
+    view = viewed(np.random.default_rng(4), 3.2)
+    calibration = view.calibration()
+    # The specimen tilts about its grip, and slides along itself by as much as the crosshead moves.
+    hung = Pose.turned(np.array([1.0, 0.0, 0.0]), 0.5, np.array([0.0, -30.0, 0.0]))
+    state = State(hung, np.diag([0.9995, 1.0015]), lambda p: p + np.array([0.0, 0.05]))
+    (seen,) = view.measurements([state], calibration)
+    assert correct_tilt(seen, calibration, NU, Shift(30.0, (0.0, -30.0))).declined is None
 
 
 @pytest.mark.long
