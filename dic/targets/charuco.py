@@ -1,21 +1,37 @@
 """Detection of the corners of a ChArUco board.
 
-The markers of the board identify each corner. Therefore a part of the board may be hidden.
+The markers of the board identify each corner. Therefore a part of the board may be hidden. OpenCV finds the
+markers. The places of the corners follow from the corners of the markers nearby, and are then refined.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
 from dic.targets.checkerboard import refine
 from dic.targets.lattice import fits_lattice
 from dic.targets.points import GridPoints
 from dic.targets.sampled_image import as_bytes
-from dic.typing import Float, Grey, Indices
+from dic.typing import Float, Grey, Indices, Mask
 
 # Smallest share of the corners that must be visible.
 _SUFFICIENT = 0.5
+_FEWEST_MARKERS = 2
 # A corner is refined within a disc. This is its radius as a fraction of the margin around a marker.
 _WINDOW_OF_MARGIN = 0.9
+# Number of markers that predict a corner, and largest distance, in pitches, of the nearest of them.
+_NEARBY, _REACH = 4, 1.3
+# Smallest contrast between the dark and the bright squares around a corner, relative to the usual contrast.
+_CONTRAST = 0.4
+# An image up to this size is also searched at twice its size, which shows small markers.
+_SMALL_IMAGE_PX2 = 1_600_000
+# To name markers of another dictionary, the image is reduced to about this size.
+_ENOUGH_PX2 = 1_000_000
+_OTHER_DICTIONARIES = (
+    *(f"DICT_{side}X{side}_1000" for side in (4, 5, 6, 7)),
+    "DICT_ARUCO_ORIGINAL",
+    "DICT_APRILTAG_36h11",
+)
 _REMEDY = "check that the board is sharp and evenly lit, and that --squares and --dictionary describe it"
 
 
@@ -39,31 +55,31 @@ def find_charuco(
         If too few corners are visible, or if no corner is visible in the outer third on one side of the
         board.
     """
-    import cv2
-
     lines = (squares[0] - 1, squares[1] - 1)
-    number = getattr(cv2.aruco, dictionary)
-    board = cv2.aruco.CharucoBoard(squares, 1.0, marker_side, cv2.aruco.getPredefinedDictionary(number))
-    corners, ids, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(as_bytes(grey))
-    found = 0 if ids is None else len(ids)
-    if found < _SUFFICIENT * lines[0] * lines[1]:
-        of_board = f"corners of a board of {squares[0]} × {squares[1]} squares with markers of {dictionary}"
-        expected = f"at least half of the {lines[0] * lines[1]} {of_board}"
+    image = as_bytes(grey)
+    wanted = f"corners of a board of {squares[0]} × {squares[1]} squares with markers of {dictionary}"
+    expected = f"at least half of the {lines[0] * lines[1]} {wanted}"
+    place, marker_px = _markers_on_board(image, squares, marker_side, dictionary)
+    if len(place) < _FEWEST_MARKERS:
+        raise _refusal(source, expected, _seen_instead(image, dictionary, len(place)))
+    # From here on, positions on the board are in pitches, with Y up and the lower left corner as the origin.
+    index = np.argwhere(np.ones(lines, bool))
+    px, near = _predicted(place, marker_px, (index + 1).astype(np.float64))
+    margin_px = (1 - marker_side) / 2 * _pitch_px(place, marker_px)
+    px[near] = refine(grey, px[near], _WINDOW_OF_MARGIN * margin_px)
+    seen = near & np.isfinite(px).all(axis=1)
+    seen[seen] = _between_squares(image, index[seen], px[seen], marker_side)
+    seen[seen] = fits_lattice(index[seen].astype(float), px[seen])
+    found = int(np.count_nonzero(seen))
+    if found < _SUFFICIENT * len(index):
         raise _refusal(source, expected, f"{found} corners")
-    number_of = np.asarray(ids, np.int64).ravel()
-    # OpenCV numbers the corners row by row from the top left; the index here counts rows from the bottom.
-    index = np.column_stack([number_of % lines[0], lines[1] - 1 - number_of // lines[0]])
     thirds = (np.array(lines) - 1) / 3
-    if (index.min(axis=0) > thirds).any() or (index.max(axis=0) < 2 * thirds).any():
+    if (index[seen].min(axis=0) > thirds).any() or (index[seen].max(axis=0) < 2 * thirds).any():
         expected = "visible corners in the outer third on every side"
         raise _refusal(source, expected, "a side without any", "uncover the board, or turn it into view")
-    px = np.asarray(corners, np.float64).reshape(-1, 2)
-    margin_px = (1 - marker_side) / 2 * _pitch_px(index, px)
-    refined = refine(grey, px, _WINDOW_OF_MARGIN * margin_px)
-    sound = fits_lattice(index.astype(float), refined)
-    index, refined = index[sound], refined[sound]
+    index, px = index[seen], px[seen]
     by_row = np.lexsort((index[:, 0], index[:, 1]))
-    return GridPoints.on_lattice(index[by_row], refined[by_row], lines, pitch_mm, (), "mark")
+    return GridPoints.on_lattice(index[by_row], px[by_row], lines, pitch_mm, (), "mark")
 
 
 def is_dictionary(name: str) -> bool:
@@ -73,12 +89,138 @@ def is_dictionary(name: str) -> bool:
     return name.startswith("DICT_") and hasattr(cv2.aruco, name)
 
 
-def _pitch_px(index: Indices, px: Float) -> float:
-    """Return the distance between neighbouring corners, px: the smaller of those along X and along Y.
+def _markers_on_board(
+    image: NDArray[np.uint8], squares: tuple[int, int], marker_side: float, dictionary: str
+) -> tuple[Float, Float]:
+    """Return the corners of the markers that fit the board: on it, (n, 4, 2), pitches, and in the image, px.
 
-    The distances come from an affine map that is fitted to all corners.
+    OpenCV before version 4.6 drew boards with an even number of rows in other colours than later versions.
+    Both ways of drawing are tried, and the one that fits more markers is taken.
     """
-    affine = np.linalg.lstsq(np.column_stack([index, np.ones(len(index))]), px, rcond=None)[0]
+    import cv2
+
+    scales = (1.0, 2.0) if image.size <= _SMALL_IMAGE_PX2 else (1.0,)
+    best = np.empty((0, 4, 2)), np.empty((0, 4, 2))
+    possible = squares[0] * squares[1] // 2
+    for scale in scales:
+        scaled = image if scale == 1 else cv2.resize(image, None, fx=scale, fy=scale)
+        number, corners = _markers(scaled, dictionary)
+        corners = (corners + 0.5) / scale - 0.5
+        for legacy in (False, True):
+            board = cv2.aruco.CharucoBoard(
+                squares, 1.0, marker_side, cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+            )
+            board.setLegacyPattern(legacy)
+            at = {int(which): k for k, which in enumerate(np.ravel(board.getIds()))}
+            known = np.array([which in at for which in number.tolist()], bool)
+            drawn = np.asarray(board.getObjPoints(), np.float64)[
+                [at[n] for n in number[known].tolist()], :, :2
+            ]
+            # OpenCV's Y axis points down from the upper left corner.
+            drawn = drawn.reshape(-1, 4, 2) * [1, -1] + [0, squares[1]]
+            fits = _fit_one_plane(drawn, corners[known])
+            if np.count_nonzero(fits) > len(best[0]):
+                best = drawn[fits], corners[known][fits]
+        if len(best[0]) > 0.8 * possible:
+            break
+    return best
+
+
+def _markers(image: NDArray[np.uint8], dictionary: str) -> tuple[Indices, Float]:
+    """Return the numbers (n,) of the markers found, and their corners (n, 4, 2), px."""
+    import cv2
+
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    parameters.minMarkerPerimeterRate = 0.01
+    known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    corners, numbers, _ = cv2.aruco.ArucoDetector(known, parameters).detectMarkers(image)
+    if numbers is None or not len(corners):
+        return np.empty(0, np.int64), np.empty((0, 4, 2))
+    return np.ravel(np.asarray(numbers, np.int64)), np.asarray(corners, np.float64).reshape(-1, 4, 2)
+
+
+def _fit_one_plane(drawn: Float, corners: Float) -> Mask:
+    """Return True for each marker (n,) that lies where the board has it, if the board is roughly plane."""
+    import cv2
+
+    if not len(drawn):
+        return np.zeros(0, bool)
+    tolerance_px = 3.0 + 0.3 * float(np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)))
+    flat, px = drawn.reshape(-1, 2), corners.reshape(-1, 2)
+    homography, agrees = cv2.findHomography(flat, px, cv2.RANSAC, tolerance_px)
+    if homography is None:
+        return np.zeros(len(drawn), bool)
+    return np.asarray(np.ravel(agrees).astype(bool).reshape(-1, 4).all(axis=1))
+
+
+def _predicted(place: Float, marker_px: Float, corner: Float) -> tuple[Float, Mask]:
+    """Return where corners of squares (n, 2), in pitches, are in the image, and which have a marker nearby.
+
+    Each corner is predicted by a homography through the corners of the nearest markers. Distortion by the
+    lens therefore does no harm.
+    """
+    import cv2
+
+    centre = place.mean(axis=1)
+    px = np.full(corner.shape, np.nan)
+    away = np.linalg.norm(corner[:, None] - centre, axis=-1)
+    near = away.min(axis=1) < _REACH
+    for k in np.flatnonzero(near):
+        some = np.argsort(away[k])[:_NEARBY]
+        homography, _ = cv2.findHomography(place[some].reshape(-1, 2), marker_px[some].reshape(-1, 2))
+        if homography is None:
+            near[k] = False
+            continue
+        px[k] = cv2.perspectiveTransform(corner[k].reshape(1, 1, 2), homography).ravel()
+    return px, near
+
+
+def _between_squares(image: NDArray[np.uint8], index: Indices, px: Float, marker_side: float) -> Mask:
+    """Return True for each corner (n,) that lies between two dark and two bright squares.
+
+    The grey levels are taken within the margin around the markers. A covered corner has no such contrast.
+    """
+    import cv2
+
+    shift = (1 - marker_side) / 4
+    smooth = cv2.GaussianBlur(image, (0, 0), 0.7).astype(np.float64)
+    affine = np.linalg.lstsq(np.column_stack([index, np.ones(len(index))]), px, rcond=None)[0][:2]
+    quadrants = []
+    for towards in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
+        x, y = np.rint(px + shift * np.array(towards) @ affine).astype(int).T
+        quadrants.append(smooth[np.clip(y, 0, image.shape[0] - 1), np.clip(x, 0, image.shape[1] - 1)])
+    one, two, three, four = quadrants
+    # Both of one pair must be darker than both of the other pair, in turns from corner to corner.
+    sign = np.where(index.sum(axis=1) % 2 == 0, 1.0, -1.0)
+    contrast = sign * np.stack([one - two, one - four, three - two, three - four])
+    usual = float(np.median(contrast))
+    return np.asarray((contrast * np.sign(usual) > _CONTRAST * abs(usual)).all(axis=0))
+
+
+def _seen_instead(image: NDArray[np.uint8], dictionary: str, found: int) -> str:
+    """Return what the image shows if it does not show the board: markers of another dictionary, or none."""
+    import cv2
+
+    scale = min(1.0, float(np.sqrt(_ENOUGH_PX2 / image.size)))
+    if scale < 1:
+        image = np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
+    counts = {name: len(_markers(image, name)[0]) for name in _OTHER_DICTIONARIES}
+    name = max(counts, key=lambda each: counts[each])
+    family = name.removesuffix("_1000")
+    if counts[name] > max(found, 3) and not dictionary.startswith(family):
+        return f"markers of another dictionary, {name if family == name else family + '_50 to _1000'}"
+    return f"{found} markers of this board"
+
+
+def _pitch_px(place: Float, marker_px: Float) -> float:
+    """Return the pitch, px: the smaller of those along X and along Y.
+
+    The pitches come from an affine map that is fitted to the corners of all markers.
+    """
+    flat = place.reshape(-1, 2)
+    design = np.column_stack([flat, np.ones(len(flat))])
+    affine = np.linalg.lstsq(design, marker_px.reshape(-1, 2), rcond=None)[0]
     return float(np.linalg.norm(affine[:2], axis=1).min())
 
 

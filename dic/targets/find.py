@@ -8,7 +8,7 @@ from dic.targets.axes import XAxis
 from dic.targets.points import GridPoints
 from dic.typing import ImageLike
 
-_FEWEST = 5
+_FEWEST, _FEWEST_WITH_MARKERS = 5, 3
 _PITCHES_MM = (1e-6, 1e6)
 """Smallest and largest possible pitch. The square of a length outside this range could overflow."""
 
@@ -179,12 +179,13 @@ def _require_possible(spec: Target, source: str) -> None:
     ]
     if not isinstance(spec, LineGridTarget):
         name, count = ("dots", spec.dots) if isinstance(spec, DotTarget) else ("squares", spec.squares)
-        possible = f"{max(count[0], _FEWEST)}x{max(count[1], _FEWEST)}"
+        fewest = _FEWEST_WITH_MARKERS if isinstance(spec, CharucoTarget) else _FEWEST
+        possible = f"{max(count[0], fewest)}x{max(count[1], fewest)}"
         checks.append(
             (
-                min(count) >= _FEWEST,
+                min(count) >= fewest,
                 f"number of {name}",
-                f"at least {_FEWEST} along X and along Y",
+                f"at least {fewest} along X and along Y",
                 f"{count[0]} × {count[1]}",
                 f"give --{name} {possible}",
             )

@@ -46,6 +46,8 @@ class CharucoGrid(CheckerboardGrid):
     """A checkerboard with ArUco markers in its bright squares."""
 
     target: Literal["charuco"]  # type: ignore[assignment]
+    squares_x: int = Field(ge=3, le=1000, description="number of whole squares along X")
+    squares_y: int = Field(ge=3, le=1000, description="number of whole squares along Y")
     marker_mm: float = Field(gt=0.0, description="length of the side of a marker")
     dictionary: str = Field(default="DICT_5X5_100", pattern=r"^DICT_[A-Z0-9_]+$")
 

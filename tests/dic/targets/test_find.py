@@ -145,7 +145,7 @@ def test_a_target_that_cannot_be_is_refused(target: Target, sentence: str) -> No
 
 def test_all_mistakes_in_a_target_are_reported_together() -> None:
     with pytest.raises(CalibrationError) as caught:
-        find_target(np.zeros((100, 100), np.float32), CharucoTarget((4, 9), 1.0, 2.0, "DICT_UNKNOWN"))
+        find_target(np.zeros((100, 100), np.float32), CharucoTarget((2, 9), 1.0, 2.0, "DICT_UNKNOWN"))
 
-    for option in ("--squares 5x9", "--marker-mm 0.7", "--dictionary DICT_5X5_100"):
+    for option in ("--squares 3x9", "--marker-mm 0.7", "--dictionary DICT_5X5_100"):
         assert f"; give {option}" in str(caught.value)

@@ -1,0 +1,67 @@
+"""ChArUco boards as laboratories have them: small, drawn by older programs, covered, seen obliquely."""
+
+import numpy as np
+import pytest
+
+from dic.errors import CalibrationError
+from dic.targets.find import CharucoTarget, find_target
+from tests.dic.targets.drawings import View, charuco
+
+SMALLEST = CharucoTarget((3, 3), 2.0, 1.5)
+
+
+def test_the_smallest_board_is_found() -> None:
+    view = View.of(charuco(SMALLEST), roll_deg=25.0, size_px=(360, 360), pan_deg=30.0)
+    grid = find_target(view.image(), SMALLEST)
+
+    assert grid.found == 4
+    assert view.rms_px(grid) < 0.06
+
+
+@pytest.mark.parametrize("rows", [5, 6])
+def test_boards_drawn_by_older_versions_of_opencv_are_found(rows: int) -> None:
+    """Before version 4.6, a board with an even number of rows began with a bright square."""
+    target = CharucoTarget((5, rows), 1.5, 1.1, "DICT_6X6_250")
+    view = View.of(charuco(target, legacy=True), roll_deg=-10.0, size_px=(480, 480), tilt_deg=20.0)
+    grid = find_target(view.image(), target)
+
+    assert grid.found == grid.expected
+    assert view.rms_px(grid) < 0.06
+
+
+def test_markers_of_another_dictionary_are_named() -> None:
+    view = View.of(charuco(CharucoTarget((5, 6), 1.5, 1.1, "DICT_6X6_250")), size_px=(480, 480))
+
+    with pytest.raises(CalibrationError, match="got markers of another dictionary, DICT_6X6_50 to _1000"):
+        find_target(view.image(), CharucoTarget((5, 6), 1.5, 1.1, "DICT_4X4_50"))
+
+
+@pytest.mark.long
+def test_boards_from_three_by_three_are_found_in_forty_views() -> None:
+    rng = np.random.default_rng(3)
+    found, errors_px = 0, []
+    for number in range(40):
+        squares = (int(rng.integers(3, 9)), int(rng.integers(3, 9)))
+        side_mm = 9.0 / max(squares)
+        dictionary = str(rng.choice(["DICT_4X4_100", "DICT_5X5_100", "DICT_6X6_250"]))
+        target = CharucoTarget(squares, side_mm, float(rng.choice([0.6, 0.7, 0.8])) * side_mm, dictionary)
+        off_deg, towards = rng.uniform(0, 45), rng.uniform(0, 2 * np.pi)
+        view = View.of(
+            charuco(target, legacy=number % 3 == 0),
+            rng.uniform(-180, 180),
+            (640, 640),
+            1700.0,
+            pan_deg=off_deg * np.cos(towards),
+            tilt_deg=off_deg * np.sin(towards),
+        )
+        try:
+            grid = find_target(view.image(6.0, rng.uniform(0.6, 1.5), number, float(number % 2) * 50), target)
+        except CalibrationError as error:
+            print(number, squares, dictionary, f"{off_deg:.0f}°", error)
+            continue
+        found += 1
+        errors_px.append(view.rms_px(grid))
+    print(f"found {found} of 40, rms {np.median(errors_px):.3f} px, at most {max(errors_px):.3f} px")
+
+    assert found >= 38
+    assert max(errors_px) < 0.5
