@@ -160,7 +160,16 @@ def opened() -> Iterator[ExitStack]:
 def test_stop_is_on_the_wire_within_5_ms_while_another_request_waits(name, opened):
     bench = Bench(LINES[name], opened)
     with ThreadPoolExecutor(1) as pool:
-        latencies_s = [bench.latency_s(pool) for _ in range(REPETITIONS)]
-    median_s = statistics.median(latencies_s)
-    print(f"{name}: {1000 * median_s:.2f} ms, at most {1000 * max(latencies_s):.2f} ms")
-    assert median_s <= BOUND_S
+        latencies_s: list[float] = []
+        # More than half within the bound: the median of all would be within it, whatever the rest were.
+        while len(latencies_s) < REPETITIONS and _within(latencies_s) <= REPETITIONS // 2:
+            latencies_s.append(bench.latency_s(pool))
+    found = (
+        f"{name}: {1000 * statistics.median(latencies_s):.2f} ms, at most {1000 * max(latencies_s):.2f} ms"
+    )
+    print(found)
+    assert _within(latencies_s) > REPETITIONS // 2, found
+
+
+def _within(latencies_s: list[float]) -> int:
+    return sum(latency_s <= BOUND_S for latency_s in latencies_s)

@@ -30,7 +30,7 @@ def simulated_rig(start, tmp_path):
     return use, log
 
 
-@pytest.mark.parametrize("columns", [80, 120])
+@pytest.mark.parametrize("columns", [80, pytest.param(120, marks=pytest.mark.long)])
 def test_a_newcomer_knows_at_each_moment_what_moves_and_how_to_stop_it(simulated_rig, tmp_path, columns):
     rig_file, log = simulated_rig
     command = [*RIG, "run", "quick.toml", "--rig", str(rig_file), "-o", "run.h5", "--json", "run.json"]
