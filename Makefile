@@ -53,6 +53,7 @@ test-long: $(STAMP)
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks.speed --peers
 	$(BIN)/python -m benchmarks.accuracy
+	$(BIN)/python -m benchmarks.choice
 	$(BIN)/python -m benchmarks.recorder
 
 docs: $(STAMP)

@@ -173,7 +173,7 @@ def errors(found: list[list[Displacement]]) -> Errors:
     locals_, moves = [], []
     for turns in found:
         for displacement, turn_deg in zip(turns, TURNS_DEG, strict=True):
-            strain = strain_field(displacement, StrainSettings())
+            strain = strain_field(displacement, StrainSettings(window_points=5))
             locals_ += [np.nanstd(part) for part in (strain.exx, strain.eyy, strain.exy)]
             c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
             true = displacement.position @ np.array([[c, s], [-s, c]]) - displacement.position
