@@ -62,7 +62,8 @@ def test_a_result_file_gives_back_what_was_measured(result, tmp_path):
         np.testing.assert_array_equal(new.reference, old.reference)
         for a, b in zip(old.measurements, new.measurements, strict=True):
             assert b.summary() == a.summary()
-            np.testing.assert_array_equal(b.field.warps, a.field.warps)
+            # Files hold displacements and gradients, without the second derivatives of quadratic subsets.
+            np.testing.assert_array_equal(b.field.warps, a.field.warps[..., :6])
             np.testing.assert_array_equal(b.strain.exx, a.strain.exx)
 
 

@@ -84,7 +84,7 @@ def correlate(
     from dic.shell.progress import progress
 
     settings, how, _, known, _, drawn = all_of(
-        lambda: correlation.settings(motion.motion),
+        correlation.settings,
         strain.settings,
         start.check,
         motion.read,

@@ -11,8 +11,11 @@ from dic.commands.option_groups import option_group
 if TYPE_CHECKING:
     from dic import StrainSettings
 
-subset_option = click.option("--subset", default=31, show_default=True, help="Width of the subsets, odd, px.")
+subset_option = click.option("--subset", default=41, show_default=True, help="Width of the subsets, odd, px.")
 step_option = click.option("--step", default=10, show_default=True, help="Spacing of the points, px.")
+shape_option = click.option(
+    "--shape", default="quadratic", show_default=True, help="Shape function: affine or quadratic."
+)
 smoothing_option = click.option(
     "--smoothing",
     default="auto",
@@ -112,7 +115,7 @@ strain_options = option_group(
         help="Strain measure: green-lagrange, small or hencky.",
     ),
     click.option(
-        "--strain-window", default=5, show_default=True, help="Width of the strain window in points, odd."
+        "--strain-window", default=3, show_default=True, help="Width of the strain window in points, odd."
     ),
     click.option(
         "--strain-from",

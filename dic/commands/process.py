@@ -16,6 +16,7 @@ from dic.commands.correlation_options import (
     hinge_option,
     incremental_option,
     poisson_option,
+    shape_option,
     shift_option,
     smoothing_option,
     smoothing_px,
@@ -119,9 +120,7 @@ class OutputOptions:
     CorrelationOptions,
     subset_option,
     step_option,
-    click.option(
-        "--shape", default="quadratic", show_default=True, help="Shape function: affine or quadratic."
-    ),
+    shape_option,
     incremental_option,
     smoothing_option,
 )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dic.commands.correlation_options import smoothing_option, smoothing_px, subset_option
+from dic.commands.correlation_options import shape_option, smoothing_option, smoothing_px, subset_option
 from dic.commands.option_groups import all_of, option_group
 from dic.errors import each_warning_once
 from dic.files.writing import write_text
@@ -57,7 +57,7 @@ class PlannedOptions:
     "planned",
     PlannedOptions,
     subset_option,
-    click.option("--shape", default="affine", show_default=True, help="Shape function: affine or quadratic."),
+    shape_option,
     smoothing_option,
     click.option("--wanted-px", default=0.01, show_default=True, help="Displacement to be resolved, px."),
     click.option(

@@ -14,6 +14,7 @@ from dic.commands.correlation_options import (
     hinge_option,
     incremental_option,
     poisson_option,
+    shape_option,
     shift_option,
     smoothing_option,
     smoothing_px,
@@ -43,21 +44,14 @@ class CorrelationOptions:
     min_zncc: float
     smoothing: str
 
-    def settings(self, motion: str) -> "CorrelationSettings":
-        """Return the options as `CorrelationSettings`.
-
-        For `--shape auto` the shape function is quadratic if the motion is "rigid", else affine.
-        """
+    def settings(self) -> "CorrelationSettings":
+        """Return the options as `CorrelationSettings`."""
         from dic import CorrelationSettings
 
-        shape = self.shape
-        if shape == "auto":
-            # The deformation of a rotating subset is not affine in an oblique view.
-            shape = "quadratic" if motion == "rigid" else "affine"
         return CorrelationSettings(
             subset_px=self.subset,
             step_px=self.step,
-            shape=shape,
+            shape=self.shape,
             order=self.spline,
             min_zncc=self.min_zncc,
             smoothing_px=smoothing_px(self.smoothing),
@@ -72,12 +66,7 @@ correlation_options = option_group(
     click.option(
         "--spline", default=5, show_default=True, help="Degree of the interpolating spline, 3 or 5."
     ),
-    click.option(
-        "--shape",
-        default="auto",
-        show_default=True,
-        help="Shape function: affine, quadratic, or auto (quadratic with --motion rigid, otherwise affine).",
-    ),
+    shape_option,
     click.option(
         "--min-zncc", default=0.8, show_default=True, help="Smallest correlation (ZNCC) of a good point."
     ),

@@ -67,8 +67,7 @@ def measure_images(
         Calibration of the camera, for results in millimetres. Without a calibration all results are in
         pixels.
     settings : CorrelationSettings, optional
-        Settings of the correlation. Default: affine shape functions, or quadratic shape functions if the
-        motion is "rigid".
+        Settings of the correlation.
     strain : StrainSettings, optional
     region : ndarray of bool, shape (height, width), or path, optional
         Region to measure. Default: all parts of the reference image with texture.
@@ -88,8 +87,7 @@ def measure_images(
     if isinstance(calibration, str | Path):
         calibration = load_calibration(calibration)
     require_calibration(motion, calibration)
-    # If the camera looks at an angle, a rotation deforms a subset of the image in a way that is not affine.
-    settings = settings or CorrelationSettings(shape="quadratic" if motion.kind == "rigid" else "affine")
+    settings = settings or CorrelationSettings()
     reference, several = _sources(reference, images)
     with each_warning_once():
         grey = grey_image(reference, "reference image")
@@ -152,7 +150,7 @@ def measure_series(
         If an argument has the wrong type, the motion needs a calibration that is missing, or the calibration
         belongs to images of another size.
     """
-    require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=5)")
+    require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=3)")
     require_calibration(motion, calibration)
     if calibration is not None and calibration.image_shape != series.shape:
         (height, width), (own_height, own_width) = calibration.image_shape, series.shape

@@ -106,7 +106,7 @@ def process_run(
     path : path
         The run file. The run may have been killed before its end.
     settings : CorrelationSettings, optional
-        Settings of the correlation. Default: quadratic shape functions.
+        Settings of the correlation.
     strain : StrainSettings, optional
     correcting : CorrectionSettings, optional
     incremental : str
@@ -129,11 +129,9 @@ def process_run(
     require_kind("path", path, str | Path, "name a run file")
     Series.require_incremental(incremental)
     require_kind("settings", settings, CorrelationSettings | None, "give dic.CorrelationSettings()")
-    require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=5)")
+    require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=3)")
     require_kind("correcting", correcting, CorrectionSettings | None, "give dic.CorrectionSettings()")
-    # If the camera looks at an angle, a rotation or a stretch of the specimen deforms a subset of the image
-    # in a way that is not affine.
-    settings = settings or CorrelationSettings(shape="quadratic")
+    settings = settings or CorrelationSettings()
     strain = strain or StrainSettings()
     with open_run(path) as run:
         run.step_of_kind("grid")

@@ -11,7 +11,7 @@ from dic.correlation.settings import CorrelationSettings
 from dic.correlation.smoothing import Smoothing, chosen_smoothing
 from dic.typing import Grey, Mask
 
-_WINDOW_POINTS = 5
+_WINDOW_POINTS = 3
 """Width of the strain window for which the error of the strain is stated, in points."""
 
 _UNKNOWN = (float("nan"), float("nan"))

@@ -254,7 +254,7 @@ def measure(
     """
     require_kind("field", field, Field, "correlate first: dic.Correlator(reference).correlate(image)")
     require_kind("calibration", calibration, Calibration | None, "read it with dic.load_calibration(path)")
-    require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=5)")
+    require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=3)")
     strain = strain or StrainSettings()
     gauge_px = strain.gauge_px(field.settings)
     raw = raw_displacement(field)

@@ -43,7 +43,7 @@ class StrainSettings:
     """
 
     measure: str = "green-lagrange"
-    window_points: int = 5
+    window_points: int = 3
     source: str = "fit"
 
     def __post_init__(self) -> None:

@@ -46,7 +46,8 @@ class Studio:
     def correlate(self, reference, deformed, *options):
         report = self.folder / "report.json"
         files = [reference, *deformed, "--calibration", self.calibration, "--json", report, "--force"]
-        done = run_dic("correlate", *files, "--subset", 31, "--step", 12, "--shape", "quadratic", *options)
+        settings = "--subset", 31, "--step", 12, "--shape", "quadratic", "--strain-window", 5
+        done = run_dic("correlate", *files, *settings, *options)
         assert done.status == 0, done
         return done.out, done.report
 

@@ -33,7 +33,7 @@ def test_scatter_is_the_cramer_rao_bound_and_what_points_predict(pattern, shape,
 
 
 def test_strong_noise_does_not_draw_a_shift_towards_whole_or_half_pixels(pattern):
-    settings = CorrelationSettings(subset_px=31, step_px=8, min_zncc=0.3)
+    settings = CorrelationSettings(subset_px=31, step_px=8, shape="affine", min_zncc=0.3)
     found = noise(pattern, settings, grey_levels=8.0, pairs=8)
     assert found.bias_px < 3e-3
     # A bias of this size would be found: 3 mpx are three standard errors of the mean of all subsets.

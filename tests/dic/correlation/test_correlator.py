@@ -10,7 +10,7 @@ from dic.correlation.settings import CorrelationSettings
 from dic.correlation.status import Status
 from dic.errors import CorrelationError
 
-SMALL = CorrelationSettings(subset_px=21, step_px=12)
+SMALL = CorrelationSettings(subset_px=21, step_px=12, shape="affine")
 
 
 def affine_back(p):
@@ -48,7 +48,7 @@ def test_a_point_is_where_an_independent_minimiser_finds_the_smallest_znssd(spec
     pattern = speckle(seed=4, noise=0.5)
     p = np.array([0.4, 0.01, 0.0, -0.3, 0.02, -0.01])
     reference, deformed = pattern.draw(noise_seed=1), pattern.draw(affine_back(p), noise_seed=2)
-    field = Correlator(reference, settings=CorrelationSettings(21, 12, order=3)).correlate(deformed)
+    field = Correlator(reference, settings=CorrelationSettings(21, 12, "affine", order=3)).correlate(deformed)
     row, column = field.status.shape[0] // 2, field.status.shape[1] // 2
     x, y = field.x_px[column], field.y_px[row]
     dy, dx = np.mgrid[-10:11, -10:11].astype(float)

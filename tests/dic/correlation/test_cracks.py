@@ -6,7 +6,7 @@ import pytest
 from dic.correlation.correlator import Correlator
 from dic.correlation.settings import CorrelationSettings
 
-SMALL = CorrelationSettings(subset_px=21, step_px=5)
+SMALL = CorrelationSettings(subset_px=21, step_px=5, shape="affine")
 CRACK_Y = 80
 TIP_X = 130.0
 
@@ -113,7 +113,9 @@ def test_two_bodies_that_move_apart_are_both_found(speckle, turn):
 def test_a_look_alike_does_not_spoil_the_field(speckle):
     """A seed, as all points are with 30 px in between, appears a second time, and better."""
     pattern = speckle(seed=46, shape=(240, 260))
-    correlator = Correlator(pattern.draw(), settings=CorrelationSettings(subset_px=21, step_px=30))
+    correlator = Correlator(
+        pattern.draw(), settings=CorrelationSettings(subset_px=21, step_px=30, shape="affine")
+    )
     honest = pattern.draw(lambda x, y: (x - 12, y))
     noisy = honest + np.random.default_rng(1).normal(0, 6, honest.shape).astype(np.float32)
     grid = correlator.correlate(honest)

@@ -1,6 +1,6 @@
 """What the corrections make of rendered images: grid found, speckle correlated, nothing known beforehand.
 
-800 × 800 px, 70 px/mm, one grey level of noise, subsets of 31 px; the principal point lies anywhere within
+800 × 800 px, 70 px/mm, one grey level of noise, default settings; the principal point lies anywhere within
 what a calibration expects.
 """
 
@@ -50,17 +50,11 @@ class RenderedView:
         Of pattern and noise.
     camera : int
         Number of the camera, for noise of its own.
-    step_px : int
-        Distance of the points of interest.
-    shape : str
-        Shape function.
     reference : Pose
         Where the specimen is in its reference picture.
     """
 
-    def __init__(
-        self, seed, *, pan_deg=0.0, tilt_deg=0.0, camera=0, step_px=10, shape="affine", reference=None
-    ):
+    def __init__(self, seed, *, pan_deg=0.0, tilt_deg=0.0, camera=0, reference=None):
         self._rng = np.random.default_rng([seed, camera])
         # As uncertain as the calibration takes it for: 1 % of the width.
         optics = PinholeCamera(800, 800, pan_deg=pan_deg, tilt_deg=tilt_deg)
@@ -68,7 +62,7 @@ class RenderedView:
         self.speckle = Speckle.sprayed(seed)
         grid = find_grid(self._picture(Surface(LineGrid())))
         self.calibration = Calibration.fit(grid, (800, 800))
-        self.settings = CorrelationSettings(subset_px=31, step_px=step_px, shape=shape)
+        self.settings = CorrelationSettings()
         y, x = np.mgrid[:800, :800]
         region = self.calibration.inside(np.column_stack([x.ravel(), y.ravel()]).astype(float))
         picture = self._picture(Surface(self.speckle, reference or Pose()))

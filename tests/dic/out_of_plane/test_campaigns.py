@@ -48,7 +48,7 @@ def rotation(seed, grid_deg):
         grid_slope_y_deg=grid[1],
     )
     mounted = misalignment.mounted()
-    view = RenderedView(seed, pan_deg=30, step_px=15, shape="quadratic", reference=mounted)
+    view = RenderedView(seed, pan_deg=30, reference=mounted)
     poses = [mounted.after(misalignment.turned(angle)) for angle in TURNS_DEG]
     steps = [view.measurement(p, turn_deg=a) for p, a in zip(poses, TURNS_DEG, strict=True)]
     found = correct_rotation(steps, view.calibration)

@@ -214,7 +214,7 @@ class TestLight:
 
 def test_a_good_image_has_no_findings_and_a_fine_pattern_has(speckle):
     grey = speckle(seed=3, noise=1.0).draw(noise_seed=1)
-    good = assess_quality(grey, settings=CorrelationSettings(subset_px=25))
+    good = assess_quality(grey)
     assert quality_findings(good) == []
     fine = assess_quality(blobs(0.6, noise=1.0), settings=SMALL)
     assert sum("finer than 3 px" in sentence for sentence in quality_findings(fine)) == 2

@@ -14,7 +14,7 @@ from dic.correlation.status import Status
 from dic.out_of_plane.correction import Correction
 from dic.results.csv import write_csv
 from dic.strain.measurement import measure
-from dic.strain.strain import STRAIN_KEYS
+from dic.strain.strain import STRAIN_KEYS, StrainSettings
 from dic.targets.points import GridPoints
 
 BEFORE = ["x_px", "y_px", "u_px", "v_px", "zncc", "status"]
@@ -61,7 +61,9 @@ def field() -> Field:
 @pytest.fixture(scope="module", params=[False, True], ids=["raw", "calibrated"])
 def rows(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, str]]:
     path: Path = tmp_path_factory.mktemp("csv") / "points.csv"
-    write_csv(measure(field(), calibration() if request.param else None), path)
+    write_csv(
+        measure(field(), calibration() if request.param else None, StrainSettings(window_points=5)), path
+    )
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
@@ -107,7 +109,7 @@ def test_point_that_failed_has_its_reason_and_no_strain(rows: list[dict[str, str
 
 
 def test_decimal_commas_change_no_value(rows: list[dict[str, str]], tmp_path: Path) -> None:
-    measured = measure(field(), calibration() if "X_mm" in rows[0] else None)
+    measured = measure(field(), calibration() if "X_mm" in rows[0] else None, StrainSettings(window_points=5))
     write_csv(measured, tmp_path / "comma.csv", decimal_comma=True)
     text = (tmp_path / "comma.csv").read_text(encoding="utf-8")
     assert "." not in text

@@ -34,7 +34,7 @@ def test_a_wave_is_kept_as_plain_fits_keep_it(period_px, shape, source):
 def test_an_oblique_wave_is_told_from_what_is_left_of_it(along_x, per_px):
     """The displacement is averaged over subsets and fitted over windows in plain loops."""
     subset_px, step_px, window = 15, 5, 5
-    filters = Filters(CorrelationSettings(subset_px, step_px), StrainSettings("small", window))
+    filters = Filters(CorrelationSettings(subset_px, step_px, "affine"), StrainSettings("small", window))
     kx, ky = per_px
     inner = np.arange(subset_px) - subset_px // 2
     average = np.cos(kx * inner).mean() * np.cos(ky * inner).mean()

@@ -20,7 +20,9 @@ def both_sides(y, opening_px):
     return np.where(y < CRACK_Y, y + opening_px / 2, y - opening_px / 2) / (1 + STRAIN)
 
 
-def cracked_plate(speckle, width_px, opening_px, step_px, *, beside_px=0.0, subset_px=21, seed=41):
+def cracked_plate(
+    speckle, width_px, opening_px, step_px, *, beside_px=0.0, subset_px=21, shape="affine", seed=41
+):
     """Measure a plate with a dark crack across it; its region ends `beside_px` beside the crack."""
     pattern = speckle(seed=seed, shape=SHAPE, noise=1.0)
     _, y = np.meshgrid(np.arange(SHAPE[1]), np.arange(SHAPE[0]))
@@ -30,7 +32,7 @@ def cracked_plate(speckle, width_px, opening_px, step_px, *, beside_px=0.0, subs
     deformed = pattern.draw(lambda x, y: (x, both_sides(y, opening_px)), noise_seed=2)
     deformed[from_crack < (width_px + opening_px) / 2] = 20.0
     region = from_crack >= width_px / 2 + beside_px
-    settings = CorrelationSettings(subset_px=subset_px, step_px=step_px)
+    settings = CorrelationSettings(subset_px=subset_px, step_px=step_px, shape=shape)
     return Correlator(reference, region, settings).correlate(deformed)
 
 
@@ -53,12 +55,23 @@ def test_no_point_beside_a_crack_takes_the_opening_for_strain(speckle, width_px,
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(6))
-@pytest.mark.parametrize(("window", "source"), [(3, "fit"), (9, "fit"), (5, "quadratic-fit")])
-def test_no_region_window_or_pattern_takes_the_opening_for_strain(speckle, window, source, seed):
+@pytest.mark.parametrize(
+    ("subset_px", "shape", "window", "source"),
+    [
+        (21, "affine", 3, "fit"),
+        (21, "affine", 9, "fit"),
+        (21, "affine", 5, "quadratic-fit"),
+        (41, "quadratic", 3, "fit"),
+    ],
+)
+def test_no_region_window_or_pattern_takes_the_opening_for_strain(
+    speckle, subset_px, shape, window, source, seed
+):
     rng = np.random.default_rng([seed, window])
     width_px, step_px = int(rng.integers(2, 11)), int(rng.integers(3, 21))
     opening_px, beside_px = rng.uniform(0.5, 20.0), rng.uniform(0.0, 8.0)
-    field = cracked_plate(speckle, width_px, opening_px, step_px, beside_px=beside_px, seed=seed)
+    settings = {"beside_px": beside_px, "subset_px": subset_px, "shape": shape, "seed": seed}
+    field = cracked_plate(speckle, width_px, opening_px, step_px, **settings)
     z = z_of(field, window, source)
     known = z[np.isfinite(z)]
     # 2 of 10 000 values of a normal distribution lie beyond 3.7; windows that overlap share a wrong point.

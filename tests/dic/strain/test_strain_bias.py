@@ -22,7 +22,7 @@ def strained():
     still = speckle.draw().astype(np.float32)
     # The material that is now at x was at x / (1 + strain).
     moved = speckle.draw(lambda x, y: (x * STRAIN / (1 + STRAIN), np.zeros_like(x))).astype(np.float32)
-    settings = CorrelationSettings(21, 7, order=3, smoothing_px=0)
+    settings = CorrelationSettings(21, 7, shape="affine", order=3, smoothing_px=0)
     return Correlator(still, np.ones(still.shape, bool), settings, clip=False).correlate(moved)
 
 

@@ -56,7 +56,7 @@ def test_a_clipped_subset_is_that_of_plain_numpy(speckle, turn, angle_deg):
     # The quintic spline is disturbed up to 5 px from the region's edge.
     usable = np.zeros(pattern.shape, bool)
     usable[35:125, 45:60] = True
-    settings = CorrelationSettings(21, 10, tolerance_px=1e-7)
+    settings = CorrelationSettings(21, 10, shape="affine", tolerance_px=1e-7)
     moved = pattern.draw(turn(angle_deg, (90, 80)), noise_seed=2)
     check_same_as_numpy(pattern.draw(noise_seed=1), moved, settings, region, usable)
 
