@@ -80,6 +80,7 @@ if TYPE_CHECKING:
         find_target,
     )
     from dic.targets.points import GridPoints
+    from dic.targets.sheet.draw import draw_target
 
     __version__: str
 
@@ -137,6 +138,7 @@ __all__ = [
     "assess_quality",
     "calibrate_images",
     "corrected_rotation",
+    "draw_target",
     "find_target",
     "gauge_text",
     "list_images",
@@ -234,6 +236,7 @@ _NAMES_OF = {
         "find_target",
     ),
     "dic.targets.points": ("GridPoints",),
+    "dic.targets.sheet.draw": ("draw_target",),
 }
 _MODULE_OF = {name: module for module, names in _NAMES_OF.items() for name in names}
 

@@ -12,6 +12,7 @@ _COMMANDS = {
     "process": "dic.commands.process:process",
     "quality": "dic.commands.quality:quality",
     "report": "dic.commands.report:report",
+    "target": "dic.commands.target:target",
 }
 
 

@@ -40,6 +40,9 @@ class _Direction(click.ParamType[str | float]):
             return str(value)
 
 
+COUNT = _Count()
+
+
 @dataclass(frozen=True)
 class TargetOptions:
     """Options for the target in the image, and for the direction of its axes."""
@@ -82,11 +85,11 @@ class TargetOptions:
 target_options = option_group(
     "target",
     TargetOptions,
-    click.option("--lines", type=_Count(), help="Numbers of lines of a line grid.  [default: 21x21]"),
+    click.option("--lines", type=COUNT, help="Numbers of lines of a line grid.  [default: 21x21]"),
     click.option(
-        "--squares", type=_Count(), help="Numbers of squares of a checkerboard or ChArUco board, if used."
+        "--squares", type=COUNT, help="Numbers of squares of a checkerboard or ChArUco board, if used."
     ),
-    click.option("--dots", type=_Count(), help="Numbers of dots of a dot target, if used."),
+    click.option("--dots", type=COUNT, help="Numbers of dots of a dot target, if used."),
     click.option(
         "--pitch-mm", type=float, default=0.5, show_default=True, help="Spacing of lines, corners or dots."
     ),

@@ -133,7 +133,7 @@ def find_target(
     spec = LineGridTarget() if spec is None else spec
     require_kind("target", spec, Target, "give dic.LineGridTarget((21, 21), pitch_mm=0.5)")
     source = source or name_of(image, "target image")
-    _require_possible(spec, source)
+    require_possible(spec, source)
     grey = grey_image(image, source)
     if origin_px is not None and not isinstance(spec, LineGridTarget):
         raise CalibrationError(
@@ -161,7 +161,7 @@ def find_target(
     return find_dots(grey, spec.dots, spec.pitch_mm, source, x_axis)
 
 
-def _require_possible(spec: Target, source: str) -> None:
+def require_possible(spec: Target, source: str) -> None:
     """Raise an error if the description of a target is not possible; the message names all mistakes.
 
     The number of lines of a line grid is checked in the function `find_grid`.

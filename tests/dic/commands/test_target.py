@@ -1,0 +1,25 @@
+"""`dic target` draws a target and prints the options by which `dic calibrate` finds it."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.command_line import refusal, run_dic
+
+KINDS = {"lines": "11x9", "checkerboard": "10x7", "charuco": "7x5", "dots": "12x9"}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_printed_options_find_the_target(kind: str, tmp_path: Path) -> None:
+    sheet = tmp_path / "target.png"
+    done = run_dic("target", kind, "--count", KINDS[kind], "--pitch-mm", 10, "-o", sheet, "--dpi", 100)
+    assert done.status == 0
+    options = done.out.split("dic calibrate IMAGE ")[1].split()
+    assert run_dic("calibrate", sheet, *options).status == 0
+
+
+def test_an_impossible_target_is_refused(tmp_path: Path) -> None:
+    sheet = tmp_path / "target.pdf"
+
+    assert "at least 5 along X" in refusal("target", "dots", "--count", "3x9", "--pitch-mm", 5, "-o", sheet)
+    assert not sheet.exists()
