@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.out_of_plane.correction import by_centre
-from dic.out_of_plane.parallax import Heights, Pairs
+from dic.out_of_plane.parallax import Bulge, Heights, Pairs
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.uncertainty import block_diagonal
 from dic.strain.fit import gradient_weights, slopes_of
@@ -23,8 +23,9 @@ class JointSystem:
     """Both cameras in one step of a test: eleven estimated values, and the errors of these estimates.
 
     The eleven estimates are the four elements of the displacement gradient for the first camera, the four
-    elements for the second camera, and the slope x, slope y and shift of the specimen's plane. The gradients
-    belong to the points that both cameras see.
+    elements for the second camera, and the slope x, slope y and shift of the specimen's plane. The surface
+    may also be curved: the curvatures follow from the heights, and their false strain is taken away. The
+    gradients belong to the points that both cameras see.
 
     For a camera that looks straight at the grid, the calibration hardly determines the distance to the grid.
     With a wrong distance, the two cameras measure different strains at the same points. So both calibrations
@@ -49,26 +50,45 @@ class JointSystem:
 
     def estimates(self, centres_mm: tuple[Float, Float]) -> Float:
         """Return the eleven estimates, shape (11,), for the given camera centres."""
-        plane, _ = Heights.of(self.pairs, centres_mm).plane()
+        heights = Heights.of(self.pairs, centres_mm)
+        (plane, _), bulge = heights.plane(), Bulge.of(heights.position_mm)
         start = self.pairs.first.before_mm[self.pairs.chosen]
         gradients = [
             slopes_of(start, plane.within(after_mm, centre_mm) - start)
             for after_mm, centre_mm in zip(self.pairs.positions_mm(), centres_mm, strict=True)
         ]
-        return np.array([*np.ravel(gradients), plane.slope_x, plane.slope_y, plane.shift_mm])
+        flat = np.ravel(gradients) - self._by_curvatures(bulge, centres_mm) @ (bulge.weights @ heights.z_mm)
+        return np.array([*flat, plane.slope_x, plane.slope_y, plane.shift_mm])
+
+    def _by_curvatures(self, bulge: Bulge, centres_mm: tuple[Float, Float]) -> Float:
+        """Return the false gradients of both cameras for unit curvatures of the surface, shape (8, 3).
+
+        A height above the plane displaces a point along the camera's ray.
+        """
+        start = self.pairs.first.before_mm[self.pairs.chosen]
+        return np.vstack(
+            [
+                np.stack([slopes_of(start, term[:, None] * ray).ravel() for term in bulge.fitted.T], axis=1)
+                for ray in self.pairs.rises(centres_mm)
+            ]
+        )
 
     def weights(self) -> tuple[Float, Float]:
         """Return the derivatives of the eleven estimates by the measured displacements, for each camera.
 
         The docstring of the class names the estimates. Both arrays have the shape (points, 2, 11).
         """
-        plane, of_plane = Heights.of(self.pairs, self.centres_mm).plane()
+        heights = Heights.of(self.pairs, self.centres_mm)
+        (plane, of_plane), bulge = heights.plane(), Bulge.of(heights.position_mm)
         weights = gradient_weights(self.pairs.first.before_mm[self.pairs.chosen])
         by_plane = [
             np.einsum("nip,nis->ps", weights, _by_plane(after_mm, centre_mm, plane))
             for after_mm, centre_mm in zip(self.pairs.positions_mm(), self.centres_mm, strict=True)
         ]
         through_plane = of_plane @ np.vstack([*by_plane, np.eye(3)]).T
+        along = heights.parallax / (heights.parallax**2).sum(axis=1, keepdims=True)
+        through_bulge = (self._by_curvatures(bulge, self.centres_mm) @ bulge.weights).T
+        through_plane[:, :, :8] -= along[:, :, None] * through_bulge[:, None, :]
         to_first = np.zeros((len(self.pairs.first.before_mm), 2, 11))
         to_first[self.pairs.chosen] = through_plane
         to_first[self.pairs.chosen, :, :4] += weights

@@ -112,6 +112,44 @@ def _seen_by(calibration: Calibration, points_mm: Float) -> Float:
 
 
 @dataclass(frozen=True)
+class Bulge:
+    """The three quadratic terms of a curved surface, each without the plane that fits it best.
+
+    Attributes
+    ----------
+    fitted : ndarray, shape (n, 3)
+        The terms X²/2, X Y and Y²/2 of the points that tell the heights, without their planes, mm².
+    planes : ndarray, shape (3, 3)
+        Slope x, slope y and height of the three planes, in the columns.
+    """
+
+    fitted: Float
+    planes: Float
+
+    @classmethod
+    def of(cls, position_mm: Float) -> "Bulge":
+        """Return the terms for points at `position_mm`, shape (n, 2)."""
+        flat, quadratic = _terms(position_mm)
+        planes = np.linalg.lstsq(flat, quadratic, rcond=None)[0]
+        return cls(np.asarray(quadratic - flat @ planes), np.asarray(planes, np.float64))
+
+    def at(self, position_mm: Float) -> Float:
+        """Return the three terms at other points (m, 2), shape (m, 3)."""
+        flat, quadratic = _terms(position_mm)
+        return np.asarray(quadratic - flat @ self.planes)
+
+    @property
+    def weights(self) -> Float:
+        """Weights with which the heights enter the three curvatures, shape (3, n)."""
+        return np.asarray(np.linalg.pinv(self.fitted))
+
+
+def _terms(position_mm: Float) -> tuple[Float, Float]:
+    x, y = position_mm.T
+    return np.column_stack([x, y, np.ones_like(x)]), np.column_stack([x * x / 2, x * y, y * y / 2])
+
+
+@dataclass(frozen=True)
 class Heights:
     """Heights of material points above the grid's plane in the deformed images, relative to the reference.
 

@@ -1,16 +1,17 @@
 """Correct strain with two cameras, which measure the motion of the specimen's plane by parallax."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.out_of_plane.correction import Correction, points_of
 from dic.out_of_plane.joint_solution import JointSolution, JointSystem
-from dic.out_of_plane.parallax import Heights, Pairs
+from dic.out_of_plane.parallax import Bulge, Heights, Pairs
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
 from dic.out_of_plane.reference_surface import ReferenceSurface
 from dic.out_of_plane.uncertainty import Points
+from dic.strain.displacement import Displacement
 from dic.strain.measurement import Measurement
 from dic.strain.strain import MeanStrain, strain_of_gradient
 from dic.typing import Float
@@ -166,12 +167,22 @@ def _step(measurements: tuple[Measurement, Measurement], joint: JointSolution) -
         at = slice(4 * k, 4 * k + 4)
         mean = strain_of_gradient(estimates[at].reshape(2, 2), covariance[at, at], shared, settings.measure)
         moved = moved_out_of_plane(points.displacement, centre_mm, Plane(), plane)
+        moved = _flattened(moved, points, centre_mm, heights)
         corrections.append(Correction("two cameras", mean, moved, settings, plane, plane_std))
     certainty = np.array([1.0 / np.trace(covariance[at, at]) for at in (slice(0, 4), slice(4, 8))])
     weigh = np.kron(certainty / certainty.sum(), np.eye(4))
     gradient, errors = weigh @ estimates[:8], weigh @ covariance[:8, :8] @ weigh.T
     mean = strain_of_gradient(gradient.reshape(2, 2), errors, shared, settings.measure)
     return TwoCameraStep((corrections[0], corrections[1]), mean, *_height_maps(system.pairs, heights))
+
+
+def _flattened(moved: Displacement, points: Points, centre_mm: Float, heights: Heights) -> Displacement:
+    """Return the displacements without those that the curvature of the surface causes."""
+    bulge = Bulge.of(heights.position_mm)
+    rise_mm = bulge.at(points.after_mm) @ (bulge.weights @ heights.z_mm)
+    vector = moved.vector.copy()
+    vector[points.use] -= rise_mm[:, None] * (points.after_mm - centre_mm[:2]) / centre_mm[2]
+    return replace(moved, vector=vector)
 
 
 def _height_maps(pairs: Pairs, heights: Heights) -> tuple[Float, Float]:
