@@ -67,6 +67,8 @@ if TYPE_CHECKING:
     from dic.results.csv import write_csv
     from dic.results.strain_table import write_strain_table
     from dic.runfile.reader import RunInfo, RunStep
+    from dic.specimen.find import Specimen, find_specimen
+    from dic.specimen.write import RegionFiles, region_files, write_region
     from dic.strain.displacement import Displacement, Noise
     from dic.strain.measurement import Measurement
     from dic.strain.resolution import strain_resolution_px
@@ -119,6 +121,7 @@ __all__ = [
     "Pinhole",
     "Plane",
     "Quality",
+    "RegionFiles",
     "Residuals",
     "RunCorrections",
     "RunFileError",
@@ -128,6 +131,7 @@ __all__ = [
     "Sensitivity",
     "Series",
     "SeriesImage",
+    "Specimen",
     "Status",
     "StrainField",
     "StrainSettings",
@@ -139,6 +143,7 @@ __all__ = [
     "calibrate_images",
     "corrected_rotation",
     "draw_target",
+    "find_specimen",
     "find_target",
     "gauge_text",
     "list_images",
@@ -156,6 +161,7 @@ __all__ = [
     "quality_findings",
     "read_image",
     "read_region",
+    "region_files",
     "rigid_motion",
     "save_alignment",
     "save_calibration",
@@ -165,6 +171,7 @@ __all__ = [
     "write_csv",
     "write_example",
     "write_maps",
+    "write_region",
     "write_report",
     "write_strain_table",
 ]
@@ -223,6 +230,8 @@ _NAMES_OF = {
     "dic.results.csv": ("write_csv",),
     "dic.results.strain_table": ("write_strain_table",),
     "dic.runfile.reader": ("RunInfo", "RunStep"),
+    "dic.specimen.find": ("Specimen", "find_specimen"),
+    "dic.specimen.write": ("RegionFiles", "region_files", "write_region"),
     "dic.strain.displacement": ("Displacement", "Noise"),
     "dic.strain.measurement": ("Measurement",),
     "dic.strain.resolution": ("strain_resolution_px",),

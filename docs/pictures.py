@@ -19,6 +19,7 @@ IMAGES = DOCS / "images"
 MADE_BY_COMMANDS = {
     "grid-found.png": "grid-found.png",
     "quality.png": "quality.png",
+    "specimen.png": "specimen-overlay.png",
     "plate-maps.png": "maps/loaded.png",
     "contact-sheet.png": "sheet.png",
     "assessment.png": "assessment/overview.png",

@@ -76,7 +76,7 @@ def correlate(
     the series after the current image and keeps its results. Exit status: 0 if all images are measured well,
     1 if an image is measured poorly, 2 if an image cannot be measured.
     """
-    from dic import Series, SeriesImage, load_calibration, measure_series, read_image
+    from dic import Series, SeriesImage, load_calibration, measure_series, read_image, write_region
     from dic.commands.series_record import SeriesRecord
     from dic.pipeline.series_files import SeriesOutputs
     from dic.pipeline.series_sources import SeriesSources
@@ -94,7 +94,8 @@ def correlate(
     sources = SeriesSources.of(reference, deformed or None)
     files = outputs.files(sources.images)
     inputs = [*sources.files, calibration_file, *region.files(), motion.alignment_file]
-    require_places(inputs, [outputs.json_file, motion.save_alignment, *files.all()], force=outputs.force)
+    written = [outputs.json_file, motion.save_alignment, *region.outputs(), *files.all()]
+    require_places(inputs, written, force=outputs.force)
     calibration = None if calibration_file is None else load_calibration(calibration_file)
     for note in sources.notes:
         say(note)
@@ -103,6 +104,10 @@ def correlate(
     series = Series(image, region.read(image.shape), settings, incremental=start.incremental)
     images = [SeriesImage(path, str(path), hint) for path in sources.images]
     measured = measure_series(series, images, calibration, how, known)
+    if series.specimen is not None and not series.specimen.is_whole:
+        say(str(series.specimen))
+    if region.write_mask is not None:
+        write_region(series.region, image, region.write_mask)
     say(_gauge(how, settings, calibration))
     if calibration is not None and known.kind == "free":
         say(_UNCORRECTED)
@@ -123,6 +128,8 @@ def correlate(
                 results.maps.draw(bar.advance)
     if outputs.json_file is not None:
         set_up = _set_up(calibration, known, alignment)
+        if series.specimen is not None:
+            set_up["specimen"] = series.specimen.as_dict()
         _write_json(outputs.json_file, sources.reference, record, settings, set_up)
     motion.save(alignment)
     for sentence in record.bad:

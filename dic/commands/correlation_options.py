@@ -81,6 +81,14 @@ def hinge_mm(text: str | None) -> tuple[float, float] | None:
     return x, y
 
 
+write_mask_option = click.option(
+    "--write-mask",
+    type=click.Path(path_type=Path),
+    help="PNG file for the mask of the measured region; polygons (.toml) and a picture to check them"
+    " (-overlay.png) are written beside it.",
+)
+
+
 def smoothing_px(text: str) -> float | str:
     """Return the value of `--smoothing` for `CorrelationSettings`: a number, or the text unchanged."""
     try:

@@ -193,6 +193,9 @@ def process(
         )
     save_run_result(result, output)
     say(table(result))
+    for camera in result.cameras:
+        if camera.specimen is not None and not camera.specimen.is_whole:
+            say(f"{camera.camera}, calibrated part: {camera.specimen}")
     say(f"results: {output}")
     if motion.save_alignment is not None:
         _save_alignments(motion.save_alignment, result)

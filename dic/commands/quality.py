@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dic.commands.correlation_options import shape_option, smoothing_option, smoothing_px, subset_option
+from dic.commands.correlation_options import (
+    shape_option,
+    smoothing_option,
+    smoothing_px,
+    subset_option,
+    write_mask_option,
+)
 from dic.commands.option_groups import all_of, option_group
 from dic.errors import each_warning_once
 from dic.files.writing import write_text
@@ -49,9 +55,7 @@ class PlannedOptions:
 
 @click.command()
 @click.argument("images", metavar="IMAGE...", type=_FILE, nargs=-1, required=True)
-@click.option(
-    "--roi", type=_FILE, help="Mask image, white in the region to check. Default: the area with texture."
-)
+@click.option("--roi", type=_FILE, help="Mask image, white in the region to check. Default: the specimen.")
 @click.option("--second", type=_FILE, help="Second image of the specimen at rest, for a better noise value.")
 @option_group(
     "planned",
@@ -67,6 +71,7 @@ class PlannedOptions:
         help="Largest strain of the experiment, for the strain error of interpolation.",
     ),
 )
+@write_mask_option
 @click.option("--plot", "plot_file", type=_FILE, help="PNG file with noise floor, focus and pattern.")
 @click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results.")
 @FORCE
@@ -76,6 +81,7 @@ def quality(
     roi: Path | None,
     second: Path | None,
     planned: PlannedOptions,
+    write_mask: Path | None,
     plot_file: Path | None,
     json_file: Path | None,
     force: bool,
@@ -87,21 +93,22 @@ def quality(
 
     Exit status: 0 for good images, 1 if an image has a fault, 2 if an image cannot be checked.
     """
-    from dic import MeasurementError, list_images
+    from dic import MeasurementError, list_images, region_files
     from dic.pipeline.series_sources import files_of
     from dic.shell.console import fail
     from dic.shell.progress import progress
 
     settings = planned.settings()
     listed = list_images(*images)
-    _require_one(listed, {"--second": second, "--plot": plot_file})
-    require_places([*files_of(listed), roi, second], [plot_file, json_file], force=force)
+    _require_one(listed, {"--second": second, "--plot": plot_file, "--write-mask": write_mask})
+    masks = () if write_mask is None else region_files(write_mask)
+    require_places([*files_of(listed), roi, second], [plot_file, json_file, *masks], force=force)
     contents: list[dict[str, Any]] = []
     failures: list[dict[str, str]] = []
     with progress("checking", len(listed)) as bar:
         for image in listed:
             try:
-                contents.append(_check(image, roi, second, planned, settings, plot_file))
+                contents.append(_check(image, roi, second, planned, settings, plot_file, write_mask))
             except MeasurementError as error:
                 if len(listed) == 1:
                     raise
@@ -122,9 +129,10 @@ def _check(
     planned: PlannedOptions,
     settings: "CorrelationSettings",
     plot_file: Path | None,
+    write_mask: Path | None,
 ) -> dict[str, Any]:
     """Check an image, print what is found, and return it for JSON."""
-    from dic import assess_quality, plot_quality, quality_findings
+    from dic import assess_quality, plot_quality, quality_findings, write_region
     from dic.shell.console import fail, say
 
     judged = assess_quality(
@@ -136,12 +144,18 @@ def _check(
         strain_range=planned.strain_range,
     )
     sentences, figures = quality_findings(judged), judged.as_dict()
+    if write_mask is not None:
+        write_region(judged.region, image, write_mask)
     if plot_file is not None:
         plot_quality(judged, image, plot_file)
     say(f"{image}: {'not good' if sentences else 'good'}\n{text(figures)}")
+    if judged.specimen is not None and not judged.specimen.is_whole:
+        say(f"  {judged.specimen}")
     for sentence in sentences:
         fail(f"{image}: {sentence}")
-    return {"image": str(image), **figures, "good": not sentences, "findings": sentences}
+    specimen = None if judged.specimen is None else judged.specimen.as_dict()
+    content = {"image": str(image), **figures, "good": not sentences, "findings": sentences}
+    return content | {"specimen": specimen}
 
 
 def _require_one(images: list[Path], options: dict[str, Path | None]) -> None:

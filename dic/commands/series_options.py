@@ -20,6 +20,7 @@ from dic.commands.correlation_options import (
     smoothing_px,
     step_option,
     subset_option,
+    write_mask_option,
 )
 from dic.commands.map_options import MapOptions, map_group
 from dic.commands.option_groups import all_of, option_group
@@ -80,10 +81,17 @@ class RegionOptions:
 
     roi: Path | None
     polygons: tuple[str, ...]
+    write_mask: Path | None
 
     def files(self) -> list[Path | None]:
         """Return the paths of the mask image (or None) and of the polygon files that `read` reads."""
         return [self.roi, *(path for path in map(Path, self.polygons) if path.is_file())]
+
+    def outputs(self) -> "tuple[Path, ...]":
+        """Return the paths of the files that `--write-mask` asks for."""
+        from dic import region_files
+
+        return () if self.write_mask is None else region_files(self.write_mask)
 
     def read(self, shape: tuple[int, int]) -> "Mask | None":
         """Return the region to measure for images of `shape` (height, width); None without these options."""
@@ -98,7 +106,7 @@ region_options = option_group(
     click.option(
         "--roi",
         type=_FILE,
-        help="Mask image, white in the region to measure. Default: the area with texture.",
+        help="Mask image, white in the region to measure. Default: the specimen, found by its speckles.",
     ),
     click.option(
         "--polygon",
@@ -107,6 +115,7 @@ region_options = option_group(
         help='Polygon of the region: "x,y x,y x,y ..." in px, or a TOML, JSON or CSV file. May be repeated.'
         " A polygon inside another is a hole. With --roi, the region is the intersection.",
     ),
+    write_mask_option,
 )
 
 

@@ -17,8 +17,8 @@ from dic.errors import CorrelationError, require_kind
 from dic.image.given import checked_region, grey_image
 from dic.image.point_grid import clear_of_edges, place_points
 from dic.image.spline import edge_reach_px, spline_image
-from dic.image.texture import textured
 from dic.image.threads import processors
+from dic.specimen.find import Specimen, find_specimen
 from dic.typing import Float, Grey, ImageLike, Mask, PathLike
 
 _LOST_SHARE = 0.05
@@ -33,26 +33,32 @@ class Correlator:
     reference : ndarray, shape (height, width), or path
         Grey levels, or an image file.
     region : ndarray of bool, shape (height, width), or path, optional
-        Region of interest, in which points are measured. The default is the area where the reference has
-        texture.
+        Region of interest, in which points are measured. The default is the specimen, which is found by its
+        speckles (see `dic.find_specimen`).
     settings : CorrelationSettings, optional
     clip : bool
         True if subsets use only pixels of the region that no edge disturbs: a cubic spline oscillates up to 4
         px from an edge, a quintic spline up to 5 px. Give True if the surface ends at the region's edge.
+        Without a region, subsets never use pixels beside the specimen.
+    within : ndarray of bool, shape (height, width), optional
+        Limits the points of interest, but not the pixels of their subsets, to a part of the specimen. It is
+        used only without a region.
     threads : int
         Number of threads. 0 means one thread for each processor.
 
     Attributes
     ----------
     region : ndarray of bool, shape (height, width)
-        The region of interest, either the given region or the area with texture.
+        The region of interest: the given region, or the specimen within `within`.
+    specimen : Specimen or None
+        The specimen that was found; None if a region was given.
     smoothing : Smoothing
         The filter that is applied to all images before they are interpolated.
 
     Raises
     ------
     CorrelationError
-        If the image cannot be used, or if no point fits in the region.
+        If the image cannot be used, if it shows no specimen, or if no point fits in the region.
     """
 
     def __init__(
@@ -62,27 +68,28 @@ class Correlator:
         settings: CorrelationSettings | None = None,
         *,
         clip: bool = True,
+        within: Mask | None = None,
         threads: int = 0,
     ) -> None:
         require_kind("settings", settings, CorrelationSettings | None, "give dic.CorrelationSettings()")
         self.settings = settings = settings or CorrelationSettings()
         grey = _checked_reference(reference, settings.subset_px)
         threads = threads or processors()
+        self.specimen: Specimen | None = None
+        if region is None:
+            self.specimen = find_specimen(grey, settings.subset_px, within)
+            surface = self.specimen.mask
+            self.region = surface if within is None else surface & within
+        else:
+            surface = self.region = checked_region(region, grey.shape)
+        self.smoothing = chosen_smoothing(grey, self.region, settings)
+        grey = self.smoothing.apply(grey)
         spline = spline_image(grey, settings.order, threads)
         slopes = spline.gradient(threads)
         usable = np.ones(grey.shape, np.bool_)
-        if region is None:
-            self.region = textured(*slopes, settings.subset_px, threads)
-        else:
-            self.region = checked_region(region, grey.shape)
-        self.smoothing = chosen_smoothing(grey, self.region, settings)
-        if self.smoothing.width_px > 0.0:
-            grey = self.smoothing.apply(grey)
-            spline = spline_image(grey, settings.order, threads)
-            slopes = spline.gradient(threads)
-        if region is not None and clip:
+        if region is None or clip:
             reach_px = edge_reach_px(settings.order) + self.smoothing.reach_px
-            usable = clear_of_edges(self.region, settings.subset_px, reach_px)
+            usable = clear_of_edges(surface, settings.subset_px, reach_px)
         grid = place_points(self.region, usable, settings.subset_px, settings.step_px)
         mean = float(grey.mean())
         image = kernel.lay_reference(spline, slopes, usable, mean, threads)

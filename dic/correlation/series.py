@@ -16,6 +16,7 @@ from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError
 from dic.image.given import grey_image
+from dic.specimen.find import Specimen
 from dic.typing import Float, Grey, ImageLike, Mask, PathLike
 
 INCREMENTAL = ("auto", "never", "always")
@@ -86,14 +87,17 @@ class Series:
     reference : ndarray, shape (height, width), or path
         Grey levels, or an image file.
     region : ndarray of bool, shape (height, width), or path, optional
-        The region to measure. The default is the area where the reference has texture.
+        The region to measure. The default is the specimen, which is found by its speckles.
     settings : CorrelationSettings, optional
     incremental : str
         Rule for new references. With "never", every image is correlated with the first reference. With
         "always", every image is correlated with the image before it. With "auto", a new reference is taken
         when the correlation drops; the new reference is the last image before the drop.
     clip : bool, optional
-        True if subsets use only pixels of the region. The default is True if a region is given.
+        True if subsets use only pixels of the region. The default is True, except if the found specimen fills
+        the image.
+    within : ndarray of bool, shape (height, width), optional
+        Limits the points of interest to a part of the specimen; used only without a region.
     threads : int
         Number of threads. 0 means one thread for each processor.
 
@@ -111,14 +115,18 @@ class Series:
         *,
         incremental: str = "auto",
         clip: bool | None = None,
+        within: Mask | None = None,
         threads: int = 0,
     ) -> None:
         self.require_incremental(incremental)
         self._incremental, self._threads = incremental, threads
-        self._clip = region is not None if clip is None else clip
-        first = Correlator(reference, region, settings, clip=self._clip, threads=threads)
+        first = Correlator(
+            reference, region, settings, clip=clip is not False, within=within, threads=threads
+        )
+        specimen = first.specimen
+        self._clip = (specimen is None or not specimen.mask.all()) if clip is None else clip
         self._current, self._first_region = _CurrentReference(first), first.region
-        self._settings = first.settings
+        self._settings, self._specimen = first.settings, first.specimen
         # Later references are smoothed like the first: a change would move the displacements.
         self._later_settings = replace(first.settings, smoothing_px=first.smoothing.width_px)
 
@@ -146,6 +154,16 @@ class Series:
     def settings(self) -> CorrelationSettings:
         """Settings of the correlation."""
         return self._settings
+
+    @property
+    def specimen(self) -> Specimen | None:
+        """The specimen that was found in the first reference; None if a region was given."""
+        return self._specimen
+
+    @property
+    def region(self) -> Mask:
+        """The region in which points of the first reference lie, shape (height, width)."""
+        return self._first_region
 
     @property
     def shape(self) -> tuple[int, int]:

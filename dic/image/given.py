@@ -113,18 +113,23 @@ def checked_region(region: object, shape: tuple[int, ...]) -> Mask:
     )
 
 
+_WHITE = (255.0, 65535.0)
+"""Brightest grey levels of image files of 8 and of 16 bit."""
+
+
 def read_mask(path: PathLike) -> Mask:
     """Return a mask image as booleans, shape (height, width).
 
-    The mask is True where the image is brighter than half of its brightest grey level.
+    The mask is True where the image is brighter than half of its brightest grey level. An image that is white
+    everywhere selects the whole image.
 
     Raises
     ------
     MeasurementError
-        If the file cannot be read, or if all its pixels have the same grey level.
+        If the file cannot be read, or if all its pixels have the same grey level and are not white.
     """
     mask = read_image(path)
-    if mask.max() <= mask.min():
+    if mask.max() <= mask.min() and mask.max() not in _WHITE:
         raise CorrelationError(
             str(path),
             "read region of interest",

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from dic.calibration.calibration import Calibration
 from dic.runfile.reader import RunStep
+from dic.specimen.find import Specimen
 from dic.strain.measurement import Measurement
 from dic.typing import Grey
 
@@ -24,6 +25,8 @@ class CameraResult:
         One measurement for each element of `steps`.
     failures : list of str
         One sentence per step that could not be measured; the sentence gives the reason.
+    specimen : Specimen or None
+        The specimen in the calibrated part of the reference image; None for results from a file.
     """
 
     camera: str
@@ -32,6 +35,7 @@ class CameraResult:
     steps: list[RunStep]
     measurements: list[Measurement]
     failures: list[str]
+    specimen: Specimen | None = None
 
     def __repr__(self) -> str:
         return f"CameraResult({self.camera!r}, {len(self.steps)} steps, {len(self.failures)} failed)"

@@ -70,7 +70,7 @@ def measure_images(
         Settings of the correlation.
     strain : StrainSettings, optional
     region : ndarray of bool, shape (height, width), or path, optional
-        Region to measure. Default: all parts of the reference image with texture.
+        Region to measure. Default: the specimen, which is found by its speckles.
     incremental : str
         Rule for taking a new reference image: "auto" (when the correlation drops), "never", or "always" (at
         every image).

@@ -177,7 +177,7 @@ def _process_camera(
     reference = run.image(camera, first)
     region = _calibrated_region(calibration, reference.shape)
     threads = max(1, processors() // len(run.cameras))
-    series = Series(reference, region, settings, incremental=incremental, clip=False, threads=threads)
+    series = Series(reference, None, settings, incremental=incremental, within=region, threads=threads)
     turn = _Turn(calibration, first.angle_deg)
     images = (
         SeriesImage(run.image(camera, step), f"step {step.index}", turn.hint(step))
@@ -192,7 +192,7 @@ def _process_camera(
             measurements.append(found.measurement)
             steps.append(step)
         on_image()
-    return CameraResult(camera, calibration, reference, steps, measurements, failures)
+    return CameraResult(camera, calibration, reference, steps, measurements, failures, series.specimen)
 
 
 def _calibrate(run: RunFile, camera: str, plate_mm: float) -> Calibration:

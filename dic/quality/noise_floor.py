@@ -19,8 +19,8 @@ from dic.typing import Float, Indices, Mask
 
 _POINTS = 150
 _WIDEST_PX = 151
-# Smallest share of a subset's pixels that must lie in the region of interest.
-_LEAST_SHARE = 0.5
+LEAST_SHARE = 0.5
+"""Smallest share of a subset's pixels that must lie in the region of interest."""
 
 
 def sample_points(centres: Mask, subset_px: int) -> Indices:
@@ -93,7 +93,7 @@ def predicted_std(
         M = terms[inside]
         J = np.hstack([plane.ravel()[inside, None] * M for plane in (fx, fy)])
         f = f.ravel()[inside] - f.ravel()[inside].mean()
-        if np.count_nonzero(inside) < _LEAST_SHARE * inside.size or not f.any():
+        if np.count_nonzero(inside) < LEAST_SHARE * inside.size or not f.any():
             continue
         s, t = J.sum(axis=0), f @ J
         noisy = J.T @ J - np.outer(s, s) / len(f) - np.outer(t, t) / (f @ f)

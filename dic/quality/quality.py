@@ -10,10 +10,10 @@ from dic.errors import CorrelationError, require_kind
 from dic.image.given import checked_region, grey_image, name_of
 from dic.image.read import require_same_size
 from dic.image.spline import spline_image
-from dic.image.texture import textured
 from dic.quality.interpolation import Interpolation, assess_interpolation
 from dic.quality.noise import noise_of_one, noise_of_two
 from dic.quality.noise_floor import (
+    LEAST_SHARE,
     noise_floor,
     predicted_std,
     sample_points,
@@ -22,6 +22,7 @@ from dic.quality.noise_floor import (
 )
 from dic.quality.picture import Picture, assess_picture
 from dic.quality.speckle import autocovariance, even_light, speckle_size
+from dic.specimen.find import Specimen, find_specimen
 from dic.typing import Float, Grey, ImageLike, Indices, Mask, PathLike
 
 SPECKLES_PER_SUBSET = 3.0
@@ -40,6 +41,8 @@ class Quality(Picture):
         Wanted standard deviation of the displacement of one point.
     region : ndarray of bool, shape (height, width)
         True at the pixels that were used for the assessment.
+    specimen : Specimen or None
+        The specimen that was found; None if a region was given.
     noise : float
         Standard deviation of the noise, grey levels.
     whiteness : float
@@ -70,6 +73,7 @@ class Quality(Picture):
     settings: CorrelationSettings
     wanted_px: float
     region: Mask
+    specimen: Specimen | None
     noise: float
     whiteness: float
     covariance_x: Float
@@ -191,7 +195,7 @@ def assess_quality(
     ----------
     image : ndarray, shape (height, width), or path
     region : ndarray of bool, shape (height, width), or path, optional
-        Region of interest. Default: all parts of the image with texture.
+        Region of interest. Default: the specimen, which is found by its speckles.
     settings : CorrelationSettings, optional
         Settings of the correlation for which the quality is assessed.
     second : ndarray, of the same shape, or path, optional
@@ -217,7 +221,7 @@ def assess_quality(
     spline = spline_image(grey, settings.order)
     slopes = spline.gradient()
     given = None if region is None else checked_region(region, grey.shape)
-    centres, region = _region(given, grey, slopes, settings.subset_px)
+    centres, region, specimen = _region(given, grey, settings.subset_px)
     if second is None:
         noise, whiteness = noise_of_one(grey, region), float("nan")
     else:
@@ -239,6 +243,7 @@ def assess_quality(
         settings=settings,
         wanted_px=wanted_px,
         region=region,
+        specimen=specimen,
         noise=noise,
         whiteness=whiteness,
         covariance_x=covariance_x,
@@ -263,25 +268,27 @@ def _second_image(second: ImageLike, grey: Grey, name: str) -> Grey:
     return other
 
 
-def _region(region: Mask | None, grey: Grey, slopes: tuple[Grey, Grey], subset_px: int) -> tuple[Mask, Mask]:
-    """Return two masks (height, width): the allowed points of interest, and the pixels that subsets may use.
+def _region(region: Mask | None, grey: Grey, subset_px: int) -> tuple[Mask, Mask, Specimen | None]:
+    """Return two masks, the allowed points of interest and the pixels to use, and the specimen if found.
 
-    If the user gives a region of interest, both masks are this region. Without a region of interest, points
-    are allowed where there is texture, and the second mask covers the subsets around these points.
+    If the user gives a region of interest, both masks are this region. Otherwise the pixels are those of the
+    specimen, and points are allowed where at least half of a subset lies on the specimen.
     """
     import cv2
 
     if min(grey.shape) < 2 * subset_px:
         raise _no_room(subset_px, f"an image of {grey.shape[1]} x {grey.shape[0]} px")
+    specimen = None
     if region is None:
-        centres = textured(*slopes, subset_px)
-        whole = np.ones((subset_px, subset_px), np.uint8)
-        region = np.asarray(cv2.dilate(centres.astype(np.uint8), whole)) == 1
+        specimen = find_specimen(grey, subset_px)
+        region = specimen.mask
+        share = np.asarray(cv2.blur(region.astype(np.float32), (subset_px, subset_px)))
+        centres = region & (share >= LEAST_SHARE)
     else:
         centres = region
     if np.count_nonzero(region) < subset_px**2:
         raise _no_room(subset_px, f"{np.count_nonzero(region)} pixels")
-    return centres, region
+    return centres, region, specimen
 
 
 def _share_of_textured(std_px: Float) -> float:

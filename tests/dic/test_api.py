@@ -6,6 +6,7 @@ from functools import cache
 import cv2
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 import dic
 from rig.run import run_protocol
@@ -242,7 +243,8 @@ GREY = np.zeros((64, 64), np.uint8)
 
 
 def speckled_image() -> np.ndarray:
-    return np.random.default_rng(1).integers(0, 255, (64, 64))
+    pattern = gaussian_filter(np.random.default_rng(1).normal(size=(64, 64)), 1.5)
+    return np.rint(128 + 200 * pattern / np.abs(pattern).max() / 2).astype(int)
 
 
 @cache

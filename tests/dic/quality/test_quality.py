@@ -127,7 +127,10 @@ class TestFocus:
         everywhere_blurred = quality_findings(assess_quality(edges(3.0), settings=wide))
         assert any("px, more than 2 px; focus" in sentence for sentence in everywhere_blurred)
         x = np.arange(320)
-        at_the_right = quality_findings(assess_quality(edges(np.where(x > 213, 3.0, 0.9)), settings=wide))
+        blurred_at_the_right = edges(np.where(x > 213, 3.0, 0.9))
+        # The whole image is the region, so that one of its nine parts ends where the blur begins.
+        region = everywhere(blurred_at_the_right)
+        at_the_right = quality_findings(assess_quality(blurred_at_the_right, region, wide))
         assert any("right" in sentence and "stop down" in sentence for sentence in at_the_right)
         assert not any("focus" in s for s in quality_findings(assess_quality(edges(0.9), settings=wide)))
 

@@ -1,0 +1,1 @@
+"""Find the specimen in an image: the surface with speckles that is worth measuring."""

@@ -1,0 +1,143 @@
+"""Find the specimen in an image, and say why the rest of the image is left out."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.errors import CorrelationError, is_whole
+from dic.image.given import checked_region, grey_image, name_of
+from dic.specimen.outline import outline
+from dic.specimen.surfaces import FirstLook, find_surfaces, first_look
+from dic.specimen.texture import TextureMaps, texture_maps
+from dic.typing import ImageLike, Mask, PathLike
+
+NOTHING = "nothing but noise"
+LINES = "lines and lone edges"
+WEAK = "weak texture"
+OTHERS = "other patterns and narrow parts"
+
+NARROWEST_PX = 7
+"""Smallest width of a subset, px."""
+
+_WORTH_SAYING = 0.01
+"""Smallest share of the image that is named."""
+
+
+@dataclass(frozen=True, eq=False)
+class Specimen:
+    """The specimen that an image shows: all surfaces with speckles that are worth measuring.
+
+    Attributes
+    ----------
+    mask : ndarray of bool, shape (height, width)
+        True at the pixels of the specimen.
+    surfaces : int
+        Number of connected surfaces.
+    share : float
+        Share of the image that shows the specimen, from 0 to 1.
+    left_out : dict
+        Share of the image, from 0 to 1, that was left out for each reason.
+    """
+
+    mask: Mask
+    surfaces: int
+    share: float
+    left_out: dict[str, float]
+
+    def as_dict(self) -> dict[str, object]:
+        """Return the share, the number of surfaces, and what was left out, for JSON."""
+        return {"share": self.share, "surfaces": self.surfaces, "left_out": self.left_out}
+
+    @property
+    def is_whole(self) -> bool:
+        """True if nothing worth saying was left out of one surface."""
+        return self.surfaces == 1 and not _reasons(self.left_out)
+
+    def __str__(self) -> str:
+        found = "1 surface" if self.surfaces == 1 else f"{self.surfaces} surfaces"
+        text = f"specimen found on {100 * self.share:.0f} % of the image ({found})"
+        reasons = _reasons(self.left_out)
+        return f"{text}; left out: {reasons}" if reasons else text
+
+
+def find_specimen(image: ImageLike, subset_px: int = 31, within: Mask | PathLike | None = None) -> Specimen:
+    """Find the specimen in an image by its speckles.
+
+    A surface belongs to the specimen if its texture is stronger than the image's noise, has slopes in every
+    direction, is as dense, sharp and bright as the rest of the specimen, and is wider than a subset. The
+    outline follows the outermost speckles and edges. Holes that are wider than the gaps between speckles are
+    left out.
+
+    Parameters
+    ----------
+    image : ndarray, shape (height, width), or path
+    subset_px : int
+        Width of the subsets, an odd number from 7 px.
+    within : ndarray of bool, shape (height, width), or path, optional
+        Part of the image in which the specimen is searched. The mask of the specimen is not cut at the edge
+        of this part, but the shares and the number of surfaces count this part only.
+
+    Raises
+    ------
+    MeasurementError
+        If the image cannot be used, or if it shows no specimen.
+    """
+    _require_subset(subset_px)
+    name = name_of(image, "reference image")
+    grey = grey_image(image, name)
+    part = np.ones(grey.shape, np.bool_) if within is None else checked_region(within, grey.shape)
+    maps = texture_maps(grey, subset_px)
+    inner = _reduced(part, maps)
+    look = first_look(maps, inner)
+    surfaces = find_surfaces(maps, look)
+    mask = np.zeros(grey.shape, np.bool_) if surfaces is None else outline(maps, surfaces, grey.shape)
+    left_out = _left_out(maps, look, _reduced(mask, maps), inner)
+    inside = mask & part
+    if not inside.any():
+        raise CorrelationError(
+            name,
+            "find the specimen",
+            f"a surface with texture in every direction, wider than subsets of {subset_px} px",
+            _reasons(left_out) or "no texture",
+            f"name the region, or give another subset, such as {subset_px + 20} px",
+        )
+    return Specimen(mask, _count(inside), float(inside.sum() / part.sum()), left_out)
+
+
+def _require_subset(subset_px: int) -> None:
+    if not is_whole(subset_px) or subset_px < NARROWEST_PX:
+        expected = f"a whole number from {NARROWEST_PX} px"
+        raise CorrelationError("settings", "subset", expected, f"{subset_px} px", "give 31")
+
+
+def _reduced(mask: Mask, maps: TextureMaps) -> Mask:
+    import cv2
+
+    size = maps.grey.shape[::-1]
+    return np.asarray(cv2.resize(mask.view(np.uint8), size, interpolation=cv2.INTER_NEAREST)).view(np.bool_)
+
+
+def _count(mask: Mask) -> int:
+    import cv2
+
+    return int(cv2.connectedComponents(mask.view(np.uint8))[0]) - 1
+
+
+def _left_out(maps: TextureMaps, look: FirstLook, found: Mask, inner: Mask) -> dict[str, float]:
+    """Return the share of the inner part for each reason why pixels do not belong to the specimen."""
+    rest, shares = inner & ~found, {}
+    for reason, pixels in (
+        (NOTHING, maps.only_noise),
+        (LINES, ~(look.dense & maps.above_noise)),
+        (WEAK, look.weak),
+        (OTHERS, np.ones_like(rest)),
+    ):
+        shares[reason] = float((rest & pixels).sum() / max(1, inner.sum()))
+        rest = rest & ~pixels
+    return shares
+
+
+def _reasons(left_out: dict[str, float]) -> str:
+    return ", ".join(
+        f"{100 * share:.0f} % {reason}" for reason, share in left_out.items() if share >= _WORTH_SAYING
+    )

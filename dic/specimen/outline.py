@@ -1,0 +1,110 @@
+"""Draw the outline of the specimen along its outermost speckles and edges."""
+
+import numpy as np
+
+from dic.specimen.surfaces import Bits, Surfaces, square
+from dic.specimen.texture import TextureMaps
+from dic.typing import Mask
+
+_EDGE = 0.2
+"""A pixel belongs to a speckle's edge if its energy exceeds this fraction of the specimen's mean energy."""
+
+_EDGE_ABOVE_NOISE = 8.0
+"""White noise exceeds this multiple of its mean at 2 % of the pixels (the energy is chi-squared)."""
+
+_GAPS = 99.9
+"""Percentile of the distances to the nearest edge; wider gaps without an edge are holes."""
+
+_NEAR = 0.28
+"""The outline lies within this fraction of a window from the windows that are half full."""
+
+_ROUND = 0.3
+"""Parts that are narrower than this fraction of the specimen are no specimen, such as a cable beside it."""
+
+_NO_SUBSET_PX = 4
+"""No subset uses the outermost pixels of the image, so the image's dark border does not matter there."""
+
+
+def outline(maps: TextureMaps, surfaces: Surfaces, shape: tuple[int, ...]) -> Mask:
+    """Return the mask of the specimen at full resolution.
+
+    Parameters
+    ----------
+    maps : TextureMaps
+    surfaces : Surfaces
+    shape : (int, int)
+        Height and width of the image.
+    """
+    import cv2
+
+    near = cv2.dilate(surfaces.windows, _disc(max(2, round(_NEAR * maps.window))))
+    edges = (maps.energy > np.float32(_EDGE) * surfaces.energy) & (
+        maps.energy > np.float32(_EDGE_ABOVE_NOISE) * maps.noise
+    )
+    edge = edges.view(np.uint8) & near
+    gap = _widest_gap(edge, surfaces.inside, maps.window)
+    margin = 2 * maps.window
+    around = (margin,) * 4
+    # Beyond the image's edge the specimen goes on, so a gap between speckles and this edge is closed, too.
+    edge = cv2.copyMakeBorder(edge, *around, cv2.BORDER_CONSTANT, value=1)
+    inside = cv2.copyMakeBorder(surfaces.inside, *around, cv2.BORDER_REPLICATE)
+    closed = cv2.morphologyEx(edge, cv2.MORPH_CLOSE, square(2 * gap + 1))[margin:-margin, margin:-margin]
+    full = np.asarray(cv2.copyMakeBorder(closed, *around, cv2.BORDER_REPLICATE), np.uint8)
+    whole = _without_holes(full)
+    holes = cv2.morphologyEx(whole & (1 - full), cv2.MORPH_OPEN, _disc(gap))
+    radius = _ROUND * float(cv2.distanceTransform(surfaces.windows, cv2.DIST_L2, 3).max())
+    smooth = _smoothed(whole, inside, int(np.clip(radius, 3, maps.window)))
+    found = np.asarray(smooth & (1 - holes), np.uint8)[margin:-margin, margin:-margin]
+    return _at_full_resolution(found, maps.reduction, shape)
+
+
+def _widest_gap(edge: Bits, inside: Bits, window: int) -> int:
+    """Return half the width of the widest usual gap between the edges of speckles, in reduced pixels."""
+    import cv2
+
+    distance = cv2.distanceTransform(1 - edge, cv2.DIST_C, 3)
+    return min(max(2, int(np.ceil(1.2 * np.percentile(distance[inside > 0], _GAPS)))), window)
+
+
+def _without_holes(mask: Bits) -> Bits:
+    import cv2
+
+    outside = cv2.copyMakeBorder(mask, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
+    cv2.floodFill(outside, None, (0, 0), 2)
+    return np.asarray(outside[1:-1, 1:-1] != 2).view(np.uint8)
+
+
+def _smoothed(whole: Bits, inside: Bits, radius: int) -> Bits:
+    """Return the mask without narrow parts, and without parts that lie beside the specimen."""
+    import cv2
+
+    wide = cv2.morphologyEx(whole, cv2.MORPH_OPEN, _disc(radius))
+    count, labels, boxes, _ = cv2.connectedComponentsWithStats(wide)
+    shared = np.bincount(labels[inside > 0], minlength=count)
+    kept = shared > 0.2 * boxes[:, cv2.CC_STAT_AREA]
+    kept[0] = False
+    # Opening with a disc has rounded the corners; their tips are 0.41 times the radius away.
+    corners = cv2.dilate(kept.astype(np.uint8)[labels], _disc(max(1, int(0.41 * radius)))) & whole
+    return np.asarray(cv2.morphologyEx(corners, cv2.MORPH_CLOSE, _disc(max(2, radius // 3))), np.uint8)
+
+
+def _at_full_resolution(found: Bits, reduction: int, shape: tuple[int, ...]) -> Mask:
+    import cv2
+
+    enlarged = cv2.resize(
+        found.astype(np.float32), None, fx=reduction, fy=reduction, interpolation=cv2.INTER_LINEAR
+    )
+    mask = (enlarged[: shape[0], : shape[1]] > 0.5).astype(np.uint8)
+    # An edge between grey levels is seen about half a reduced pixel on both its sides.
+    mask = np.asarray(cv2.erode(mask, square(reduction + 1)), np.uint8)
+    border = _NO_SUBSET_PX
+    inner = mask[border:-border, border:-border]
+    mask = np.asarray(cv2.copyMakeBorder(inner, *(border,) * 4, cv2.BORDER_REPLICATE), np.uint8)
+    return np.ascontiguousarray(mask).view(np.bool_)
+
+
+def _disc(radius: int) -> Bits:
+    import cv2
+
+    size = (2 * radius + 1, 2 * radius + 1)
+    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, size), np.uint8)

@@ -1,0 +1,231 @@
+"""Find the surfaces with speckles: first strong windows, then all windows that resemble the strong ones."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.specimen.texture import EVERY_DIRECTION, TextureMaps, eigenvalues
+from dic.typing import Float, Grey, Mask
+
+Bits = NDArray[np.uint8]
+"""A mask for OpenCV, with the values 0 and 1."""
+
+# Limits of the windows in the first look.
+_LEAST_SPREAD = 0.4
+_WEAK = 0.03
+"""A window with less than this fraction of the strong windows' texture is background."""
+
+# Limits of a further surface, relative to the main one.
+_LEAST_AREA, _LEAST_STRENGTH, _LEAST_ISOTROPY, _LEAST_LIKENESS = 0.15, 0.05, 0.5, 0.8
+
+# Limits of the windows in the second look, relative to the windows inside the surfaces.
+_HALF = 0.58
+"""A window on the straight edge of a surface is half full of its texture, and of some of the edge itself."""
+_LEAST_SHARPNESS = 0.3
+_TONE, _TONE_SPREADS = 0.3, 4.0
+"""A surface's brightness may differ by 30 %, or by this multiple of its own usual difference."""
+
+_AS_FULL_ENERGY = 2.7
+"""Ratio of the mean energy to the smaller eigenvalue in windows of few speckles; 2 for many speckles."""
+
+_SPARSE = 4
+"""Fields that change slowly are computed at every fourth pixel."""
+
+_SAMPLE = 1000
+"""Number of values that is enough for a median."""
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """The surfaces with speckles, in reduced pixels.
+
+    Attributes
+    ----------
+    windows : ndarray of uint8
+        1 at the centres of windows that are at least half full of the specimen's texture.
+    inside : ndarray of uint8
+        1 at the centres of windows that certainly lie on the specimen.
+    energy : ndarray
+        Mean energy that the specimen's texture has here, or would have here; infinite far from the specimen.
+    """
+
+    windows: Bits
+    inside: Bits
+    energy: Grey
+
+
+@dataclass(frozen=True)
+class FirstLook:
+    """What each window of the image shows.
+
+    Attributes
+    ----------
+    strength : ndarray
+        Smaller eigenvalue of the structure tensor divided by the brightness. Photon noise has a variance
+        proportional to the brightness, so the strength measures the signal against the noise.
+    light : ndarray
+        Brightness above the darkest parts of the image.
+    dense : ndarray of bool
+        True where strong slopes fill the window in every direction.
+    weak : ndarray of bool
+        True where there is texture, but little compared with the strong windows.
+    chosen : ndarray of bool
+        True where a window may show the specimen.
+    """
+
+    strength: Grey
+    light: Grey
+    dense: Mask
+    weak: Mask
+    chosen: Mask
+
+
+def first_look(maps: TextureMaps, within: Mask | None = None) -> FirstLook:
+    """Return what each window shows; `within` limits the windows that may show the specimen."""
+    dark, bright = np.percentile(maps.grey[::_SPARSE, ::_SPARSE], (0.5, 99.0))
+    floor = np.float32(0.05 * (bright - dark) or 1.0)
+    light = np.maximum(maps.grey - np.float32(dark), np.float32(0.0)) + floor
+    strength = maps.weakest / light
+    dense = maps.in_every_direction & (maps.spread > _LEAST_SPREAD)
+    good = maps.above_noise & dense
+    if within is not None:
+        good &= within
+    strong = float(np.percentile(strength[good], 90)) if good.any() else 0.0
+    weak = maps.above_noise & (strength <= np.float32(_WEAK * strong))
+    return FirstLook(strength, light, dense, weak, good & ~weak)
+
+
+def find_surfaces(maps: TextureMaps, look: FirstLook) -> Surfaces | None:
+    """Return the main surface and the surfaces that resemble it; None if there is no surface."""
+    import cv2
+
+    core = _like_the_main_one(maps, look)
+    if core is None:
+        return None
+    inside = cv2.erode(core, square(maps.window))
+    inside = np.asarray(inside if inside.any() else core, np.uint8)
+    usual = _around(maps.window, inside, [maps.weakest, look.light, _mean(maps, maps.curvature)])
+    energy = np.float32(_AS_FULL_ENERGY) * usual[0]
+    # Windows are compared with the sharpness nearby, because a side of the specimen may be blurred.
+    windows = _resembling(maps, inside, energy, usual[2] / usual[0])
+    # The tone of a window at the edge is a mean of both sides, so its neighbour's tone is enough.
+    tone = np.abs(np.log(look.light / usual[1]))
+    same = tone < max(_TONE, _TONE_SPREADS * _median(tone, inside > 0))
+    windows &= cv2.dilate(windows & same.view(np.uint8), square(maps.window + 2))
+    half = square(maps.window // 2 | 1)
+    windows = cv2.morphologyEx(cv2.morphologyEx(windows, cv2.MORPH_CLOSE, half), cv2.MORPH_OPEN, half)
+    windows = _large_parts(np.asarray(windows, np.uint8), inside)
+    inside &= cv2.erode(windows, square(3))
+    return Surfaces(windows, inside, energy) if inside.any() else None
+
+
+def _like_the_main_one(maps: TextureMaps, look: FirstLook) -> Bits | None:
+    """Return the windows of the main surface, and of other surfaces with similar texture.
+
+    The main surface is the one with the most texture in every direction, summed over its area.
+    """
+    import cv2
+
+    opened = cv2.morphologyEx(look.chosen.view(np.uint8), cv2.MORPH_OPEN, square(maps.window // 2 | 1))
+    count, labels, boxes, _ = cv2.connectedComponentsWithStats(opened)
+    if count < 2:
+        return None
+    area = boxes[1:, cv2.CC_STAT_AREA].astype(np.float64)
+    large = 1 + np.flatnonzero(area >= _LEAST_AREA * area.max())
+    area = area[large - 1]
+    values = np.array([_medians(maps, look, labels, boxes, int(label)) for label in large])
+    main = int(np.argmax(area * values[:, 0] * values[:, 1]))
+    least = (_LEAST_STRENGTH, _LEAST_ISOTROPY, _LEAST_LIKENESS)
+    similar = (values >= np.array(least) * values[main]).all(axis=1) & (area >= _LEAST_AREA * area[main])
+    kept = np.zeros(count, np.uint8)
+    kept[large[similar]] = 1
+    return kept[labels]
+
+
+def _medians(maps: TextureMaps, look: FirstLook, labels: Float, boxes: Float, label: int) -> list[float]:
+    """Return a surface's strength, ratio of eigenvalues and spread: medians over its windows."""
+    x, y, width, height = (int(value) for value in boxes[label][:4])
+    box = slice(y, y + height), slice(x, x + width)
+    own = labels[box] == label
+    ratio = maps.weakest[box] / np.maximum(maps.strongest[box], np.float32(1e-30))
+    return [_median(values, own) for values in (look.strength[box], ratio, maps.spread[box])]
+
+
+def _median(values: Grey | Float, own: Mask) -> float:
+    """Return the median over a mask; use only every fourth row and column if these are enough."""
+    sparse = (slice(None, None, _SPARSE), slice(None, None, _SPARSE))
+    sample = values[sparse][own[sparse]]
+    return float(np.median(sample if sample.size >= _SAMPLE else values[own]))
+
+
+def _around(window: int, inside: Bits, values: list[Grey]) -> list[Grey]:
+    """Return the usual value of each map on the specimen around every pixel, also beside the specimen.
+
+    The usual value is a weighted geometric mean over the pixels in `inside`. Far from them, the first map
+    gives infinity.
+    """
+    import cv2
+
+    sparse = (slice(None, None, _SPARSE), slice(None, None, _SPARSE))
+    shape, known = inside.shape[::-1], inside[sparse].astype(np.float32)
+    if not known.any():
+        return [np.full(inside.shape, np.median(of[inside > 0]), np.float32) for of in values]
+    side = (window + 2 | 1,) * 2
+
+    def smooth(of: Grey) -> Grey:
+        return np.asarray(cv2.blur(cv2.blur(of, side), side), np.float32)
+
+    weight = smooth(known)
+    fields = []
+    for far, of in zip((np.inf, 1.0, 1.0), values, strict=True):
+        logarithms = np.log(np.maximum(of[sparse], np.float32(1e-30))) * known
+        mean = np.where(weight > 1e-5, np.exp(smooth(logarithms) / np.maximum(weight, np.float32(1e-5))), far)
+        spread = np.repeat(np.repeat(mean.astype(np.float32), _SPARSE, axis=0), _SPARSE, axis=1)
+        fields.append(np.ascontiguousarray(spread[: shape[1], : shape[0]]))
+    return fields
+
+
+def _resembling(maps: TextureMaps, inside: Bits, energy: Grey, sharpness: Grey) -> Bits:
+    """Return the windows that are at least half full of texture as strong, dense and sharp as inside.
+
+    No pixel counts more than the specimen's mean energy. Otherwise the strong edge of a dark specimen before
+    a bright background would hide the texture beside it.
+    """
+    weight: Grey = np.reciprocal(np.maximum(np.maximum(energy, maps.energy), np.float32(1e-30)))
+    weighted_x = maps.fx * weight
+    weakest, strongest = eigenvalues(
+        *(_mean(maps, of) for of in (weighted_x * maps.fx, maps.fy * maps.fy * weight, weighted_x * maps.fy))
+    )
+    total = np.maximum(weakest + strongest, np.float32(1e-30))
+    relative = _mean(maps, maps.curvature * weight) / np.maximum(total * sharpness, np.float32(1e-30))
+    own = inside > 0
+    full = weakest > _HALF * _median(weakest, own)
+    every_direction = weakest > np.float32(EVERY_DIRECTION) * strongest
+    sharp = relative > _LEAST_SHARPNESS * _median(relative, own)
+    return np.asarray(full & every_direction & sharp).view(np.uint8)
+
+
+def _large_parts(windows: Bits, inside: Bits) -> Bits:
+    """Return the connected parts that are large, and of which a fifth or more lies inside the surfaces."""
+    import cv2
+
+    count, labels, boxes, _ = cv2.connectedComponentsWithStats(windows)
+    if count < 2:
+        return np.zeros_like(windows)
+    area = boxes[:, cv2.CC_STAT_AREA].astype(np.float64)
+    shared = np.bincount(labels[inside > 0], minlength=count)
+    kept = (area >= 0.1 * area[1:].max()) & (shared >= 0.2 * area)
+    kept[0] = False
+    return np.asarray(kept.astype(np.uint8)[labels])
+
+
+def _mean(maps: TextureMaps, of: Grey) -> Grey:
+    import cv2
+
+    return np.asarray(cv2.blur(of, (maps.window, maps.window)), np.float32)
+
+
+def square(width: int) -> Bits:
+    """Return a square for OpenCV's morphology."""
+    return np.ones((width, width), np.uint8)
