@@ -140,6 +140,7 @@ def calibrate(
         known=known,
         model=model,
         plate_mm=plate_mm,
+        region_px=target.region,
     )
     if outputs.output is not None:
         save_calibration(calibration, outputs.output)

@@ -55,6 +55,7 @@ class TargetOptions:
     dictionary: str
     x_axis: str | float | None
     origin_px: tuple[float, float] | None
+    region: tuple[float, float, float, float] | None
 
     def read(self) -> "Target":
         """Return the target that the options describe.
@@ -110,5 +111,11 @@ target_options = option_group(
         type=float,
         nargs=2,
         help="Rough image point x y of a line grid's centre in the first image, if an outer line is hidden.",
+    ),
+    click.option(
+        "--region",
+        type=float,
+        nargs=4,
+        help="Left, top, width and height in px of the part of every image that shows the target.",
     ),
 )

@@ -10,6 +10,7 @@ from dic.errors import CalibrationError
 from dic.image.given import grey_image, name_of, one_by_one
 from dic.targets.axes import XAxis
 from dic.targets.find import Target, find_target
+from dic.targets.region import Region
 from dic.typing import Grey, ImageLike
 
 
@@ -22,6 +23,7 @@ def calibrate_images(
     known: KnownCamera | None = None,
     model: Model | Literal["recommended"] = "bicubic",
     plate_mm: float = 0.0,
+    region_px: Region | None = None,
 ) -> Calibration:
     """Find a calibration target in images and fit the calibration, the map from pixels to millimetres.
 
@@ -44,6 +46,9 @@ def calibrate_images(
     plate_mm : float
         Distance of the specimen's surface behind the target's lines, such as the thickness of the plate that
         carries the lines. The calibration then describes the surface.
+    region_px : tuple of float, optional
+        Left, top, width and height of the part of every image in which the target is searched, as for
+        `find_target`.
 
     Raises
     ------
@@ -55,10 +60,13 @@ def calibrate_images(
     names = [name_of(image, f"target image {k}") for k, image in enumerate(given, 1)]
     greys = [grey_image(image, name) for image, name in zip(given, names, strict=True)]
     _require_same_size(greys, names)
-    first = find_target(greys[0], target, names[0], x_axis=x_axis, origin_px=origin_px)
+    first = find_target(greys[0], target, names[0], x_axis=x_axis, origin_px=origin_px, region_px=region_px)
     # The other images determine only the parameters of the lens, which do not depend on the directions of X
     # and Y.
-    others = [find_target(grey, target, name) for grey, name in zip(greys[1:], names[1:], strict=True)]
+    others = [
+        find_target(grey, target, name, region_px=region_px)
+        for grey, name in zip(greys[1:], names[1:], strict=True)
+    ]
     calibration = Calibration.fit([first, *others], greys[0].shape, names[0], known=known)
     calibration = calibration.using(calibration.recommended if model == "recommended" else model)
     return behind(calibration, plate_mm) if plate_mm else calibration

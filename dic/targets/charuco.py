@@ -11,6 +11,7 @@ from dic.errors import CalibrationError
 from dic.targets.checkerboard import refine
 from dic.targets.lattice import fits_lattice
 from dic.targets.points import GridPoints
+from dic.targets.region import two_targets
 from dic.targets.sampled_image import as_bytes
 from dic.typing import Float, Grey, Indices, Mask
 
@@ -62,6 +63,9 @@ def find_charuco(
     place, marker_px = _markers_on_board(image, squares, marker_side, dictionary)
     if len(place) < _FEWEST_MARKERS:
         raise _refusal(source, expected, _seen_instead(image, dictionary, len(place)))
+    again = _second_board(image, dictionary, marker_px)
+    if again is not None:
+        raise two_targets(source, "ChArUco board", (marker_px.reshape(-1, 2), again))
     # From here on, positions on the board are in pitches, with Y up and the lower left corner as the origin.
     index = np.argwhere(np.ones(lines, bool))
     px, near = _predicted(place, marker_px, (index + 1).astype(np.float64))
@@ -138,6 +142,16 @@ def _markers(image: NDArray[np.uint8], dictionary: str) -> tuple[Indices, Float]
     if numbers is None or not len(corners):
         return np.empty(0, np.int64), np.empty((0, 4, 2))
     return np.ravel(np.asarray(numbers, np.int64)), np.asarray(corners, np.float64).reshape(-1, 4, 2)
+
+
+def _second_board(image: NDArray[np.uint8], dictionary: str, marker_px: Float) -> Float | None:
+    """Return the centres (n, 2), px, of markers that are in the image twice, away from the board, or None."""
+    number, corners = _markers(image, dictionary)
+    centre = corners.mean(axis=1)
+    away = np.linalg.norm(centre[:, None] - marker_px.mean(axis=1), axis=-1).min(axis=1, initial=np.inf)
+    elsewhere = away > np.linalg.norm(marker_px[0, 1] - marker_px[0, 0])
+    repeated = elsewhere & np.isin(number, number[~elsewhere])
+    return centre[repeated] if np.count_nonzero(repeated) >= max(2, len(marker_px) // 2) else None
 
 
 def _fit_one_plane(drawn: Float, corners: Float) -> Mask:

@@ -11,6 +11,7 @@ from dic.errors import CalibrationError
 from dic.targets.axes import Axes, XAxis, axes_in_image
 from dic.targets.lattice import fits_lattice
 from dic.targets.points import GridPoints
+from dic.targets.region import two_targets
 from dic.targets.sampled_image import GridImage, as_bytes
 from dic.typing import Float, Grey
 
@@ -48,6 +49,9 @@ def find_checkerboard(
     px = _detected(as_bytes(grey), lines)
     if px is None:
         raise _refusal(source, squares, "no such board")
+    other = _detected(_without(as_bytes(grey), px), lines, thorough=False)
+    if other is not None:
+        raise two_targets(source, "checkerboard", (px.reshape(-1, 2), other.reshape(-1, 2)))
     vectors = np.stack([(px[-1] - px[0]).mean(axis=0), (px[:, -1] - px[:, 0]).mean(axis=0)])
     vectors /= np.array(lines)[:, None] - 1.0
     spans = (range(lines[0]), range(lines[1]))
@@ -79,7 +83,7 @@ def find_checkerboard(
     )
 
 
-def _detected(image: NDArray[np.uint8], lines: tuple[int, int]) -> Float | None:
+def _detected(image: NDArray[np.uint8], lines: tuple[int, int], thorough: bool = True) -> Float | None:
     """Return the corners that OpenCV's detector finds, shape (columns, rows, 2), px, or None.
 
     The detector finds small squares more often in an enlarged image, and blurred ones in a reduced image. It
@@ -94,7 +98,7 @@ def _detected(image: NDArray[np.uint8], lines: tuple[int, int]) -> Float | None:
     attempts = [(1.0, plain), (0.5, accurate)]
     if height * width <= _SMALL_IMAGE_PX2:
         attempts = [(1.0, plain), (2.0, plain), (1.0, accurate), (1.0, 0)]
-    for scale, flags in attempts:
+    for scale, flags in attempts if thorough else attempts[:1]:
         method = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
         scaled = image if scale == 1 else cv2.resize(image, None, fx=scale, fy=scale, interpolation=method)
         found, corners = cv2.findChessboardCornersSB(scaled, lines, flags=flags)
@@ -105,6 +109,15 @@ def _detected(image: NDArray[np.uint8], lines: tuple[int, int]) -> Float | None:
             if _colours_alternate(image, px):
                 return px
     return None
+
+
+def _without(image: NDArray[np.uint8], px: Float) -> NDArray[np.uint8]:
+    """Return the image with the board of the given corners (columns, rows, 2), px, painted over."""
+    import cv2
+
+    around = np.pad(px, ((1, 1), (1, 1), (0, 0)), mode="reflect", reflect_type="odd")
+    outline = cv2.convexHull(np.rint(around.reshape(-1, 2)).astype(np.int32))
+    return np.asarray(cv2.fillConvexPoly(image.copy(), outline, float(np.median(image))))
 
 
 def _colours_alternate(image: NDArray[np.uint8], px: Float) -> bool:

@@ -16,11 +16,15 @@ from dic.targets.ellipses import Ellipses, fit_ellipses
 from dic.targets.hollow_marks import HollowMarks, find_hollow_marks, hollow_dots
 from dic.targets.lattice import LatticeShape, fits_lattice
 from dic.targets.points import GridPoints
+from dic.targets.region import two_targets
 from dic.typing import Float, Grey, Indices, Mask
 
 # Smallest share of the dots that must be found; of a plate with marks, of the dots in the picture.
 _SUFFICIENT, _SUFFICIENT_WITH_MARKS = 0.9, 0.5
 _FEWEST = 16
+# Size of a second plate relative to the first. Largest distance of an index from a whole number, and share of
+# such indices in another part of the same plate. In another plate, 16 % of the indices are such by chance.
+_SECOND_PLATE, _WHOLE, _SAME_PLATE = 0.5, 0.2, 0.5
 # Limits, in units of the median, of the misfit and of the contrast of a sound dot.
 _MISFIT, _CONTRAST = 2.0, 0.3
 # Rounding and interpolation cause a misfit of this fraction of the contrast also without noise.
@@ -31,29 +35,34 @@ _RINGS, _SPOKES = 6, 24
 
 @dataclass(frozen=True)
 class _Dots:
-    """The dots of a lattice: lattice indices (n, 2), approximate blobs, and fitted ellipses."""
+    """The dots of a lattice: lattice indices (n, 2), approximate blobs, and fitted ellipses.
+
+    `beside` are the dots (m, 2), px, of another plate in the image.
+    """
 
     index: Indices
     blobs: Blobs
     hollow: Mask
     ellipses: Ellipses
+    beside: Float | None
 
     @classmethod
     def in_image(cls, grey: Grey, dots: tuple[int, int], source: str) -> "_Dots":
         """Return the dots of the largest lattice of blobs."""
-        best: tuple[Indices, Blobs] | None = None
-        for blobs in find_blobs(grey):
-            index, placed = lattice_of_regions(blobs.centre_px, blobs.area_px2)
-            if best is None or len(index) > len(best[0]):
-                best = index, blobs.only(placed)
-            if len(best[0]) >= dots[0] * dots[1]:
+        most = 0
+        for candidates in find_blobs(grey):
+            found, placed = lattice_of_regions(candidates.centre_px, candidates.area_px2)
+            if len(found) > most and len(found) >= _FEWEST:
+                index = along_short_vectors(found, candidates.centre_px[placed])
+                blobs, beside = candidates.only(placed), _other_plate(candidates, placed, index)
+            most = max(most, len(found))
+            if most >= dots[0] * dots[1]:
                 break
-        if best is None or len(best[0]) < _FEWEST:
-            raise _refusal(source, dots, f"{0 if best is None else len(best[0])} dots in a lattice")
-        index, blobs = best
+        if most < _FEWEST:
+            raise _refusal(source, dots, f"{most} dots in a lattice")
         hollow = hollow_dots(grey, blobs)
         ellipses = fit_ellipses(grey, blobs, hollow)
-        return cls(along_short_vectors(index, blobs.centre_px), blobs, hollow, ellipses)
+        return cls(index, blobs, hollow, ellipses, beside)
 
     def sound(self) -> Mask:
         """Return True for each dot (n,) whose ellipse fits the grey levels about as well as usual."""
@@ -66,6 +75,29 @@ class _Dots:
         limit = _MISFIT * float(np.median(misfit[fitted])) + _MISFIT_OF_CONTRAST * usual
         with np.errstate(invalid="ignore"):
             return np.asarray(fitted & (contrast > _CONTRAST * usual) & (misfit < limit))
+
+
+def _other_plate(blobs: Blobs, placed: Indices, index: Indices) -> Float | None:
+    """Return the dots (m, 2), px, of a lattice beside the lattice of the blobs `placed`, or None.
+
+    The lattice beside must be at least half as large. A reflection can divide a plate in two parts.
+    They are recognised because the lattice of one part continues in the other part.
+    """
+    import cv2
+
+    rest = np.setdiff1d(np.arange(len(blobs)), placed)
+    if len(placed) < _FEWEST or len(rest) < _SECOND_PLATE * len(placed):
+        return None
+    numbers, others = lattice_of_regions(blobs.centre_px[rest], blobs.area_px2[rest])
+    if len(numbers) < max(_FEWEST, _SECOND_PLATE * len(placed)):
+        return None
+    centre = blobs.centre_px[rest[others]]
+    to_index, _ = cv2.findHomography(blobs.centre_px[placed], index.astype(np.float64))
+    if to_index is None:
+        return None
+    there = cv2.perspectiveTransform(centre[:, None], to_index)[:, 0]
+    whole = (np.abs(there - np.rint(there)) < _WHOLE).all(axis=1)
+    return None if whole.mean() > _SAME_PLATE else centre
 
 
 def find_dots(grey: Grey, dots: tuple[int, int], pitch_mm: float, source: str, x_axis: XAxis) -> GridPoints:
@@ -85,6 +117,8 @@ def find_dots(grey: Grey, dots: tuple[int, int], pitch_mm: float, source: str, x
     sound = found.sound()
     if np.count_nonzero(sound) < _FEWEST:
         raise _refusal(source, dots, f"{np.count_nonzero(sound)} dots in a lattice")
+    if found.beside is not None:
+        raise two_targets(source, "dots", (found.blobs.centre_px, found.beside))
     index, centre = found.index.astype(float), found.ellipses.centre_px
     shape = LatticeShape.fit(index[sound], centre[sound])
     centre = centre - _eccentricity(shape, index, found.ellipses.area_px2, sound)

@@ -1,11 +1,14 @@
 """The kinds of calibration targets, and the function `find_target` that finds any of them in an image."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from dic.errors import CalibrationError, Check, require_all, require_kind
 from dic.image.given import grey_image, name_of
 from dic.targets.axes import XAxis
 from dic.targets.points import GridPoints
+from dic.targets.region import Region, cropped
 from dic.typing import ImageLike
 
 _FEWEST, _FEWEST_WITH_MARKERS = 5, 3
@@ -99,6 +102,7 @@ def find_target(
     *,
     x_axis: XAxis = None,
     origin_px: tuple[float, float] | None = None,
+    region_px: Region | None = None,
 ) -> GridPoints:
     """Find the points of a calibration target.
 
@@ -116,6 +120,9 @@ def find_target(
     origin_px : tuple of float, optional
         Approximate position of the middle intersection of a line grid in the image. Give this position if an
         outer line is hidden and the grid has no mark.
+    region_px : tuple of float, optional
+        Left, top, width and height of the part of the image to be searched. Give it if the image shows two
+        targets. Default: the whole image.
 
     Returns
     -------
@@ -135,6 +142,12 @@ def find_target(
     source = source or name_of(image, "target image")
     require_possible(spec, source)
     grey = grey_image(image, source)
+    if region_px is not None:
+        part, (left, top) = cropped(grey, region_px, source)
+        if origin_px is not None:
+            origin_px = (origin_px[0] - left, origin_px[1] - top)
+        found = find_target(part, spec, source, x_axis=x_axis, origin_px=origin_px)
+        return replace(found, uv_px=found.uv_px + np.array([left, top]))
     if origin_px is not None and not isinstance(spec, LineGridTarget):
         raise CalibrationError(
             source,
