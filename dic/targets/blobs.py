@@ -100,15 +100,19 @@ def _blobs_of_level(image: NDArray[np.uint8]) -> Iterator[Blobs]:
 
 
 def _noise_floor(image: NDArray[np.uint8]) -> float:
-    """Return the contrast that noise alone reaches in a smoothed neighbourhood, grey levels.
-
-    The noise is taken from second differences, whose standard deviation is √6 times that of the pixels.
-    """
-    sample = image[::3].astype(np.float32)
-    second = sample[:, :-2] - 2 * sample[:, 1:-1] + sample[:, 2:]
-    noise = float(np.median(np.abs(second))) * 1.48 / np.sqrt(6.0)
+    """Return the contrast that noise alone reaches in a smoothed neighbourhood, grey levels."""
     # The Gauss filter with σ = 1 px reduces the noise by 2√π. About ±3.3 deviations occur in 31 × 31 px.
-    return max(8.0, float(_OVER_NOISE * noise / (2 * np.sqrt(np.pi)) * 1.8))
+    return max(8.0, float(_OVER_NOISE * noise_of(image.astype(np.float32)) / (2 * np.sqrt(np.pi)) * 1.8))
+
+
+def noise_of(grey: Grey) -> float:
+    """Return about the standard deviation of the noise of an image, grey levels.
+
+    It is taken from second differences, whose standard deviation is √6 times that of the pixels.
+    """
+    sample = grey[::3]
+    second = sample[:, :-2] - 2 * sample[:, 1:-1] + sample[:, 2:]
+    return float(np.median(np.abs(second))) * 1.48 / float(np.sqrt(6.0))
 
 
 @dataclass(frozen=True)

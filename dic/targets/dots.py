@@ -10,7 +10,7 @@ import numpy as np
 
 from dic.errors import CalibrationError
 from dic.targets.axes import Axes, XAxis, axes_in_image
-from dic.targets.blobs import Blobs, find_blobs
+from dic.targets.blobs import Blobs, find_blobs, noise_of
 from dic.targets.cells import along_short_vectors, lattice_of_regions
 from dic.targets.ellipses import Ellipses, fit_ellipses
 from dic.targets.hollow_marks import HollowMarks, find_hollow_marks, hollow_dots
@@ -29,6 +29,8 @@ _SECOND_PLATE, _WHOLE, _SAME_PLATE = 0.5, 0.2, 0.5
 _MISFIT, _CONTRAST = 2.0, 0.3
 # Rounding and interpolation cause a misfit of this fraction of the contrast also without noise.
 _MISFIT_OF_CONTRAST = 0.02
+# Misfit, as a fraction of the contrast, above which regions are not ellipses. Squares reach 0.2.
+_NOT_ROUND = 0.1
 # A dot is divided into this number of rings and spokes, over which the shift by perspective is integrated.
 _RINGS, _SPOKES = 6, 24
 
@@ -119,6 +121,13 @@ def find_dots(grey: Grey, dots: tuple[int, int], pitch_mm: float, source: str, x
         raise _refusal(source, dots, f"{np.count_nonzero(sound)} dots in a lattice")
     if found.beside is not None:
         raise two_targets(source, "dots", (found.blobs.centre_px, found.beside))
+    usual_misfit, usual = (
+        float(np.median(values[sound])) for values in (found.ellipses.misfit, np.abs(found.ellipses.contrast))
+    )
+    if usual_misfit > _NOT_ROUND * usual + 1.3 * noise_of(grey):
+        raise _refusal(
+            source, dots, "regions that are not round, such as squares or the cells of a line grid"
+        )
     index, centre = found.index.astype(float), found.ellipses.centre_px
     shape = LatticeShape.fit(index[sound], centre[sound])
     centre = centre - _eccentricity(shape, index, found.ellipses.area_px2, sound)

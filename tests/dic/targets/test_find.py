@@ -128,6 +128,11 @@ def test_what_is_not_the_target_is_refused(target: Target, picture: str) -> None
         find_target(image, target)
 
 
+def test_the_cells_of_a_line_grid_are_not_taken_for_dots() -> None:
+    with pytest.raises(CalibrationError, match="got regions that are not round"):
+        find_target(seen(LineGrid(), roll_deg=8.0)[0], DotTarget((20, 20), 0.5))
+
+
 @pytest.mark.parametrize(
     ("target", "sentence"),
     [
