@@ -122,7 +122,7 @@ def _segments_of_lines(profiles: Float, between: Mask) -> Mask:
     best = np.full(smooth.shape[:2], -np.inf)
     for shift in range(-_SHIFT, _SHIFT + 1):
         shifted = np.roll(typical, shift)
-        height = smooth @ shifted / (shifted @ shifted)
+        height = smooth @ shifted / max(float(shifted @ shifted), 1e-12)
         rest = smooth - height[..., None] * shifted
         agreement = 1 - (rest**2).sum(axis=-1) / np.maximum((smooth**2).sum(axis=-1), 1e-12)
         sized = (height > 0.5) & (height < 2.0)

@@ -16,18 +16,22 @@ from dic.errors import CalibrationError
 from dic.targets.axes import Axes, XAxis, axes_in_image
 from dic.targets.cells import find_cells
 from dic.targets.lattice import LatticeShape, fits_lattice
+from dic.targets.line_grid.cell_shape import cells_are_round
 from dic.targets.line_grid.crossings import intersect
 from dic.targets.line_grid.extent import line_extents
 from dic.targets.line_grid.mark import find_mark, grid_spans, within
 from dic.targets.line_grid.trace import trace_lines
+from dic.targets.not_seen import TargetNotSeen
 from dic.targets.points import GridPoints
 from dic.targets.sampled_image import GridImage
 from dic.typing import Float, Grey, Mask
 
 __all__ = ["GridPoints", "find_grid"]
 
-_FEWEST_LINES = 4
+_FEWEST_LINES, _FEWEST_CELLS = 4, 9
 _SUFFICIENT = 0.9
+# Smallest share of the cells that must be found to name a grid of unknown size. Speckles seldom reach it.
+_FILLED = 0.6
 _ORIGIN_REMEDY = "give with --origin-px where the grid's middle intersection is in the image, or leave it out"
 _REMEDY = (
     "check that the whole grid is in view, sharp and evenly lit, and that --lines gives its numbers of lines"
@@ -84,13 +88,17 @@ def find_grid(
     grey = np.asarray(image, np.float32)
     expected_cells = (lines[0] - 1) * (lines[1] - 1)
     cells = find_cells(grey, expected_cells)
-    if len(cells.index) < max(9, expected_cells // 10):
-        raise _refusal(source, lines, "no line grid")
+    if len(cells.index) < max(_FEWEST_CELLS, expected_cells // 10):
+        raise _refusal(source, lines, "no line grid", TargetNotSeen)
     sampled = GridImage(grey, cells.dark_lines)
     shape = LatticeShape.fit(cells.index.astype(np.float64) + 0.5, cells.centre_px)
     extents = line_extents(sampled, shape, cells)
     if not extents[0]:
-        raise _refusal(source, lines, "cells without lines between them, such as a checkerboard")
+        got = "cells without lines between them, such as a checkerboard"
+        raise _refusal(source, lines, got, TargetNotSeen)
+    if cells_are_round(sampled, shape, cells):
+        got = "round areas without lines between them, such as dots"
+        raise _refusal(source, lines, got, TargetNotSeen)
     axes, spans = _axes_and_spans(sampled, shape, extents, lines, x_axis, origin_px, source)
     seen = tuple(len(spans[axis]) for axis in axes.lattice_axes)
     if seen != lines:
@@ -103,6 +111,19 @@ def find_grid(
     return GridPoints.on_lattice(
         index[by_row], crossing[sound][by_row], lines, pitch_mm, axes.warnings, axes.orientation
     )
+
+
+def lines_seen(grey: Grey) -> tuple[int, int] | None:
+    """Return the numbers of lines along both directions of any line grid in the image, or None."""
+    cells = find_cells(grey, grey.size)
+    if len(cells.index) < _FEWEST_CELLS:
+        return None
+    sampled = GridImage(grey, cells.dark_lines)
+    shape = LatticeShape.fit(cells.index.astype(np.float64) + 0.5, cells.centre_px)
+    first, second = (len(extent) for extent in line_extents(sampled, shape, cells))
+    if min(first, second) < _FEWEST_LINES or cells_are_round(sampled, shape, cells):
+        return None
+    return (first, second) if len(cells.index) >= _FILLED * (first - 1) * (second - 1) else None
 
 
 def _require_possible(lines: tuple[int, int], pitch_mm: float, source: str) -> None:
@@ -185,6 +206,8 @@ def _contradiction(source: str, got: str, remedy: str) -> CalibrationError:
     )
 
 
-def _refusal(source: str, lines: tuple[int, int], got: str) -> CalibrationError:
+def _refusal(
+    source: str, lines: tuple[int, int], got: str, kind: type[CalibrationError] = CalibrationError
+) -> CalibrationError:
     expected = f"a grid of {lines[0]} × {lines[1]} lines with at least {_SUFFICIENT:.0%} of its intersections"
-    return CalibrationError(source, "find grid", expected, got, _REMEDY)
+    return kind(source, "find grid", expected, got, _REMEDY)

@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter
 
 from dic.errors import CalibrationError
 from dic.targets.line_grid.find import find_grid
+from tests.dic.targets.drawings import View, dots
 
 Draw = Callable[..., Any]
 PAPER: dict[str, Any] = {"size_px": (900, 900), "focal_px": 2800.0}
@@ -193,6 +194,31 @@ def _speckle() -> np.ndarray:
 def test_what_is_no_line_grid_is_refused(picture: np.ndarray, lines: tuple[int, int]) -> None:
     with pytest.raises(CalibrationError, match=r"no line grid|cells without lines"):
         find_grid(picture.astype(np.float32), lines)
+
+
+@pytest.mark.parametrize(
+    ("radius_mm", "px_per_mm", "blur_px", "view"),
+    [
+        (0.1, 39.0, 0.8, {}),
+        (0.2, 39.0, 0.8, {"roll_deg": 8.0}),
+        (0.3, 39.0, 2.0, {"pan_deg": 40.0, "roll_deg": 20.0}),
+        (0.38, 39.0, 0.8, {"pan_deg": 15.0}),
+        (0.2, 14.0, 1.0, {"pan_deg": 30.0}),
+        (0.2, 12.5, 1.5, {"roll_deg": 8.0}),
+    ],
+    ids=str,
+)
+def test_dots_are_not_taken_for_the_cells_between_lines(
+    radius_mm: float, px_per_mm: float, blur_px: float, view: dict[str, Any]
+) -> None:
+    side = round(14.5 * px_per_mm)
+    seen = View.of(dots((13, 12), 0.8, radius_mm), size_px=(side, side), focal_px=40 * px_per_mm, **view)
+    image = seen.image(blur_px=blur_px)
+
+    # The background between 13 × 12 dots looks like 12 × 11 lines.
+    for lines in ((12, 11), (13, 12), (14, 13)):
+        with pytest.raises(CalibrationError, match=r"got (round areas|cells) without lines"):
+            find_grid(image, lines, 0.8)
 
 
 @pytest.mark.parametrize(("lines", "pitch_mm"), [((3, 21), 0.5), ((21, 21), 0.0), ((21, 21), float("nan"))])
