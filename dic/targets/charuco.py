@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dic.errors import CalibrationError
 from dic.targets.checkerboard import refine
 from dic.targets.lattice import fits_lattice
+from dic.targets.not_seen import TargetNotSeen
 from dic.targets.points import GridPoints
 from dic.targets.region import two_targets
 from dic.targets.sampled_image import as_bytes
@@ -26,13 +27,8 @@ _NEARBY, _REACH = 4, 1.3
 _CONTRAST = 0.4
 # An image up to this size is also searched at twice its size, which shows small markers.
 _SMALL_IMAGE_PX2 = 1_600_000
-# To name markers of another dictionary, the image is reduced to about this size.
-_ENOUGH_PX2 = 1_000_000
-_OTHER_DICTIONARIES = (
-    *(f"DICT_{side}X{side}_1000" for side in (4, 5, 6, 7)),
-    "DICT_ARUCO_ORIGINAL",
-    "DICT_APRILTAG_36h11",
-)
+_SMALLEST_MARKER_PX = 8
+_STEP = "find ChArUco board"
 _REMEDY = "check that the board is sharp and evenly lit, and that --squares and --dictionary describe it"
 
 
@@ -62,7 +58,7 @@ def find_charuco(
     expected = f"at least half of the {lines[0] * lines[1]} {wanted}"
     place, marker_px = _markers_on_board(image, squares, marker_side, dictionary)
     if len(place) < _FEWEST_MARKERS:
-        raise _refusal(source, expected, _seen_instead(image, dictionary, len(place)))
+        raise TargetNotSeen(source, _STEP, expected, f"{len(place)} markers of this board", _REMEDY)
     again = _second_board(image, dictionary, marker_px)
     if again is not None:
         raise two_targets(source, "ChArUco board", (marker_px.reshape(-1, 2), again))
@@ -76,11 +72,12 @@ def find_charuco(
     seen[seen] = fits_lattice(index[seen].astype(float), px[seen])
     found = int(np.count_nonzero(seen))
     if found < _SUFFICIENT * len(index):
-        raise _refusal(source, expected, f"{found} corners")
+        raise TargetNotSeen(source, _STEP, expected, f"{found} corners", _REMEDY)
     thirds = (np.array(lines) - 1) / 3
     if (index[seen].min(axis=0) > thirds).any() or (index[seen].max(axis=0) < 2 * thirds).any():
         expected = "visible corners in the outer third on every side"
-        raise _refusal(source, expected, "a side without any", "uncover the board, or turn it into view")
+        remedy = "uncover the board, or turn it into view"
+        raise CalibrationError(source, _STEP, expected, "a side without any", remedy)
     index, px = index[seen], px[seen]
     by_row = np.lexsort((index[:, 0], index[:, 1]))
     return GridPoints.on_lattice(index[by_row], px[by_row], lines, pitch_mm, (), "mark")
@@ -108,7 +105,7 @@ def _markers_on_board(
     possible = squares[0] * squares[1] // 2
     for scale in scales:
         scaled = image if scale == 1 else cv2.resize(image, None, fx=scale, fy=scale)
-        number, corners = _markers(scaled, dictionary)
+        number, corners = markers_seen(scaled, dictionary)
         corners = (corners + 0.5) / scale - 0.5
         for legacy in (False, True):
             board = cv2.aruco.CharucoBoard(
@@ -122,7 +119,7 @@ def _markers_on_board(
             ]
             # OpenCV's Y axis points down from the upper left corner.
             drawn = drawn.reshape(-1, 4, 2) * [1, -1] + [0, squares[1]]
-            fits = _fit_one_plane(drawn, corners[known])
+            fits = fit_one_plane(drawn, corners[known])
             if np.count_nonzero(fits) > len(best[0]):
                 best = drawn[fits], corners[known][fits]
         if len(best[0]) > 0.8 * possible:
@@ -130,13 +127,14 @@ def _markers_on_board(
     return best
 
 
-def _markers(image: NDArray[np.uint8], dictionary: str) -> tuple[Indices, Float]:
+def markers_seen(image: NDArray[np.uint8], dictionary: str) -> tuple[Indices, Float]:
     """Return the numbers (n,) of the markers found, and their corners (n, 4, 2), px."""
     import cv2
 
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-    parameters.minMarkerPerimeterRate = 0.01
+    # In noise, the search for smaller markers takes many seconds, and a marker of 8 px cannot be read anyhow.
+    parameters.minMarkerPerimeterRate = max(0.01, 4 * _SMALLEST_MARKER_PX / max(image.shape))
     known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
     corners, numbers, _ = cv2.aruco.ArucoDetector(known, parameters).detectMarkers(image)
     if numbers is None or not len(corners):
@@ -146,7 +144,7 @@ def _markers(image: NDArray[np.uint8], dictionary: str) -> tuple[Indices, Float]
 
 def _second_board(image: NDArray[np.uint8], dictionary: str, marker_px: Float) -> Float | None:
     """Return the centres (n, 2), px, of markers that are in the image twice, away from the board, or None."""
-    number, corners = _markers(image, dictionary)
+    number, corners = markers_seen(image, dictionary)
     centre = corners.mean(axis=1)
     away = np.linalg.norm(centre[:, None] - marker_px.mean(axis=1), axis=-1).min(axis=1, initial=np.inf)
     elsewhere = away > np.linalg.norm(marker_px[0, 1] - marker_px[0, 0])
@@ -154,7 +152,7 @@ def _second_board(image: NDArray[np.uint8], dictionary: str, marker_px: Float) -
     return centre[repeated] if np.count_nonzero(repeated) >= max(2, len(marker_px) // 2) else None
 
 
-def _fit_one_plane(drawn: Float, corners: Float) -> Mask:
+def fit_one_plane(drawn: Float, corners: Float) -> Mask:
     """Return True for each marker (n,) that lies where the board has it, if the board is roughly plane."""
     import cv2
 
@@ -212,21 +210,6 @@ def _between_squares(image: NDArray[np.uint8], index: Indices, px: Float, marker
     return np.asarray((contrast * np.sign(usual) > _CONTRAST * abs(usual)).all(axis=0))
 
 
-def _seen_instead(image: NDArray[np.uint8], dictionary: str, found: int) -> str:
-    """Return what the image shows if it does not show the board: markers of another dictionary, or none."""
-    import cv2
-
-    scale = min(1.0, float(np.sqrt(_ENOUGH_PX2 / image.size)))
-    if scale < 1:
-        image = np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
-    counts = {name: len(_markers(image, name)[0]) for name in _OTHER_DICTIONARIES}
-    name = max(counts, key=lambda each: counts[each])
-    family = name.removesuffix("_1000")
-    if counts[name] > max(found, 3) and not dictionary.startswith(family):
-        return f"markers of another dictionary, {name if family == name else family + '_50 to _1000'}"
-    return f"{found} markers of this board"
-
-
 def _pitch_px(place: Float, marker_px: Float) -> float:
     """Return the pitch, px: the smaller of those along X and along Y.
 
@@ -236,7 +219,3 @@ def _pitch_px(place: Float, marker_px: Float) -> float:
     design = np.column_stack([flat, np.ones(len(flat))])
     affine = np.linalg.lstsq(design, marker_px.reshape(-1, 2), rcond=None)[0]
     return float(np.linalg.norm(affine[:2], axis=1).min())
-
-
-def _refusal(source: str, expected: str, got: str, remedy: str = _REMEDY) -> CalibrationError:
-    return CalibrationError(source, "find ChArUco board", expected, got, remedy)

@@ -4,12 +4,15 @@ OpenCV's detector finds the corners. The positions of the corners are then refin
 point symmetry of the image around each corner.
 """
 
+from itertools import product
+
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
 from dic.targets.axes import Axes, XAxis, axes_in_image
 from dic.targets.lattice import fits_lattice
+from dic.targets.not_seen import TargetNotSeen
 from dic.targets.points import GridPoints
 from dic.targets.region import two_targets
 from dic.targets.sampled_image import GridImage, as_bytes
@@ -25,6 +28,8 @@ _SMALLEST_PX, _LARGEST_PX = 3.0, 16.0
 _STEPS = 6
 # Smallest share of neighbouring squares that differ as they should; a reflection may cover the others.
 _ALTERNATING = 0.85
+# A checkerboard of unknown size has at least this number of corners along each direction.
+_FEWEST_CORNERS = (3, 3)
 # Images up to this size are searched in more ways, because the search takes little time.
 _SMALL_IMAGE_PX2 = 1_600_000
 
@@ -48,7 +53,7 @@ def find_checkerboard(
     lines = (squares[0] - 1, squares[1] - 1)
     px = _detected(as_bytes(grey), lines)
     if px is None:
-        raise _refusal(source, squares, "no such board")
+        raise _refusal(source, squares, "no such board", TargetNotSeen)
     other = _detected(_without(as_bytes(grey), px), lines, thorough=False)
     if other is not None:
         raise two_targets(source, "checkerboard", (px.reshape(-1, 2), other.reshape(-1, 2)))
@@ -81,6 +86,24 @@ def find_checkerboard(
     return GridPoints.on_lattice(
         column_row[by_row], refined[by_row], lines, pitch_mm, axes.warnings, axes.orientation
     )
+
+
+def squares_seen(image: NDArray[np.uint8]) -> tuple[int, int] | None:
+    """Return the numbers of squares along both directions of any checkerboard in an 8-bit image, or None."""
+    import cv2
+
+    flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER
+    found, corners, meta = cv2.findChessboardCornersSBWithMeta(image, _FEWEST_CORNERS, flags)
+    if not found:
+        return None
+    rows, columns = np.asarray(meta).shape[:2]
+    px = np.asarray(corners, np.float64).reshape(rows, columns, 2).transpose(1, 0, 2)
+    # The detector sometimes takes the ends of the squares at the rim for a row of corners.
+    for left, right, top, bottom in sorted(product((0, 1), repeat=4), key=sum):
+        part = px[left : columns - right, top : rows - bottom]
+        if min(part.shape[:2]) >= min(_FEWEST_CORNERS) and _colours_alternate(image, part):
+            return part.shape[0] + 1, part.shape[1] + 1
+    return None
 
 
 def _detected(image: NDArray[np.uint8], lines: tuple[int, int], thorough: bool = True) -> Float | None:
@@ -144,8 +167,10 @@ def _colours_alternate(image: NDArray[np.uint8], px: Float) -> bool:
     return all(not len(part) or float((right * part > 0.2 * usual).mean()) > _ALTERNATING for part in seen)
 
 
-def _refusal(source: str, squares: tuple[int, int], got: str) -> CalibrationError:
-    return CalibrationError(
+def _refusal(
+    source: str, squares: tuple[int, int], got: str, kind: type[CalibrationError] = CalibrationError
+) -> CalibrationError:
+    return kind(
         source,
         "find checkerboard",
         f"a checkerboard of {squares[0]} × {squares[1]} squares, all of it in view",

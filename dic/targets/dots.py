@@ -15,6 +15,7 @@ from dic.targets.cells import along_short_vectors, lattice_of_regions
 from dic.targets.ellipses import Ellipses, fit_ellipses
 from dic.targets.hollow_marks import HollowMarks, find_hollow_marks, hollow_dots
 from dic.targets.lattice import LatticeShape, fits_lattice
+from dic.targets.not_seen import TargetNotSeen
 from dic.targets.points import GridPoints
 from dic.targets.region import two_targets
 from dic.typing import Float, Grey, Indices, Mask
@@ -25,6 +26,8 @@ _FEWEST = 16
 # Size of a second plate relative to the first. Largest distance of an index from a whole number, and share of
 # such indices in another part of the same plate. In another plate, 16 % of the indices are such by chance.
 _SECOND_PLATE, _WHOLE, _SAME_PLATE = 0.5, 0.2, 0.5
+# Smallest share of the places in a lattice that must have dots. Speckles seldom fill a lattice.
+_FILLED = 0.6
 # Limits, in units of the median, of the misfit and of the contrast of a sound dot.
 _MISFIT, _CONTRAST = 2.0, 0.3
 # Rounding and interpolation cause a misfit of this fraction of the contrast also without noise.
@@ -49,8 +52,11 @@ class _Dots:
     beside: Float | None
 
     @classmethod
-    def in_image(cls, grey: Grey, dots: tuple[int, int], source: str) -> "_Dots":
-        """Return the dots of the largest lattice of blobs."""
+    def in_image(cls, grey: Grey, enough: int) -> "_Dots | None":
+        """Return the dots of the largest lattice of blobs, or None if no lattice has 16 dots.
+
+        The search ends as soon as a lattice has `enough` dots.
+        """
         most = 0
         for candidates in find_blobs(grey):
             found, placed = lattice_of_regions(candidates.centre_px, candidates.area_px2)
@@ -58,13 +64,21 @@ class _Dots:
                 index = along_short_vectors(found, candidates.centre_px[placed])
                 blobs, beside = candidates.only(placed), _other_plate(candidates, placed, index)
             most = max(most, len(found))
-            if most >= dots[0] * dots[1]:
+            if most >= enough:
                 break
         if most < _FEWEST:
-            raise _refusal(source, dots, f"{most} dots in a lattice")
+            return None
         hollow = hollow_dots(grey, blobs)
         ellipses = fit_ellipses(grey, blobs, hollow)
         return cls(index, blobs, hollow, ellipses, beside)
+
+    def are_round(self, grey: Grey, sound: Mask) -> bool:
+        """Return True if ellipses fit the grey levels of the sound dots (n,), at least one, of the image."""
+        usual_misfit, usual = (
+            float(np.median(values[sound]))
+            for values in (self.ellipses.misfit, np.abs(self.ellipses.contrast))
+        )
+        return usual_misfit <= _NOT_ROUND * usual + 1.3 * noise_of(grey)
 
     def sound(self) -> Mask:
         """Return True for each dot (n,) whose ellipse fits the grey levels about as well as usual."""
@@ -115,19 +129,14 @@ def find_dots(grey: Grey, dots: tuple[int, int], pitch_mm: float, source: str, x
         marks: if fewer than half of the dots in the picture are found, or the dots do not fit into the
         lattice.
     """
-    found = _Dots.in_image(grey, dots, source)
-    sound = found.sound()
-    if np.count_nonzero(sound) < _FEWEST:
-        raise _refusal(source, dots, f"{np.count_nonzero(sound)} dots in a lattice")
+    found = _Dots.in_image(grey, dots[0] * dots[1])
+    if found is None or np.count_nonzero(sound := found.sound()) < _FEWEST:
+        raise _refusal(source, dots, "no lattice of dots", TargetNotSeen)
     if found.beside is not None:
         raise two_targets(source, "dots", (found.blobs.centre_px, found.beside))
-    usual_misfit, usual = (
-        float(np.median(values[sound])) for values in (found.ellipses.misfit, np.abs(found.ellipses.contrast))
-    )
-    if usual_misfit > _NOT_ROUND * usual + 1.3 * noise_of(grey):
-        raise _refusal(
-            source, dots, "regions that are not round, such as squares or the cells of a line grid"
-        )
+    if not found.are_round(grey, sound):
+        got = "regions that are not round, such as squares or the cells of a line grid"
+        raise _refusal(source, dots, got, TargetNotSeen)
     index, centre = found.index.astype(float), found.ellipses.centre_px
     shape = LatticeShape.fit(index[sound], centre[sound])
     centre = centre - _eccentricity(shape, index, found.ellipses.area_px2, sound)
@@ -149,6 +158,19 @@ def find_dots(grey: Grey, dots: tuple[int, int], pitch_mm: float, source: str, x
     return GridPoints.on_lattice(
         column_row[by_row], centre[by_row], dots, pitch_mm, axes.warnings, axes.orientation
     )
+
+
+def dots_seen(grey: Grey) -> tuple[int, int] | None:
+    """Return the numbers of dots along both directions of a lattice of round dots, or None."""
+    found = _Dots.in_image(grey, grey.size)
+    if (
+        found is None
+        or np.count_nonzero(sound := found.sound()) < _FEWEST
+        or not found.are_round(grey, sound)
+    ):
+        return None
+    first, second = (int(count) for count in np.ptp(found.index, axis=0) + 1)
+    return (first, second) if len(found.index) >= _FILLED * first * second else None
 
 
 def _axes_and_spans(
@@ -227,8 +249,10 @@ def _cell_px2(shape: LatticeShape, index: Float) -> Float:
     return area
 
 
-def _refusal(source: str, dots: tuple[int, int], got: str) -> CalibrationError:
-    return CalibrationError(
+def _refusal(
+    source: str, dots: tuple[int, int], got: str, kind: type[CalibrationError] = CalibrationError
+) -> CalibrationError:
+    return kind(
         source,
         "find dots",
         f"{dots[0]} × {dots[1]} dots, at least {_SUFFICIENT:.0%} of them, or a plate with three hollow dots",

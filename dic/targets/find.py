@@ -1,15 +1,20 @@
 """The kinds of calibration targets, and the function `find_target` that finds any of them in an image."""
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dic.errors import CalibrationError, Check, require_all, require_kind
 from dic.image.given import grey_image, name_of
 from dic.targets.axes import XAxis
+from dic.targets.not_seen import TargetNotSeen
 from dic.targets.points import GridPoints
 from dic.targets.region import Region, cropped
-from dic.typing import ImageLike
+from dic.typing import Grey, ImageLike
+
+if TYPE_CHECKING:
+    from dic.targets.seen import SeenTarget
 
 _FEWEST, _FEWEST_WITH_MARKERS = 5, 3
 _PITCHES_MM = (1e-6, 1e6)
@@ -135,7 +140,8 @@ def find_target(
     CalibrationError
         If the target or too many of its points are not found. At least 90 % of the points of a line grid or a
         dot target must be found, and half of the corners of a ChArUco board. All corners of a checkerboard
-        must be in view. Of a plate with three hollow dots, half of the dots in the picture suffice.
+        must be in view. Of a plate with three hollow dots, half of the dots in the picture suffice. If the
+        image shows another target, the message names it.
     """
     spec = LineGridTarget() if spec is None else spec
     require_kind("target", spec, Target, "give dic.LineGridTarget((21, 21), pitch_mm=0.5)")
@@ -156,6 +162,15 @@ def find_target(
             f"--origin-px with {type(spec).__name__}",
             "leave out --origin-px",
         )
+    try:
+        return _found_by_kind(grey, spec, source, x_axis, origin_px)
+    except TargetNotSeen as refusal:
+        raise _naming_what_is_seen(refusal, grey, spec) from None
+
+
+def _found_by_kind(
+    grey: Grey, spec: Target, source: str, x_axis: XAxis, origin_px: tuple[float, float] | None
+) -> GridPoints:
     if isinstance(spec, LineGridTarget):
         from dic.targets.line_grid.find import find_grid
 
@@ -172,6 +187,32 @@ def find_target(
     from dic.targets.dots import find_dots
 
     return find_dots(grey, spec.dots, spec.pitch_mm, source, x_axis)
+
+
+def _naming_what_is_seen(refusal: TargetNotSeen, grey: Grey, spec: Target) -> CalibrationError:
+    """Return the error of a finder, with the other target that the image shows, if there is one."""
+    from dic.targets.seen import target_seen
+
+    got, remedy = refusal.got, refusal.remedy
+    seen = target_seen(grey)
+    if seen is not None and not _describes(spec, seen):
+        got = f"{got}, but {seen}"
+        remedy = f"for that target give {seen.options}, otherwise {remedy}"
+    return CalibrationError(refusal.source, refusal.step, refusal.expected, got, remedy)
+
+
+def _describes(spec: Target, seen: "SeenTarget") -> bool:
+    """Return True if the target that was seen is of the given kind and size."""
+    if isinstance(spec, CharucoTarget):
+        family = seen.dictionary.rpartition("_")[0]
+        return bool(family) and spec.dictionary.startswith(family) and seen.counts == tuple(spec.squares)
+    if isinstance(spec, CheckerboardTarget):
+        unit, counts = "squares", spec.squares
+    elif isinstance(spec, DotTarget):
+        unit, counts = "dots", spec.dots
+    else:
+        unit, counts = "lines", spec.lines
+    return seen.unit == unit and not seen.dictionary and sorted(seen.counts) == sorted(counts)
 
 
 def require_possible(spec: Target, source: str) -> None:

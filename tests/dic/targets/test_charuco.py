@@ -32,7 +32,7 @@ def test_boards_drawn_by_older_versions_of_opencv_are_found(rows: int) -> None:
 def test_markers_of_another_dictionary_are_named() -> None:
     view = View.of(charuco(CharucoTarget((5, 6), 1.5, 1.1, "DICT_6X6_250")), size_px=(480, 480))
 
-    with pytest.raises(CalibrationError, match="got markers of another dictionary, DICT_6X6_50 to _1000"):
+    with pytest.raises(CalibrationError, match=r"but a ChArUco board .* with markers of DICT_6X6_50;"):
         find_target(view.image(), CharucoTarget((5, 6), 1.5, 1.1, "DICT_4X4_50"))
 
 

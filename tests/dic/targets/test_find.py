@@ -129,7 +129,9 @@ def test_what_is_not_the_target_is_refused(target: Target, picture: str) -> None
 
 
 def test_the_cells_of_a_line_grid_are_not_taken_for_dots() -> None:
-    with pytest.raises(CalibrationError, match="got regions that are not round"):
+    with pytest.raises(
+        CalibrationError, match=r"got regions that are not round.*, but a line grid of 21 × 21 lines"
+    ):
         find_target(seen(LineGrid(), roll_deg=8.0)[0], DotTarget((20, 20), 0.5))
 
 

@@ -1,0 +1,148 @@
+"""Name the target that an image really shows, for the error message of a finder that did not find its own.
+
+The search takes little time, because it uses a reduced image: it counts lines, squares and dots, and does not
+measure them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.targets.charuco import fit_one_plane, markers_seen
+from dic.targets.checkerboard import squares_seen
+from dic.targets.dots import dots_seen
+from dic.targets.line_grid.find import lines_seen
+from dic.targets.sampled_image import as_bytes
+from dic.typing import Float, Grey, Indices
+
+# The image is reduced to at most about this number of pixels.
+_ENOUGH_PX2 = 1_000_000
+# Families of marker dictionaries, the numbers of markers in the dictionaries of a family, and the number of
+# markers in the dictionary that is searched first.
+_FAMILIES = tuple(f"DICT_{side}X{side}" for side in (4, 5, 6, 7))
+_SIZES, _SEARCHED = (50, 100, 250, 1000), 250
+_OTHER_DICTIONARIES = ("DICT_ARUCO_ORIGINAL", "DICT_APRILTAG_36h11")
+# Smallest number of markers of a board, smallest share of the markers that must fit the board, largest number
+# of columns that is tried, and the side of a marker, in pitches, that is usual and assumed.
+_FEWEST_MARKERS, _FITTING, _MOST_COLUMNS, _MARKER_SIDE = 4, 0.8, 40, 0.75
+
+
+@dataclass(frozen=True)
+class SeenTarget:
+    """A target that an image shows.
+
+    Attributes
+    ----------
+    kind : str
+        What the target is, such as "a checkerboard".
+    unit : str
+        What its numbers count, and the name of the option that takes them: "lines", "squares" or "dots".
+    counts : tuple of int
+        Numbers of lines, squares or dots along both directions.
+    dictionary : str
+        Smallest of OpenCV's dictionaries that has all markers of a ChArUco board; empty for other targets.
+    """
+
+    kind: str
+    unit: str
+    counts: tuple[int, int]
+    dictionary: str = ""
+
+    def __str__(self) -> str:
+        first, second = self.counts
+        numbers = f"{self.kind} of {first} × {second} {self.unit}"
+        return f"{numbers} with markers of {self.dictionary}" if self.dictionary else numbers
+
+    @property
+    def options(self) -> str:
+        """The options of the commands that describe the target, except for its lengths in mm."""
+        numbers = f"--{self.unit} {self.counts[0]}x{self.counts[1]}"
+        return f"{numbers} --marker-mm … --dictionary {self.dictionary}" if self.dictionary else numbers
+
+
+def target_seen(grey: Grey) -> SeenTarget | None:
+    """Return the target that the image (height, width) shows, or None.
+
+    A ChArUco board is also a checkerboard, and the squares of a checkerboard are the cells of a lattice. The
+    kinds of targets are therefore tried in this order: ChArUco board, checkerboard, line grid, dots.
+    """
+    import cv2
+
+    scale = min(1.0, float(np.sqrt(_ENOUGH_PX2 / grey.size)))
+    if scale < 1:
+        grey = np.asarray(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
+    image = as_bytes(grey)
+    board = _board_seen(image)
+    if board is not None:
+        return board
+    for kind, unit, counts in (
+        ("a checkerboard", "squares", squares_seen(image)),
+        ("a line grid", "lines", lines_seen(grey)),
+        ("a lattice", "dots", dots_seen(grey)),
+    ):
+        if counts is not None:
+            return SeenTarget(kind, unit, counts)
+    return None
+
+
+def _board_seen(image: NDArray[np.uint8]) -> SeenTarget | None:
+    """Return the ChArUco board that an 8-bit image shows, of any dictionary and size, or None."""
+    # A search takes the longer, the more markers the dictionary has.
+    searched = (*(f"{family}_{_SEARCHED}" for family in _FAMILIES), *_OTHER_DICTIONARIES)
+    found = {name: markers_seen(image, name) for name in searched}
+    name = max(found, key=lambda each: len(found[each][0]))
+    number, corners = found[name]
+    family = name.rpartition("_")[0]
+    if family in _FAMILIES and len(number) >= _FEWEST_MARKERS:
+        number, corners = markers_seen(image, f"{family}_{_SIZES[-1]}")
+    squares = _squares_of_board(number, corners)
+    if squares is None:
+        return None
+    if family in _FAMILIES:
+        name = f"{family}_{next(size for size in _SIZES if size > number.max())}"
+    return SeenTarget("a ChArUco board", "squares", squares, name)
+
+
+def _squares_of_board(number: Indices, corners: Float) -> tuple[int, int] | None:
+    """Return the numbers of columns and rows of the ChArUco board with the given markers, or None.
+
+    The markers are numbered row by row, so that the number of columns follows from their places. The last row
+    that is seen is taken for the last row of the board.
+
+    Parameters
+    ----------
+    number : ndarray of int64, shape (n,)
+        Numbers of the markers.
+    corners : ndarray, shape (n, 4, 2)
+        Their corners in the image, px.
+    """
+    import cv2
+
+    if len(number) < _FEWEST_MARKERS:
+        return None
+    misfits = {}
+    for columns in range(3, _MOST_COLUMNS + 1):
+        for first_is_bright in (False, True):
+            drawn, rows = _drawn(number, columns, first_is_bright)
+            to_image, _ = cv2.findHomography(drawn.reshape(-1, 2), corners.reshape(-1, 2))
+            if to_image is not None and rows >= 3:
+                there = cv2.perspectiveTransform(drawn.reshape(-1, 1, 2), to_image).reshape(-1, 4, 2)
+                away = np.linalg.norm(there - corners, axis=-1)
+                misfits[columns, rows, first_is_bright] = float(np.median(away))
+    if not misfits:
+        return None
+    columns, rows, first_is_bright = min(misfits, key=lambda each: misfits[each])
+    fits = fit_one_plane(_drawn(number, columns, first_is_bright)[0], corners)
+    return (columns, rows) if np.count_nonzero(fits) >= _FITTING * len(number) else None
+
+
+def _drawn(number: Indices, columns: int, first_is_bright: bool) -> tuple[Float, int]:
+    """Return the corners (n, 4, 2), pitches, of markers on a board with so many columns, and its rows."""
+    rows = 2 * int(number.max()) // columns + 2
+    square = np.add.outer(np.arange(rows), np.arange(columns)) % 2
+    row, column = np.nonzero(square == (0 if first_is_bright else 1))
+    middle = np.stack([column, -row], axis=-1)[number].astype(np.float64)
+    half = _MARKER_SIDE / 2
+    around = half * np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]])
+    return middle[:, None] + around, int(row[number].max()) + 1

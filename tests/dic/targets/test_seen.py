@@ -1,0 +1,80 @@
+"""What an image shows is named if it does not show the target that was asked for."""
+
+import cv2
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from dic.errors import CalibrationError
+from dic.targets.find import (
+    CharucoTarget,
+    CheckerboardTarget,
+    DotTarget,
+    LineGridTarget,
+    Target,
+    find_target,
+)
+from dic.targets.seen import target_seen
+from simulators.scene.texture import LineGrid
+from tests.dic.targets.drawings import Drawing, HollowDots, View, charuco, checkerboard, dots
+
+BOARD = CharucoTarget((8, 6), 1.2, 0.9, "DICT_4X4_100")
+OLD_BOARD = CharucoTarget((5, 6), 1.5, 0.9, "DICT_6X6_250")
+SHOWN = {
+    "checkerboard": (checkerboard((13, 11), 0.8), "a checkerboard of 13 × 11 squares"),
+    "small checkerboard": (checkerboard((5, 4), 2.0), "a checkerboard of 5 × 4 squares"),
+    "ChArUco": (charuco(BOARD), "a ChArUco board of 8 × 6 squares with markers of DICT_4X4_50"),
+    "old ChArUco": (
+        charuco(OLD_BOARD, legacy=True),
+        "a ChArUco board of 5 × 6 squares with markers of DICT_6X6_50",
+    ),
+    "line grid": (LineGrid(), "a line grid of 21 × 21 lines"),
+    "dots": (dots((13, 12), 0.8, 0.2), "a lattice of 13 × 12 dots"),
+    "plate with marks": (HollowDots((-6, -6), (6, 6), 0.8, 0.2, 0.1, (4, 4)), "a lattice of 13 × 13 dots"),
+}
+
+
+def _image(texture: Drawing | LineGrid | HollowDots) -> np.ndarray:
+    return View.of(texture, roll_deg=8.0, pan_deg=20.0).image(noise=4.0)
+
+
+@pytest.mark.parametrize("shown", SHOWN)
+def test_the_target_in_the_image_is_named_with_its_numbers(shown: str) -> None:
+    texture, name = SHOWN[shown]
+
+    assert str(target_seen(_image(texture))) == name
+
+
+@pytest.mark.parametrize(
+    ("asked", "shown", "options"),
+    [
+        (CheckerboardTarget((12, 11), 0.9), "line grid", "--lines 21x21"),
+        (CharucoTarget((10, 9), 1.0, 0.7), "dots", "--dots 13x12"),
+        (CharucoTarget((10, 9), 1.0, 0.7), "ChArUco", "--squares 8x6 --marker-mm … --dictionary DICT_4X4_50"),
+        (LineGridTarget((12, 11), 0.8), "dots", "--dots 13x12"),
+        (DotTarget((12, 10), 0.8), "checkerboard", "--squares 13x11"),
+    ],
+    ids=str,
+)
+def test_a_request_for_another_target_says_what_is_seen(asked: Target, shown: str, options: str) -> None:
+    texture, name = SHOWN[shown]
+
+    with pytest.raises(CalibrationError, match=f", but {name}; for that target give {options}, otherwise"):
+        find_target(_image(texture), asked)
+
+
+def test_a_large_image_is_named_as_well_as_a_small_one() -> None:
+    large = cv2.resize(_image(SHOWN["checkerboard"][0]), None, fx=2.5, fy=2.5, interpolation=cv2.INTER_CUBIC)
+
+    assert str(target_seen(large)) == "a checkerboard of 13 × 11 squares"
+
+
+def test_what_is_no_target_gets_no_name() -> None:
+    rng = np.random.default_rng(4)
+    stripes = 60 + 140.0 * (np.mgrid[:400, :400][0] % 20 > 3)
+    pictures = [np.full((300, 300), 128.0), rng.normal(128, 30, (400, 400)), stripes]
+    for width_px in (1.5, 3.0, 6.0):
+        speckle = gaussian_filter(rng.normal(size=(500, 500)), width_px)
+        pictures.append(128 + 50 * speckle / speckle.std())
+
+    assert [target_seen(picture.astype(np.float32)) for picture in pictures] == [None] * len(pictures)
