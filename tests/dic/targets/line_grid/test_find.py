@@ -221,6 +221,30 @@ def test_dots_are_not_taken_for_the_cells_between_lines(
             find_grid(image, lines, 0.8)
 
 
+@pytest.mark.long
+def test_dots_and_cells_are_told_apart_from_any_side(draw_grid: Draw) -> None:
+    """0 to 45° off-axis, blur up to half of a dot's radius, noise up to 6: dots of 3 to 26 px, any lines."""
+    rng = np.random.default_rng(7)
+    for number in range(60):
+        view = {"pan_deg": rng.uniform(-45, 45), "roll_deg": rng.uniform(-45, 45)}
+        px_per_mm, radius_mm = rng.uniform(14, 40), rng.uniform(0.12, 0.32)
+        side = round(14.5 * px_per_mm)
+        seen = View.of(dots((13, 12), 0.8, radius_mm), size_px=(side, side), focal_px=40 * px_per_mm, **view)
+        blur_px = min(rng.uniform(0.5, 1.6), 0.5 * radius_mm * px_per_mm)
+        with pytest.raises(CalibrationError, match=r"got (round areas|cells) without lines|got no line grid"):
+            find_grid(seen.image(6.0, blur_px, number), (12, 11), 0.8)
+        grid = draw_grid(
+            number,
+            **view,
+            line_mm=rng.uniform(0.03, 0.2),
+            blur_px=rng.uniform(0.5, 1.6),
+            noise=float(rng.choice([2, 6])),
+            focal_px=rng.uniform(950, 1150),
+            dark_lines=bool(number % 2),
+        )
+        assert find_grid(grid.image).found >= 400, (number, view)
+
+
 @pytest.mark.parametrize(("lines", "pitch_mm"), [((3, 21), 0.5), ((21, 21), 0.0), ((21, 21), float("nan"))])
 def test_an_impossible_grid_is_refused_before_looking(lines: tuple[int, int], pitch_mm: float) -> None:
     with pytest.raises(CalibrationError, match=r"such as --lines 21x21 and --pitch-mm 0\.5"):
