@@ -129,7 +129,7 @@ def _detected(image: NDArray[np.uint8], lines: tuple[int, int], thorough: bool =
             px = (np.asarray(corners, np.float64).reshape(lines[1], lines[0], 2) + 0.5) / scale - 0.5
             # From here on, the first index is the column.
             px = px.transpose(1, 0, 2)
-            if _colours_alternate(image, px):
+            if _colours_alternate(image, px) and not _continues(image, px):
                 return px
     return None
 
@@ -149,15 +149,7 @@ def _colours_alternate(image: NDArray[np.uint8], px: Float) -> bool:
     The detector sometimes takes the ends of the squares at the rim of the board for a row of corners. On the
     far side of such a row there are no squares.
     """
-    around = np.pad(px, ((1, 1), (1, 1), (0, 0)), mode="reflect", reflect_type="odd")
-    centre = (around[:-1, :-1] + around[1:, :-1] + around[:-1, 1:] + around[1:, 1:]) / 4
-    column, row = np.rint(centre).astype(int).transpose(2, 0, 1)
-    height, width = image.shape
-    inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
-    level = image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)].astype(np.float64)
-    # The picture's edge may cut the outer squares; NaN marks squares that cannot be seen.
-    level[~inside] = np.nan
-    sign = np.where(np.add.outer(np.arange(level.shape[0]), np.arange(level.shape[1])) % 2 == 0, 1.0, -1.0)
+    level, sign = _levels_of_squares(image, px, 1)
     # The difference between a square and its neighbours across one corner, in one direction.
     steps = (sign[1:] * (level[1:] - level[:-1]), sign[:, 1:] * (level[:, 1:] - level[:, :-1]))
     every = np.concatenate([step.ravel() for step in steps])
@@ -165,6 +157,40 @@ def _colours_alternate(image: NDArray[np.uint8], px: Float) -> bool:
     parts = (*steps, steps[0][0], steps[0][-1], steps[1][:, 0], steps[1][:, -1])
     seen = [part[np.isfinite(part)] for part in parts]
     return all(not len(part) or float((right * part > 0.2 * usual).mean()) > _ALTERNATING for part in seen)
+
+
+def _continues(image: NDArray[np.uint8], px: Float) -> bool:
+    """Return True if the board goes on beyond the squares around the corners (columns, rows, 2), px.
+
+    The detector sometimes finds a part of a board that is larger than the given one.
+    """
+    level, sign = _levels_of_squares(image, px, 2)
+    whole, even = level[2:-2, 2:-2], sign[2:-2, 2:-2] > 0
+    contrast = float(whole[even].mean() - whole[~even].mean())
+    ends = [0, -1]
+    for side, signs in zip((*level[ends], *level.T[ends]), (*sign[ends], *sign.T[ends]), strict=True):
+        steps = (signs[1:-2] * (side[1:-2] - side[2:-1])) / contrast
+        seen = steps[np.isfinite(steps)]
+        if len(seen) > len(steps) / 2 and float((seen > 0.4).mean()) > _ALTERNATING:
+            return True
+    return False
+
+
+def _levels_of_squares(image: NDArray[np.uint8], px: Float, rings: int) -> tuple[Float, Float]:
+    """Return the grey levels of the squares around all corners (columns, rows, 2), px, and their signs.
+
+    `rings` rings of squares outside the corners are included. The signs alternate. NaN marks squares that the
+    picture's edge cuts.
+    """
+    around = np.pad(px, ((rings, rings), (rings, rings), (0, 0)), mode="reflect", reflect_type="odd")
+    centre = (around[:-1, :-1] + around[1:, :-1] + around[:-1, 1:] + around[1:, 1:]) / 4
+    column, row = np.rint(centre).astype(int).transpose(2, 0, 1)
+    height, width = image.shape
+    inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
+    level = image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)].astype(np.float64)
+    level[~inside] = np.nan
+    sign = np.where(np.add.outer(np.arange(level.shape[0]), np.arange(level.shape[1])) % 2 == 0, 1.0, -1.0)
+    return level, sign
 
 
 def _refusal(

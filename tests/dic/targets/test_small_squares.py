@@ -75,6 +75,18 @@ def test_the_ends_of_the_squares_at_the_rim_are_no_corners() -> None:
     assert np.abs(cut.uv_px + np.array([95, 60]) - grid.uv_px).max() < 0.2
 
 
+def test_a_part_of_a_larger_board_is_not_taken_for_the_board(monkeypatch: pytest.MonkeyPatch) -> None:
+    """OpenCV's finder sometimes finds 12 × 11 of the 13 × 11 squares of a board."""
+    view = View.of(checkerboard((13, 11), 0.8), -12.0, (500, 430), 1350.0, pan_deg=10.0)
+    image = view.image()
+    part_mm = np.stack(np.meshgrid(np.arange(11) - 5.5, 4.5 - np.arange(10)), axis=-1).reshape(-1, 2) * 0.8
+    part_px = view.project(part_mm).astype(np.float32)[:, None]
+    monkeypatch.setattr(cv2, "findChessboardCornersSB", lambda image, lines, flags: (True, part_px))
+
+    with pytest.raises(CalibrationError, match="no such board, but a checkerboard of 13 × 11 squares"):
+        find_target(image, CheckerboardTarget((12, 11), 0.8))
+
+
 @pytest.mark.long
 def test_no_board_that_opencv_finds_is_lost() -> None:
     found, by_opencv, better = _compare(60, seed=5)
