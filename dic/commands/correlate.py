@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     )
     from dic.commands.series_record import SeriesRecord
     from dic.pipeline.series_files import SeriesOutputs
+    from dic.pipeline.series_maps import SeriesMaps
 
 _FILE = click.Path(path_type=Path)
 _UNCORRECTED = (
@@ -79,9 +80,9 @@ def correlate(
     from dic import Series, SeriesImage, load_calibration, measure_series, read_image, write_region
     from dic.commands.series_record import SeriesRecord
     from dic.pipeline.series_files import SeriesOutputs
+    from dic.pipeline.series_maps import SeriesMaps
     from dic.pipeline.series_sources import SeriesSources
     from dic.shell.console import fail, say
-    from dic.shell.progress import progress
 
     settings, how, _, known, _, drawn = all_of(
         correlation.settings,
@@ -89,7 +90,7 @@ def correlate(
         start.check,
         motion.read,
         motion.require_rotation,
-        outputs.maps.settings,
+        lambda: outputs.maps.settings(calibrated=calibration_file is not None),
     )
     sources = SeriesSources.of(reference, deformed or None)
     files = outputs.files(sources.images)
@@ -116,22 +117,22 @@ def correlate(
         calibrated=calibration is not None,
         keep_corrections=outputs.output is not None,
     )
-    with SeriesOutputs(image, settings, files, drawn, decimal_comma=outputs.decimal_comma) as results:
-        try:
-            _measure(measured, record, results, sources.images, rotation=known.kind == "rigid")
-            alignment = record.finish(calibration, known, results.rewrite)
-        finally:
-            results.write_table(record.rows)
-        results.write_corrections(record.corrections)
-        if results.maps.pictures_left:
-            with progress("drawing", results.maps.pictures_left) as bar:
-                results.maps.draw(bar.advance)
-    if outputs.json_file is not None:
-        set_up = _set_up(calibration, known, alignment)
-        if series.specimen is not None:
-            set_up["specimen"] = series.specimen.as_dict()
-        _write_json(outputs.json_file, sources.reference, record, settings, set_up)
-    motion.save(alignment)
+    with SeriesMaps(image, files.pictures, drawn) as maps:
+        with SeriesOutputs(settings, files, maps, decimal_comma=outputs.decimal_comma) as results:
+            try:
+                _measure(measured, record, results, sources.images, rotation=known.kind == "rigid")
+                alignment = record.finish(calibration, known, results.rewrite)
+            finally:
+                results.write_table(record.rows)
+            results.write_corrections(record.corrections)
+        if outputs.json_file is not None:
+            set_up = _set_up(calibration, known, alignment)
+            if series.specimen is not None:
+                set_up["specimen"] = series.specimen.as_dict()
+            _write_json(outputs.json_file, sources.reference, record, settings, set_up)
+        motion.save(alignment)
+        # Pictures come last: they can be made again from what is written by now.
+        _draw(maps)
     for sentence in record.bad:
         fail(sentence)
     click.get_current_context().exit(2 if record.failures else 1 if record.bad else 0)
@@ -160,6 +161,15 @@ def _measure(
                 rest = f"stopped by a signal, {left}"
                 record.fail(str(files[number]), rest, "; those before it are kept")
                 break
+
+
+def _draw(maps: "SeriesMaps") -> None:
+    """Draw the pictures that have waited for the scale of the whole series."""
+    from dic.shell.progress import progress
+
+    if maps.pictures_left:
+        with progress("drawing", maps.pictures_left) as bar:
+            maps.draw(bar.advance)
 
 
 def _gauge(

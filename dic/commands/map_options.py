@@ -32,10 +32,10 @@ class MapOptions:
     dpi: int
     sheets: tuple[str, ...]
 
-    def settings(self) -> "MapSettings":
-        """Return the options as `MapSettings`."""
+    def settings(self, *, calibrated: bool) -> "MapSettings":
+        """Return the options as `MapSettings`; `calibrated` if there is a calibration for axes in mm."""
         parts = self._settings, self._limits, self._require_format, self.contact_sheets
-        settings, limits, _, _ = all_of(*parts)
+        settings, limits, _, _, _ = all_of(*parts, lambda: self._require_calibration(calibrated))
         complete: MapSettings = replace(settings, limits=limits)
         return complete
 
@@ -57,16 +57,27 @@ class MapOptions:
         found = {}
         for text in self.sheets:
             quantity, _, file = text.partition("=")
-            if quantity not in _DEFAULT_QUANTITIES.split(",") or not file:
+            known = quantity in _DEFAULT_QUANTITIES.split(",") and quantity not in found
+            if not known or Path(file).suffix.lstrip(".") not in FORMATS:
                 raise CorrelationError(
                     "settings",
                     "contact sheet",
-                    f"QUANTITY=FILE with one of {_DEFAULT_QUANTITIES}",
+                    f"QUANTITY=FILE, each of {_DEFAULT_QUANTITIES} at most once, as {', '.join(FORMATS)}",
                     text,
                     "give for example --contact-sheet eyy=sheet.png",
                 )
             found[quantity] = Path(file)
         return found
+
+    def _require_calibration(self, calibrated: bool) -> None:
+        if self.axes == "mm" and not calibrated:
+            raise CorrelationError(
+                "settings",
+                "axes of maps",
+                "a calibration for axes in mm",
+                "none",
+                "give --calibration FILE, or --map-axes px",
+            )
 
     def _limits(self) -> dict[str, tuple[float, float]]:
         limits = {}

@@ -85,7 +85,7 @@ class RegionOptions:
 
     def files(self) -> list[Path | None]:
         """Return the paths of the mask image (or None) and of the polygon files that `read` reads."""
-        return [self.roi, *(path for path in map(Path, self.polygons) if path.is_file())]
+        return [self.roi, *(Path(text) for text in self.polygons if _is_file(text))]
 
     def outputs(self) -> "tuple[Path, ...]":
         """Return the paths of the files that `--write-mask` asks for."""
@@ -98,6 +98,14 @@ class RegionOptions:
         from dic import read_region
 
         return read_region(self.roi, self.polygons, shape)
+
+
+def _is_file(text: str) -> bool:
+    """Return True if a text names a file; a typed polygon may be longer than any name."""
+    try:
+        return Path(text).is_file()
+    except OSError:
+        return False
 
 
 region_options = option_group(

@@ -43,9 +43,14 @@ class SeriesRecord:
         self.summaries: list[dict[str, Any]] = []
         self.failures: list[dict[str, str]] = []
         self.bad: list[str] = []
-        self.rows: list[dict[str, Any]] = []
+        self._rows: list[tuple[dict[str, Any], str | None]] = []
         self.corrections: list[Correction] = []
         self._waiting: list[MeasuredImage] = []
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """The results of all images for `dic.write_strain_table`, with the problem of each image or None."""
+        return [row | {"error": problem} for row, problem in self._rows]
 
     def add(self, image: "MeasuredImage", *, rotation: bool) -> None:
         """Add a measured image to the record, and print its result.
@@ -62,7 +67,7 @@ class SeriesRecord:
         if rotation:
             self._waiting.append(image)
         self.summaries.append(summary)
-        self.rows.append(summary)
+        self._rows.append((summary, measurement.objection))
         self._say(image_lines(self._table, summary, first=len(self.summaries) == 1))
         if measurement.objection is not None:
             self.bad.append(f"{image.label}: measured, but {measurement.objection}")
@@ -71,7 +76,7 @@ class SeriesRecord:
         """Add an image that could not be measured to the record, and print the reason."""
         failure = {"file": label, "error": error}
         self.failures.append(failure)
-        self.rows.append(failure)
+        self._rows.append((failure, error))
         fail((error if label in error else f"{label}: {error}") + consequence)
 
     def finish(

@@ -1,6 +1,6 @@
 """The layout of a page of maps, in millimetres: every picture has the width that the user asks for."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 MM_PER_IN = 25.4
@@ -10,6 +10,8 @@ _PANEL_TITLE_MM = 4.5
 _BAR_MM, _BAR_GAP_MM, _BAR_TEXT_MM = 2.5, 1.2, 9.5
 _TICKS_LEFT_MM, _TICKS_BELOW_MM = 10.0, 8.5
 _MARGIN_MM = 1.5
+_LEAST_AXES_MM = 22.0
+"""Width that the numbers below an axis need."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,13 @@ class Layout:
     def _row_mm(self) -> float:
         below = _TICKS_BELOW_MM if self.ticks else _MARGIN_MM
         return _PANEL_TITLE_MM + self._axes_mm[1] + below
+
+    def readable(self) -> "Layout":
+        """Return the layout with as many panels in a row as have room for their axes, at least one."""
+        layout = self
+        while layout.columns > 1 and layout._axes_mm[0] < _LEAST_AXES_MM:
+            layout = replace(layout, columns=layout.columns - 1)
+        return layout
 
     @property
     def rows(self) -> int:

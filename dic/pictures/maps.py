@@ -70,7 +70,7 @@ def draw_maps(maps: Maps, image: NDArray[Any], title: str, settings: MapSettings
     number = len(maps.panels)
     columns = min(number, 5 if background.aspect >= 1.0 else 3)
     ticks = maps.places.unit is not None
-    layout = Layout(number, columns, settings.width_mm, background.aspect, ticks, bool(title))
+    layout = Layout(number, columns, settings.width_mm, background.aspect, ticks, bool(title)).readable()
     figure = layout.new_figure()
     if title:
         figure.suptitle(title, fontsize=FONT_PT + 2, y=1 - 1.0 / layout.height_mm, va="top")

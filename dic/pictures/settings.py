@@ -27,6 +27,8 @@ AXES = ("auto", "mm", "px", "off")
 SCALES = ("series", "image")
 _WIDTHS_MM = (20.0, 2000.0)
 _DPI = (20, 1200)
+_MOST_WIDTH_PX = 12_000
+"""A wider picture takes gigabytes of memory while it is drawn."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,14 @@ class MapSettings:
                 f"{_DPI[0]} to {_DPI[1]} points per inch",
                 self.dpi,
                 "give 150 for a screen, 300 for print",
+            ),
+            (
+                not (is_number(self.width_mm) and is_number(self.dpi))
+                or self.width_mm / 25.4 * self.dpi <= _MOST_WIDTH_PX,
+                "width and resolution of maps",
+                f"at most {_MOST_WIDTH_PX} px together",
+                f"{self.width_mm} mm at {self.dpi} points per inch",
+                "give a smaller width or resolution, such as 250 mm at 300",
             ),
             *(_limits(quantity, ends) for quantity, ends in self.limits.items()),
         ]

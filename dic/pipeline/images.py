@@ -110,7 +110,7 @@ def _sources(
     several = None if images is None else one_by_one(images)
     if isinstance(reference, str | Path):
         if several is None or (isinstance(several, list | tuple) and only_paths(several)):
-            found = SeriesSources.of(reference, several)
+            found = SeriesSources.of(reference, several, in_order=True)
             return found.reference, found.images
         reference = list_images(reference)[0]
     if several is None:

@@ -8,14 +8,12 @@ from typing import Any, Self
 from dic.correlation.settings import CorrelationSettings
 from dic.image.pages import split_page
 from dic.out_of_plane.correction import Correction
-from dic.pictures.settings import MapSettings
 from dic.pipeline.series_maps import MapFiles, SeriesMaps
 from dic.pipeline.series_result import MeasuredImage
 from dic.results.csv import write_csv
 from dic.results.strain_table import STRAIN_FILE, write_strain_table
 from dic.results.writer import ResultWriter
 from dic.strain.measurement import Measurement
-from dic.typing import Grey
 
 
 class SeriesFiles:
@@ -58,26 +56,23 @@ class SeriesOutputs:
 
     def __init__(
         self,
-        reference: Grey,
         settings: CorrelationSettings,
         files: SeriesFiles,
-        how: MapSettings | None = None,
+        maps: SeriesMaps,
         *,
         decimal_comma: bool = False,
     ) -> None:
         self._settings, self._files, self._decimal_comma = settings, files, decimal_comma
         self._writer = None if files.output is None else ResultWriter(files.output)
-        self.maps = SeriesMaps(reference, files.pictures, how or MapSettings())
+        self._maps = maps
         self._numbers: list[int] = []
 
     def __enter__(self) -> Self:
-        self.maps.__enter__()
         if self._writer is not None:
             self._writer.__enter__()
         return self
 
     def __exit__(self, *error: Any) -> None:
-        self.maps.__exit__(*error)
         if self._writer is not None:
             self._writer.__exit__(*error)
 
@@ -87,17 +82,21 @@ class SeriesOutputs:
         if self._writer is not None:
             self._writer.add("series", measurement)
         self._write_points(number, measurement, correction)
-        name = Path(measurement.label).name
-        title = f"{name}, subset {self._settings.subset_px} px, step {self._settings.step_px} px"
-        self.maps.add(number, title, measurement, correction)
+        self._add_maps(number, measurement, correction)
 
     def rewrite(self, place: int, image: MeasuredImage) -> None:
-        """Replace the image with the index `place` among those written; maps stay as they are."""
+        """Replace the image with the index `place` among those written."""
         if image.measurement is None:
             return
         if self._writer is not None:
             self._writer.add("series", image.measurement, place)
         self._write_points(self._numbers[place], image.measurement, image.correction)
+        self._add_maps(self._numbers[place], image.measurement, image.correction)
+
+    def _add_maps(self, number: int, measurement: Measurement, correction: Correction | None) -> None:
+        name = Path(measurement.label).name
+        title = f"{name}, subset {self._settings.subset_px} px, step {self._settings.step_px} px"
+        self._maps.add(number, title, measurement, correction)
 
     def write_table(self, rows: Sequence[Mapping[str, Any]]) -> None:
         """Write the table of the mean strains; `write_strain_table` describes the rows."""

@@ -64,9 +64,7 @@ class SeriesMaps:
         self._reference, self._files, self._settings = reference, files, settings
         self._small = replace(settings, quantities=tuple(files.sheets) or ("eyy",), on="reference")
         self._at_once = bool(files.maps) and settings.scale == "image"
-        self._scale: Scale = {}
-        self._small_scale: Scale = {}
-        self._number = 0
+        self._places: dict[int, int] = {}
 
     def __enter__(self) -> Self:
         self._spool: Any = tempfile.TemporaryFile()
@@ -76,7 +74,10 @@ class SeriesMaps:
         self._spool.close()
 
     def add(self, number: int, title: str, measurement: Measurement, correction: Correction | None) -> None:
-        """Add an image; `number` is its index in the series, from 0, and its label is its file."""
+        """Add an image; `number` is its index in the series, from 0, and its label is its file.
+
+        An image that is added again, for example after a correction, replaces what was added before.
+        """
         if not self._files.all():
             return
         maps, small = (maps_of(measurement, how, correction) for how in (self._settings, self._small))
@@ -84,38 +85,42 @@ class SeriesMaps:
         if self._at_once:
             self._draw_maps(waiting, scale_of([maps], self._settings))
         if self._files.sheets or not self._at_once:
+            self._places[number] = self._spool.seek(0, 2)
             pickle.dump(waiting, self._spool)
-            self._number += 1
-            if self._files.maps:
-                self._scale = widened(self._scale, maps)
-            if self._files.sheets:
-                self._small_scale = widened(self._small_scale, small)
 
     @property
     def pictures_left(self) -> int:
         """Number of pictures that `draw` will write."""
-        if not self._number:
+        if not self._places:
             return 0
-        return len(self._files.sheets) + (0 if self._at_once else len(self._files.maps) and self._number)
+        return len(self._files.sheets) + (len(self._places) if self._maps_wait else 0)
+
+    @property
+    def _maps_wait(self) -> bool:
+        return bool(self._files.maps) and not self._at_once
 
     def draw(self, on_picture: Callable[[], None] = lambda: None) -> None:
         """Write all pictures that have waited for the last image. Call `on_picture` after each."""
-        scale = finished(self._scale, self._settings)
-        shown = set(shown_of(self._number))
-        of_sheets: list[tuple[str, Maps]] = []
+        of_maps: Scale = {}
+        of_sheets: Scale = {}
+        for waiting in self._waiting():
+            of_maps, of_sheets = widened(of_maps, waiting.maps), widened(of_sheets, waiting.small)
+        shown = set(shown_of(len(self._places)))
+        small: list[tuple[str, Maps]] = []
         for index, waiting in enumerate(self._waiting()):
-            if self._files.maps and not self._at_once:
-                self._draw_maps(waiting, scale)
+            if self._maps_wait:
+                self._draw_maps(waiting, finished(of_maps, self._settings))
                 on_picture()
             if self._files.sheets and index in shown:
-                of_sheets.append((waiting.label, waiting.small))
-        for quantity, path in self._files.sheets.items() if of_sheets else ():
-            self._draw_sheet(path, [(label, small.only({quantity})) for label, small in of_sheets])
+                small.append((waiting.label, waiting.small))
+        for quantity, path in self._files.sheets.items() if small else ():
+            chosen = [(label, maps.only({quantity})) for label, maps in small]
+            self._draw_sheet(path, chosen, finished(of_sheets, self._small))
             on_picture()
 
     def _waiting(self) -> Iterator[_Waiting]:
-        self._spool.seek(0)
-        for _ in range(self._number):
+        for _, place in sorted(self._places.items()):
+            self._spool.seek(place)
             yield pickle.load(self._spool)  # the file is this program's own, and has no name
 
     def _draw_maps(self, waiting: _Waiting, scale: Scale) -> None:
@@ -124,7 +129,6 @@ class SeriesMaps:
         figure = draw_maps(waiting.maps, image, waiting.title, settings, scale)
         write_figure(figure, self._files.maps[waiting.number], dpi=settings.dpi)
 
-    def _draw_sheet(self, path: Path, images: Sequence[tuple[str, Maps]]) -> None:
-        scale = finished(self._small_scale, self._small)
-        figure = draw_contact_sheet(images, self._reference, self._number, self._small, scale)
+    def _draw_sheet(self, path: Path, images: Sequence[tuple[str, Maps]], scale: Scale) -> None:
+        figure = draw_contact_sheet(images, self._reference, len(self._places), self._small, scale)
         write_figure(figure, path, dpi=self._settings.dpi)

@@ -34,7 +34,9 @@ class SeriesSources:
         return files_of([self.reference, *self.images])
 
     @classmethod
-    def of(cls, reference: PathLike, images: Sequence[PathLike] | None = None) -> "SeriesSources":
+    def of(
+        cls, reference: PathLike, images: Sequence[PathLike] | None = None, *, in_order: bool = False
+    ) -> "SeriesSources":
         """Return the series that a reference and images name.
 
         Parameters
@@ -45,6 +47,9 @@ class SeriesSources:
         images : sequence of path, optional
             Files, TIFF files of several pages, folders and patterns. Default: the other images of
             `reference`.
+        in_order : bool
+            True if the images keep the order in which they are given. By default single files are put into
+            the order of the numbers in their names, because a shell sorts them differently.
 
         Raises
         ------
@@ -59,7 +64,7 @@ class SeriesSources:
                 return cls(first, others, notes)
             expected, remedy = "images of the deformed specimen", "name them, or a folder or stack"
             raise CorrelationError(str(reference), "list images", expected, "none", remedy)
-        listed = list_images(*images)
+        listed = list(expanded(images)) if in_order else list_images(*images)
         given = [Path(image) for image in images]
         kept = [path for path in listed if path in given or not _same(path, first)]
         if len(kept) < len(listed):

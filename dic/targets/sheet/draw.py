@@ -21,6 +21,9 @@ _TICKS_MM = ((10, 3.0), (5, 2.2), (1, 1.4))
 _SUFFIXES = (".pdf", ".png", ".svg")
 _DPI = (72.0, 2400.0)
 _MOST_PX = 400_000_000
+_LONGEST_MM = 2000.0
+"""Longer sheets are printed by no plotter."""
+_FEWEST_LINES = 4
 
 
 def draw_target(target: Target, path: PathLike, dpi: float = 600.0) -> tuple[float, float]:
@@ -54,6 +57,7 @@ def draw_target(target: Target, path: PathLike, dpi: float = 600.0) -> tuple[flo
     """
     require_kind("target", target, Target, "give dic.DotTarget((14, 10), pitch_mm=5)")
     require_possible(target, "target")
+    _require_drawable(target)
     suffix = Path(path).suffix.lower()
     if suffix not in _SUFFIXES:
         expected, got = f"a file whose name ends in {', '.join(_SUFFIXES)}", f"{Path(path).name!r}"
@@ -69,6 +73,23 @@ def draw_target(target: Target, path: PathLike, dpi: float = 600.0) -> tuple[flo
         raise CalibrationError("target", "draw", f"at most {_MOST_PX / 1e6:.0f} million pixels", got, remedy)
     write_figure(_figure(target, shapes, sheet_mm, dpi), path, dpi, suffix[1:])
     return sheet_mm
+
+
+def _require_drawable(target: Target) -> None:
+    """Raise an error if the target is longer than any sheet, or has too few lines to be found again."""
+    counts = (
+        target.lines
+        if isinstance(target, LineGridTarget)
+        else (target.dots if isinstance(target, DotTarget) else target.squares)
+    )
+    longest_mm = max(counts) * target.pitch_mm
+    if longest_mm > _LONGEST_MM:
+        remedy = "give a smaller --pitch-mm or --count"
+        expected = f"a target of at most {_LONGEST_MM:.0f} mm"
+        raise CalibrationError("target", "draw", expected, f"{longest_mm:.0f} mm", remedy)
+    if isinstance(target, LineGridTarget) and min(counts) < _FEWEST_LINES:
+        expected, got = f"at least {_FEWEST_LINES} lines along X and along Y", f"{counts[0]} × {counts[1]}"
+        raise CalibrationError("target", "draw", expected, got, "give --count 21x21")
 
 
 def _sheet_mm(shapes: Shapes) -> tuple[float, float]:

@@ -96,6 +96,48 @@ def test_mistakes_in_options_of_maps_are_reported_together(folder, tmp_path):
     assert not (tmp_path / "maps").exists()
 
 
+def test_results_are_complete_before_pictures_are_drawn(folder, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device", "picture")
+
+    monkeypatch.setattr("dic.pipeline.series_maps.draw_maps", full)
+    words = refusal(
+        "correlate", folder / "ref.png", folder / "moved.png", "--step", 40, "-o", tmp_path / "r.h5",
+        "--json", tmp_path / "r.json", "--csv", tmp_path / "csv", "--maps", tmp_path / "maps",
+    )  # fmt: skip
+    assert "No space left" in words
+    with h5py.File(tmp_path / "r.h5") as file:
+        assert file["series/label"].shape == (1,)
+    assert (tmp_path / "r.json").is_file()
+    assert (tmp_path / "csv" / "strain.csv").is_file()
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (["--contact-sheet", "eyy=sheet.xyz"], "contact sheet: expected QUANTITY=FILE"),
+        (["--contact-sheet", "eyy=a.png", "--contact-sheet", "eyy=b.png"], "at most once"),
+        (["--maps", "m", "--map-width-mm", "2000", "--map-dpi", "1200"], "width and resolution of maps"),
+        (["--maps", "m", "--map-axes", "mm"], "expected a calibration for axes in mm"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_pictures_that_cannot_be_drawn_are_refused_before_measuring(
+    folder, options, sentence, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    words = refusal("correlate", folder / "ref.png", folder / "moved.png", *options)
+    assert sentence in words
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_polygon_may_be_longer_than_the_name_of_a_file(folder, tmp_path):
+    angles = np.linspace(0.0, 2 * np.pi, 60, endpoint=False)
+    corners = " ".join(f"{90 + 60 * np.cos(a):.4f},{80 + 55 * np.sin(a):.4f}" for a in angles)
+    assert len(corners) > 255
+    assert run_dic("correlate", folder / "ref.png", folder / "moved.png", "--polygon", corners).status == 0
+
+
 def test_a_truncated_image_is_named_and_the_others_are_kept(folder, tmp_path):
     cut = tmp_path / "cut.png"
     cut.write_bytes((folder / "moved.png").read_bytes()[:-2000])

@@ -142,6 +142,12 @@ def test_python_takes_the_same(folder):
         dic.measure_images(reference, settings=SETTINGS)
 
 
+def test_a_list_keeps_its_order_in_python(folder):
+    files = [folder / "series" / f"img{number}.png" for number in (1, 10, 2)]
+    series = dic.measure_images(folder / "series" / "img0.png", files, settings=SETTINGS)
+    assert [image.label for image in series.images] == [str(file) for file in files]
+
+
 def test_python_writes_the_table_of_strains(folder, tmp_path):
     (tmp_path / "a.png").write_bytes(b"no image")
     images = [*dic.list_images("series"), tmp_path / "a.png"]

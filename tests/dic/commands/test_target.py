@@ -22,4 +22,8 @@ def test_an_impossible_target_is_refused(tmp_path: Path) -> None:
     sheet = tmp_path / "target.pdf"
 
     assert "at least 5 along X" in refusal("target", "dots", "--count", "3x9", "--pitch-mm", 5, "-o", sheet)
+    assert "at least 4 lines" in refusal("target", "lines", "--count", "2x2", "--pitch-mm", 5, "-o", sheet)
+    assert "at least 4 lines" in refusal("target", "lines", "--count", "0x0", "--pitch-mm", 5, "-o", sheet)
+    large = refusal("target", "dots", "--count", "70x70", "--pitch-mm", 50, "-o", sheet)
+    assert "at most 2000 mm, got 3500 mm" in large
     assert not sheet.exists()

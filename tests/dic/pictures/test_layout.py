@@ -13,9 +13,10 @@ from tests.dic.report.runs import affine
 MAPS = 5
 
 
-@pytest.fixture(scope="module", params=["px", "off"])
+@pytest.fixture(scope="module", params=[("px", 250.0), ("off", 250.0), ("px", 85.0)], ids=str)
 def settings(request):
-    return dic.MapSettings(axes=request.param)
+    axes, width_mm = request.param
+    return dic.MapSettings(axes=axes, width_mm=width_mm)
 
 
 @pytest.fixture(scope="module", params=[(120, 120), (120, 300), (3000, 1000)], ids=str)

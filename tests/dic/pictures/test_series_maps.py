@@ -1,0 +1,44 @@
+"""The maps of a series: one scale for all images, and the last word on each image."""
+
+import cv2
+import numpy as np
+import pytest
+
+import dic
+from dic.pipeline.series_maps import MapFiles, SeriesMaps
+from tests.dic.pictures.fields import SHAPE, stretched
+
+GREY = np.full(SHAPE, 128.0, np.float32)
+SETTINGS = dic.MapSettings(quantities=("u",), axes="off", opacity=1.0)
+
+
+@pytest.fixture
+def pictures(tmp_path):
+    """Return a function that draws the maps of images added as (number, strain), and reads the pictures."""
+
+    def draw(*added, settings=SETTINGS):
+        files = [tmp_path / f"{number}.png" for number in range(3)]
+        with SeriesMaps(GREY, MapFiles(files, {"exx": tmp_path / "sheet.png"}), settings) as maps:
+            for number, strain in added:
+                maps.add(number, "", dic.measure(stretched(strain)), None)
+            left = maps.pictures_left
+            maps.draw()
+        drawn = [cv2.imread(str(file)) for file in files if file.exists()]
+        assert left == len(drawn) * (settings.scale == "series") + 1
+        return drawn
+
+    return draw
+
+
+def test_an_image_added_again_replaces_the_first_and_leaves_no_trace_in_the_scale(pictures):
+    plain = pictures((0, 0.001), (1, 0.002))
+    corrected = pictures((0, 0.5), (1, 0.9), (0, 0.001), (1, 0.002))
+    for one, other in zip(plain, corrected, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_equal_images_look_alike_only_on_one_scale(pictures):
+    series = pictures((0, 0.001), (1, 0.002))
+    assert (series[0] != series[1]).any()
+    own = pictures((0, 0.001), (1, 0.001), settings=dic.MapSettings(quantities=("u",), scale="image"))
+    np.testing.assert_array_equal(own[0], own[1])
