@@ -131,6 +131,20 @@ class Times:
         )
 
 
+def _wait_for_end(pid: int) -> None:
+    """Wait until a killed process, no child of this one, has ended and has given up its ports."""
+    end_s = time.monotonic() + DEADLINE_S
+    while time.monotonic() < end_s:
+        try:
+            state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+        except (FileNotFoundError, ProcessLookupError):
+            return
+        if state in "ZX":
+            return
+        time.sleep(PERIOD_S)
+    raise AssertionError(f"process {pid} does not end")
+
+
 class Bench:
     """A simulation in a process of its own, and one run after the other on it."""
 
@@ -226,12 +240,15 @@ class Bench:
         return self._wait_for_standstill(machine, began_s) < began_s + 1.5
 
     def _end(self, run: Program) -> None:
-        for pid in (guardian_of(run), run.process.pid):
+        guardian = guardian_of(run)
+        for pid in (guardian, run.process.pid):
             # either may have ended by itself meanwhile
             if pid is not None:
                 with suppress(ProcessLookupError):
                     os.kill(pid, signal.SIGKILL)
         run.process.wait(DEADLINE_S)
+        if guardian is not None:
+            _wait_for_end(guardian)
 
     def unload(self) -> None:
         """Clear all faults, and bring the machine to rest without load."""
