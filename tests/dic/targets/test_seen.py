@@ -63,6 +63,7 @@ def test_a_request_for_another_target_says_what_is_seen(asked: Target, shown: st
         find_target(_image(texture), asked)
 
 
+@pytest.mark.long
 def test_a_large_image_is_named_as_well_as_a_small_one() -> None:
     large = cv2.resize(_image(SHOWN["checkerboard"][0]), None, fx=2.5, fy=2.5, interpolation=cv2.INTER_CUBIC)
 
