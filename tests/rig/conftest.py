@@ -2,6 +2,7 @@
 
 import tomllib
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -27,7 +28,7 @@ from rig.limit_settings import RigLimits
 from rig.protocol.protocol import Protocol
 from rig.protocol.rotation import RotationProtocol
 from rig.protocol.tension import TensionProtocol
-from rig.recorder import Recorder, RunHeader
+from rig.recorder import Recorder, RunHeader, StepRecord
 from rig.recorder.header import interlock_records
 from tests.command_line import Program
 from tests.places import example
@@ -280,6 +281,26 @@ def on_frame_state() -> Callable:
         return lambda count, state: replace(state, **changes) if count >= first else state
 
     return script
+
+
+@pytest.fixture
+def at_step(monkeypatch) -> Callable[[int, Callable[[], None]], None]:
+    """`at_step(index, act)` calls `act` when that step has been handed to the recorder.
+
+    In the engine's own thread: a listener is told some moment later, when the rig may be anywhere.
+    """
+    record_step = Recorder.step
+
+    def arrange(index: int, act: Callable[[], None]) -> None:
+        def step(recorder: Recorder, record: StepRecord) -> Future[None]:
+            written = record_step(recorder, record)
+            if record.step.index == index:
+                act()
+            return written
+
+        monkeypatch.setattr(Recorder, "step", step)
+
+    return arrange
 
 
 @pytest.fixture

@@ -105,15 +105,18 @@ def continued(rig: FakeRig) -> Engine:
 
 
 def aborted(rig: FakeRig, when) -> None:
-    """Run, and abort at the first status for which `when` is true."""
-    engines = []
+    """Run, and abort at the first reading of the frame in a status for which `when` is true."""
+    engine, on_read = rig.engine(), rig.load_frame.on_read
 
-    def abort(status) -> None:
-        if status.step is not None and when(status):
-            engines[0].abort("the abort button")
+    def abort(count, state):
+        # In the engine's own thread: a listener is told some moment later.
+        if engine.status.step is not None and when(engine.status):
+            engine.abort("the abort button")
+        return on_read(count, state)
 
-    engines.append(rig.engine(on_status=[abort]))
-    assert engines[0].run().status == "aborted"
+    rig.load_frame.on_read = abort
+    assert engine.run().status == "aborted"
+    rig.load_frame.on_read = on_read
 
 
 @pytest.mark.parametrize("images", ["every_s = 30.0", "never = true"])

@@ -82,20 +82,15 @@ def test_readings_during_a_slow_camera_and_a_slow_operator_are_replayed_in_their
     identical(rig.path, tmp_path / "new.h5")
 
 
-def test_an_aborted_run_is_replayed_to_where_it_ended(tmp_path):
+def test_an_aborted_run_is_replayed_to_where_it_ended(tmp_path, at_step):
     rig = fake(tmp_path, "rotation")
-    engines = []
-
-    def abort(record):
-        if record.step.index == 5:
-            engines[0].abort("the abort button")
-
-    engines.append(rig.engine(on_step=[abort]))
-    assert engines[0].run().status == "aborted"
+    engine = rig.engine()
+    at_step(5, lambda: engine.abort("the abort button"))
+    assert engine.run().status == "aborted"
     replayed = replay_run(rig.path, tmp_path / "new.h5")
     assert replayed.outcome.status == "aborted"
     assert "the abort button" in replayed.outcome.reason
-    assert replayed.steps == len(RunFile(rig.path).steps) >= 6
+    assert replayed.steps == len(RunFile(rig.path).steps) == 6
     identical(rig.path, tmp_path / "new.h5")
 
 
