@@ -34,8 +34,12 @@ class MapOptions:
 
     def settings(self, *, calibrated: bool) -> "MapSettings":
         """Return the options as `MapSettings`; `calibrated` if there is a calibration for axes in mm."""
+        from dic import MapSettings
+
         parts = self._settings, self._limits, self._require_format, self.contact_sheets
-        settings, limits, _, _, _ = all_of(*parts, lambda: self._require_calibration(calibrated))
+        settings, limits, _, _, _ = all_of(
+            *parts, lambda: MapSettings.require_calibration(self.axes, calibrated=calibrated)
+        )
         complete: MapSettings = replace(settings, limits=limits)
         return complete
 
@@ -68,16 +72,6 @@ class MapOptions:
                 )
             found[quantity] = Path(file)
         return found
-
-    def _require_calibration(self, calibrated: bool) -> None:
-        if self.axes == "mm" and not calibrated:
-            raise CorrelationError(
-                "settings",
-                "axes of maps",
-                "a calibration for axes in mm",
-                "none",
-                "give --calibration FILE, or --map-axes px",
-            )
 
     def _limits(self) -> dict[str, tuple[float, float]]:
         limits = {}

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.correlation.field import Field
-from dic.errors import CorrelationError
 from dic.pictures.settings import MapSettings
 from dic.strain.measurement import Measurement
 from dic.typing import Float
@@ -45,17 +44,9 @@ def places_of(measurement: Measurement, settings: MapSettings) -> Places:
         If axes in mm are asked for, but there is no calibration.
     """
     corners = _cell_corners(measurement.field, deformed=settings.on == "deformed")
-    in_mm = settings.axes == "mm" or (settings.axes == "auto" and measurement.calibrated is not None)
-    if not in_mm:
+    settings.require_calibration(settings.axes, calibrated=measurement.calibrated is not None)
+    if measurement.calibrated is None or settings.axes not in ("auto", "mm"):
         return Places(corners, np.eye(3), None if settings.axes == "off" else "px")
-    if measurement.calibrated is None:
-        raise CorrelationError(
-            "settings",
-            "axes of maps",
-            "a calibration for axes in mm",
-            "none",
-            "give --calibration FILE, or --map-axes px",
-        )
     return Places(corners, _homography(measurement.field.points, measurement.calibrated.position), "mm")
 
 

@@ -115,6 +115,18 @@ class MapSettings:
         ]
         require_all(CorrelationError, "settings", checks)
 
+    @staticmethod
+    def require_calibration(axes: str, *, calibrated: bool) -> None:
+        """Raise an error if `axes` are in mm, but there is no calibration."""
+        if axes == "mm" and not calibrated:
+            raise CorrelationError(
+                "settings",
+                "axes of maps",
+                "a calibration for axes in mm",
+                "none",
+                "give --calibration FILE, or --map-axes px",
+            )
+
 
 def _one_of(name: str, value: object, known: tuple[str, ...], remedy: str) -> Check:
     return value in known, name, f"one of {', '.join(known)}", value, remedy

@@ -231,26 +231,9 @@ def measure(
     *,
     label: str = "",
 ) -> Measurement:
-    """Compute the displacements and strains of a correlated image.
+    """Do what `dic.measure` does, with the standard deviations that the images alone cause.
 
-    The standard deviations of calibrated strain are those that the images cause. `Measurement.sharing` adds
-    other errors.
-
-    Parameters
-    ----------
-    field : Field
-        The result of `Correlator.correlate` or `Series.correlate`.
-    calibration : Calibration, optional
-        Calibration of the camera, for results in millimetres. Without a calibration all results are in
-        pixels.
-    strain : StrainSettings, optional
-    label : str
-        The path of the image file, or the run's step to which the image belongs.
-
-    Raises
-    ------
-    CorrelationError
-        If an argument has the wrong type.
+    `Measurement.sharing` adds the errors that the points share.
     """
     require_kind("field", field, Field, "correlate first: dic.Correlator(reference).correlate(image)")
     require_kind("calibration", calibration, Calibration | None, "read it with dic.load_calibration(path)")

@@ -1,13 +1,12 @@
 """Pictures of maps: each map is over its part of the image, and nothing covers anything else."""
 
-from itertools import combinations
-
 import numpy as np
 import pytest
 
 import dic
 from dic.pictures.maps import draw_maps
 from dic.pictures.panels import maps_of, scale_of
+from tests.dic.pictures.boxes import assert_apart_inside
 from tests.dic.report.runs import affine
 
 MAPS = 5
@@ -53,10 +52,4 @@ def test_maps_bars_titles_and_labels_are_inside_the_figure_and_do_not_cover_each
     figure, _ = drawn
     assert len(figure.axes) == 2 * MAPS
     boxes = [axis.get_tightbbox() for axis in figure.axes] + [figure._suptitle.get_window_extent()]
-    for box in boxes:
-        assert box.x0 >= 0.0
-        assert box.y0 >= 0.0
-        assert box.x1 <= figure.bbox.x1
-        assert box.y1 <= figure.bbox.y1
-    for one, other in combinations(boxes, 2):
-        assert not one.overlaps(other)
+    assert_apart_inside(figure, boxes)

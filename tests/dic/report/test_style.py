@@ -1,10 +1,9 @@
 """The report's figures keep room for their labels and for the legend."""
 
-from itertools import combinations
-
 import pytest
 
 from dic.report.style import legend_below, new_figure, plot_style
+from tests.dic.pictures.boxes import assert_apart_inside
 
 
 @pytest.mark.parametrize("panels", [2, 3])
@@ -21,10 +20,4 @@ def test_labels_and_legend_are_inside_the_figure_and_do_not_cover_each_other(pan
         legend_below(figure, columns=3)
         FigureCanvasAgg(figure).draw()
         boxes = [axis.get_tightbbox() for axis in axes] + [figure.legends[0].get_window_extent()]
-    for box in boxes:
-        assert box.x0 >= 0.0
-        assert box.y0 >= 0.0
-        assert box.x1 <= figure.bbox.x1
-        assert box.y1 <= figure.bbox.y1
-    for one, other in combinations(boxes, 2):
-        assert not one.overlaps(other)
+    assert_apart_inside(figure, boxes)
