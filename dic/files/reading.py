@@ -34,10 +34,18 @@ class Content(Protocol):
 
 
 class FileContent:
-    """The content of an open file; a slice is read when it is asked for, so a large file needs no memory."""
+    """The content of an open file; a slice is read when it is asked for, so a large file needs no memory.
 
-    def __init__(self, file: BinaryIO, size: int) -> None:
-        self._file, self._size = file, size
+    Attributes
+    ----------
+    identity : tuple of int
+        Device, number, size and time of the last change: another file, or a changed one, differs.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        found = os.fstat(file.fileno())
+        self._file, self._size = file, found.st_size
+        self.identity = found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
 
     def __len__(self) -> int:
         return self._size
@@ -58,7 +66,7 @@ def opened(path: str | Path) -> Iterator[FileContent]:
         If the file cannot be opened, or is not a regular file.
     """
     with _regular_file(path) as file:
-        yield FileContent(file, os.fstat(file.fileno()).st_size)
+        yield FileContent(file)
 
 
 def read_bytes(path: str | Path, most_bytes: int = MOST_IMAGE_BYTES) -> bytes:

@@ -25,13 +25,25 @@ def read_netpbm(content: bytes) -> Container:
     if not 0 < brightest <= _BRIGHTEST:
         raise Damage(f"a PGM or PPM with grey levels up to {brightest}")
     channels, value_bytes = 3 if content[1:2] in b"36" else 1, 2 if brightest > 255 else 1
-    as_text = content[1:2] in b"23"
-    # The decoder takes the end of the file within the last number for an error.
-    container = Container(content + b"\n" * as_text, width, height, 8 * channels * value_bytes)
-    require_bounded(container, len(content))
+    as_text, size = content[1:2] in b"23", len(content)
+    if as_text:
+        content = _as_decoded_unscaled(content, header, value_bytes)
+    container = Container(content, width, height, 8 * channels * value_bytes)
+    require_bounded(container, size)
     values = width * height * channels
     # In text, each value has at least one digit, and a space before the next.
     needed = 2 * values - 1 if as_text else values * value_bytes
-    if len(content) - header.end() < needed:
-        raise Damage(f"a PGM or PPM that was cut off after {len(content)} bytes")
+    if size - header.end() < needed:
+        raise Damage(f"a PGM or PPM that was cut off after {size} bytes")
     return container
+
+
+def _as_decoded_unscaled(content: bytes, header: re.Match[bytes], value_bytes: int) -> bytes:
+    """Return a file of text for the decoder.
+
+    The decoder stretches levels of 8 bits in text so that the brightest one declared becomes 255, and takes
+    the end of the file within the last number for an error.
+    """
+    first, last = header.span(3)
+    brightest = b"255" if value_bytes == 1 else content[first:last]
+    return content[:first] + brightest + content[last:] + b"\n"

@@ -9,7 +9,7 @@ from pathlib import Path
 from dic.errors import ImageError
 from dic.files.reading import opened
 from dic.image.tiff_directory import SIGNATURES as TIFFS
-from dic.image.tiff_directory import page_directories
+from dic.image.tiff_directory import pages_of_file
 from dic.typing import PathLike
 
 ENDINGS = (".png", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".pnm", ".jpg", ".jpeg")
@@ -88,7 +88,7 @@ def _pages(file: Path) -> Sequence[Path]:
     """Return the names of the pages of a file; a file that cannot be read keeps its name."""
     try:
         with opened(file) as content:
-            number = len(page_directories(content)) if content[:4] in TIFFS else 1
+            number = len(pages_of_file(content)) if content[:4] in TIFFS else 1
     except (OSError, struct.error):
         number = 1
     return [file] if number == 1 else [page_name(file, page) for page in range(1, number + 1)]

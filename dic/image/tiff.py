@@ -5,7 +5,7 @@ import struct
 import zlib
 from collections.abc import Mapping, Sequence
 
-from dic.files.reading import Content
+from dic.files.reading import Content, FileContent
 from dic.image.container import Container, Damage, inflated_bytes, require_bounded
 from dic.image.tiff_directory import (
     BITS,
@@ -19,7 +19,7 @@ from dic.image.tiff_directory import (
     byte_order,
     first_directory,
     integers,
-    page_directories,
+    pages_of_file,
     read_entries,
 )
 from dic.image.tiff_page import single_page
@@ -32,7 +32,7 @@ _IMAGEJ = re.compile(rb"ImageJ=.*?^images=(\d+)", re.DOTALL | re.MULTILINE)
 Tags = Mapping[int, tuple[int, ...]]
 
 
-def read_tiff(content: Content, page: int = 1) -> Container:
+def read_tiff(content: FileContent, page: int = 1) -> Container:
     """Check a page of a TIFF file and read its tags; pages count from 1.
 
     The container holds this page alone, with only those tags that the decoder needs, because decoders print
@@ -46,7 +46,7 @@ def read_tiff(content: Content, page: int = 1) -> Container:
     struct.error
         If the file was cut off within its directory of tags.
     """
-    pages = page_directories(content)
+    pages = pages_of_file(content)
     if page > len(pages):
         raise Damage(f"a TIFF with {len(pages)} pages", f"name a page from 1 to {len(pages)}")
     entries = read_entries(content, pages[page - 1])

@@ -1,10 +1,11 @@
 """Read the directories of TIFF and BigTIFF files: their entries, and the places of all pages (TIFF 6.0)."""
 
 import struct
+from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from dic.files.reading import Content
+from dic.files.reading import Content, FileContent
 
 SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 INTEGERS = {1: "B", 3: "H", 4: "I", 16: "Q"}
@@ -28,6 +29,25 @@ class Entry(NamedTuple):
     kind: int
     number: int
     stored: bytes
+
+
+_of_files: OrderedDict[tuple[int, ...], list[int]] = OrderedDict()
+"""The pages of the files that were read last, by the identities of the files."""
+_KEPT_FILES = 8
+
+
+def pages_of_file(content: FileContent) -> list[int]:
+    """Do what `page_directories` does, once per file.
+
+    A series takes the pages of a stack one by one, and the directories of a stack are a chain: without this,
+    the time of a series would grow with the square of its number of images.
+    """
+    pages = _of_files.get(content.identity)
+    if pages is None:
+        pages = _of_files[content.identity] = page_directories(content)
+        while len(_of_files) > _KEPT_FILES:
+            _of_files.popitem(last=False)
+    return pages
 
 
 def page_directories(content: Content) -> list[int]:

@@ -94,10 +94,13 @@ def test_levels_of_pgm_and_ppm_are_read_as_stored(tmp_path, brightest, colour):
     assert np.allclose(read_image(tmp_path / "a.pgm"), expected, rtol=0, atol=1e-2)
 
 
-def test_a_pgm_of_text_is_read(tmp_path):
-    levels = NOISE.integers(0, 256, (40, 50))
-    (tmp_path / "a.pgm").write_text(f"P2 50 40 255\n{' '.join(map(str, levels.ravel()))}")
-    assert np.array_equal(read_image(tmp_path / "a.pgm"), levels)
+@pytest.mark.parametrize("brightest", [100, 255, 4095])
+@pytest.mark.parametrize("kind", ["P2", "P3"])
+def test_levels_of_a_pgm_or_ppm_of_text_are_read_as_stored(tmp_path, kind, brightest):
+    levels = NOISE.integers(0, brightest + 1, (40, 50))
+    stored = levels.ravel() if kind == "P2" else np.repeat(levels, 3)
+    (tmp_path / "a.pgm").write_text(f"{kind} 50 40 {brightest}\n{' '.join(map(str, stored))}")
+    assert np.allclose(read_image(tmp_path / "a.pgm"), levels, rtol=0, atol=1e-2)
 
 
 @pytest.mark.parametrize(

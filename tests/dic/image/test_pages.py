@@ -9,8 +9,10 @@ import pytest
 from PIL import Image
 
 from dic.errors import ImageError, ImageWarning
+from dic.image import tiff_directory
 from dic.image.pages import list_images, natural_key
 from dic.image.read import read_image
+from dic.image.tiff_directory import page_directories
 from tests.image_files import write_image
 
 
@@ -60,6 +62,22 @@ def test_every_page_of_a_stack_is_read_as_stored(tmp_path, write, depth):
     assert [path.name for path in listed] == [f"stack.tif#{page}" for page in (1, 2, 3, 4)]
     for path, image in zip(listed, images, strict=True):
         assert np.array_equal(read_image(path), image)
+
+
+def test_chain_of_pages_is_followed_once_for_a_stack_and_anew_for_a_changed_one(tmp_path, monkeypatch):
+    followed = []
+
+    def follow(content):
+        followed.append(content)
+        return page_directories(content)
+
+    monkeypatch.setattr(tiff_directory, "page_directories", follow)
+    for number in (5, 3):
+        images = pictures(number)
+        stack_by_pillow(tmp_path / "stack.tif", images)
+        for path, image in zip(list_images(tmp_path / "stack.tif"), images, strict=True):
+            assert np.array_equal(read_image(path), image)
+    assert len(followed) == 2
 
 
 def test_stack_in_the_place_of_one_image_is_said_aloud(tmp_path):
