@@ -40,6 +40,8 @@ comma_option = click.option(
     is_flag=True,
     help="Write CSV files with decimal commas, and semicolons between the cells.",
 )
+COMMA_NEEDS = {"--decimal-comma": ["--csv"]}
+"""What `comma_option` needs beside it, for `option_group`."""
 poisson_option = click.option(
     "--poisson-ratio", default=0.33, show_default=True, help="Poisson's ratio of the specimen, for bending."
 )

@@ -98,6 +98,8 @@ class MapOptions:
             )
 
 
+_OF_ALL_PICTURES = "on", "scale", "limits", "colours", "width-mm", "dpi"
+
 map_group = option_group(
     "maps",
     MapOptions,
@@ -160,4 +162,8 @@ map_group = option_group(
         metavar="QUANTITY=FILE",
         help="Picture with a small map of a quantity for each image, such as eyy=sheet.png. May be repeated.",
     ),
+    needs={
+        **{f"--map-{name}": ["--maps"] for name in ("format", "quantities", "axes")},
+        **{f"--map-{name}": ["--maps", "--contact-sheet"] for name in _OF_ALL_PICTURES},
+    },
 )

@@ -1,17 +1,22 @@
 """Groups of command-line options; each group is passed to a command as one argument."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from functools import wraps
 from typing import Any, TypeVar, cast
 
-from dic.errors import MeasurementError, joined
+import click
+from click.core import ParameterSource
+
+from dic.errors import CorrelationError, MeasurementError, joined
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 Option = Callable[[Any], Any]
 
 
-def option_group(name: str, kind: type, *options: Option) -> Callable[[Command], Command]:
+def option_group(
+    name: str, kind: type, *options: Option, needs: Mapping[str, Sequence[str]] | None = None
+) -> Callable[[Command], Command]:
     """Return a decorator that adds options to a command and passes their values as one argument.
 
     Parameters
@@ -22,12 +27,16 @@ def option_group(name: str, kind: type, *options: Option) -> Callable[[Command],
         A dataclass with one field for each option.
     *options
         Results of `click.option`, in the order of the help text.
+    needs : mapping of str to sequence of str, optional
+        For an option such as ``"--decimal-comma"`` those options without which it has no effect. If it is
+        given without any of them, the command raises an error.
     """
     names = [field.name for field in fields(kind)]
 
     def add(command: Command) -> Command:
         @wraps(command)
         def called(*arguments: Any, **values: Any) -> Any:
+            _require_effect(needs or {})
             values[name] = kind(**{own: values.pop(own) for own in names})
             return command(*arguments, **values)
 
@@ -37,6 +46,23 @@ def option_group(name: str, kind: type, *options: Option) -> Callable[[Command],
         return cast(Command, decorated)
 
     return add
+
+
+def _require_effect(needs: Mapping[str, Sequence[str]]) -> None:
+    context = click.get_current_context()
+    given = {
+        option
+        for parameter in context.command.params
+        if parameter.name and context.get_parameter_source(parameter.name) is ParameterSource.COMMANDLINE
+        for option in parameter.opts
+    }
+    idle = [option for option, partners in needs.items() if option in given and not given & set(partners)]
+    if idle:
+        partners = " or ".join(dict.fromkeys(partner for option in idle for partner in needs[option]))
+        options = ", ".join(idle)
+        raise CorrelationError(
+            "settings", options, f"{partners} beside it", "none", f"give {partners}, or leave out {options}"
+        )
 
 
 def all_of(*parts: Callable[[], Any]) -> list[Any]:

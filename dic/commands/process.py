@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dic.commands.correlation_options import (
+    COMMA_NEEDS,
     StrainOptions,
     comma_option,
     csv_option,
@@ -151,6 +152,7 @@ class OutputOptions:
     comma_option,
     click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results."),
     FORCE,
+    needs=COMMA_NEEDS,
 )
 def process(
     run: Path,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dic.commands.correlation_options import (
+    COMMA_NEEDS,
     comma_option,
     csv_option,
     hinge_mm,
@@ -286,4 +287,5 @@ output_options = option_group(
     map_group,
     click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results."),
     FORCE,
+    needs=COMMA_NEEDS,
 )

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dic.commands.target_options import COUNT
+from dic.errors import CalibrationError
 from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_places
 
@@ -47,6 +48,10 @@ def target(
     """
     from dic import draw_target
 
+    if marker_mm is not None and kind != "charuco":
+        raise CalibrationError(
+            "settings", "--marker-mm", "a target of the KIND charuco", kind, "leave out --marker-mm"
+        )
     marker = 0.75 * pitch_mm if marker_mm is None else marker_mm
     drawn, options = _described(kind, count, pitch_mm, marker, dictionary)
     require_places([], [output], force=force)

@@ -180,6 +180,15 @@ def test_an_image_of_another_size_is_refused(folder, tmp_path):
         (["ref.png", "moved.png", "--roi", "black.png"], "one uniform grey"),
         (["flat.png", "moved.png"], "texture"),
         (["ref.png", "moved.png", "--calibration", "ref.png"], "calibration"),
+        (["ref.png", "moved.png", "--decimal-comma"], "give --csv, or leave out --decimal-comma"),
+        (
+            ["ref.png", "moved.png", "--map-format", "pdf", "--contact-sheet", "eyy=a.png"],
+            "give --maps, or leave out --map-format",
+        ),
+        (
+            ["ref.png", "moved.png", "--map-on", "deformed", "--map-dpi", "300"],
+            "--map-on, --map-dpi: expected --maps or --contact-sheet beside it",
+        ),
     ],
 )
 def test_bad_input_ends_with_one_sentence_and_status_2(folder, monkeypatch, arguments, sentence):

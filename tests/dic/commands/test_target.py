@@ -24,6 +24,8 @@ def test_an_impossible_target_is_refused(tmp_path: Path) -> None:
     assert "at least 5 along X" in refusal("target", "dots", "--count", "3x9", "--pitch-mm", 5, "-o", sheet)
     assert "at least 4 lines" in refusal("target", "lines", "--count", "2x2", "--pitch-mm", 5, "-o", sheet)
     assert "at least 4 lines" in refusal("target", "lines", "--count", "0x0", "--pitch-mm", 5, "-o", sheet)
+    args = ["--count", "9x9", "--pitch-mm", 5, "--marker-mm", 3, "-o", sheet]
+    assert "--marker-mm: expected a target of the KIND charuco, got dots" in refusal("target", "dots", *args)
     large = refusal("target", "dots", "--count", "70x70", "--pitch-mm", 50, "-o", sheet)
     assert "at most 2000 mm, got 3500 mm" in large
     assert not sheet.exists()
