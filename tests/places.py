@@ -15,3 +15,10 @@ def example(name: str, *edits: tuple[str, str]) -> str:
         assert old in text
         text = text.replace(old, new)
     return text
+
+
+def small_cameras(side_px: int, focal_px: float) -> tuple[str, str]:
+    """Return the edit of a rig file that gives its simulated cameras square images of this size."""
+    driver = 'driver = "simulated-camera"\n'
+    settings = f"width_px = {side_px}\nheight_px = {side_px}\nfocal_px = {focal_px}\n"
+    return driver, driver + settings

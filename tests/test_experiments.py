@@ -67,7 +67,12 @@ def test_an_aligned_rotation_is_free_of_strain_at_30_degrees(tmp_path, increment
 
 
 @pytest.mark.parametrize(
-    ("angle_deg", "bias"), [(10, 1232), pytest.param(20, 2548, marks=pytest.mark.long), (30, 4047)]
+    ("angle_deg", "bias"),
+    [
+        pytest.param(10, 1232, marks=pytest.mark.long),
+        pytest.param(20, 2548, marks=pytest.mark.long),
+        (30, 4047),
+    ],
 )
 def test_an_axis_off_by_a_fifth_of_a_degree_gives_the_papers_bias(tmp_path, angle_deg, bias):
     # Figures of exact geometry, independent of this code: a wobble of 0.2 degrees seen at 180 degrees.

@@ -8,10 +8,8 @@ from dic.runfile.reader import RunFile
 from dic.targets.find import CharucoTarget
 from rig.run import run_protocol
 from tests.dic.targets.drawings import charuco, checkerboard, dots
-from tests.places import EXAMPLES, example
+from tests.places import example, small_cameras
 
-SMALL = ('driver = "simulated-camera"', 'driver = "simulated-camera"\nwidth_px = 560\nheight_px = 560\n')
-FOCAL = ("height_px = 560\n", "height_px = 560\nfocal_px = 1560.0\n")
 LINES = "lines_x = 21\nlines_y = 21\npitch_mm = 0.5\n"
 CHARUCO = CharucoTarget((9, 7), 1.2, 0.9, "DICT_5X5_100")
 
@@ -38,8 +36,7 @@ def test_the_target_of_the_protocol_calibrates_the_run(tmp_path, monkeypatch, ki
     protocol, rig_path, path = tmp_path / "p.toml", tmp_path / "r.toml", tmp_path / "run.h5"
     turn = ("increment_deg = 22.5", "increment_deg = 10.0"), ("total_deg = 360.0", "total_deg = 10.0")
     protocol.write_text(example("rotation", *turn, (LINES, table)))
-    rig_text = (EXAMPLES / "rig-virtual-rotation-10.toml").read_text()
-    rig_path.write_text(rig_text.replace(*SMALL).replace(*FOCAL))
+    rig_path.write_text(example("rig-virtual-rotation-10", small_cameras(560, 1560.0)))
     assert run_protocol(protocol, rig_path, path).status == "completed"
     with RunFile(path) as run:
         assert run.grid_target == kind

@@ -194,14 +194,19 @@ class Calibration:
         result of a measurement marks the points that lie outside the calibrated area.
         """
         points = np.asarray(px, np.float64).reshape(-1, 2)
+        # In the order of Y, the points between the ends of an edge stand together. NaN comes last.
+        order = np.argsort(points[:, 1], kind="stable")
+        x, y = points[order].T
+        odd = np.zeros(len(points), bool)
         outline = self.outline_px
-        inside = np.zeros(len(points), bool)
         for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
             if start[1] == end[1]:
                 continue
-            spans = (start[1] > points[:, 1]) != (end[1] > points[:, 1])
+            beside = slice(*np.searchsorted(y, sorted((start[1], end[1]))))
             slope = (end[0] - start[0]) / (end[1] - start[1])
-            inside ^= spans & (points[:, 0] < start[0] + slope * (points[:, 1] - start[1]))
+            odd[beside] ^= x[beside] < start[0] + slope * (y[beside] - start[1])
+        inside = np.zeros(len(points), bool)
+        inside[order] = odd
         return inside
 
     @cached_property

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from rig.run import run_protocol
-from tests.places import EXAMPLES, ROOT, example
+from tests.places import ROOT, example, small_cameras
 
 TAKEN_AWAY = """
 import os, select, signal, socket, sys
@@ -101,7 +101,9 @@ def test_images_are_measured_to_tables_maps_and_result_files(bare, tmp_path):
 def test_a_run_is_processed_to_a_report(bare, tmp_path):
     protocol = tmp_path / "short.toml"
     protocol.write_text(example("rotation", ("total_deg = 360.0", "total_deg = 22.5")))
-    assert run_protocol(protocol, EXAMPLES / "rig-virtual-rotation-30.toml", tmp_path / "run.h5")
+    rig_path = tmp_path / "rig.toml"
+    rig_path.write_text(example("rig-virtual-rotation-30", small_cameras(450, 1400.0)))
+    assert run_protocol(protocol, rig_path, tmp_path / "run.h5")
     done = bare("process", "run.h5", "--step", "40", "--report", "report.html", cwd=tmp_path)
     assert_good(done)
     assert (tmp_path / "report.html").stat().st_size > 50_000

@@ -19,18 +19,14 @@ from rig.protocol.protocol import read_protocol
 from rig.protocol.step import Reading
 from rig.resume import ContinueError, read_earlier, require_unchanged
 from rig.run import run_protocol
-from tests.places import EXAMPLES, example
+from tests.places import example, small_cameras
 from tests.rig.conftest import FakeRig
-
-SMALL = ('driver = "simulated-camera"', 'driver = "simulated-camera"\nwidth_px = 450\nheight_px = 450\n')
-FOCAL = ("height_px = 450\n", "height_px = 450\nfocal_px = 1400.0\n")
 
 
 def files(tmp_path: Path) -> tuple[Path, Path]:
     protocol, rig_path = tmp_path / "protocol.toml", tmp_path / "rig.toml"
     protocol.write_text(example("rotation", ("increment_deg = 22.5", "increment_deg = 90.0")))
-    rig_text = (EXAMPLES / "rig-virtual-rotation-10.toml").read_text()
-    rig_path.write_text(rig_text.replace(*SMALL).replace(*FOCAL))
+    rig_path.write_text(example("rig-virtual-rotation-10", small_cameras(450, 1400.0)))
     return protocol, rig_path
 
 

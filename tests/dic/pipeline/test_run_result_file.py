@@ -159,7 +159,7 @@ def test_loaded_run_is_saved_as_the_same_file(kind: str, files: dict[str, Path],
     assert_equal(load_run_result(tmp_path / "again.h5"), again)
 
 
-@pytest.mark.parametrize("kind", ["tension", "rotation"])
+@pytest.mark.parametrize("kind", ["tension", pytest.param("rotation", marks=pytest.mark.long)])
 def test_reading_and_reporting_measure_and_correct_nothing(
     kind: str,
     results: dict[str, RunResult],

@@ -53,6 +53,7 @@ def test_angle_is_that_of_the_fitted_camera_on_a_rig_whose_file_tells_none() -> 
 def test_rig_file_that_contradicts_the_fitted_camera_changes_nothing_but_its_own_text(
     tmp_path: Path, tension_html: str
 ) -> None:
+    """Nor does anything else differ between two reports of the same run."""
     html = written(tmp_path, tension_run(configuration=INFO.configuration + OTHER_ANGLES))
     assert OTHER_ANGLES in html
     assert html.replace(OTHER_ANGLES, "") == tension_html

@@ -83,10 +83,6 @@ def test_run_without_any_measured_step_still_gives_a_report(tmp_path: Path) -> N
     assert "the grips opened" in text
 
 
-def test_same_run_gives_the_same_file(tmp_path: Path, tension_html: str) -> None:
-    assert written(tmp_path, tension_run()) == tension_html
-
-
 def test_no_run_and_no_folder_are_refused_in_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(RunFileError, match="at least one run"):
         write_report([], tmp_path / "report.html")

@@ -186,8 +186,15 @@ def pixel_weights(subset_px, shape):
     return (basis @ basis[subset_px**2 // 2]).reshape(subset_px, subset_px)
 
 
-@pytest.mark.parametrize("shape", ["affine", "quadratic"])
-@pytest.mark.parametrize("source", ["fit", "quadratic-fit"])
+@pytest.mark.parametrize(
+    ("source", "shape"),
+    [
+        ("fit", "affine"),
+        ("quadratic-fit", "quadratic"),
+        pytest.param("fit", "quadratic", marks=pytest.mark.long),
+        pytest.param("quadratic-fit", "affine", marks=pytest.mark.long),
+    ],
+)
 def test_predicted_deviations_are_those_of_errors_that_overlapping_subsets_share(shape, source):
     """Errors of displacement made from white noise of the pixels, as the subsets sum it up."""
     settings = CorrelationSettings(subset_px=21, step_px=6, shape=shape)

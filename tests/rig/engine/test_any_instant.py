@@ -57,7 +57,7 @@ class Lines:
     ("distance", "stride"),
     [
         (1, STRIDE),
-        (7, STRIDE),
+        pytest.param(7, STRIDE, marks=pytest.mark.long),
         pytest.param(1, 53, marks=pytest.mark.long),
         pytest.param(7, 59, marks=pytest.mark.long),
     ],

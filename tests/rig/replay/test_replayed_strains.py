@@ -10,18 +10,14 @@ from click.testing import CliRunner
 import dic
 from rig.cli import cli
 from rig.run import run_protocol
-from tests.places import EXAMPLES, example
-
-# Half a turn in one step, seen by cameras of a quarter of the usual pixels.
-SMALL = ('driver = "simulated-camera"', 'driver = "simulated-camera"\nwidth_px = 450\nheight_px = 450\n')
-FOCAL = ("height_px = 450\n", "height_px = 450\nfocal_px = 1400.0\n")
+from tests.places import example, small_cameras
 
 
 def test_strains_of_a_replay_are_those_of_the_run(tmp_path: Path) -> None:
     protocol, rig_path = tmp_path / "protocol.toml", tmp_path / "rig.toml"
+    # half a turn in one step
     protocol.write_text(example("rotation", ("increment_deg = 22.5", "increment_deg = 180.0")))
-    rig_text = (EXAMPLES / "rig-virtual-rotation-10.toml").read_text()
-    rig_path.write_text(rig_text.replace(*SMALL).replace(*FOCAL))
+    rig_path.write_text(example("rig-virtual-rotation-10", small_cameras(450, 1400.0)))
     path, new, table = tmp_path / "run.h5", tmp_path / "new.h5", tmp_path / "replay.json"
     assert run_protocol(protocol, rig_path, path).status == "completed"
 
