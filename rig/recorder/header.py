@@ -8,6 +8,7 @@ import platform
 import shlex
 import sys
 from collections.abc import Mapping
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -97,6 +98,7 @@ def _provenance() -> dict[str, Any]:
     }
 
 
+@cache
 def _versions() -> str:
     packages = {name: version(name) for name in _PACKAGES}
     programs = {"python": platform.python_version(), "hdf5": h5py.version.hdf5_version}
