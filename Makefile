@@ -48,7 +48,8 @@ test-kernel: $(STAMP)
 	$(BIN)/pytest -rA tests/real_cameras/kernel_vm tests/real_cameras/gige
 
 test-long: $(STAMP)
-	$(BIN)/pytest -m long
+	OMP_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist worksteal -m "long and not realtime"
+	$(BIN)/pytest -m "long and realtime"
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks.speed --peers

@@ -15,6 +15,7 @@ def test_every_image_of_a_short_run_is_recorded_and_read_back(tmp_path):
 
 
 @pytest.mark.long
+@pytest.mark.realtime
 @pytest.mark.timeout(3600)
 def test_thirty_real_minutes_of_two_cameras(tmp_path):
     figures = endure(tmp_path / "run.h5", minutes=30.0, recycle=True)
@@ -22,6 +23,7 @@ def test_thirty_real_minutes_of_two_cameras(tmp_path):
 
 
 @pytest.mark.long
+@pytest.mark.realtime
 @pytest.mark.timeout(1800)
 def test_recorder_is_nearly_as_fast_as_plain_writing(tmp_path: Path) -> None:
     assert compare(tmp_path, rounds=9, count=200) >= LEAST_RATIO
