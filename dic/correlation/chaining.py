@@ -58,8 +58,8 @@ def chain(first: Field, second: Field) -> Field:
     zncc[rows, columns], iterations[rows, columns] = moved.zncc, moved.iterations
     return Field(
         first.x_px, first.y_px, warps, std, zncc, iterations, status, first.active, second.start,
-        first.settings, first.updates + 1 + second.updates, first.region, first.smoothing_px,
-        first.greatest_bias_px, bias,
+        first.settings, first.updates + 1 + second.updates, first.region, first.grid,
+        first.smoothing_px, first.greatest_bias_px, bias,
     )  # fmt: skip
 
 

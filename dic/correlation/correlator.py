@@ -93,7 +93,7 @@ class Correlator:
         grid = place_points(self.region, usable, settings.subset_px, settings.step_px)
         mean = float(grey.mean())
         image = kernel.lay_reference(spline, slopes, usable, mean, threads)
-        self._reference = PreparedReference(image, mean, usable, grid, settings, threads, self.smoothing)
+        self._reference = PreparedReference(image, mean, grid, settings, threads, self.smoothing)
         self._seed_finder = SeedFinder(self._reference, grey)
 
     def __repr__(self) -> str:
@@ -139,13 +139,13 @@ class Correlator:
         grid = self._reference.grid
         return Field(
             grid.x, grid.y, solution.warps, solution.std, solution.zncc, solution.iterations,
-            solution.status, grid.active, seeds.start, self.settings, region=self.region,
+            solution.status, grid.active, seeds.start, self.settings, region=self.region, grid=grid,
             smoothing_px=self.smoothing.width_px, greatest_bias_px=self.smoothing.bias_px,
         )  # fmt: skip
 
     def _checked_deformed(self, deformed: ImageLike) -> Grey:
         """Return the image as float32; raise `CorrelationError` if its size differs from the reference's."""
-        grey, shape = grey_image(deformed, "deformed image"), self._reference.usable.shape
+        grey, shape = grey_image(deformed, "deformed image"), self.region.shape
         if grey.shape != shape:
             raise CorrelationError(
                 "deformed image",

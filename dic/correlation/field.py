@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from dic.correlation.interpolation_bias import bias_at, slope_bias_at
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.status import Status
+from dic.image.point_grid import PointGrid
 from dic.typing import Float, Indices, Mask
 
 
@@ -45,6 +46,8 @@ class Field:
     region : ndarray of bool, shape (height, width), or None
         True for pixels of the region of interest; local strain never reaches across its edge. None if the
         region is not known, such as in a field that was read from a result file.
+    grid : PointGrid or None
+        Tells which pixels the subsets used; None if this is not known, as for `region`.
     smoothing_px : float
         Standard deviation of the Gaussian that smoothed both images; 0 if they were not smoothed.
     greatest_bias_px : tuple of float
@@ -66,6 +69,7 @@ class Field:
     settings: CorrelationSettings
     updates: int = 0
     region: Mask | None = None
+    grid: PointGrid | None = None
     smoothing_px: float = 0.0
     greatest_bias_px: tuple[float, float] = (0.0, 0.0)
     stored_bias_px: Float | None = None

@@ -6,7 +6,6 @@ from dic.correlation import kernel
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.smoothing import NO_SMOOTHING, Smoothing
 from dic.image.point_grid import PointGrid
-from dic.typing import Mask
 
 _LARGEST = 4.25
 """Largest memory for prepared subsets, as a multiple of the memory of a float32 image.
@@ -54,8 +53,6 @@ class PreparedReference:
     image : kernel.Reference
     mean : float
         Mean grey level of the reference, which the kernel subtracts from all images.
-    usable : ndarray of bool, shape (height, width)
-        True for pixels that subsets may use.
     grid : PointGrid
     settings : CorrelationSettings
     threads : int
@@ -66,7 +63,6 @@ class PreparedReference:
 
     image: kernel.Reference
     mean: float
-    usable: Mask
     grid: PointGrid
     settings: CorrelationSettings
     threads: int

@@ -63,7 +63,7 @@ class SeedFinder:
 
     def __init__(self, reference: PreparedReference, grey: Grey) -> None:
         self._reference, self._grey = reference, grey
-        self._features = FeatureFinder(grey, reference.usable)
+        self._features = FeatureFinder(grey, reference.grid.usable)
 
     def find(
         self,

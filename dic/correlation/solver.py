@@ -68,7 +68,7 @@ class Solver:
             image = CutReference(self._reference.image)
             for k in beside_cracks:
                 x, y = grid.points_at(indices[k : k + 1])[0]
-                with image.limited_to(int(x), int(y), self._reference.usable, radius) as limited:
+                with image.limited_to(int(x), int(y), grid.usable, radius) as limited:
                     self._correlate(limited, indices, np.array([k]), solution)
         return solution
 
@@ -98,8 +98,8 @@ class Solver:
         """
         if not self._counted:
             # Count images here, because several solvers may try seeds but only one of them propagates.
-            size, parameters = self._reference.usable.size, self._reference.settings.parameters
-            self._prepared = self._reference.memory.for_next_image(self._reference.grid, size, parameters)
+            grid, parameters = self._reference.grid, self._reference.settings.parameters
+            self._prepared = self._reference.memory.for_next_image(grid, grid.usable.size, parameters)
             self._counted = True
         if in_bands:
             bands = self._seeded_bands(solution, pending)
@@ -174,7 +174,7 @@ class Solver:
             for place, origins in tried.items():
                 if converged[place] or len(origins) >= _TRIES:
                     continue
-                neighbours = visible_neighbours(grid, self._reference.usable, *place, converged)
+                neighbours = visible_neighbours(grid, grid.usable, *place, converged)
                 untried = next((origin for origin in neighbours if origin not in origins), None)
                 if untried is not None:
                     origins.append(untried)

@@ -17,7 +17,7 @@ EDGE_PX = 4
 """Smallest distance of a subset from the image's edge, so that a small motion keeps the subset in view."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PointGrid:
     """The grid of points of interest that covers a region.
 
@@ -32,6 +32,8 @@ class PointGrid:
     cut : ndarray of bool, shape (rows, columns)
         True for points whose subset is cut into parts by the region's edge. Only the part of the subset
         around the point may be used.
+    usable : ndarray of bool, shape (height, width)
+        True for pixels that subsets may use.
     """
 
     x: Indices
@@ -39,6 +41,7 @@ class PointGrid:
     active: Mask
     pixels: Indices
     cut: Mask
+    usable: Mask
 
     def points_at(self, indices: Indices) -> Indices:
         """Return the coordinates (x, y) in px of the points at `indices` (row, column), shape (n, 2)."""
@@ -79,7 +82,7 @@ def place_points(centres: Mask, usable: Mask, subset_px: int, step_px: int) -> P
             pixels[row, column] = count
         active &= pixels >= _fewest_pixels(subset_px)
         if active.any():
-            return PointGrid(x, y, active, pixels, cut & active)
+            return PointGrid(x, y, active, pixels, cut & active, usable)
     raise CorrelationError(
         "region of interest",
         "place points",

@@ -6,14 +6,12 @@ bias depends on the sub-pixel part of the displacement and is correlated over th
 """
 
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.correlation.field import Field
-from dic.correlation.settings import CorrelationSettings
-from dic.strain.convolution import convolved
+from dic.strain.error_overlap import ClippedSubsets, clipped_subsets, error_overlap
 from dic.strain.sight import Sight
 from dic.typing import Float, Mask
 
@@ -31,8 +29,9 @@ class Noise:
         elements of the vector e are independent random numbers of variance 1. The covariance of this error is
         F Fᵀ.
     overlap : ndarray, shape (m, n)
-        Element [i, j] is the correlation between the errors of two points that are i rows and j columns of
-        the grid of points apart. The errors of points that are farther apart are not correlated.
+        Element [i, j] is the correlation between the errors of two points with whole subsets that are i rows
+        and j columns of the grid of points apart. The errors of points that are farther apart are not
+        correlated.
     gradient : ndarray, shape (rows, columns, 4, 4)
         Covariance matrix of the displacement gradient that the shape function gives at each point. The
         gradient's elements are in the order xx, xy, yx, yy.
@@ -40,12 +39,15 @@ class Noise:
         A matrix B for each point, in the unit of the displacement. The error from interpolation is B·b, where
         the two elements of b are independent random numbers of variance 1 that all points share. None if
         there is no such error.
+    clipped : ClippedSubsets or None
+        Correlations of the errors of points whose subset is not whole; None if all subsets count as whole.
     """
 
     factors: Float
     overlap: Float
     gradient: Float
     bias: Float | None = None
+    clipped: ClippedSubsets | None = None
 
     def __repr__(self) -> str:
         rows, columns = self.gradient.shape[:2]
@@ -62,7 +64,7 @@ class Noise:
             Covariance matrix of the displacement gradient in the new coordinates.
         """
         bias = None if self.bias is None else there @ self.bias
-        return Noise(there @ self.factors, self.overlap, gradient, bias)
+        return replace(self, factors=there @ self.factors, gradient=gradient, bias=bias)
 
     def of_bias(self) -> "Noise":
         """Return the errors that interpolation alone causes."""
@@ -164,7 +166,8 @@ def _in_axes(field: Field, here: Float, there: Float) -> tuple[Float, Noise]:
         # The biases of u and v are independent; the bias of u changes both elements of its gradient together.
         error = both[..., part] @ field.gradient_bias[..., part, None]
         covariance += error @ np.swapaxes(error, -1, -2)
-    return gradient, Noise(factors, error_overlap(field.settings), covariance, bias)
+    clipped = None if field.grid is None else clipped_subsets(field.grid, field.settings)
+    return gradient, Noise(factors, error_overlap(field.settings), covariance, bias, clipped)
 
 
 def _inverse(matrices: Float) -> Float:
@@ -173,41 +176,3 @@ def _inverse(matrices: Float) -> Float:
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = np.stack([d, -b, -c, a], axis=-1) / (a * d - b * c)[..., None]
     return np.asarray(inverse.reshape(matrices.shape))
-
-
-def error_overlap(settings: CorrelationSettings) -> Float:
-    """Return the correlation between the errors of two points of interest, as a function of their distance.
-
-    The displacement of a subset is the value of its fitted shape function at the centre. So the displacement
-    of a subset is a weighted sum over the pixels of the subset. An affine shape function gives all pixels the
-    same weight; a quadratic shape function gives more weight to the pixels in the middle. The correlation
-    between two subsets is a sum over the pixels that both share. At each shared pixel, the weights of both
-    subsets are multiplied. The grey level gradients would change the weights too; the function assumes that
-    the texture is uniform.
-
-    Parameters
-    ----------
-    settings : CorrelationSettings
-
-    Returns
-    -------
-    ndarray, shape (m, m)
-        Element [i, j] is the correlation for points that are i rows and j columns apart; element [0, 0] is 1.
-        Subsets that are m or more rows or columns apart do not overlap.
-    """
-    return _overlap(settings.subset_px, settings.step_px, settings.shape)
-
-
-@cache
-def _overlap(n: int, step_px: int, shape: str) -> Float:
-    """Compute `error_overlap` for subsets of `n` px once, because every image of a series has the same."""
-    r = n // 2
-    y, x = (axis.ravel() / r for axis in np.mgrid[-r : r + 1, -r : r + 1])
-    terms = [np.ones(n * n), x, y]
-    if shape == "quadratic":
-        terms += [x * x, x * y, y * y]
-    weights = np.linalg.pinv(np.column_stack(terms))[0].reshape(n, n)
-    shared = convolved(weights, weights)[n - 1 :: step_px, n - 1 :: step_px]
-    overlap = np.asarray(shared / shared[0, 0])
-    overlap.flags.writeable = False
-    return overlap

@@ -5,12 +5,14 @@ sum of the errors of the displacements. The covariances include the correlation 
 The mean of n points with overlapping subsets has more noise than the mean of n independent measurements.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from dic.strain.convolution import convolved
 from dic.strain.displacement import Displacement, Noise
-from dic.typing import Float, Mask
+from dic.typing import Float, Indices, Mask
 
 # Smallest share of the points of a window that must be valid.
 _MIN_WINDOW_SHARE = 0.5
@@ -136,7 +138,7 @@ def fitted_gradients(displacement: Displacement, window: int, degree: int) -> tu
     needed = max(_MIN_WINDOW_SHARE * places, 2 * window + 1 if degree == 2 else 0)
     fits = np.flatnonzero(displacement.valid & (valid.sum(axis=(-1, -2)) >= needed))
     for some in np.array_split(fits, 1 + fits.size * places * 8 // _TERMS_IN_MEMORY):
-        at = np.unravel_index(some, shape)
+        at: tuple[Indices, Indices] = divmod(some, shape[1])
         use = valid[at].reshape(-1, places)
         if displacement.sight is not None:
             use = use & displacement.sight.neighbours(at[0], at[1], window).reshape(-1, places)
@@ -150,6 +152,8 @@ def fitted_gradients(displacement: Displacement, window: int, degree: int) -> tu
             factors = _windows(noise.factors, window)[at].reshape(-1, 2, 2, places)
             factors = np.where(use[:, None, None], factors, 0.0)
             covariance[at] = _covariances(weights, factors, _overlap_in_window(noise.overlap, window))
+            for near, overlap in _overlaps_beside_edges(noise, at, window):
+                covariance[at[0][near], at[1][near]] = _covariances(weights[near], factors[near], overlap)
             if noise.bias is not None:
                 bias = _windows(noise.bias, window)[at].reshape(-1, 2, 2, places)
                 bias = np.where(use[:, None, None], bias, 0.0)
@@ -190,14 +194,17 @@ def _covariances(weights: Float, factors: Float, overlap: Float) -> Float:
     """Return the covariances (n, 4, 4) of the gradients of n windows, whose points have correlated errors.
 
     The shapes of the arguments are (n, 2, places) for `weights`, (n, 2, 2, places) for `factors`, and
-    (places, places) for `overlap`.
+    (places, places) or (n, places, places) for `overlap`.
     """
     n, _, places = weights.shape
     total = np.zeros((n, 4, 4))
     for axis in (0, 1):
         parts = (factors[:, :, axis, None] * weights[:, None]).reshape(n, 4, places)
-        # One large matrix product is many times faster than n small ones.
-        shared = (parts.reshape(4 * n, places) @ overlap).reshape(n, 4, places)
+        if overlap.ndim == 2:
+            # One large matrix product is many times faster than n small ones.
+            shared = (parts.reshape(4 * n, places) @ overlap).reshape(n, 4, places)
+        else:
+            shared = parts @ overlap
         total += parts @ np.swapaxes(shared, 1, 2)
     return total
 
@@ -209,3 +216,28 @@ def _overlap_in_window(overlap: Float, window: int) -> Float:
     known[:rows, :columns] = overlap[:rows, :columns]
     row, column = (axis.ravel() for axis in np.mgrid[:window, :window])
     return np.asarray(known[np.abs(row[:, None] - row), np.abs(column[:, None] - column)])
+
+
+def _overlaps_beside_edges(
+    noise: Noise, at: tuple[Indices, Indices], window: int
+) -> Iterator[tuple[Indices, Float]]:
+    """Yield indices of windows with clipped subsets, and their correlations, shape (n, places, places).
+
+    The windows have their middles at the points `at`. They come in batches that fit into memory.
+    """
+    if noise.clipped is None:
+        return
+    number = noise.clipped.numbers_around(*at, window // 2).reshape(-1, window**2)
+    table = noise.clipped.correlations(window - 1)
+    whole = _overlap_in_window(noise.overlap, window)
+    near = np.flatnonzero((number >= 0).any(axis=1))
+    for some in np.array_split(near, 1 + near.size * window**4 // _TERMS_IN_MEMORY):
+        overlap = np.repeat(whole[None], len(some), axis=0)
+        for place in range(window**2):
+            clipped = np.flatnonzero(number[some, place] >= 0)
+            # Element [window - 1, window - 1] of a table belongs to the point itself, which is at `place`.
+            up, left = window - 1 - place // window, window - 1 - place % window
+            around = table[number[some[clipped], place], up : up + window, left : left + window]
+            values = around.reshape(-1, window**2)
+            overlap[clipped, place] = overlap[clipped, :, place] = values
+        yield some, overlap

@@ -38,7 +38,7 @@ def test_a_series_keeps_nothing_of_a_pair_and_no_more_than_four_and_a_quarter_im
     side = 1000
     at = np.arange(20, side - 20, step_px)
     everywhere = np.ones((len(at), len(at)), bool)
-    grid = PointGrid(at, at, everywhere, everywhere.astype(np.int64), ~everywhere)
+    grid = PointGrid(at, at, everywhere, everywhere.astype(np.int64), ~everywhere, everywhere)
     memory, parameters = SubsetMemory(), CorrelationSettings(shape=shape).parameters
     sizes = []
     for _ in range(4):

@@ -7,7 +7,8 @@ from scipy.signal import fftconvolve
 from dic.correlation.correlator import Correlator
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError
-from dic.strain.displacement import Displacement, Noise, error_overlap, raw_displacement
+from dic.strain.displacement import Displacement, Noise, raw_displacement
+from dic.strain.error_overlap import error_overlap
 from dic.strain.measures import strain_of
 from dic.strain.strain import StrainSettings, mean_strain, strain_field
 
