@@ -100,7 +100,7 @@ def run(
     """Run PROTOCOL and write one run file. Ctrl-C holds the load frame, stops the stage and ends the run.
 
     With --continue, the finished steps of an earlier run are not repeated. If the specimen is in a load
-    frame, the operator is asked first.
+    frame, the operator must first confirm that nobody has touched it.
     """
     from rig import NewsOptions, plan_protocol, run_protocol
     from rig.commands.at_rest import at_rest_line

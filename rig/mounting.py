@@ -8,7 +8,7 @@ _FARTHEST_MM = 1e4
 
 
 class Mounting(Settings):
-    """What is known of the place of the specimen's surface, for the correction of motion out of the plane.
+    """What is known about the position of the specimen's surface, to correct motion out of the plane.
 
     A value in the protocol replaces the value in the rig file.
     """

@@ -97,7 +97,7 @@ def _settings_texts(summary: dict[str, Any], first: bool) -> Iterator[str]:
 
 
 def corrected_texts(corrected: dict[str, Any]) -> list[str]:
-    """Return what the correction found beside the strain, or the reason why there is no correction.
+    """Return what the correction found in addition to the strain, or the reason why there is none.
 
     Each text fits a line of 100 characters, except a reason.
 

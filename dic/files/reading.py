@@ -39,7 +39,7 @@ class FileContent:
     Attributes
     ----------
     identity : tuple of int
-        Device, number, size and time of the last change: another file, or a changed one, differs.
+        Device, number, size and time of the last change. They differ for another file and for a changed file.
     """
 
     def __init__(self, file: BinaryIO) -> None:

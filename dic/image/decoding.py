@@ -84,8 +84,8 @@ def _opencv_silent() -> Iterator[None]:
 def _messages_of_libjpeg(wanted: bool) -> Iterator[list[str]]:
     """Take what libjpeg writes to standard error; the list is filled when the `with` block ends.
 
-    libjpeg fills damaged pixels with grey, and tells so only by a message that it writes itself. What other
-    threads write meanwhile is passed on.
+    libjpeg fills damaged pixels with grey, and reports this only by a message that it writes to standard
+    error. Messages that other threads write meanwhile are passed on.
     """
     messages: list[str] = []
     if not wanted:

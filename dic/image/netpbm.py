@@ -39,10 +39,10 @@ def read_netpbm(content: bytes) -> Container:
 
 
 def _as_decoded_unscaled(content: bytes, header: re.Match[bytes], value_bytes: int) -> bytes:
-    """Return a file of text for the decoder.
+    """Return a text file that the decoder reads without scaling.
 
-    The decoder stretches levels of 8 bits in text so that the brightest one declared becomes 255, and takes
-    the end of the file within the last number for an error.
+    The decoder scales the 8-bit levels of a text file so that the declared highest level becomes 255. It also
+    fails if the file ends directly after the last number.
     """
     first, last = header.span(3)
     brightest = b"255" if value_bytes == 1 else content[first:last]

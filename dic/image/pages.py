@@ -20,7 +20,7 @@ _PARTS = re.compile(r"(\d+)")
 
 
 def split_page(path: PathLike) -> tuple[Path, int | None]:
-    """Return the file and the page of a name such as ``stack.tif#3``; None if the name tells no page.
+    """Return the file and the page of a name such as ``stack.tif#3``; None if the name has no page number.
 
     A file whose own name ends like this is not split.
     """
@@ -31,7 +31,7 @@ def split_page(path: PathLike) -> tuple[Path, int | None]:
 
 
 def page_name(file: Path, page: int) -> Path:
-    """Return the name of a page, which counts from 1."""
+    """Return the name of a page; the first page has the number 1."""
     return file.with_name(f"{file.name}#{page}")
 
 

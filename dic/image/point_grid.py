@@ -95,16 +95,17 @@ def place_points(centres: Mask, usable: Mask, subset_px: int, step_px: int) -> P
 def clear_of_edges(region: Mask, subset_px: int, reach_px: int) -> Mask:
     """Return the pixels of a region that its edges do not disturb.
 
-    Beyond the region's edge there may be a crack or the background, which move otherwise than the surface.
-    The spline of an image oscillates beside such an edge. A part of the region that is too narrow for a
-    subset between its disturbed pixels is returned whole, because otherwise it could not be measured.
+    Beyond the region's edge there may be a crack or the background, which does not move with the surface. The
+    spline of an image oscillates beside such an edge. A part of the region that is too narrow for a subset
+    between its disturbed pixels is returned whole, because otherwise it could not be measured.
 
     Parameters
     ----------
     region : ndarray of bool, shape (height, width)
     subset_px : int
     reach_px : int
-        Distance from the region's edge within which pixels are disturbed. The image's edge is none.
+        Distance from the region's edge within which pixels are disturbed. The edge of the image does not
+        count.
     """
     import cv2
 

@@ -88,7 +88,7 @@ def _orientation(tags: Tags) -> int:
 
 
 def _require_pages_of_imagej(entries: Sequence[Entry], pages: int) -> None:
-    """Raise an error for a large stack of ImageJ, whose pages but the first have no directories."""
+    """Raise an error for a large stack of ImageJ, in which only the first page has a directory."""
     described = [entry.stored for entry in entries if entry.tag == _DESCRIPTION]
     found = _IMAGEJ.match(described[0]) if described else None
     if found is not None and int(found[1]) > pages:

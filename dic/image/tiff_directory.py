@@ -37,10 +37,10 @@ _KEPT_FILES = 8
 
 
 def pages_of_file(content: FileContent) -> list[int]:
-    """Do what `page_directories` does, once per file.
+    """Return the result of `page_directories`, which is computed once per file.
 
-    A series takes the pages of a stack one by one, and the directories of a stack are a chain: without this,
-    the time of a series would grow with the square of its number of images.
+    A series reads the pages of a stack one by one, and each search follows the chain of all directories. If
+    every page needed a search, the time of a series would grow with the square of its number of images.
     """
     pages = _of_files.get(content.identity)
     if pages is None:

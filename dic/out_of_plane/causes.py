@@ -1,4 +1,4 @@
-"""What a specimen in tension may do, as displacement fields that one camera measures.
+"""The possible causes of a displacement field in tension, each as the field that one camera measures.
 
 Each cause has one or several fields. A field is the displacement in the specimen's plane that a unit of the
 cause gives, to first order. Let C be the camera's centre and m the point of the grid's plane that a ray hits.
@@ -51,7 +51,7 @@ def places() -> Mapping[str, slice]:
 
 @dataclass(frozen=True)
 class Sight:
-    """What one camera measures of the points of a specimen.
+    """The positions of a specimen's points as one camera measures them.
 
     Attributes
     ----------

@@ -38,8 +38,8 @@ class Motion:
         `tilt_axis_mm` is given.
     tilt_axis_mm : tuple of float, optional
         X and Y of the grips' hinge in the grid's axes: a point at which the specimen's surface keeps its
-        height. The shift that a tilt about the hinge causes is then computed, and `shift_std_um` states the
-        rest.
+        height. The shift that a tilt about the hinge causes is then computed, and `shift_std_um` is the
+        standard deviation of the remaining shift.
 
     Raises
     ------

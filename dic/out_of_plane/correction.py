@@ -149,10 +149,10 @@ class Correction:
 
 
 def stated(measurement: Measurement, correction: Correction) -> Measurement:
-    """Return a measurement whose calibrated strain states the errors that its correction found.
+    """Return a measurement whose calibrated strain has standard deviations with motion out of the plane.
 
-    Strain that was not corrected has the errors that are to be expected of a specimen. If the strain was
-    corrected, the correction is the estimated error of the calibrated strain.
+    If the strain was corrected, the applied correction counts as the error of the calibrated strain.
+    Otherwise the error is that of the motion that a specimen is expected to make.
     """
     calibrated, found = measurement.calibrated_mean, correction.mean
     if calibrated is None:

@@ -125,7 +125,7 @@ def _log_prior(curvature: float, gradient: float) -> float:
 
 
 def unmeasured(shift_std_mm: float) -> Float:
-    """Return the standard deviations (19,) of the causes out of the plane where none of them is measured."""
+    """Return the standard deviations (19,) of the causes out of the plane if none of them is measured."""
     at, std = places(), np.zeros(sum(SIZES.values()))
     std[at["tilt"]] = std[at["mounted tilt"]] = TILT_STD
     std[at["gap"]], std[at["shift"]] = GAP_STD_MM, shift_std_mm

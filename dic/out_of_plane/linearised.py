@@ -24,7 +24,7 @@ PARTS = {
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one model makes of a displacement field.
+    """The result of one model for a displacement field.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ class Linearised:
         return np.asarray(share @ np.array([model.estimate[places()["tilt"]] for model in models]))
 
     def outcomes(self, models: Sequence[Model], expected: Expectations) -> list[Outcome]:
-        """Return what the models make of the field."""
+        """Return the results of the models for the field."""
         return [self._outcome(m, expected.std[m.index], expected.kind(m.index)) for m in models]
 
     @property

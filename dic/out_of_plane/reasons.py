@@ -34,7 +34,7 @@ def uneven_reason(misfit: float, limit: float, suspicion: Suspicion, half_width_
     misfit, limit : float
         Misfit of the best model, and the largest misfit that counts as explained.
     suspicion : Suspicion
-        What strong single causes make of the field.
+        Fits of strong single causes to the field.
     half_width_mm : float
         Half width of the field of points.
     local : str
@@ -70,8 +70,8 @@ def turned_camera_reason(points: Points, slopes: Float, centre_mm: Float) -> str
     """Return the reason if a tilt and a motion in the plane are together those of a camera that turned.
 
     A camera that turns about its own centre C sees a specimen that turns about C. With the slopes a, b the
-    specimen then slides by (a, b) Cz below the camera, and nothing else does. Grips hardly tilt a specimen by
-    as much, so only large tilts are suspected.
+    specimen then slides by (a, b) Cz below the camera. No other cause combines a tilt with exactly this
+    slide. Grips hardly tilt a specimen by as much, so only large tilts are suspected.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def turned_camera_reason(points: Points, slopes: Float, centre_mm: Float) -> str
 
 
 def uncertain_mounting(points: Points, centre_mm: Float) -> str:
-    """Return a text about the motion that makes a tilt in the reference the largest part of an uncertainty.
+    """Return a text about the motion because of which a tilt in the reference is the main uncertainty.
 
     Such a tilt causes false strain if the specimen slides or stretches. The false strain of a slide s is
     about s/Cz times the tilt, and that of a strain e is e tan θ times the tilt.
@@ -124,7 +124,7 @@ def not_rigid_reason(
 
     A tilt of the specimen in a step causes false strain along the direction in which the camera is tilted,
     and none across it. A tilt in the reference causes strain across it that changes with the rotation in a
-    known way. If no other strain lies across, the axis tilted differently in each step.
+    known way. If there is no other strain in that direction, the axis tilted differently in each step.
 
     Parameters
     ----------

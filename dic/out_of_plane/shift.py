@@ -38,7 +38,8 @@ class Shift:
     Attributes
     ----------
     std_um : float
-        Standard deviation of the shift. With a hinge, the standard deviation of what the tilt does not cause.
+        Standard deviation of the shift. With a hinge, the standard deviation of the shift that the tilt does
+        not cause.
     hinge_mm : tuple of float, or None
         X and Y, in the grid's axes, of a point of the grips at which the surface keeps its height. None if no
         such point is known.
@@ -68,7 +69,7 @@ class Shift:
 
     @property
     def std_mm(self) -> float:
-        """Standard deviation of the shift, or of what the tilt does not cause, mm."""
+        """Standard deviation of the shift, or with a hinge, of the shift that the tilt does not cause, mm."""
         return 1e-3 * self.std_um
 
     @property

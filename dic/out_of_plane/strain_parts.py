@@ -1,4 +1,4 @@
-"""The standard deviation of a strain in parts, each with a cause that somebody can act on."""
+"""The parts of the standard deviation of a strain; each part has a cause that the user can reduce."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -68,7 +68,7 @@ class StrainParts:
 def open_parts(points: Points, shift: Shift) -> tuple[Float, dict[str, Float]]:
     """Return the mean gradient (2, 2) of calibrated displacements, and its covariances (4, 4) by cause.
 
-    No motion out of the plane is measured, so all of it that is expected enters the covariances.
+    No motion out of the plane is measured, so the covariances contain all the expected motion.
     """
     pinhole = points.calibration.pinhole
     if pinhole is None:

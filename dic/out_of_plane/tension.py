@@ -2,8 +2,7 @@
 
 `dic.out_of_plane.tilt` separates the motion out of the plane from strain. If the models of the motion do not
 explain the displacements, or if the result would be less certain than the calibrated strain, the calibrated
-strain is not corrected. Its standard deviation then contains the motion out of the plane that is to be
-expected.
+strain is not corrected. Its standard deviation then contains the expected motion out of the plane.
 """
 
 from dataclasses import replace
@@ -93,7 +92,7 @@ def declined(
 ) -> Correction:
     """Return the calibrated strain with the reason why it is not corrected.
 
-    The standard deviations contain the motion out of the plane that is to be expected of a specimen.
+    The standard deviations contain the expected motion of a specimen out of the plane.
     """
     points = None if calibration.pinhole is None else points_of(measurement, calibration)
     if points is None or not points.determine(1) or points.displacement.noise is None:

@@ -36,7 +36,7 @@ _STRANGE = 40.0
 
 @dataclass(frozen=True)
 class TiltFit:
-    """The motion of a specimen in tension, as one camera can know it.
+    """The motion of a specimen in tension, as far as one camera can measure it.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class TiltFit:
 
 
 def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float, shift: Shift) -> TiltFit:
-    """Find the motion out of the plane and the strain that explain a displacement field together.
+    """Find the motion out of the plane and the strain that together explain a displacement field.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def _fit(
 
 @dataclass(frozen=True)
 class Suspicion:
-    """What strong causes make of a field that no model explains; each cause is allowed to have any size.
+    """Fits of strong causes to a field that no model explains; each cause may have any size.
 
     Attributes
     ----------
@@ -180,7 +180,7 @@ def _directions(outcomes: Sequence[Outcome]) -> list[Float]:
 def _converged(
     plane: Plane, kind: Expectations, equations: tuple[Sight, Polynomial, float, Float], shift: Shift
 ) -> list[Outcome]:
-    """Return what models of one kind find, with equations that are linear about the plane that they find."""
+    """Return the outcomes of models of one kind; their equations are linear about the plane that they find."""
     for _ in range(_STEPS):
         linear = Linearised.about(plane, *equations, shift.per_slope_mm)
         scaled = kind.scaled(linear.strain)

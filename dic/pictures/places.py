@@ -59,7 +59,8 @@ def mapped(homography: Float, points: Float) -> Float:
 def _homography(points_px: Float, position_mm: Float) -> Float:
     """Return the homography that fits best between pixels and millimetres.
 
-    The picture is rectified by it. Distortion of the lens is left out, which moves no point visibly.
+    The homography rectifies the picture. It does not contain the lens distortion, which moves no point
+    visibly.
     """
     import cv2
 
@@ -72,8 +73,8 @@ def _homography(points_px: Float, position_mm: Float) -> Float:
 def _cell_corners(field: Field, *, deformed: bool) -> Float:
     """Return the corners of the cells around the points, px, shape (rows + 1, columns + 1, 2).
 
-    On the deformed image a corner is where its neighbouring points predict it, by their displacements and
-    gradients; the prediction is the mean of up to four.
+    On the deformed image, each neighbouring point predicts the position of a corner from its displacement and
+    gradient. The result is the mean of up to four predictions.
     """
     x, y = (_between(along.astype(np.float64)) for along in (field.x_px, field.y_px))
     corners = np.stack(np.meshgrid(x, y), axis=-1)

@@ -18,8 +18,8 @@ def measure(
 ) -> Measurement:
     """Compute the displacements and strains of a correlated image.
 
-    The standard deviations of calibrated strain contain the motion out of the grid's plane that is to be
-    expected of a specimen whose motion is not known.
+    The standard deviations of calibrated strain contain the expected motion of a specimen out of the grid's
+    plane.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ class Interpolation:
         too narrow. The bias contains the effect of waves that the camera has aliased. A positive bias draws
         displacements of 1/4 px towards 1/2 px.
     unaliased_bias_px : tuple of float
-        The same, if all waves of the image were waves of the pattern below the Nyquist frequency.
+        The same bias if the camera had not aliased the pattern.
     smoothing : Smoothing
         The smoothing that the correlation will apply, and the bias that it leaves.
     strain_range : float

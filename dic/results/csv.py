@@ -20,7 +20,7 @@ _MILLIMETRES = ["X_mm", "Y_mm", "U_mm", "V_mm", "calibration"]
 
 
 class Table:
-    """Writes the lines of a CSV table that a spreadsheet opens as it is.
+    """Writes the lines of a CSV table that a spreadsheet can open directly.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Table:
 
 @contextmanager
 def new_table(path: PathLike, *, decimal_comma: bool, only_ascii: bool = True) -> Iterator[Table]:
-    """Give a table that replaces the file at `path` when it is whole.
+    """Provide a table that replaces the file at `path` when the table is complete.
 
     Text beyond ASCII needs a byte order mark, without which spreadsheets show wrong letters.
     """

@@ -141,7 +141,7 @@ def _read_measurement(
 
 
 def _read_by_images(group: Any, k: int, mean: MeanStrain) -> MeanStrain | None:
-    """Return the mean strain with the standard deviations of the images; None if the file has only these."""
+    """Return the mean strain with the standard deviations of the images; None if the file has no others."""
     if IMAGES_KEYS[0] not in group:
         return None
     # Those of the principal strains are not stored, and nobody asks for them.

@@ -1,4 +1,4 @@
-"""Read a run that goes on with an earlier one as a single run."""
+"""Read a run and the earlier run that it continues as a single run."""
 
 import hashlib
 from pathlib import Path
@@ -23,7 +23,7 @@ def file_sha256(path: Path) -> str:
 
 
 def open_run(path: str | Path) -> RunFile:
-    """Open a run file, together with the earlier run that it goes on with, if there is one.
+    """Open a run file, together with the earlier run that it continues, if there is one.
 
     Raises
     ------
@@ -38,14 +38,14 @@ def open_run(path: str | Path) -> RunFile:
 
 
 class JoinedRun(RunFile):
-    """A run that goes on with an earlier run, whose file is in the same folder.
+    """A run that continues an earlier run, whose file is in the same folder.
 
     The steps are those of the earlier run, followed by those of the run itself.
 
     Attributes
     ----------
     earlier : RunFile
-        The earlier run, which may itself go on with another one.
+        The earlier run, which may itself continue another run.
     own_steps : list of RunStep
         The steps of this file alone.
     """

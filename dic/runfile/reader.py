@@ -68,7 +68,7 @@ class RunFile:
     grid_pitch_mm : float
         Distance between neighbouring lines of the calibration grid.
     continues : dict or None
-        The earlier run that this run goes on with; None for a run that begins anew.
+        The earlier run that this run continues; None for a run that begins anew.
     grid_target : str
         Kind of the calibration target: "lines", "checkerboard", "charuco" or "dots". For a target without
         lines, `grid_lines` are the numbers of squares or dots.
@@ -218,7 +218,7 @@ class RunFile:
         return self._file["entry"][folder][name] if dot else self._detectors[device]
 
     def asked(self, device: str) -> dict[str, Any]:
-        """Return what the run knew of a device's settings before it began; empty for old files.
+        """Return what was recorded about a device's settings before the run; empty for old files.
 
         The keys are `driver`, `asked` (the settings in the rig file) and `reports_settings` (True if the
         driver reads the settings back).

@@ -17,9 +17,9 @@ _DUMB = ("dumb", "unknown")
 def bottom_lines(draw: "Callable[[], RenderableType]", refreshes_per_s: float) -> "Live | None":
     """Return Rich's display of the lines that `draw` returns, or None if nothing may be drawn.
 
-    Nothing may be drawn if standard error is no terminal, or one that cannot move its cursor. Nothing may be
-    drawn either if standard output is a pipe: its reader, such as `tee`, may print each line on the same
-    terminal, where the line would stand behind the drawn lines.
+    Nothing may be drawn if standard error is not a terminal, or is a terminal that cannot move its cursor.
+    Nothing may be drawn either if standard output is a pipe: its reader, such as `tee`, may print on the same
+    terminal, and would then print into the drawn lines.
 
     Parameters
     ----------

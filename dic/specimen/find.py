@@ -50,7 +50,7 @@ class Specimen:
 
     @property
     def is_whole(self) -> bool:
-        """True if nothing worth saying was left out of one surface."""
+        """True if the specimen is one surface, and no notable part of the image was left out."""
         return self.surfaces == 1 and not _reasons(self.left_out)
 
     def __str__(self) -> str:

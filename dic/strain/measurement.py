@@ -60,11 +60,11 @@ class Measurement:
         Local strain that was read from a result file. If the attribute is None, `strain` computes the local
         strain at its first use.
     by_images : MeanStrain or None
-        The mean calibrated strain with the standard deviations that the images alone cause. None if those of
-        `calibrated_mean` have no other part.
+        The mean calibrated strain with the standard deviations that the images alone cause. None if the
+        standard deviations of `calibrated_mean` have no other part.
     shared : ndarray, shape (3, 3), or None
-        Covariance of the errors of exx, eyy, exy that all points of the calibrated strain share: those of the
-        calibration and of motion out of the grid's plane. None if they are not known yet.
+        Covariance of the errors of exx, eyy, exy that all points of the calibrated strain share: the errors
+        of the calibration and of motion out of the grid's plane. None if these errors are not known yet.
     """
 
     label: str
@@ -113,15 +113,15 @@ class Measurement:
 
     @property
     def resolution_px(self) -> float:
-        """The period of a wave of strain of whose amplitude the local strain keeps 90 %."""
+        """Period of the wave of strain that keeps 90 % of its amplitude in the local strain."""
         return strain_resolution_px(self.settings, self.strain_settings)
 
     @cached_property
     def amplitude_kept(self) -> dict[str, Float]:
         """The share of the amplitude that local strain keeps of "exx" and "eyy", shape (rows, columns).
 
-        The share is estimated from the strain that is present around each point; NaN where there is none
-        beyond its noise. `dic.strain.resolution` describes the method.
+        The share is estimated from the strain around each point. It is NaN where the strain cannot be told
+        from its noise. `dic.strain.resolution` describes the method.
         """
         filters, strain = Filters(self.settings, self.strain_settings), self.strain
         # An error that all points share is no noise of the strain's shape.
@@ -139,7 +139,7 @@ class Measurement:
 
     @property
     def amplitude_lost(self) -> dict[str, float]:
-        """The fraction that the settings take from the effective value of "exx" and "eyy"; NaN if unknown."""
+        """Fraction of the root mean square of "exx" and "eyy" that the settings take; NaN if unknown."""
         kept = self.amplitude_kept
         return {name: amplitude_lost(getattr(self.strain, name), kept[name]) for name in kept}
 
@@ -213,7 +213,7 @@ class Measurement:
         return {name: own[name.removesuffix("_images")] for name in IMAGES_KEYS}
 
     def _interpolation(self) -> dict[str, float | None]:
-        """Return the smoothing, the predicted bias, and the bias's part in the mean strain's deviations."""
+        """Return the smoothing, the predicted bias, and the uncertainty of mean strain from the bias."""
         # Result files keep the errors of raw displacements only. As a strain the bias hardly differs.
         valid = None if self.calibrated is None else self.calibrated.valid
         part = bias_of_mean(self.raw, valid, self.strain_settings.measure)
@@ -231,7 +231,7 @@ def measure(
     *,
     label: str = "",
 ) -> Measurement:
-    """Do what `dic.measure` does, with the standard deviations that the images alone cause.
+    """Return the result of `dic.measure`, but with the standard deviations that the images alone cause.
 
     `Measurement.sharing` adds the errors that the points share.
     """

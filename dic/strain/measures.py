@@ -74,13 +74,13 @@ def shared_std(tensor: Float, covariance: Float) -> Float:
 
 
 def strain_covariance(gradient: Float, covariance: Float, measure: str) -> Float:
-    """Return the covariance (3, 3) of exx, eyy, exy for that (4, 4) of a displacement gradient (2, 2)."""
+    """Return the covariance (3, 3) of exx, eyy, exy from the covariance (4, 4) of a gradient (2, 2)."""
     _, derivative = _tensor(gradient, measure)
     return np.asarray(derivative @ covariance @ derivative.T)
 
 
 def limited(std: Float) -> Float:
-    """Return standard deviations (6, …) with that of the direction limited to a completely unknown one."""
+    """Return standard deviations (6, …); the direction's is limited to the value for an unknown direction."""
     return np.concatenate([std[:5], np.minimum(std[5:], _ANY_DIRECTION_DEG)])
 
 

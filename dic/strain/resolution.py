@@ -1,9 +1,9 @@
-"""How much of a strain that varies in space the settings keep, and how much of the present strain they take.
+"""The share of a varying strain that the settings keep, and the share of the measured strain that they take.
 
 Correlation with subsets and the fit of strain windows are smoothing filters. Their transfer functions follow
 from the polynomials that are fitted (A. Savitzky, M. J. E. Golay, Analytical Chemistry 36 (1964) 1627-1639).
-The wave numbers of the strain follow from the measured field itself, without its noise, whose spectrum is
-that of the same filters.
+The wave numbers of the strain follow from the measured field itself, after its noise is subtracted. The same
+filters determine the spectrum of this noise.
 """
 
 import math
@@ -36,7 +36,7 @@ class Filters:
     strain: StrainSettings
 
     def along(self, per_px: Float) -> Float:
-        """Return the share of the amplitude that is kept of waves along the direction of the derivative.
+        """Return the share of their amplitude that waves along the direction of the derivative keep.
 
         Parameters
         ----------
@@ -50,14 +50,14 @@ class Filters:
         )
 
     def across(self, per_px: Float) -> Float:
-        """Return the share of the amplitude that is kept of waves across the direction of the derivative."""
+        """Return the share of their amplitude that waves across the direction of the derivative keep."""
         if self.strain.source == "shape":
             return _mean(per_px, self._subset_px, 1)
         # The middle of a window is fitted by a plane or by a parabola; the slope of both has the same mean.
         return self._displacement(per_px) * _mean(per_px, self.strain.window_points, self.correlation.step_px)
 
     def resolution_px(self, share: float = 0.9) -> float:
-        """Return the period of a wave of strain of whose amplitude `share` is kept."""
+        """Return the period of the wave of strain that keeps the fraction `share` of its amplitude."""
         from scipy.optimize import brentq
 
         gauge_px = self.strain.gauge_px(self.correlation)
@@ -92,7 +92,7 @@ class Filters:
 
 @cache
 def strain_resolution_px(correlation: CorrelationSettings, strain: StrainSettings) -> float:
-    """Return the period of a wave of strain of whose amplitude local strain keeps 90 %."""
+    """Return the period of the wave of strain that keeps 90 % of its amplitude in local strain."""
     return Filters(correlation, strain).resolution_px()
 
 
@@ -128,7 +128,7 @@ def amplitude_kept(values: Float, std: Float, filters: Filters, *, along_x: bool
     Returns
     -------
     ndarray, shape (rows, columns)
-        From 0.4 to 1; NaN where there is no strain beyond its noise.
+        From 0.4 to 1; NaN where the strain cannot be told from its noise.
     """
     known = np.isfinite(values) & np.isfinite(std)
     strain, variance = np.where(known, values, 0.0), np.where(known, std, 0.0) ** 2

@@ -143,7 +143,7 @@ def markers_seen(image: NDArray[np.uint8], dictionary: str) -> tuple[Indices, Fl
 
 
 def _second_board(image: NDArray[np.uint8], dictionary: str, marker_px: Float) -> Float | None:
-    """Return the centres (n, 2), px, of markers that are in the image twice, away from the board, or None."""
+    """Return the centres (n, 2), px, of second copies of markers away from the board; None without copies."""
     number, corners = markers_seen(image, dictionary)
     centre = corners.mean(axis=1)
     away = np.linalg.norm(centre[:, None] - marker_px.mean(axis=1), axis=-1).min(axis=1, initial=np.inf)
@@ -153,7 +153,7 @@ def _second_board(image: NDArray[np.uint8], dictionary: str, marker_px: Float) -
 
 
 def fit_one_plane(drawn: Float, corners: Float) -> Mask:
-    """Return True for each marker (n,) that lies where the board has it, if the board is roughly plane."""
+    """Return True for each marker (n,) that lies at its place on the board, which is roughly plane."""
     import cv2
 
     if not len(drawn):

@@ -6,8 +6,8 @@ The image of a round dot is an ellipse, also in perspective. The model of its gr
 
 with the distance t of the pixel p from the ellipse, positive outside, the blur s of the edge, the normal
 distribution Φ, and the grey levels and gradients of the background, b, and of the dot, d. Only pixels near
-the edge are used, because only they contain information about the centre. The fit therefore reaches nearly
-the Cramér-Rao bound for the noise of the pixels, other than a centroid.
+the edge are used, because only they contain information about the centre. The fit therefore nearly reaches
+the Cramér-Rao bound for the noise of the pixels, unlike a centroid.
 """
 
 from dataclasses import dataclass
@@ -120,7 +120,7 @@ class _Light:
         """Return the gradients at each dot, from a plane through the gradients at its neighbours.
 
         A gradient of the light looks like a shift of the dot. Where light changes little from dot to dot, the
-        neighbours know the gradient better than the dot itself. Where the gradients of the neighbours scatter
+        neighbours give a better gradient than the dot itself. Where the gradients of the neighbours scatter
         more than usual, as in a reflection, the precision is low, and the dot's own grey levels decide.
         """
         gradients = linear[:, _GRADIENTS]

@@ -35,9 +35,9 @@ class SeenTarget:
     Attributes
     ----------
     kind : str
-        What the target is, such as "a checkerboard".
+        The kind of the target, such as "a checkerboard".
     unit : str
-        What its numbers count, and the name of the option that takes them: "lines", "squares" or "dots".
+        The counted things, which is also the name of the option: "lines", "squares" or "dots".
     counts : tuple of int
         Numbers of lines, squares or dots along both directions.
     dictionary : str

@@ -61,7 +61,7 @@ class CallTime:
     def opening(self, reply_timeout_s: float) -> Iterator[None]:
         """Limit the time of all requests of opening a device, which are too many for one call.
 
-        A missing answer is reported as soon as outside a call. The limit is for a device whose answers all
+        A missing answer is reported as early as outside a call. The limit detects a device whose answers all
         come late: each request succeeds, but the device cannot be used.
 
         Raises

@@ -10,7 +10,7 @@ from drivers.lines.channel import CHANNEL_ERRORS, Channel
 
 
 class StagePort(ABC):
-    """A port that only this program may open; any thread may send messages.
+    """An exclusive port: no other program can use it, and any thread may send messages.
 
     Parameters
     ----------

@@ -54,7 +54,7 @@ class GreyLevels:
 class RigCheck:
     """The result of a rig check: lines to print, a table of the devices for JSON, and the problems.
 
-    `failed` gives for each device that could not be checked the reason.
+    `failed` gives the reason for each device that could not be checked.
     """
 
     lines: list[str]

@@ -1,4 +1,4 @@
-"""Plan a motion by hand: its target, its rate, and what no reading of it may leave."""
+"""Plan a motion by hand: its target, its rate, and the range that no reading may leave."""
 
 import math
 from dataclasses import dataclass, replace
@@ -34,8 +34,8 @@ class Wish:
     """The motion that a person asks for: the target of one axis, absolute or relative to the present reading.
 
     `rate` is in N/s or mm/s; None means the slow default rate. `travel_max_mm` is the largest travel of the
-    crosshead on the way to a load; None means what is plausible for the load. `free` says that no specimen
-    is in the grips.
+    crosshead on the way to a load; None means the travel that is plausible for the load. `free` says that no
+    specimen is in the grips.
     """
 
     axis: str

@@ -19,7 +19,7 @@ class NumberRange(click.FloatRange):
     """A range of numbers that also refuses NaN, which is neither below nor above any bound."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Return the number; a usage error if it is outside of the range or none."""
+        """Return the number; raise a usage error if it is outside the range or not a number."""
         number: float = super().convert(value, param, ctx)
         if math.isnan(number):
             self.fail(f"{value!r} is not a number in the range {self._describe_range()}.", param, ctx)

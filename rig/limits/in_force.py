@@ -94,7 +94,7 @@ def _both_ways(quantity: str, unit: str, greatest: float | None, source: str) ->
 
 
 def _range(quantity: str, unit: str, values: object, where: str, least: str, greatest: str) -> Limit:
-    """Return the limit whose bounds are two attributes of `values`, which stand in the table `where`."""
+    """Return the limit whose bounds are two attributes of `values`; `where` is the table that sets them."""
     low = _bound(getattr(values, least), f"{where}.{least}")
     return Limit(quantity, unit, low, _bound(getattr(values, greatest), f"{where}.{greatest}"))
 

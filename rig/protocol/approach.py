@@ -86,7 +86,7 @@ class Approach:
         return reading
 
     def end(self, place: Place) -> Place:
-        """Return the place at the target, or anywhere on the way if a criterion can end the motion."""
+        """Return the possible positions afterwards: the target; with a criterion, any position on the way."""
         return place.after(self.move.quantity, self.target, early=self.ending is not None)
 
     def _is_passed(self, start: float) -> bool:

@@ -26,8 +26,7 @@ class Span:
         return self.low == self.high
 
     def farther(self, target: float) -> float:
-        """Return the end of the range that is farther from a target; the lower end if the distances are
-        equal."""
+        """Return the end of the range that is farther from a target; for equal distances, the lower end."""
         return self.low if abs(target - self.low) >= abs(target - self.high) else self.high
 
 
@@ -54,8 +53,7 @@ class Place:
         return {"load": self.load, "displacement": self.displacement, "rotation": self.rotation}[quantity]
 
     def after(self, quantity: Quantity, value: float, *, early: bool = False) -> "Place":
-        """Return the place after a motion to `value`; if the motion can end early, any value on the way is
-        possible."""
+        """Return the possible positions after a motion to `value`, which may end early if `early`."""
         before = self.of(quantity)
         span = Span(min(before.low, value), max(before.high, value)) if early else Span(value, value)
         if quantity == "rotation":

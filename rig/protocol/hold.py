@@ -48,8 +48,7 @@ class Hold:
         return reading
 
     def end(self, place: Place) -> Place:
-        """Return the place after the hold: a constant load leaves the displacement unknown, and vice
-        versa."""
+        """Return the possible positions afterwards; at a constant load any displacement, and vice versa."""
         if self.move is None:
             return place
         span = place.of(self.move.quantity)

@@ -69,7 +69,7 @@ class _Column:
 
 @cache
 def _rows_in_memory(count: int) -> Any:
-    """Return the HDF5 dataspace of `count` values one after the other."""
+    """Return the HDF5 dataspace of `count` consecutive values."""
     return h5s.create_simple((count,))
 
 

@@ -4,7 +4,7 @@ from enum import Enum
 
 
 class Lie(Enum):
-    """The kind of a load cell's wrong reading; the machine's own controller uses the wrong reading too."""
+    """The kind of wrong reading of a load cell; the machine's own controller uses the wrong reading too."""
 
     NONE = "none"
     ZERO = "zero"

@@ -77,7 +77,7 @@ class KnownCamera:
         require_all(CalibrationError, "settings", checks)
 
     def prior(self, image_shape: tuple[int, ...]) -> "Prior":
-        """Return the equations of the known values for the fit; `image_shape` is (height, width)."""
+        """Return the equations by which known values enter the fit; `image_shape` is (height, width)."""
         height, width = image_shape[:2]
         at = ((width - 1) / 2, (height - 1) / 2) if self.principal_px is None else self.principal_px
         std = self.principal_std_px

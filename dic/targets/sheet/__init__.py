@@ -1,1 +1,1 @@
-"""Draws calibration targets for printing: what is dark on them, and the sheet with its rulers."""
+"""Draw calibration targets for printing: the dark areas of a target, and the sheet with its rulers."""

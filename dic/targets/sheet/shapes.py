@@ -1,4 +1,4 @@
-"""What is dark on a calibration target: rectangles and discs, in mm from the target's centre.
+"""The dark areas of a calibration target: rectangles and discs, in mm from the target's centre.
 
 X points right and Y points up.
 """
@@ -21,7 +21,7 @@ _MARKS_FROM_RIM = 2
 
 @dataclass(frozen=True)
 class Shapes:
-    """What is dark on a target.
+    """The dark areas of a target.
 
     Attributes
     ----------
@@ -38,14 +38,14 @@ class Shapes:
     holes: Float
 
     def size_mm(self) -> tuple[float, float]:
-        """Return the width and the height of the target; it lies symmetrically to its centre."""
+        """Return the width and the height of the target, which is symmetric about its centre."""
         corners = [abs(self.rectangles[:, :2]), abs(self.rectangles[:, :2] + self.rectangles[:, 2:])]
         reach = np.vstack([*corners, abs(self.discs[:, :2]) + self.discs[:, 2:]]).max(axis=0)
         return 2 * float(reach[0]), 2 * float(reach[1])
 
 
 def shapes_of(target: Target) -> Shapes:
-    """Return what is dark on a target.
+    """Return the dark areas of a target.
 
     A line grid gets the mark of its origin and axes, and a lattice of at least 7 × 7 dots gets three hollow
     dots. A checkerboard has a dark lower left square.

@@ -24,7 +24,7 @@ T = TypeVar("T")
 
 
 class EspPort(StagePort):
-    """A port to an ESP301 that only this program may open; any thread may call the methods."""
+    """An exclusive port to an ESP301: no other program can use it, and any thread may call the methods."""
 
     def __init__(self, name: str, channel: Channel, reply_timeout_s: float) -> None:
         super().__init__(name, channel, reply_timeout_s)

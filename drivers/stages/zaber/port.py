@@ -29,7 +29,7 @@ Answer = Reply | DamagedLineError | None
 
 
 class ZaberPort(StagePort):
-    """A port to Zaber devices that only this program may open; any thread may call `ask`."""
+    """An exclusive port to Zaber devices: no other program can use it, and any thread may call `ask`."""
 
     def __init__(self, name: str, channel: Channel, reply_timeout_s: float) -> None:
         super().__init__(name, channel, reply_timeout_s)
@@ -54,9 +54,9 @@ class ZaberPort(StagePort):
     ) -> Reply:
         """Send one command and return its answer.
 
-        If the command may be repeated, an answer to an earlier attempt that comes late during a call is as
-        good as the answer to the last attempt. Outside a call, as on opening, late answers are ignored, so
-        that a stage whose answers all come late is reported.
+        If the command may be repeated, a late answer to an earlier attempt is accepted during a call. Outside
+        a call, as on opening, late answers are ignored, so that a stage whose answers all come late is
+        reported.
 
         Parameters
         ----------

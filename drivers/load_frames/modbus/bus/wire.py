@@ -194,8 +194,8 @@ class RtuWire:
 
         A device answers in the order of the requests, so these are the late answers to earlier requests, and
         no late answer can come any more. A busy device may lose the request. Then the second request of
-        `proofs` is sent. Its answer must differ from the first one, because a device whose answers are always
-        one late would seem right otherwise.
+        `proofs` is sent. Its answer must differ from the first one. Otherwise a device whose answers always
+        come one request late would seem right.
 
         Parameters
         ----------
