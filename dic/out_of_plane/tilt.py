@@ -180,7 +180,7 @@ def _directions(outcomes: Sequence[Outcome]) -> list[Float]:
 def _converged(
     plane: Plane, kind: Expectations, equations: tuple[Sight, Polynomial, float, Float], shift: Shift
 ) -> list[Outcome]:
-    """Return the outcomes of models of one kind; their equations are linear about the plane that they find."""
+    """Return the outcomes of models of a kind; their equations are linear about the plane that they give."""
     for _ in range(_STEPS):
         linear = Linearised.about(plane, *equations, shift.per_slope_mm)
         scaled = kind.scaled(linear.strain)

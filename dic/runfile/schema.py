@@ -53,7 +53,7 @@ class Group:
 
 PROVENANCE = Item("provenance", "S")
 CONTINUES = Item("continues", "S")
-"""The earlier run that a run goes on with, as JSON; empty for a run that begins anew."""
+"""The earlier run that a run continues, as JSON; empty for a run that begins anew."""
 
 SETTINGS = Item("settings", "S")
 """The settings of a device, in the same group as the columns of the device's table."""

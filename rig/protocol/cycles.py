@@ -75,6 +75,6 @@ class Cycles:
         return steps
 
     def end(self, place: Place) -> Place:
-        """Return the possible positions afterwards: the lower end; with a criterion, any between both ends."""
+        """Return the possible positions afterwards: the lower end; with a criterion, any up to the higher."""
         after = place.after(self.move.quantity, self.low)
         return after if self.ending is None else after.after(self.move.quantity, self.high, early=True)
