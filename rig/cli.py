@@ -150,7 +150,7 @@ def run(
 def check(rig_path: Path, output: Path | None, json_path: Path | None, force: bool) -> None:
     """Open the devices of RIG, read their state and take one image with each camera. No device moves.
 
-    The check goes on after a device that fails.
+    If a device fails, the other devices are still checked.
     """
     from rig import open_rig, read_rig
     from rig.commands.check import check_rig, keep_in

@@ -69,9 +69,9 @@ def correlate(
 ) -> None:
     """Correlate DEFORMED images with the REFERENCE image.
 
-    DEFORMED are image files, folders, quoted patterns such as "img*.tif", and TIFF files of several pages, of
-    which all pages are measured. Names are taken in natural order: img2 before img10. Without DEFORMED, the
-    first image of a folder, pattern or TIFF file is the reference of the others.
+    DEFORMED are image files, folders, quoted patterns such as "img*.tif", and TIFF files, whose pages are all
+    measured. Names are taken in natural order: img2 before img10. Without DEFORMED, the first image of a
+    folder, pattern or TIFF file is the reference of the others.
 
     If an image cannot be measured, the command reports the image and continues with the next. Ctrl-C ends
     the series after the current image and keeps its results. Exit status: 0 if all images are measured well,
@@ -190,7 +190,7 @@ def _write_json(
     settings: "CorrelationSettings",
     set_up: dict[str, Any],
 ) -> None:
-    """Write what is known of all images, for other programs."""
+    """Write the results of all images as JSON, for other programs."""
     content = {"reference": str(reference), "settings": vars(settings), "images": record.summaries}
     content |= set_up | {"failures": record.failures}
     write_text(path, json.dumps(content, indent=1))

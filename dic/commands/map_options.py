@@ -18,7 +18,7 @@ _DEFAULT_QUANTITIES = "u,v,exx,eyy,exy"
 
 @dataclass(frozen=True)
 class MapOptions:
-    """Options of maps: what they show, and how."""
+    """Options of maps: quantities, axes, scales, colours and size."""
 
     folder: Path | None
     file_format: str

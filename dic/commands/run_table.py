@@ -87,7 +87,7 @@ def _joint_lines(result: "RunResult", joint: "JointCorrections") -> list[str]:
 
 
 def _notes(measurement: "Measurement") -> list[str]:
-    """Return what to know about smoothing and about new reference images up to a step.
+    """Return notes about smoothing, and about new reference images up to a step.
 
     Each new reference increases the standard deviations of the displacements u and v, which the text gives in
     mpx.

@@ -24,9 +24,9 @@ def series_table(names: Sequence[str], *, only_raw: bool) -> StrainTable:
 
 
 def image_lines(table: StrainTable, summary: dict[str, Any], *, first: bool = True) -> list[str]:
-    """Return the lines that `dic correlate` prints for an image: its strains, and what to know about them.
+    """Return the lines that `dic correlate` prints for an image: its strains, and notes about them.
 
-    What holds for the whole series is said with the first image.
+    Notes that hold for the whole series are printed with the first image.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def _points_text(summary: dict[str, Any]) -> str:
 
 
 def _settings_texts(summary: dict[str, Any], first: bool) -> Iterator[str]:
-    """Yield what the settings and the series did to this image."""
+    """Yield notes on the effects of settings and series on this image."""
     lost = {name: share for name, share in summary["strain"]["amplitude_lost"].items() if share is not None}
     if any(share >= _LOST_MIN for share in lost.values()):
         shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in lost.items())
@@ -117,7 +117,7 @@ def corrected_texts(corrected: dict[str, Any]) -> list[str]:
 
 
 def _shift_text(corrected: dict[str, Any]) -> str:
-    """Return a text about the part of the uncertainty that the shift causes, or "" if there is none."""
+    """Return a text about the part of the uncertainty that the shift causes, or "" without such a part."""
     if "exx_std_shift" not in corrected:
         return ""
     shift = 1e6 * corrected["exx_std_shift"]

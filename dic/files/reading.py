@@ -24,7 +24,7 @@ _KINDS = (
 
 
 class Content(Protocol):
-    """The content of a file, of which slices are read: bytes, or a `FileContent`."""
+    """The content of a file, which is read in slices: bytes, or a `FileContent`."""
 
     def __len__(self) -> int:
         """Return the size in bytes."""

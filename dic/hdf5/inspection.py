@@ -38,7 +38,7 @@ _FILTERS = {h5py.h5z.FILTER_FLETCHER32, h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER
 
 
 class Refusal(Exception):
-    """The file is refused. The message names the object because of which the file is refused."""
+    """The file is refused. The message names the object that is the reason."""
 
 
 def open_for_reading(path: Path) -> Any:

@@ -82,7 +82,7 @@ def _opencv_silent() -> Iterator[None]:
 
 @contextmanager
 def _messages_of_libjpeg(wanted: bool) -> Iterator[list[str]]:
-    """Take what libjpeg writes to standard error; the list is filled when the `with` block ends.
+    """Collect the messages that libjpeg writes to standard error in a list, at the end of the `with` block.
 
     libjpeg fills damaged pixels with grey, and reports this only by a message that it writes to standard
     error. Messages that other threads write meanwhile are passed on.

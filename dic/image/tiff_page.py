@@ -67,7 +67,7 @@ _NEW_VALUES = {tag for pair in STRIPS_AND_TILES for tag in pair}
 
 
 def _short(order: str, entry: Entry) -> Entry:
-    """Return the entry with values of 32 bits in the place of 64 bits, which only BigTIFF has."""
+    """Return the entry with its 64-bit values, which only BigTIFF has, converted to 32 bits."""
     if entry.kind != _LONG8:
         return entry
     values = struct.unpack(f"{order}{entry.number}{INTEGERS[_LONG8]}", entry.stored)

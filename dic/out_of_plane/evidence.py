@@ -6,7 +6,7 @@ posterior probability of a model is its prior probability times its evidence. Th
 density of y under the model, integrated over all parameters (MacKay, *Bayesian interpolation*, 1992). A model
 with more freedom spreads its density over more data, so it wins only if a simpler model does not explain y.
 The estimates of the models are averaged with these probabilities (Hoeting et al., *Bayesian model averaging*,
-1999). So the uncertainty contains what the data leave open between the models.
+1999). So the uncertainty contains the disagreement of the models that the data do not exclude.
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
 """What is expected of a specimen in tension before it is measured: prior standard deviations of all causes.
 
-One camera cannot tell all causes of `dic.out_of_plane.causes` apart. What the images do not determine comes
+One camera cannot distinguish all causes of `dic.out_of_plane.causes`. What the images do not determine comes
 from these expectations, and enters the standard deviations. The expectations are those of a flat specimen in
 ordinary grips. For tilts, bending, curvature and strain gradient there are several levels, from practically
 none to large. Each combination of levels is one model; `dic.out_of_plane.evidence` weighs the models.

@@ -118,7 +118,7 @@ class Bulge:
     Attributes
     ----------
     fitted : ndarray, shape (n, 3)
-        The terms X²/2, X Y and Y²/2 of the points that tell the heights, without their planes, mm².
+        The terms X²/2, X Y and Y²/2 at the points with known heights, minus their best-fitting planes, mm².
     planes : ndarray, shape (3, 3)
         Slope x, slope y and height of the three planes, in the columns.
     """

@@ -99,7 +99,7 @@ def turned_camera_reason(points: Points, slopes: Float, centre_mm: Float) -> str
 
 
 def uncertain_mounting(points: Points, centre_mm: Float) -> str:
-    """Return a text about the motion because of which a tilt in the reference is the main uncertainty.
+    """Return a text about the motion that makes a tilt in the reference the main uncertainty.
 
     Such a tilt causes false strain if the specimen slides or stretches. The false strain of a slide s is
     about s/Cz times the tilt, and that of a strain e is e tan θ times the tilt.

@@ -63,8 +63,8 @@ class Steps:
     def seen_on(self, slopes: Float, centre_mm: Float) -> "Steps":
         """Return the same steps; measure the angles and the centre of rotation in the specimen's plane.
 
-        The argument `slopes` tells where the specimen's plane is. Angles from calibrated motions have errors
-        because of false strain. Errors of the rotation angles would cause strain errors of about 1e-6.
+        The argument `slopes` gives the slopes of the specimen's plane. Angles from calibrated motions have
+        errors because of false strain. Errors of the rotation angles would cause strain errors of about 1e-6.
         """
         angles_deg, pivot_mm = _turns_and_pivot(self._motions(slopes, centre_mm))
         return replace(self, angles_deg=angles_deg, pivot_mm=pivot_mm)

@@ -159,7 +159,7 @@ def _too_uncertain(
 
 
 def _doubt(fit: TiltFit) -> str:
-    """Return a text about the cause that the images do not tell from a tilt, or "" if there is none."""
+    """Return a text about the cause that the images do not distinguish from a tilt, or "" without a cause."""
     if max(fit.graded, fit.curved) < 0.5:
         return ""
     if fit.graded > fit.curved:

@@ -84,7 +84,7 @@ def draw_contact_sheet(
         Name of each image that is shown, and its map.
     reference : ndarray, shape (height, width)
     number : int
-        Number of images of the series, of which these are shown.
+        Number of all images of the series.
     settings : MapSettings
     scale : mapping
         Lower and upper end of the quantity.

@@ -78,7 +78,7 @@ class SeriesSources:
 
 
 def files_of(images: Iterable[Path]) -> list[Path]:
-    """Return the files that hold the images, of which some may be pages."""
+    """Return the files that hold the images; some images may be pages of a file."""
     return [split_page(path)[0] for path in images]
 
 

@@ -24,7 +24,7 @@ def bottom_lines(draw: "Callable[[], RenderableType]", refreshes_per_s: float) -
     Parameters
     ----------
     draw : callable
-        Returns what stands at the bottom of the terminal now.
+        Returns the present lines at the bottom of the terminal.
     refreshes_per_s : float
     """
     if not sys.stderr.isatty() or os.environ.get("TERM", "").lower() in _DUMB or _leads_to_a_reader():

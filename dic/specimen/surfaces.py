@@ -82,7 +82,7 @@ class FirstLook:
 
 
 def first_look(maps: TextureMaps, within: Mask | None = None) -> FirstLook:
-    """Return what each window shows; `within` limits the windows that may show the specimen."""
+    """Return the texture in each window; `within` limits the windows that may show the specimen."""
     dark, bright = np.percentile(maps.grey[::_SPARSE, ::_SPARSE], (0.5, 99.0))
     floor = np.float32(0.05 * (bright - dark) or 1.0)
     light = np.maximum(maps.grey - np.float32(dark), np.float32(0.0)) + floor
@@ -207,7 +207,7 @@ def _resembling(maps: TextureMaps, inside: Bits, energy: Grey, sharpness: Grey) 
 
 
 def _large_parts(windows: Bits, inside: Bits) -> Bits:
-    """Return the connected parts that are large, and of which a fifth or more lies inside the surfaces."""
+    """Return the large connected parts that lie inside the surfaces by a fifth of their area or more."""
     import cv2
 
     count, labels, boxes, _ = cv2.connectedComponentsWithStats(windows)

@@ -32,7 +32,7 @@ class RegionFiles(NamedTuple):
     polygons : Path
         TOML file with the corners of the outlines.
     overlay : Path
-        PNG image of the reference; what lies beside the region is darkened.
+        PNG image of the reference; the area outside the region is darkened.
     """
 
     mask: Path

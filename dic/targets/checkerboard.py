@@ -160,7 +160,7 @@ def _colours_alternate(image: NDArray[np.uint8], px: Float) -> bool:
 
 
 def _continues(image: NDArray[np.uint8], px: Float) -> bool:
-    """Return True if the board goes on beyond the squares around the corners (columns, rows, 2), px.
+    """Return True if the board has squares beyond those around the corners (columns, rows, 2), px.
 
     The detector sometimes finds a part of a board that is larger than the given one.
     """

@@ -127,7 +127,7 @@ M = TypeVar("M", bound=Callable[..., Any])
 
 
 def one_call(method: M) -> M:
-    """Make all requests of a driver's method keep one deadline, that of the attribute ``_call_time``."""
+    """Make all requests of a driver's method keep one deadline, given by the attribute ``_call_time``."""
 
     @wraps(method)
     def timed(self: Any, *arguments: Any, **named: Any) -> Any:

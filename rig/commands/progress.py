@@ -191,7 +191,7 @@ def _step_line(record: StepRecord) -> str:
 
 
 def _holding(reading: Reading | None) -> str:
-    """Return the text that says what stands still while a person is asked."""
+    """Return the text that names the machines that stand still while a person is asked."""
     units = {} if reading is None else reading.by_unit()
     load = f"the load frame holds at {units['N']:.1f} N, {units['mm']:.4f} mm" if "N" in units else ""
     angle = f"the stage stands at {units['deg']:.2f} deg" if "deg" in units else ""

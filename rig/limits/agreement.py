@@ -297,7 +297,7 @@ class Agreement:
             self._history = self._followed(self._history, self._following, settled)
 
     def _followed(self, history: History, following: Following, settled: Reading) -> History:
-        """Return what is known of the load over the displacement after a finished increment."""
+        """Return the known relation of load to displacement after a finished increment."""
         found = [each for each in (history.stiffness_n_mm, following.stiffness_n_mm) if each is not None]
         history = replace(history, stiffness_n_mm=max(found, default=None))
         if self._outward() < 0.0 or settled.load_n < history.highest_n:

@@ -39,7 +39,7 @@ class History:
     highest_n : float
         Highest load so far. Up to this load, the specimen is elastic.
     beyond_n_mm : float or None
-        Stiffness of the first loading at the highest load, from which a further increment goes on.
+        Stiffness of the first loading at the highest load, at which a further increment begins.
     """
 
     stiffness_n_mm: float | None = None

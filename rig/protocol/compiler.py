@@ -151,7 +151,7 @@ class Compiler:
                 return self._cycles(phase)
 
     def _expect_load(self, phase: tables.ToLoad) -> None:
-        """Collect what an approach to a load tells about the specimen."""
+        """Collect the load that the specimen certainly carries, and the load up to which it is elastic."""
         assured_n, until = phase.load_n, phase.until
         if until is not None and until.plastic is not None:
             increment_n = phase.images.every_n or 0.5 * phase.load_n
@@ -222,7 +222,7 @@ class Compiler:
         )
 
     def _if_passed(self, approach: Approach, if_passed: tables.IfPassed) -> Approach:
-        """Add to an approach what happens if its target has been passed already."""
+        """Add to an approach its action if the target has been passed already."""
         if if_passed != "fail":
             return replace(approach, goes_back=if_passed == "go-back")
         where, quantity = self._where, approach.move.quantity

@@ -73,7 +73,7 @@ class Turn:
 
 @dataclass(frozen=True)
 class Pull:
-    """What a protocol tells about the loads of the test, for the agreement of load and displacement.
+    """The loads of a test as its protocol gives them, for the agreement of load and displacement.
 
     Attributes
     ----------

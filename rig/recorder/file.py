@@ -42,7 +42,7 @@ class OpenRunFile:
     header : RunHeader
     cameras : mapping of str to CameraInfo
     devices : mapping of str to DeviceInfo
-        The identities of ``stage`` and ``load_frame``, as far as the rig has them.
+        The identities of ``stage`` and ``load_frame``, if the rig has these devices.
     interlocks : mapping of str to InterlockRecord, optional
     """
 

@@ -21,7 +21,7 @@ class OperatorSettings(Settings):
 
 
 def notice(action: OperatorAction, duration_s: float) -> str:
-    """Return what a simulated operator does, and for how long."""
+    """Return a sentence on the action of a simulated operator and its duration."""
     return f"simulated operator: {action.value}, {duration_s:g} s"
 
 
@@ -50,7 +50,7 @@ class SimulatedOperator:
         self._on_action = on_action
 
     def notice(self, action: OperatorAction) -> str:
-        """Return what the operator will do, and for how long."""
+        """Return a sentence on the operator's action and its duration."""
         return notice(action, self._duration_s)
 
     def perform(self, action: OperatorAction) -> None:

@@ -175,7 +175,7 @@ class RemoteOperator:
         self._duration_s = duration_s
 
     def notice(self, action: OperatorAction) -> str:
-        """Return what the simulated operator will do, and for how long if that is known."""
+        """Return a sentence on the simulated operator's action, and its duration if it is known."""
         if self._duration_s is None:
             return f"simulated operator: {action.value}"
         return notice(action, self._duration_s)

@@ -1,7 +1,7 @@
 """Decide whether cells have the shape that lines leave between them, or are round.
 
 The background between dots looks like lines, and the dots look like the cells between these lines. The shape
-of the mean cell tells the two apart.
+of the mean cell distinguishes the two.
 """
 
 import numpy as np

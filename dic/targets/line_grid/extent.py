@@ -35,8 +35,8 @@ _BEYOND = 2
 def line_extents(image: GridImage, shape: LatticeShape, cells: CellLattice) -> tuple[range, range]:
     """Return the indices of the lines that are really in the image, for both directions.
 
-    The cells do not tell the number of lines: cells at the rim may be missing, and there may be false cells
-    beyond the rim. Therefore a line must be visible in most of its segments. In all these segments, its
+    The cells do not determine the number of lines: cells at the rim may be missing, and there may be false
+    cells beyond the rim. Therefore a line must be visible in most of its segments. In all these segments, its
     offset from the predicted line must be the same. Speckles beside the grid do not fulfil this condition. If
     there are no lines between the cells, both ranges are empty.
     """

@@ -17,7 +17,7 @@ CONTROL_NAMES = 32
 
 
 class Capability(IntFlag):
-    """Bits that tell which functions a device node supports (``V4L2_CAP_…``)."""
+    """Bits for the functions that a device node supports (``V4L2_CAP_…``)."""
 
     VIDEO_CAPTURE = 0x1
     VIDEO_CAPTURE_MPLANE = 0x1000

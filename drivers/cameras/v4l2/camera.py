@@ -1,7 +1,7 @@
 """Driver for cameras on the camera interface of Linux (V4L2), with full bit depth and checked settings.
 
 The driver uses the kernel directly and needs no library. docs/cameras.md describes weaknesses of V4L2, such
-as silently changed settings, and what the driver does against them.
+as silently changed settings, and the driver's checks against them.
 """
 
 from drivers.cameras.filming import FilmingCamera, refuse_simulated_time

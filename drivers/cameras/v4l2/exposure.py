@@ -52,7 +52,7 @@ def set_exposure(controls: Controls, settings: V4l2Settings, device: str) -> Exp
 
 
 def read_exposure(controls: Controls, settings: V4l2Settings) -> dict[str, Setting]:
-    """Return exposure time and gain, read from the camera, as far as the camera has them.
+    """Return exposure time and gain, read from the camera, if the camera has them.
 
     The exposure time is missing if the camera counts it in lines of unknown duration.
     """
