@@ -115,6 +115,14 @@ class CameraSeries:
         return strains([m.calibrated_mean for m in self.measurements])
 
     @cached_property
+    def calibrated_std(self) -> Float:
+        """Standard deviations of the calibrated mean strain, µε, shape (k, 3); NaN if not known.
+
+        Result files of earlier versions have the part of the images only, which is a small part of the error.
+        """
+        return strain_stds([None if m.by_images is None else m.calibrated_mean for m in self.measurements])
+
+    @cached_property
     def corrected(self) -> Float:
         """Mean strain εxx, εyy, εxy corrected for out-of-plane motion, µε, shape (k, 3).
 

@@ -86,7 +86,7 @@ class StepTable:
 def camera_tables(run: Run) -> list[StepTable]:
     """Return one table of steps per camera, with raw, calibrated and corrected strain in µε.
 
-    The corrected strain has its standard deviation beside it.
+    The calibrated and the corrected strain have their standard deviations beside them, where these are known.
     """
     tables, readings = [], _readings(run)
     for series in run.cameras:
@@ -100,7 +100,8 @@ def camera_tables(run: Run) -> list[StepTable]:
                 continue
             measurement = series.measurements[k]
             points = f"{measurement.raw_mean.points}/{measurement.field.in_view}"
-            cells = [micro(value) for value in (*series.raw[k], *series.calibrated[k])]
+            cells = [micro(value) for value in series.raw[k]]
+            cells += _strains(series.calibrated[k], series.calibrated_std[k])
             rows.append(StepRow(*_head(step, readings), points, cells, *_corrected(series, k, notes)))
         tables.append(StepTable(series.label, [heading for heading, *_ in readings], rows, notes))
     return tables
@@ -149,7 +150,10 @@ def _corrected(series: CameraSeries | PairSeries, k: int, notes: Sequence[Note])
 
 
 def _strains(values: Float, stds: Float) -> list[str]:
-    return [micro_with_std(value, std) for value, std in zip(values, stds, strict=True)]
+    return [
+        micro_with_std(value, std) if isfinite(std) else micro(value)
+        for value, std in zip(values, stds, strict=True)
+    ]
 
 
 def _notes(declined: Sequence[str | None]) -> list[Note]:

@@ -1,7 +1,12 @@
 """Tables of every step."""
 
+import numpy as np
+import pytest
+
+from dic.report.series import number_runs
+from dic.report.steps import camera_tables
 from tests.dic.report.page import Page, number
-from tests.dic.report.runs import EVIL, STRAIGHT
+from tests.dic.report.runs import EVIL, STRAIGHT, tension_run
 
 
 def test_step_tables_hold_the_numbers_of_the_run_with_the_on_axis_camera_first(tension_html: str) -> None:
@@ -26,6 +31,23 @@ def test_step_tables_hold_corrected_strains_and_the_reason_where_there_are_none(
     assert off_axis[1][11:] == ["−600.0 ± 3.0", "2002.0 ± 3.0", "0.0 ± 3.0"]
     assert off_axis[2][11:] == ["– a"]
     assert f"not corrected: it necks {EVIL}" in page.text
+
+
+def test_calibrated_strains_have_all_of_their_error_beside_them() -> None:
+    run = tension_run()
+    shared = np.diag([0.3e-3, 0.4e-3, 0.05e-3]) ** 2
+    off_axis = run.cameras[0]
+    alone = [seen.calibrated_mean for seen in off_axis.measurements]
+    off_axis.measurements[:] = [seen.sharing(shared) for seen in off_axis.measurements]
+    tables = camera_tables(number_runs([run])[0])
+    # The other camera's measurements are as from a file of an earlier version, which has the noise alone.
+    assert not any("±" in cell for row in tables[0].rows for cell in row.cells or [])
+    for row, mean in zip(tables[1].rows, alone, strict=True):
+        assert not any("±" in cell for cell in row.cells[:3])
+        # small strains of an upright specimen: εxx, εyy and εxy have the errors of the gradient's elements
+        stds = np.hypot([mean.exx_std, mean.eyy_std, mean.exy_std], np.sqrt(np.diag(shared)))
+        for cell, std in zip(row.cells[3:], stds, strict=True):
+            assert number(cell.split(" ± ")[1]) == pytest.approx(1e6 * std, abs=0.51)
 
 
 def test_two_cameras_together_have_a_table_of_their_own(corrected_html: str) -> None:
