@@ -189,7 +189,7 @@ def require_unchanged(earlier: Earlier, protocol: Protocol, rig: Rig) -> Reading
 
 
 def _finished(run: RunFile) -> dict[int, Reading]:
-    """Return the readings of the finished steps, with and without images, by their numbers."""
+    """Return the readings of the finished steps, with and without images, by the steps' numbers."""
     earlier, steps = (run.earlier, run.own_steps) if isinstance(run, JoinedRun) else (None, run.steps)
     readings = {} if earlier is None else _finished(earlier)
     for step in steps:

@@ -35,8 +35,8 @@ _KEYS = {"cross_validation_px": "left_out_px"}
 def save_calibration(calibration: Calibration, path: str | Path) -> None:
     """Write a calibration file.
 
-    The data are first written to a temporary file beside `path`, which is then renamed to `path`. So a crash
-    leaves no incomplete file at `path`.
+    The data are first written to a temporary file in the same folder. The temporary file is then renamed to
+    `path`. So a crash leaves no incomplete file at `path`.
 
     Raises
     ------

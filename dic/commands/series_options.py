@@ -182,7 +182,7 @@ start_options = option_group(
 
 @dataclass(frozen=True)
 class MotionOptions:
-    """Options for the assumed motion of the specimen, which is used to correct calibrated strain."""
+    """Options for the motion of the specimen that the correction of calibrated strain assumes."""
 
     motion: str
     poisson_ratio: float

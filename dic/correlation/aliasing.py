@@ -1,9 +1,9 @@
-"""Waves above the Nyquist frequency, which a camera records as slower waves: their share of a spectrum.
+"""Aliasing: the share of a spectrum that comes from waves above the Nyquist frequency.
 
 A pattern has the same spectrum in all directions. At a given frequency, a camera records waves along the
 pixel rows together with aliased waves, but diagonal waves without them, because the diagonals of the pixel
-grid have a higher Nyquist frequency. So the difference between rows and diagonals shows how much of the
-recorded power is aliased.
+grid have a higher Nyquist frequency. So the difference between rows and diagonals gives the aliased share of
+the recorded power.
 
 The model of the pattern's power is A k⁻ᵖ exp(-s²k²) times the transfer of a square pixel, sinc²(ωx/2π)
 sinc²(ωy/2π). A sharp edge has p = 3; the lens and round blobs give the exponential. The recorded power is the
@@ -30,7 +30,7 @@ _LEAST_POWER = 1e-9
 def replica_shares(
     spectrum: PatternSpectrum, noise_variance: float, *, noise_known: bool
 ) -> tuple[dict[Replica, Float], float]:
-    """Return the share of the recorded power that belongs to each replica, and the variance of the noise.
+    """Return the share of each replica in the recorded power, and the variance of the noise.
 
     Parameters
     ----------

@@ -19,9 +19,9 @@ correlation caused by intensity interpolation", Optical Engineering 39 (2000) 29
 Gao, X. Xu, X. Wu, "Fourier-based interpolation bias prediction in digital image correlation", Optics Express
 23 (2015) 19242-19260. For motion along y the mean over all sub-pixel positions along y is taken.
 
-The same formula holds for waves above the Nyquist frequency, which a camera records as slower waves: their
-frequency ω lies beyond π, while D is that of the slower wave. Such aliased waves move the wrong way, so
-their bias has the opposite sign (`dic.correlation.aliasing`).
+The same formula holds for aliased waves: a camera records a wave above the Nyquist frequency as a wave of
+lower frequency. Its true frequency ω lies beyond π, while D belongs to the recorded wave. Such aliased waves
+move the wrong way, so their bias has the opposite sign (`dic.correlation.aliasing`).
 """
 
 from functools import cache

@@ -58,7 +58,7 @@ class FileContent:
 
 @contextmanager
 def opened(path: str | Path) -> Iterator[FileContent]:
-    """Give the content of a regular file, which may be larger than the memory.
+    """Provide the content of a regular file; the file may be larger than the memory.
 
     Raises
     ------

@@ -85,7 +85,7 @@ class Motion:
 
     @property
     def shift(self) -> Shift:
-        """What is known of the specimen's shift towards the camera."""
+        """Knowledge about the specimen's shift towards the camera."""
         return Shift.of(self.shift_std_um, self.tilt_axis_mm)
 
 

@@ -60,8 +60,8 @@ class Correction:
         Parts of the standard deviations of `mean`, and probabilities of causes, by their names in JSON; see
         `docs/results.md`. None if not known.
     shared : ndarray, shape (3, 3), or None
-        Covariance of the errors of exx, eyy, exy that all points share, which are all errors but those of the
-        images. If the attribute is None, `shared_errors` derives it from `mean`.
+        Covariance of the errors of exx, eyy, exy that all points share: all errors except the noise and
+        interpolation errors of the images. If the attribute is None, `shared_errors` derives it from `mean`.
     """
 
     method: str

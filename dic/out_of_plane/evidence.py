@@ -100,6 +100,6 @@ def _projection(columns: Float) -> Float:
 
 
 def probabilities(log_evidences: Float) -> Float:
-    """Return the posterior probabilities of models, which sum to 1, from their logarithms of evidence."""
+    """Return the posterior probabilities of models from their logarithms of evidence; their sum is 1."""
     probability = np.exp(log_evidences - np.max(log_evidences))
     return np.asarray(probability / probability.sum())

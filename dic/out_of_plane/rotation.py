@@ -107,7 +107,7 @@ def systematic_strain(settings: CorrelationSettings, calibration: Calibration) -
 
 
 def _turns_and_pivot(motions: Sequence[tuple[Float, Float]]) -> tuple[Float, Float]:
-    """Return the rotation angles (steps,) in degrees, and the pivot (2,), which is the centre of rotation."""
+    """Return the rotation angles (steps,) in degrees, and the centre of rotation (2,)."""
     gradients = np.array([slopes_of(before, after - before) for before, after in motions])
     F = gradients + np.eye(2)
     angles_deg = np.degrees(np.arctan2(F[:, 1, 0] - F[:, 0, 1], F[:, 0, 0] + F[:, 1, 1]))

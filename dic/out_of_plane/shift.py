@@ -1,4 +1,4 @@
-"""What is known of a specimen's shift towards the camera, which one camera cannot measure.
+"""Knowledge about a specimen's shift towards the camera; one camera cannot measure this shift.
 
 If the grips let the specimen tilt about a hinge, the surface keeps its height at the hinge. A tilt with the
 slopes a, b about a hinge at (X, Y) then shifts the surface above the grid's centre by -(a X + b Y). So a
@@ -33,7 +33,7 @@ _FARTHEST_MM = 1e4
 
 @dataclass(frozen=True)
 class Shift:
-    """What is known of the specimen's shift towards the camera since the reference.
+    """Knowledge about the specimen's shift towards the camera since the reference.
 
     Attributes
     ----------

@@ -66,7 +66,7 @@ def correct_tilt(
     poisson_ratio : float
         Poisson's ratio of the specimen.
     shift : Shift, optional
-        What is known of the specimen's shift towards the camera since the reference. Default: the expected
+        Knowledge about the specimen's shift towards the camera since the reference. Default: the expected
         shift, without a hinge.
     """
     shift = shift or Shift()

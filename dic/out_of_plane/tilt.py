@@ -92,7 +92,7 @@ def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float, shift: Shif
     poisson_ratio : float
         Poisson's ratio of the specimen.
     shift : Shift
-        What is known of the specimen's shift towards the camera.
+        Knowledge about the specimen's shift towards the camera.
     """
     fit = _fit(points, centre_mm, poisson_ratio, shift, None)
     if fit.misfit > _STRANGE:

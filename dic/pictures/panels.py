@@ -117,7 +117,7 @@ def finished(scale: Scale, settings: MapSettings) -> Scale:
 
 
 def _spread(low: float, high: float) -> tuple[float, float]:
-    """Return ends that differ, also for a uniform field, whose values differ by rounding errors only."""
+    """Return ends that clearly differ; the values of a uniform field differ by rounding errors only."""
     least = max(_LEAST_SPREAD * max(abs(low), abs(high)), _LEAST_RANGE)
     if high - low >= least:
         return low, high

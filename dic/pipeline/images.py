@@ -104,7 +104,7 @@ def measure_images(
 def _sources(
     reference: ImageLike, images: ImageLike | SeriesImage | Iterable[ImageLike | SeriesImage] | None
 ) -> tuple[ImageLike, Iterable[ImageLike | SeriesImage]]:
-    """Return the reference and the images one by one, where paths may name folders, patterns and stacks."""
+    """Return the reference and the images one by one; a path may be a folder, a pattern or a stack."""
     if isinstance(images, SeriesImage):
         return reference, [images]
     several = None if images is None else one_by_one(images)

@@ -202,7 +202,7 @@ def correct_run(cameras: Sequence[CameraResult], settings: CorrectionSettings) -
 
 
 def stated_camera(camera: CameraResult, corrections: RunCorrections) -> CameraResult:
-    """Return a camera's results, whose calibrated strains state the errors that the corrections found."""
+    """Return a camera's results; the errors of its calibrated strains contain the corrections."""
     measurements = [
         stated(measurement, corrections.best(camera.camera, step.index, place))
         for place, (step, measurement) in enumerate(zip(camera.steps, camera.measurements, strict=True))

@@ -32,11 +32,11 @@ def require_calibration(motion: Motion | None, calibration: Calibration | None) 
 
 
 def corrected(image: MeasuredImage, calibration: Calibration | None, motion: Motion | None) -> MeasuredImage:
-    """Return the image with its correction, and with calibrated strain whose errors contain the correction.
+    """Return the image with its correction; the errors of its calibrated strain contain the correction.
 
-    An image of a rotating specimen is returned without a correction, which needs all images:
-    `corrected_rotation` computes it. Until then the errors of its calibrated strain contain the expected
-    motion of a specimen.
+    An image of a rotating specimen is returned without a correction. `corrected_rotation` computes the
+    correction from all images. Until then the errors of its calibrated strain contain the expected motion of
+    a specimen.
     """
     if image.measurement is None or calibration is None:
         return image

@@ -65,7 +65,7 @@ def plot_style() -> Any:
 
 
 def new_figure(columns: int, height_in: float = 3.6) -> tuple[Any, Any]:
-    """Return a matplotlib figure that is as wide as the page, and its axes, which are side by side.
+    """Return a matplotlib figure as wide as the page, and its axes side by side.
 
     The axes keep fixed distances for their labels. Matplotlib's layout engines find the distances themselves,
     but need as long for this as for drawing the figure.

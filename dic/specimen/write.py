@@ -1,4 +1,4 @@
-"""Write a region as a mask image and as polygons, which can be edited, and as a picture to check it."""
+"""Write a region as a mask image and polygons that can be edited, and as a picture to check it."""
 
 from collections.abc import Sequence
 from pathlib import Path

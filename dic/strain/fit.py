@@ -191,7 +191,7 @@ def _slope_weights(offset: Float, use: Mask, degree: int) -> Float:
 
 
 def _covariances(weights: Float, factors: Float, overlap: Float) -> Float:
-    """Return the covariances (n, 4, 4) of the gradients of n windows, whose points have correlated errors.
+    """Return the covariances (n, 4, 4) of the gradients of n windows; errors of points are correlated.
 
     The shapes of the arguments are (n, 2, places) for `weights`, (n, 2, 2, places) for `factors`, and
     (places, places) or (n, places, places) for `overlap`.

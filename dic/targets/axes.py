@@ -47,7 +47,7 @@ class Axes:
         return (1, 0) if self.swap else (0, 1)
 
     def columns_and_rows(self, index: Indices, spans: tuple[range, range]) -> Indices:
-        """Convert lattice indices (n, 2) to columns and rows of the target (n, 2), which start at 0.
+        """Convert lattice indices (n, 2) to columns and rows of the target (n, 2), counted from 0.
 
         `spans` are the ranges of the lattice indices of the target.
         """

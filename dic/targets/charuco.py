@@ -153,7 +153,7 @@ def _second_board(image: NDArray[np.uint8], dictionary: str, marker_px: Float) -
 
 
 def fit_one_plane(drawn: Float, corners: Float) -> Mask:
-    """Return True for each marker (n,) that lies at its place on the board, which is roughly plane."""
+    """Return True for each marker (n,) at its place on the board; the board must be roughly plane."""
     import cv2
 
     if not len(drawn):

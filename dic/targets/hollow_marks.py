@@ -83,7 +83,7 @@ def find_hollow_marks(index: Indices, hollow: Mask, vectors: Float) -> HollowMar
 
 
 def _mean_level(grey: Grey, blobs: Blobs, radii: tuple[float, ...]) -> Float:
-    """Return mean grey levels (n,) on ellipses, which are the blobs' ellipses times each of the radii."""
+    """Return mean grey levels (n,) on the blobs' ellipses, scaled by each of the radii."""
     import cv2
 
     angle = np.arange(_SPOKES) * (2 * np.pi / _SPOKES)

@@ -35,7 +35,7 @@ def cropped(grey: Grey, region_px: Region, source: str) -> tuple[Grey, tuple[int
 
 
 def two_targets(source: str, kind: str, places: tuple[Float, Float]) -> CalibrationError:
-    """Return the error for an image of two targets, whose points (n, 2), px, are `places`."""
+    """Return the error for an image of two targets; `places` are their points (n, 2), px."""
     middles = " and ".join(f"x {x:.0f} y {y:.0f}" for x, y in (each.mean(axis=0) for each in places))
     low, high = places[0].min(axis=0), places[0].max(axis=0)
     margin = 0.1 * (high - low)

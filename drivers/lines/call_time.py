@@ -59,7 +59,7 @@ class CallTime:
 
     @contextmanager
     def opening(self, reply_timeout_s: float) -> Iterator[None]:
-        """Limit the time of all requests of opening a device, which are too many for one call.
+        """Limit the time for opening a device, which takes more requests than one call.
 
         A missing answer is reported as early as outside a call. The limit detects a device whose answers all
         come late: each request succeeds, but the device cannot be used.

@@ -10,7 +10,7 @@ from drivers.errors import LinkLost
 
 @dataclass(frozen=True)
 class StopTimes:
-    """Times for a stop or hold command, which is repeated until the device confirms the command.
+    """Times for a stop or hold command; the command is repeated until the device confirms it.
 
     Attributes
     ----------

@@ -169,7 +169,7 @@ class Screen:
 
 @contextmanager
 def run_screen() -> Iterator[Screen]:
-    """Yield the screen of `rig run`, which draws where `bottom_lines` may draw."""
+    """Yield the screen of `rig run`; it draws only if `bottom_lines` may draw."""
     screen = Screen()
     screen.live = live = bottom_lines(screen.draw, REFRESHES_PER_S)
     if live is None:
@@ -252,7 +252,7 @@ class HandScreen:
 
 @contextmanager
 def hand_screen() -> Iterator[HandScreen]:
-    """Yield the screen of `rig unload` and `rig jog`, which draws where `bottom_lines` may draw."""
+    """Yield the screen of `rig unload` and `rig jog`; it draws only if `bottom_lines` may draw."""
     screen = HandScreen()
     screen.live = live = bottom_lines(screen.draw, REFRESHES_PER_S)
     try:

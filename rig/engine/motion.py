@@ -168,7 +168,7 @@ class Motion:
 
 
 def _begin(step: ProtocolStep, devices: Devices) -> None:
-    """Command the target of a step, whose device the rig must have; return at once."""
+    """Command the target of a step and return at once; the rig must have the device."""
     if step.kind == "relaxation":
         _load_frame(devices).hold()
     elif step.quantity == "load":

@@ -222,7 +222,7 @@ class Compiler:
         )
 
     def _if_passed(self, approach: Approach, if_passed: tables.IfPassed) -> Approach:
-        """Add to an approach its action if the target has been passed already."""
+        """Return an approach with the action for a target that has been passed already."""
         if if_passed != "fail":
             return replace(approach, goes_back=if_passed == "go-back")
         where, quantity = self._where, approach.move.quantity

@@ -65,7 +65,7 @@ class Demand:
 
 @dataclass(frozen=True)
 class Turn:
-    """A turn of the stage within one step, which must end within `settle.timeout_s`."""
+    """A turn of the stage within one step; the turn must end within `settle.timeout_s`."""
 
     key: str
     travel_deg: float

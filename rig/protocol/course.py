@@ -53,7 +53,7 @@ class Place:
         return {"load": self.load, "displacement": self.displacement, "rotation": self.rotation}[quantity]
 
     def after(self, quantity: Quantity, value: float, *, early: bool = False) -> "Place":
-        """Return the possible positions after a motion to `value`, which may end early if `early`."""
+        """Return the possible positions after a motion to `value`; with `early`, the motion may end early."""
         before = self.of(quantity)
         span = Span(min(before.low, value), max(before.high, value)) if early else Span(value, value)
         if quantity == "rotation":

@@ -23,7 +23,7 @@ from rig.protocol.tables import Limits, Sample, TensionSettle, too_fine
 
 
 class Loading(Settings):
-    """Settings for the increments of load, which end when plastic deformation is evident."""
+    """Settings for the increments of load; the increments end when plastic deformation is evident."""
 
     increment_n: float = Field(gt=0.0)
     increments_max: int = Field(ge=2, le=1000, description="the run fails if no increment is plastic")

@@ -89,7 +89,7 @@ class Script:
 
     @property
     def cameras(self) -> list[str]:
-        """The cameras in the order of the rig file, in which they take their images."""
+        """The cameras in the order of the rig file; they take their images in this order."""
         firsts = {name: self.run.columns(f"instrument/{name}")["order"][:1] for name in self.run.cameras}
         return sorted(firsts, key=lambda name: firsts[name].tolist() or [np.inf])
 

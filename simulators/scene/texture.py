@@ -20,7 +20,7 @@ BRIGHT = 0.92
 
 
 class Texture(Protocol):
-    """A texture, whose reflectance is defined at every material point."""
+    """A texture: its reflectance is defined at every material point."""
 
     @property
     def quadrature_order(self) -> int:

@@ -1,4 +1,4 @@
-"""A line between a client and a device, which splits bytes into messages, answers and applies faults."""
+"""A line between a client and a device: it splits bytes into messages, answers, and applies faults."""
 
 from collections.abc import Callable
 from typing import Protocol

@@ -64,7 +64,7 @@ class ModbusRtuServer(Server, ABC):
 
     @abstractmethod
     def answer(self, unit: int, request: bytes) -> bytes | None:
-        """Execute a data unit for this unit or for all; return the answer's data unit, or None."""
+        """Execute a data unit for this device or for all devices; return the answer's data unit, or None."""
 
     def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
         """Return the complete messages in a buffer, and the remaining bytes."""

@@ -1,4 +1,4 @@
-"""A TCP server for any number of clients, which ends all its threads and connections when it is closed."""
+"""A TCP server for any number of clients; closing the server ends all its threads and connections."""
 
 import contextlib
 import socket

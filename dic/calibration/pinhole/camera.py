@@ -67,7 +67,7 @@ class Pinhole:
         k1_per_px2: float = 0.0,
         principal_px: tuple[float, float] = (0.0, 0.0),
     ) -> "Pinhole":
-        """Return a camera of Helm and Deaner's numerical assessment, which looks at the grid's centre.
+        """Return a camera of Helm and Deaner's numerical assessment; it looks at the grid's centre.
 
         Without pan and tilt the camera stands on the grid's normal, at `distance_mm`. Pan turns the scene
         about the vertical axis, then tilt turns it about the horizontal axis: ``R = Rx(tilt)·Ry(pan)``.

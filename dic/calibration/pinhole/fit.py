@@ -45,7 +45,7 @@ class _Views:
     prior: Prior
 
     def without(self, left_out: Mask) -> "_Views":
-        """Return the same views without some grid points of the first image, which `left_out` (n,) marks."""
+        """Return the same views without the grid points of the first image that `left_out` (n,) marks."""
         xy, uv = self.xy_mm[0][~left_out], self.uv_px[0][~left_out]
         return replace(self, xy_mm=[xy, *self.xy_mm[1:]], uv_px=[uv, *self.uv_px[1:]])
 

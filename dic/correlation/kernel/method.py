@@ -1,4 +1,4 @@
-"""The settings and the subset of a point, which most functions of the kernel take as arguments."""
+"""Arguments of most functions of the kernel: the settings, and the subset of a point."""
 
 from typing import NamedTuple
 

@@ -62,7 +62,7 @@ class Rows(NamedTuple):
 
 
 class Strip(NamedTuple):
-    """A strip, which is a group of neighbouring columns of a subset that are summed together.
+    """A strip: neighbouring columns of a subset that are summed together.
 
     Attributes
     ----------

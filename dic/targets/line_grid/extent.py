@@ -105,7 +105,7 @@ def _with_partly_hidden_lines(like_lines: Mask, first: int, last: int) -> tuple[
 
 
 def _segments_of_lines(profiles: Float, between: Mask) -> Mask:
-    """Return True for each segment, shape (lines, segments), whose profiles are those of a known line.
+    """Return True for each segment, shape (lines, segments), with profiles like those of a known line.
 
     A segment between two found cells is certainly part of a line. Every segment has grey level profiles at
     three places. A segment counts as a line only if all three profiles have about the shape and the contrast

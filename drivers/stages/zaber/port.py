@@ -119,7 +119,7 @@ class ZaberPort(StagePort):
         said: str,
         permit: Callable[[], None] | None,
     ) -> int:
-        """Send a message with a new id, whose answer goes to `answers`; return the id."""
+        """Send a message with a new id and return the id; the answer goes to `answers`."""
         with self._write_lock:
             id = self._next_id = next(i for i in _after(self._next_id) if i not in self._waiting)
             self._waiting[id] = answers

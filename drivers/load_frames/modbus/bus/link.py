@@ -1,10 +1,10 @@
 """Send Modbus requests to a device and verify the answers.
 
 Every answer is compared with its request. A write request is repeated only if that is harmless. Modbus RTU
-answers have no number. Therefore, after a missing answer, the link reads known registers, which identify the
-machine: their answer shows that no late answer can come any more. After a damaged answer, the link first
-waits until the line is silent. On every new connection, the link reads the known registers too. Only a hold
-command is sent at once, without this wait and without this check.
+answers have no number. Therefore, after a missing answer, the link reads known registers that identify the
+machine. The answer to this request shows that no late answer can come any more. After a damaged answer, the
+link first waits until the line is silent. On every new connection, the link reads the known registers too.
+Only a hold command is sent at once, without this wait and without this check.
 """
 
 import contextlib
@@ -132,8 +132,8 @@ class ModbusLink:
             True to send the request before all others, and to interrupt other waits on this link.
         single : bool
             True to write a single register with Modbus function 6 instead of function 16.
-        harmless : bool
-            True if the request may be repeated after a missing answer, because it has no effect twice. All
+        harmless : bool True if the request may be repeated after a missing answer, because a second execution
+        has no effect. All
             other requests are never repeated.
 
         Raises
