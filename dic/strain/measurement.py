@@ -120,8 +120,8 @@ class Measurement:
     def amplitude_kept(self) -> dict[str, Float]:
         """The share of the amplitude that local strain keeps of "exx" and "eyy", shape (rows, columns).
 
-        The share is estimated from the strain around each point. It is NaN where the strain cannot be told
-        from its noise. `dic.strain.resolution` describes the method.
+        The share is estimated from the strain around each point. It is NaN where the strain cannot be
+        distinguished from its noise. `dic.strain.resolution` describes the method.
         """
         filters, strain = Filters(self.settings, self.strain_settings), self.strain
         # An error that all points share is no noise of the strain's shape.

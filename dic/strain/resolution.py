@@ -128,7 +128,7 @@ def amplitude_kept(values: Float, std: Float, filters: Filters, *, along_x: bool
     Returns
     -------
     ndarray, shape (rows, columns)
-        From 0.4 to 1; NaN where the strain cannot be told from its noise.
+        From 0.4 to 1; NaN where the strain cannot be distinguished from its noise.
     """
     known = np.isfinite(values) & np.isfinite(std)
     strain, variance = np.where(known, values, 0.0), np.where(known, std, 0.0) ** 2

@@ -141,8 +141,8 @@ class Session:
     def _number_of(self, buffer: int, arrived_s: float) -> int:
         """Return the frame number from the camera's counter, continued after an overflow of 16 bits.
 
-        If the camera's counter repeats or decreases, the frame number does the same. The number of overflows
-        is computed from the time between two frames.
+        If the camera's counter repeats or decreases, the frame number also repeats or decreases. The number
+        of overflows is computed from the time between two frames.
         """
         id = int(self._library.call("buffer_get_frame_id", buffer))
         if self._last_id is None:
