@@ -136,7 +136,7 @@ class ClippedSubsets:
         return table
 
     def _with_whole(self, weights: Grey, offset: Indices) -> Float:
-        """Return the correlations of subsets with whole subsets around them."""
+        """Return the correlations between clipped subsets and the whole subsets around them."""
         n, step = self._settings.subset_px, self._settings.step_px
         whole = _weights(np.ones((1, n, n), np.bool_), self._settings.shape)[0]
         around = np.zeros((len(offset), len(offset), n, n), np.float32)

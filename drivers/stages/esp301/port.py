@@ -182,8 +182,7 @@ class EspPort(StagePort):
                 return
 
     def _prove(self, answer: str, timeout_s: float) -> None:
-        """Check that `answer` belongs to the latest question: the version, asked now, must be the next line.
-        """
+        """Check that `answer` belongs to the latest question: the version, asked last, must follow it."""
         self._suspect = True
         self.send("VE?")
         deadline_s = self._clock.now_s() + timeout_s
