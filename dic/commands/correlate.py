@@ -164,7 +164,7 @@ def _measure(
 
 
 def _draw(maps: "SeriesMaps") -> None:
-    """Draw the pictures that have waited for the scale of the whole series."""
+    """Draw the pictures that need the scale of the whole series, which is known now."""
     from dic.shell.progress import progress
 
     if maps.pictures_left:

@@ -28,8 +28,8 @@ def option_group(
     *options
         Results of `click.option`, in the order of the help text.
     needs : mapping of str to sequence of str, optional
-        For an option such as ``"--decimal-comma"`` those options without which it has no effect. If it is
-        given without any of them, the command raises an error.
+        For an option such as ``"--decimal-comma"`` the options of which it needs at least one. If it is given
+        without any of them, the command raises an error.
     """
     names = [field.name for field in fields(kind)]
 

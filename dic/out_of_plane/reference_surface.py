@@ -52,7 +52,7 @@ class ReferenceSurface:
 
     @property
     def text(self) -> str:
-        """One sentence about the surface's place."""
+        """One sentence about the position of the surface."""
         if self.plane is None:
             return (
                 f"the surface's distance from the grid's plane is not known, because {self.problem}; "

@@ -18,7 +18,7 @@ from dic.typing import Float
 SHIFT_STD_UM = 30.0
 """Default standard deviation of the specimen's shift towards the camera since the reference, µm.
 
-One camera cannot see the shift. Grips and load trains move specimens by some tens of micrometres.
+One camera cannot see the shift. Grips and load trains move specimens by tens of micrometres.
 """
 
 HINGE_STD_UM = 5.0

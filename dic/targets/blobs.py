@@ -106,9 +106,9 @@ def _noise_floor(image: NDArray[np.uint8]) -> float:
 
 
 def noise_of(grey: Grey) -> float:
-    """Return about the standard deviation of the noise of an image, grey levels.
+    """Return an estimate of the standard deviation of an image's noise, grey levels.
 
-    It is taken from second differences, whose standard deviation is √6 times that of the pixels.
+    The estimate comes from second differences: their standard deviation is √6 times that of the pixels.
     """
     sample = grey[::3]
     second = sample[:, :-2] - 2 * sample[:, 1:-1] + sample[:, 2:]

@@ -96,8 +96,8 @@ class _Dots:
 def _other_plate(blobs: Blobs, placed: Indices, index: Indices) -> Float | None:
     """Return the dots (m, 2), px, of a lattice beside the lattice of the blobs `placed`, or None.
 
-    The lattice beside must be at least half as large. A reflection can divide a plate in two parts.
-    They are recognised because the lattice of one part continues in the other part.
+    The lattice beside must be at least half as large. A reflection can divide a plate into two parts. Such
+    parts do not count as two plates, because the lattice of one part continues in the other part.
     """
     import cv2
 

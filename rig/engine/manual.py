@@ -215,7 +215,7 @@ class Manual:
         )
 
     def _rest(self) -> list[Reading]:
-        """Read the machine some times at rest, to measure the noise of load and displacement."""
+        """Read the machine several times at rest, to measure the noise of load and displacement."""
         readings = [self.read()]
         for _ in range(REST_READINGS - 1):
             self._calls.pause(POLL_S)
