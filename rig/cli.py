@@ -210,7 +210,7 @@ def devices(
 @_JSON
 @FORCE
 def replay(run_file: Path, output: Path | None, json_path: Path | None, force: bool) -> None:
-    """Feed RUN through the same engine once more, and compare images, readings and steps bit by bit.
+    """Feed RUN through the same engine again, and compare images, readings and steps bit by bit.
 
     No device is opened. Commands of the engine have no effect; readings and images are those of RUN.
     """

@@ -39,7 +39,7 @@ class Correlator:
     clip : bool
         True if subsets use only pixels of the region that no edge disturbs: a cubic spline oscillates up to 4
         px from an edge, a quintic spline up to 5 px. Give True if the surface ends at the region's edge.
-        Without a region, subsets never use pixels beside the specimen.
+        Without a region, subsets never use pixels outside the specimen.
     within : ndarray of bool, shape (height, width), optional
         Limits the points of interest, but not the pixels of their subsets, to a part of the specimen. It is
         used only without a region.

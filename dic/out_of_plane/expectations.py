@@ -90,7 +90,7 @@ class Expectations:
         return cls(np.array(rows), np.array(logs), np.array(curved), np.array(graded))
 
     def scaled(self, strain: float) -> "Expectations":
-        """Return the expectations for a strain, to which the gradients are proportional."""
+        """Return the expectations for a given strain; the gradients are proportional to this strain."""
         std, at = self.std.copy(), places()
         for name in ("gradient", "taper"):
             std[:, at[name]] *= abs(strain)

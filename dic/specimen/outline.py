@@ -75,7 +75,7 @@ def _without_holes(mask: Bits) -> Bits:
 
 
 def _smoothed(whole: Bits, inside: Bits, radius: int) -> Bits:
-    """Return the mask without narrow parts, and without parts that lie beside the specimen."""
+    """Return the mask without narrow parts, and without parts that lie outside the specimen."""
     import cv2
 
     wide = cv2.morphologyEx(whole, cv2.MORPH_OPEN, _disc(radius))

@@ -160,7 +160,7 @@ def _median(values: Grey | Float, own: Mask) -> float:
 
 
 def _around(window: int, inside: Bits, values: list[Grey]) -> list[Grey]:
-    """Return the usual value of each map on the specimen around every pixel, also beside the specimen.
+    """Return the usual value of each map on the specimen around every pixel, also outside the specimen.
 
     The usual value is a weighted geometric mean over the pixels in `inside`. Far from them, the first map
     gives infinity.

@@ -88,7 +88,7 @@ def write_region(region: Mask | PathLike, image: ImageLike, path: PathLike) -> R
 
 
 def region_polygons(mask: Mask) -> list[Float]:
-    """Return the outlines of a mask as polygons, outer outlines and holes alike, each of shape (corners, 2).
+    """Return the outlines of a mask as polygons (corners, 2): the outer outlines and those of holes.
 
     A pixel belongs to the mask if its centre lies inside an odd number of polygons.
 
@@ -125,7 +125,7 @@ def polygons_text(polygons: Sequence[Float]) -> str:
 
 
 def _overlay(levels: NDArray[np.uint8], mask: Mask) -> NDArray[np.uint8]:
-    """Return the picture in colour, darkened beside the region, with the region's outline."""
+    """Return the picture in colour, darkened outside the region, with the region's outline."""
     import cv2
 
     colour = np.repeat(np.where(mask, levels, levels // 3)[:, :, None], 3, axis=2)

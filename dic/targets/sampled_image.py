@@ -84,7 +84,7 @@ def line_evidence(profiles: Float) -> Float:
     The contrast of a profile is the grey level in its middle minus the grey level of its brighter side. The
     edge of a bright region therefore has no contrast, because one side is as bright as the middle. The result
     is the median of the three measuring places of a segment, so that dirt or a speckle at one place is not
-    taken for a line.
+    mistaken for a line.
     """
     middle = profiles[..., np.abs(PROFILE_OFFSETS) < 0.2]
     core = np.lib.stride_tricks.sliding_window_view(middle, 3, axis=-1).mean(axis=-1).max(axis=-1)

@@ -107,8 +107,8 @@ def _board_seen(image: NDArray[np.uint8]) -> SeenTarget | None:
 def _squares_of_board(number: Indices, corners: Float) -> tuple[int, int] | None:
     """Return the numbers of columns and rows of the ChArUco board with the given markers, or None.
 
-    The markers are numbered row by row, so that the number of columns follows from their places. The last row
-    that is seen is taken for the last row of the board.
+    The markers are numbered row by row, so that the number of columns follows from their places. The last
+    visible row counts as the last row of the board.
 
     Parameters
     ----------

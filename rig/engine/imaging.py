@@ -79,7 +79,7 @@ class StepImages:
 
     @property
     def cameras(self) -> dict[str, CalledCamera]:
-        """The cameras in use, by name; a camera that was opened again has replaced its predecessor."""
+        """The cameras in use, by name; a camera that was opened again is a new object."""
         return dict(self._cameras)
 
     def take(self, step: ProtocolStep, settled: Reading) -> tuple[dict[str, tuple[int, int]], Reading]:

@@ -42,7 +42,7 @@ class Watch:
         """Set the meaning of a falling load for the next readings.
 
         During a hold the load may fall slowly, so each reading is compared with the reading before. During
-        unloading, a falling load is no break; afterwards the highest load is determined anew.
+        unloading, a falling load is no break. After unloading, the highest load is determined again.
         """
         self._load_drop = load_drop
 

@@ -44,8 +44,9 @@ class Table:
 class _Column:
     """A column of a table, which is written by h5py's low-level functions.
 
-    A run writes all columns at each reading of a device, and an assignment to an h5py dataset takes nine
-    times as long: it determines the types and the selection anew, and makes an HDF5 object for each of them.
+    A run writes all columns at each reading of a device. An assignment to an h5py dataset would take nine
+    times as long, because each assignment determines the types and the selection again, and makes HDF5
+    objects for them.
     """
 
     def __init__(self, group: Any, item: schema.Item) -> None:

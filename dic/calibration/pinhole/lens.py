@@ -87,7 +87,7 @@ def folded(ideal_px: Float, distortion: Float) -> Mask:
 
 
 def _solved(matrices: Float, vectors: Float) -> Float:
-    """Solve n systems of two linear equations, shape (n, 2); not finite where a matrix is singular."""
+    """Solve n systems of two linear equations, shape (n, 2); a singular matrix gives infinity or NaN."""
     a, b, c, d = (matrices[:, i, j] for i in (0, 1) for j in (0, 1))
     determinant = a * d - b * c
     x, y = vectors[:, 0], vectors[:, 1]

@@ -175,7 +175,7 @@ class RtuWire:
     def ask(
         self, unit: int, pdu: bytes, timeout_s: float, wake: int | None, again_s: float = math.inf
     ) -> bytes:
-        """Send a request once, whatever `again_s` is, and return the answer's protocol data unit.
+        """Send a request once, for any `again_s`, and return the answer's protocol data unit.
 
         Raises
         ------
