@@ -16,7 +16,7 @@ _ROTATION_WIDTH = 8
 
 
 def series_table(names: Sequence[str], *, only_raw: bool) -> StrainTable:
-    """Return the table of a series whose images have these names; `only_raw` if there is no calibration."""
+    """Return the table of a series for images with these names; `only_raw` is True without a calibration."""
     width = min(_NAME_WIDTH_MAX, max(len(name) for name in ("image", *names)))
     rotation = Column("rotation", _ROTATION_WIDTH)
     columns = [Column("image", width, number=False), Column("% points", len("% points")), rotation]

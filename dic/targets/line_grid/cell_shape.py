@@ -56,7 +56,7 @@ def _rings(cell: Float, places: Float) -> tuple[Float, Float]:
 
     The blur of an image that is seen obliquely makes dots elliptic on the lattice. The ellipses therefore
     have the centroid and the second moments of the cell (n, n), whose samples are at `places` (n, n, 2),
-    pitches. A ring counts by its area.
+    pitches. The weight of a ring is its area.
     """
     weight = (cell.max() - cell).ravel()
     flat = places.reshape(-1, 2)
