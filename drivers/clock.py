@@ -148,8 +148,8 @@ class VirtualClock:
     When all activities sleep or wait, the clock jumps to the earliest time at which one of them continues.
     Activities take turns: first in the order of the times at which they continue, then in the order of their
     announcement. So a run with several threads gives the same results in every repetition. Simulated time
-    does not stand still for a thread without an `activity`. If there is no activity at all, each sleep ends
-    at once. If another thread has ended the activity of a thread, `sleep` and `wait` raise `GivenUp` in this
+    passes even while a thread without an `activity` works. If there is no activity at all, each sleep ends at
+    once. If another thread has ended the activity of a thread, `sleep` and `wait` raise `GivenUp` in this
     thread.
 
     Parameters

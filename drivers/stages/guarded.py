@@ -120,8 +120,8 @@ class GuardedStage(ABC, Generic[P]):
     def stop(self) -> None:
         """Send the stop command at once, and repeat the command until the device reports standstill.
 
-        Requests of other threads do not delay the stop. A motion command that is not yet sent is not sent any
-        more. If the link is lost, the port is opened once more, for the stop only.
+        Requests of other threads do not delay the stop. A motion command that is not yet sent is cancelled.
+        If the link is lost, the port is opened once more, for the stop only.
 
         Raises
         ------

@@ -155,8 +155,8 @@ class Guardian:
 def guarded(rig_file: RigFile, locks: Sequence[int], log: Path) -> Iterator[Guardian]:
     """Start the guardian of a run, yield when the guardian has reached each machine, and end it afterwards.
 
-    If `Guardian.done` was not called in the block, the guardian stops the machines at the end, unless nothing
-    has moved.
+    If `Guardian.done` was not called in the block, the guardian stops the machines at the end; if nothing has
+    moved, it does not.
 
     Parameters
     ----------

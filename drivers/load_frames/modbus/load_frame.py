@@ -138,8 +138,8 @@ class ModbusLoadFrame:
     def hold(self) -> None:
         """Send the hold command before all other requests, and repeat it until the machine confirms.
 
-        A motion command that another thread has not yet sent is not sent any more. The machine does not
-        execute an older motion command that arrives after the hold.
+        A motion command that another thread has not yet sent is cancelled. The machine does not execute an
+        older motion command that arrives after the hold.
 
         Raises
         ------
