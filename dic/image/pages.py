@@ -1,6 +1,7 @@
 """The names of image files: pages of a TIFF file, files of a folder or a pattern, and their natural order."""
 
 import glob
+import os
 import re
 import struct
 from collections.abc import Sequence
@@ -8,6 +9,7 @@ from pathlib import Path
 
 from dic.errors import ImageError
 from dic.files.reading import opened
+from dic.image.container import Damage
 from dic.image.tiff_directory import SIGNATURES as TIFFS
 from dic.image.tiff_directory import pages_of_file
 from dic.typing import PathLike
@@ -25,7 +27,8 @@ def split_page(path: PathLike) -> tuple[Path, int | None]:
     A file whose own name ends like this is not split.
     """
     found = _PAGE.fullmatch(str(path))
-    if found is None or Path(path).exists():
+    # Path.exists raises an error for a name that is too long or in a folder that may not be entered.
+    if found is None or os.path.exists(path):  # noqa: PTH110
         return Path(path), None
     return Path(found[1]), int(found[2])
 
@@ -89,6 +92,6 @@ def _pages(file: Path) -> Sequence[Path]:
     try:
         with opened(file) as content:
             number = len(pages_of_file(content)) if content[:4] in TIFFS else 1
-    except (OSError, struct.error):
+    except (OSError, struct.error, Damage):
         number = 1
     return [file] if number == 1 else [page_name(file, page) for page in range(1, number + 1)]

@@ -4,8 +4,9 @@ import re
 import struct
 import zlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
-from dic.files.reading import Content, FileContent
+from dic.files.reading import MOST_IMAGE_BYTES, Content, FileContent
 from dic.image.container import Container, Damage, inflated_bytes, require_bounded
 from dic.image.tiff_directory import (
     BITS,
@@ -42,7 +43,7 @@ def read_tiff(content: FileContent, page: int = 1) -> Container:
     ------
     Damage
         If the file does not have this page, if a strip or tile of pixels lies beyond the end of the file or
-        has a wrong checksum, or if the declared image is far too large.
+        has a wrong checksum, if strips or tags overlap, or if the declared image is far too large.
     struct.error
         If the file was cut off within its directory of tags.
     """
@@ -53,13 +54,13 @@ def read_tiff(content: FileContent, page: int = 1) -> Container:
     order = byte_order(content)
     tags = integers(entries, order)
     _require_pages_of_imagej(entries, len(pages))
-    pieces = _pieces(content, tags)
+    places = _places(content, tags)
     bits = tags.get(BITS, (1,))
     samples = max(tags.get(SAMPLES, (1,))[0], len(bits))
     width, height = (tags.get(tag, (0,))[0] for tag in (WIDTH, HEIGHT))
     compression = tags.get(COMPRESSION, (1,))[0]
     container = Container(
-        single_page(order, entries, pieces),
+        b"",
         width,
         height,
         max(max(bits), 8) * samples,
@@ -68,16 +69,17 @@ def read_tiff(content: FileContent, page: int = 1) -> Container:
         lossy=compression in _JPEG,
     )
     require_bounded(container, len(content))
+    pieces = [content[start : start + size] for start, size in places]
     if compression in _DEFLATE:
         _require_inflatable(pieces, 2 * width * height * container.pixel_bits // 8 + 2**20)
-    return container
+    return replace(container, content=single_page(order, entries, pieces))
 
 
 def orientation(content: Content) -> int:
     """Return the orientation tag of a TIFF file or Exif block, 1 to 8, or 1 without a valid tag."""
     try:
         entries = read_entries(content, first_directory(content), (ORIENTATION,))
-    except struct.error:
+    except (struct.error, Damage):
         return 1
     return _orientation(integers(entries, byte_order(content)))
 
@@ -98,13 +100,20 @@ def _require_pages_of_imagej(entries: Sequence[Entry], pages: int) -> None:
         )
 
 
-def _pieces(content: Content, tags: Tags) -> list[bytes]:
+def _places(content: Content, tags: Tags) -> list[tuple[int, int]]:
+    """Return the position and the size of each strip or tile, in bytes."""
     for offsets, counts in STRIPS_AND_TILES:
         places = list(zip(tags.get(offsets, ()), tags.get(counts, ()), strict=False))
         if any(start + size > len(content) for start, size in places):
             raise Damage(f"a TIFF that was cut off after {len(content)} bytes")
+        total = sum(size for _, size in places)
+        # Strips that share their bytes would make a small file fill the memory.
+        if total > len(content):
+            raise Damage(f"a TIFF whose strips overlap: {total} bytes in a file of {len(content)} bytes")
+        if total > MOST_IMAGE_BYTES:
+            raise Damage(f"a page of {total / 2**20:.0f} MB, more than {MOST_IMAGE_BYTES // 2**20} MB")
         if places:
-            return [content[start : start + size] for start, size in places]
+            return places
     raise Damage("a TIFF without pixels")
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from dic.files.reading import Content, FileContent
+from dic.image.container import Damage
 
 SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 INTEGERS = {1: "B", 3: "H", 4: "I", 16: "Q"}
@@ -61,18 +62,26 @@ def page_directories(content: Content) -> list[int]:
             first, entries = _directory(content, at)
             _, offset_code, _, entry_bytes = _layout(content)
             (following,) = _unpack(order + offset_code, content, first + entries * entry_bytes)
-        except struct.error:
+        except (struct.error, Damage):
             # The end of the chain is missing; reading the page itself tells whether the page is whole.
             pages[at] = True
             break
         pages[at] = not kind & _SMALLER_OR_MASK
         at = following
     # If no page counts as a whole one, the tags are wrong.
-    return [place for place, whole in pages.items() if whole or not any(pages.values())]
+    return [place for place, whole in pages.items() if whole] or list(pages)
 
 
 def read_entries(content: Content, at: int, wanted: Sequence[int] = ()) -> list[Entry]:
-    """Return the entries of the directory at a position: all, or those with the wanted tags."""
+    """Return the entries of the directory at a position: all, or those with the wanted tags.
+
+    Raises
+    ------
+    Damage
+        If the values of the entries overlap, which would make a small file fill the memory.
+    struct.error
+        If the file was cut off.
+    """
     return [entry for entry in _entries(content, at, wanted) if entry.number > 0]
 
 
@@ -100,6 +109,7 @@ def _entries(content: Content, at: int, wanted: Sequence[int]) -> Iterator[Entry
     order, offset_code, _, entry_bytes = _layout(content)
     value_bytes = struct.calcsize(order + offset_code)
     first, entries = _directory(content, at)
+    total = 0
     for place in range(first, first + entries * entry_bytes, entry_bytes):
         tag, kind, count = _unpack(order + "HH" + offset_code, content, place)
         if kind not in _SIZES or (wanted and tag not in wanted):
@@ -107,6 +117,9 @@ def _entries(content: Content, at: int, wanted: Sequence[int]) -> Iterator[Entry
         inline, size = place + entry_bytes - value_bytes, count * _SIZES[kind]
         where = inline if size <= value_bytes else _unpack(order + offset_code, content, inline)[0]
         stored = content[where : where + size]
+        total += len(stored)
+        if total > len(content):
+            raise Damage("a TIFF whose tags overlap")
         if len(stored) == size:
             yield Entry(tag, kind, count, stored)
         elif tag in _NEEDED:

@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Sequence
+from itertools import accumulate
 
 from dic.image.tiff_directory import INTEGERS, STRIPS_AND_TILES, Entry
 
@@ -11,7 +12,7 @@ _OF_PIXELS = {
     320, 322, 323, 324, 325, 338, 339, 347, 529, 530, 531, 532,
 }  # fmt: skip
 """Tags that say how the pixels are stored (TIFF 6.0, and technical note 2 for the JPEG tables)."""
-_INLINE_BYTES = 4
+_HEADER_BYTES, _INLINE_BYTES = 8, 4
 
 
 def single_page(order: str, entries: Sequence[Entry], pieces: Sequence[bytes]) -> bytes:
@@ -26,24 +27,21 @@ def single_page(order: str, entries: Sequence[Entry], pieces: Sequence[bytes]) -
     pieces : sequence of bytes
         The strips or tiles of the page, in order.
     """
-    file = bytearray(struct.pack(order + "2sHI", b"II" if order == "<" else b"MM", 42, 0))
-    places = []
-    for piece in pieces:
-        places.append(len(file))
-        file += piece
-    directory = b""
-    kept = sorted(_with_places(order, entries, places, [len(piece) for piece in pieces]))
+    sizes = [len(piece) for piece in pieces]
+    *places, end = accumulate(sizes, initial=_HEADER_BYTES)
+    values, directory = bytearray(end % 2), b""
+    kept = sorted(_with_places(order, entries, places, sizes))
     for tag, kind, count, stored in kept:
         if len(stored) > _INLINE_BYTES:
-            file += b"\0" * (len(file) % 2)
-            where = struct.pack(order + "I", len(file))
-            file += stored
+            where = struct.pack(order + "I", end + len(values))
+            values += stored + bytes(len(stored) % 2)
         else:
             where = stored.ljust(_INLINE_BYTES, b"\0")
         directory += struct.pack(order + "HHI", tag, kind, count) + where
-    file += b"\0" * (len(file) % 2)
-    struct.pack_into(order + "I", file, 4, len(file))
-    return bytes(file + struct.pack(order + "H", len(kept)) + directory + bytes(_INLINE_BYTES))
+    header = struct.pack(order + "2sHI", b"II" if order == "<" else b"MM", 42, end + len(values))
+    number = struct.pack(order + "H", len(kept))
+    # The pixels may be hundreds of megabytes, so they are copied only once.
+    return b"".join([header, *pieces, values, number, directory, bytes(_INLINE_BYTES)])
 
 
 def _with_places(

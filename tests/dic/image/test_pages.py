@@ -12,7 +12,7 @@ from dic.errors import ImageError, ImageWarning
 from dic.image import tiff_directory
 from dic.image.pages import list_images, natural_key
 from dic.image.read import read_image
-from dic.image.tiff_directory import page_directories
+from dic.image.tiff_directory import first_directory, page_directories, read_entries
 from tests.image_files import write_image
 
 
@@ -115,6 +115,43 @@ def test_smaller_copies_and_masks_are_no_pages(tmp_path):
         struct.pack_into(">I", joined, len(whole) - 4, struct.unpack_from(">I", shifted, 4)[0])
         (tmp_path / "joined.tif").write_bytes(joined)
         assert len(list_images(tmp_path / "joined.tif")) == pages
+
+
+def test_stack_whose_pages_all_claim_to_be_smaller_copies_keeps_its_pages(tmp_path):
+    big_endian_stack(tmp_path / "a.tif", pictures(3, np.uint16), ((254, 1),))
+    assert len(list_images(tmp_path / "a.tif")) == 3
+
+
+def test_strips_that_share_their_bytes_are_refused_before_they_are_copied(tmp_path):
+    """Such a file of 1 MB could ask for gigabytes."""
+    image, strips = pictures(1)[0], 12
+    path = tmp_path / "a.tif"
+    Image.fromarray(image).save(path, tiffinfo={278: image.shape[0] // strips})
+    content = bytearray(path.read_bytes())
+    assert np.array_equal(read_image(path), image)
+    entries = {entry.tag: entry for entry in read_entries(content, first_directory(content))}
+    starts, sizes = (entries[tag].stored for tag in (273, 279))
+    for stored, value in ((starts, 8), (sizes, image.size)):
+        at = content.index(stored)
+        content[at : at + len(stored)] = struct.pack(f"<{len(stored) // 4}I", *[value] * (len(stored) // 4))
+    path.write_bytes(content)
+    with pytest.raises(ImageError, match=rf"a TIFF whose strips overlap: {strips * image.size} bytes in a"):
+        read_image(path)
+
+
+def test_tags_that_share_their_bytes_are_refused_before_they_are_copied(tmp_path):
+    tags, size = 40, 1000
+    directory = b"".join(struct.pack("<HHII", 40_000 + tag, 1, size, 8) for tag in range(tags))
+    head = struct.pack("<2sHI", b"II", 42, 8 + size) + bytes(size)
+    (tmp_path / "a.tif").write_bytes(head + struct.pack("<H", tags) + directory + bytes(4))
+    assert list_images(tmp_path / "a.tif") == [tmp_path / "a.tif"]
+    with pytest.raises(ImageError, match="got a TIFF whose tags overlap"):
+        read_image(tmp_path / "a.tif")
+
+
+def test_name_of_a_page_that_is_too_long_is_refused_like_any_file(tmp_path):
+    with pytest.raises(ImageError, match="got File name too long; name an image file that exists"):
+        read_image(tmp_path / f"{'x' * 300}#1")
 
 
 def _shifted(content: bytearray, by: int) -> bytearray:
