@@ -5,7 +5,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -20,8 +20,11 @@ _JPEG_MESSAGES = (
     b"Premature end of JPEG",
     b"Unsupported marker",
     b"Invalid SOS",
-    b"Warning:",
+    b"Inconsistent progression sequence",
+    b"Unknown Adobe color transform code",
+    b"Warning: unknown JFIF revision number",
 )
+"""Beginnings of libjpeg's warnings. libjpeg writes only its first one, so a harmless one may hide damage."""
 _STDERR = 2
 _redirecting = threading.Lock()
 
@@ -99,7 +102,9 @@ def _messages_of_libjpeg(wanted: bool) -> Iterator[list[str]]:
             if line.startswith(_JPEG_MESSAGES):
                 messages.append(line.decode(errors="replace").strip())
             else:
-                os.write(_STDERR, line)
+                # nobody may read the standard error any more, which says nothing about the image
+                with suppress(OSError):
+                    os.write(_STDERR, line)
 
 
 @contextmanager
@@ -112,7 +117,8 @@ def _standard_error_to(file: BinaryIO) -> Iterator[None]:
         return
     try:
         if sys.stderr is not None:
-            sys.stderr.flush()
+            with suppress(OSError):
+                sys.stderr.flush()
         os.dup2(file.fileno(), _STDERR)
         yield
     finally:

@@ -1,7 +1,11 @@
 """JPEG, PGM and PPM files, written by Pillow or by hand."""
 
+import io
+import os
+import re
 import warnings
 
+import cv2
 import numpy as np
 import pytest
 from PIL import Image, ImageOps
@@ -71,6 +75,88 @@ def test_damaged_pixels_of_a_jpeg_are_refused_and_libjpeg_prints_nothing(tmp_pat
     with pytest.raises(ImageError, match=r"a JPEG with damaged pixels \(Corrupt JPEG data"):
         read_image(tmp_path / "a.jpg")
     assert capfd.readouterr() == ("", "")
+
+
+def jpeg_of(picture, **options):
+    file = io.BytesIO()
+    Image.fromarray(picture.astype(np.uint8)).save(file, "jpeg", quality=95, **options)
+    return bytearray(file.getvalue())
+
+
+def with_an_unknown_transform_of_colours():
+    content = jpeg_of(np.dstack([SMOOTH] * 3))
+    tables = content.index(b"\xff\xdb")
+    # an APP14 segment in the place of the JFIF segment (Adobe technical note 5116)
+    return content[:2] + b"\xff\xee\x00\x0eAdobe\x00\x64\0\0\0\0\x09" + content[tables:]
+
+
+def with_a_repeated_scan():
+    content = jpeg_of(SMOOTH, progressive=True)
+    _, second, third, *_ = [found.start() for found in re.finditer(rb"\xff\xda", content)]
+    return content[:third] + content[second:third] + content[third:]
+
+
+def with_an_unknown_revision_of_jfif():
+    content = jpeg_of(SMOOTH)
+    content[content.index(b"JFIF\0") + 5] = 3
+    return content
+
+
+@pytest.mark.parametrize(
+    ("damaged", "message"),
+    [
+        (with_an_unknown_transform_of_colours, "Unknown Adobe color transform code 9"),
+        (with_a_repeated_scan, "Inconsistent progression sequence"),
+        (with_an_unknown_revision_of_jfif, "Warning: unknown JFIF revision number 3.01"),
+    ],
+    ids=lambda value: getattr(value, "__name__", None),
+)
+def test_every_first_warning_of_libjpeg_is_a_refusal_because_it_hides_those_after_it(
+    tmp_path, damaged, message, capfd
+):
+    (tmp_path / "a.jpg").write_bytes(damaged())
+    with pytest.raises(ImageError, match=rf"damaged pixels \({message}"):
+        read_image(tmp_path / "a.jpg")
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.fixture
+def writing_meanwhile(monkeypatch):
+    """Return a function that makes each decoding write bytes to standard error, as another thread may."""
+
+    def write(line: bytes) -> None:
+        def imdecode(*arguments, decoded=cv2.imdecode):
+            os.write(2, line)
+            return decoded(*arguments)
+
+        monkeypatch.setattr(cv2, "imdecode", imdecode)
+
+    return write
+
+
+@pytest.mark.filterwarnings("ignore::dic.errors.ImageWarning")
+def test_lines_of_other_threads_are_passed_on_and_damage_nothing(jpeg, writing_meanwhile, capfd):
+    path, decoded = jpeg
+    writing_meanwhile(b"Warning: the camera is hot\n")
+    assert np.array_equal(read_image(path), decoded)
+    assert capfd.readouterr() == ("", "Warning: the camera is hot\n")
+
+
+@pytest.mark.filterwarnings("ignore::dic.errors.ImageWarning")
+def test_a_jpeg_is_read_although_nobody_reads_standard_error(jpeg, writing_meanwhile):
+    path, decoded = jpeg
+    writing_meanwhile(b"a line\n")
+    reader, writer = os.pipe()
+    os.close(reader)
+    before = os.dup(2)
+    os.dup2(writer, 2)
+    try:
+        image = read_image(path)
+    finally:
+        os.dup2(before, 2)
+        os.close(before)
+        os.close(writer)
+    assert np.array_equal(image, decoded)
 
 
 def test_a_warning_is_given_once_for_a_series(tmp_path):
