@@ -44,7 +44,10 @@ OUT_OF_VIEW, NOT_CONVERGED = int(Status.OUT_OF_VIEW), int(Status.NOT_CONVERGED)
 LOW_CORRELATION = int(Status.LOW_CORRELATION)
 
 _FAR_PX = 0.5
-"""A quadratic step longer than this is replaced by an affine step."""
+"""A quadratic step longer than this is replaced by an affine step, or shortened to this length."""
+
+_STILL_PX = 0.1
+"""An affine step shorter than this leaves a quadratic warp about as far from its optimum as before."""
 
 
 @inner
@@ -121,7 +124,9 @@ def _step(shape: Shape, r: int, p: Float, work: Workspace) -> float:
 
     A long step of a quadratic warp is replaced by a step of the affine parameters, the first half of the
     parameters. The Cholesky factor for the affine parameters is the leading block of the Cholesky factor for
-    all parameters.
+    all parameters. If the affine parameters are already at their optimum, the long step is shortened instead:
+    the second derivatives can be so large that the affine optimum is farther than `_FAR_PX` from the
+    quadratic one, and affine steps would stay there for ever.
     """
     n, d = len(work.b), work.d
     cholesky.solve(work.H, work.b, n, d)
@@ -130,6 +135,10 @@ def _step(shape: Shape, r: int, p: Float, work: Workspace) -> float:
         if length > _FAR_PX:
             # Written as the constant 6, n // 2 would give slower machine code.
             cholesky.solve(work.H, work.b, n // 2, d)
+            if step_length_px(d, r) < _STILL_PX:
+                cholesky.solve(work.H, work.b, n, d)
+                for i in range(n):
+                    d[i] *= _FAR_PX / length
         compose_inverse_quadratic(p, d, work.D, work.products)
     else:
         compose_inverse(p, d)

@@ -61,6 +61,16 @@ def test_a_clipped_subset_is_that_of_plain_numpy(speckle, turn, angle_deg):
     check_same_as_numpy(pattern.draw(noise_seed=1), moved, settings, region, usable)
 
 
+def test_second_derivatives_that_move_the_edge_by_two_pixels_are_found(speckle):
+    """The affine optimum of a bent subset is so far from the quadratic one that affine steps end there."""
+    pattern = speckle(seed=37, noise=1.0)
+    bent = pattern.draw(lambda x, y: (x - 1.2 * np.sin(2 * np.pi * y / 75.0), y), noise_seed=2)
+    settings = CorrelationSettings(41, 12, tolerance_px=1e-6)
+    check_same_as_numpy(pattern.draw(noise_seed=1), bent, settings)
+    field = Correlator(pattern.draw(noise_seed=1), np.ones(pattern.shape, bool), settings).correlate(bent)
+    assert field.converged.all()
+
+
 def test_several_threads_find_what_one_finds(speckle):
     pattern = speckle(seed=33, shape=(200, 180), noise=1.0)
     reference, deformed = pattern.draw(noise_seed=1), pattern.draw(waves, noise_seed=2)
