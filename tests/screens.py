@@ -30,6 +30,12 @@ class Screen:
     columns : int
     rows : int
         Lines above so many are scrolled away.
+
+    Attributes
+    ----------
+    seen : list of str
+        Every screen, with its newest line complete: before the cursor goes back to draw another. How a
+        terminal divides the output into pieces therefore does not matter.
     """
 
     def __init__(self, columns: int, rows: int = ROWS) -> None:
@@ -37,6 +43,7 @@ class Screen:
         self._lines: list[list[str]] = [[]]
         self._row = self._column = 0
         self._rest = ""
+        self.seen: list[str] = []
 
     def feed(self, text: str) -> None:
         """Show what a program writes."""
@@ -65,8 +72,14 @@ class Screen:
     def __str__(self) -> str:
         return "\n".join(self.lines).rstrip()
 
+    def note(self) -> None:
+        """Keep the screen as it is now, unless it was kept already."""
+        if not self.seen or self.seen[-1] != str(self):
+            self.seen.append(str(self))
+
     def _write(self, sign: str) -> None:
         if sign == "\r":
+            self.note()
             self._column = 0
         elif sign == "\n":
             self._row += 1
@@ -118,8 +131,7 @@ class TerminalProgram:
 
     def __init__(self, command: Sequence[str], columns: int, folder: Path) -> None:
         self.screen = Screen(columns)
-        self.seen: list[str] = []
-        """Every screen, after each piece of output."""
+        self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
         self._ours, theirs = _terminal(columns)
         self.process = subprocess.Popen(
             command,
@@ -150,6 +162,7 @@ class TerminalProgram:
         """Read to the end of the program, and return its exit status."""
         while self._read(60.0):
             pass
+        self.screen.note()
         return self.process.wait(60.0)
 
     def close(self) -> None:
@@ -167,24 +180,20 @@ class TerminalProgram:
         except OSError:
             # the program has closed the terminal
             return False
-        self.screen.feed(received.decode(errors="replace"))
-        if not self.seen or self.seen[-1] != str(self.screen):
-            self.seen.append(str(self.screen))
+        self.screen.feed(self._decoder.decode(received))
         return bool(received)
 
 
 class Watched:
-    """A terminal in this process, whose screens are kept.
-
-    Attributes
-    ----------
-    seen : list of str
-        Every screen, after each piece of output.
-    """
+    """A terminal in this process, whose screens are kept."""
 
     def __init__(self, columns: int) -> None:
         self._screen = Screen(columns, rows=1000)
-        self.seen: list[str] = []
+
+    @property
+    def seen(self) -> list[str]:
+        """Every screen, as `Screen.seen`."""
+        return self._screen.seen
 
     @property
     def lines(self) -> list[str]:
@@ -198,10 +207,10 @@ class Watched:
         try:
             while received := os.read(descriptor, 65536):
                 self._screen.feed(decoder.decode(received))
-                self.seen.append(str(self._screen))
         except OSError:
             # the other side is closed
-            return
+            pass
+        self._screen.note()
 
 
 @contextmanager

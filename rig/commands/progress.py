@@ -77,7 +77,8 @@ class Screen:
         Rich's display that draws the two lines; None to draw nothing.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, late_news_s: float) -> None:
+        self._late_news_s = late_news_s
         self.live: Live | None = None
         self._changed = threading.Condition()
         self._status: Status | None = None
@@ -110,7 +111,7 @@ class Screen:
             yield
             return
         with self._changed:
-            self._changed.wait_for(self._is_up_to_date, LATE_NEWS_S)
+            self._changed.wait_for(self._is_up_to_date, self._late_news_s)
             self._notice = notice
             if not notice:
                 self._asking = True
@@ -168,9 +169,9 @@ class Screen:
 
 
 @contextmanager
-def run_screen() -> Iterator[Screen]:
+def run_screen(late_news_s: float = LATE_NEWS_S) -> Iterator[Screen]:
     """Yield the screen of `rig run`; it draws only if `bottom_lines` may draw."""
-    screen = Screen()
+    screen = Screen(late_news_s)
     screen.live = live = bottom_lines(screen.draw, REFRESHES_PER_S)
     if live is None:
         yield screen

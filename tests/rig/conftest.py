@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 import pytest
 
-from drivers.clock import Clock, VirtualClock
+from drivers.clock import Clock, SystemClock, VirtualClock
 from drivers.interfaces import (
     CameraInfo,
     DeviceInfo,
@@ -30,6 +30,7 @@ from rig.protocol.rotation import RotationProtocol
 from rig.protocol.tension import TensionProtocol
 from rig.recorder import Recorder, RunHeader, StepRecord
 from rig.recorder.header import interlock_records
+from rig.rigfile import CALL_TIMEOUT_S
 from tests.command_line import Program
 from tests.places import example
 
@@ -201,6 +202,9 @@ class FakeRig:
     interlocks: dict[str, OpenedInterlock] = field(default_factory=dict)
     limits: RigLimits = field(default_factory=RigLimits)
     configuration: str = ""
+    call_timeout_s: float = CALL_TIMEOUT_S
+    leaving_s: float = 60.0
+    """Real time, in s, for listeners to hear the last news; a busy computer may take long."""
 
     def __post_init__(self) -> None:
         self.cameras = {"on_axis": FakeCamera(self.clock), "off_axis": FakeCamera(self.clock)}
@@ -219,6 +223,7 @@ class FakeRig:
             virtual=True,
             limits=self.limits,
             interlocks=self.interlocks,
+            call_timeout_s=self.call_timeout_s,
         )
         header = RunHeader(
             title=self.protocol.title,
@@ -240,7 +245,13 @@ class FakeRig:
             interlocks=interlock_records(rig),
         )
         return Engine(
-            self.protocol, rig, recorder, on_status=[self._note, *on_status], on_step=on_step, **options
+            self.protocol,
+            rig,
+            recorder,
+            on_status=[self._note, *on_status],
+            on_step=on_step,
+            leaving_s=self.leaving_s,
+            **options,
         )
 
     def events(self) -> list[str]:
@@ -251,6 +262,14 @@ class FakeRig:
     def _note(self, status) -> None:
         if not self.states or self.states[-1] != status.state.name:
             self.states.append(status.state.name)
+
+
+def in_real_time(rotation_table: dict, path: Path) -> FakeRig:
+    """Return a quick rotation rig on the system's clock, which gives each call more time than a test has."""
+    protocol = RotationProtocol.model_validate(rotation_table)
+    rig = FakeRig(protocol, path, clock=SystemClock(), call_timeout_s=100.0)
+    rig.stage.homed, rig.stage.speed_deg_s = True, 1e4
+    return rig
 
 
 @pytest.fixture
@@ -284,14 +303,14 @@ def on_frame_state() -> Callable:
 
 
 @pytest.fixture
-def at_step(monkeypatch) -> Callable[[int, Callable[[], None]], None]:
+def at_step(monkeypatch) -> Callable[[int | None, Callable[[], None]], None]:
     """`at_step(index, act)` calls `act` when that step has been handed to the recorder.
 
     In the engine's own thread: a listener is told some moment later, when the rig may be anywhere.
     """
     record_step = Recorder.step
 
-    def arrange(index: int, act: Callable[[], None]) -> None:
+    def arrange(index: int | None, act: Callable[[], None]) -> None:
         def step(recorder: Recorder, record: StepRecord) -> Future[None]:
             written = record_step(recorder, record)
             if record.step.index == index:

@@ -2,6 +2,7 @@
 
 import json
 import signal
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from dic.runfile.reader import RunFile
 from drivers.interfaces import OperatorAction
 from rig.commands.continuing import next_segment
 from rig.commands.verify import verify_run
+from rig.engine.engine import Engine
 from rig.news.run_news import NewsOptions
 from rig.protocol.protocol import read_protocol
 from rig.protocol.step import Reading
@@ -30,8 +32,26 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
     return protocol, rig_path
 
 
-def interrupt() -> None:
-    signal.raise_signal(signal.SIGINT)
+@pytest.fixture
+def interrupt_at(at_step, monkeypatch) -> Callable[[int | None], None]:
+    """`interrupt_at(index)` lets a signal end the run when that step has been handed to the recorder.
+
+    With None, no step is interrupted any more.
+    """
+    abort, told = Engine.abort, threading.Event()
+
+    def note(engine: Engine, reason: str) -> None:
+        abort(engine, reason)
+        told.set()
+
+    def interrupt() -> None:
+        told.clear()
+        signal.raise_signal(signal.SIGINT)
+        # A thread of its own hands the signal on, and simulated time would go on without it.
+        assert told.wait(60.0)
+
+    monkeypatch.setattr(Engine, "abort", note)
+    return lambda index: at_step(index, interrupt)
 
 
 def interrupted(tmp_path: Path) -> tuple[Path, Path, Path]:
@@ -41,8 +61,8 @@ def interrupted(tmp_path: Path) -> tuple[Path, Path, Path]:
     return protocol, rig_path, path
 
 
-def test_a_rotation_goes_on_from_its_finished_steps(tmp_path, at_step):
-    at_step(3, interrupt)
+def test_a_rotation_goes_on_from_its_finished_steps(tmp_path, interrupt_at):
+    interrupt_at(3)
     protocol, rig_path, path = interrupted(tmp_path)
     digest = file_sha256(path)
     with RunFile(path) as run:
@@ -77,14 +97,14 @@ def test_a_rotation_goes_on_from_its_finished_steps(tmp_path, at_step):
         assert all(abs(m.mean.exx) < 5e-3 for m in camera.measurements)
 
 
-def test_a_run_that_went_on_goes_on_again(tmp_path, at_step):
+def test_a_run_that_went_on_goes_on_again(tmp_path, interrupt_at):
     protocol, rig_path = files(tmp_path)
     rig_path.write_text(rig_path.read_text().replace("450", "64"))
     paths = [tmp_path / name for name in ("run.h5", "run-2.h5", "run-3.h5")]
-    for path, before, last in zip(paths, [None, *paths[:2]], [2, 3, 5], strict=True):
-        at_step(last, interrupt if last < 5 else lambda: None)
+    for path, before, last in zip(paths, [None, *paths[:2]], [2, 3, None], strict=True):
+        interrupt_at(last)
         outcome = run_protocol(protocol, rig_path, path, continues=before)
-        assert outcome.status == ("completed" if last == 5 else "aborted"), outcome.reason
+        assert outcome.status == ("aborted" if last else "completed"), outcome.reason
     with RunFile(paths[2]) as run:
         assert run.continues is not None
         finished = run.continues["steps"]
@@ -129,8 +149,8 @@ def damage(path: Path) -> None:
         (lambda protocol, rig, run: damage(run), "expected a verified run file"),
     ],
 )
-def test_another_protocol_another_rig_and_a_damaged_file_are_refused(tmp_path, at_step, change, said):
-    at_step(2, interrupt)
+def test_another_protocol_another_rig_and_a_damaged_file_are_refused(tmp_path, interrupt_at, change, said):
+    interrupt_at(2)
     assert said in refusal(tmp_path, change)
 
 

@@ -100,13 +100,15 @@ def test_a_spreadsheet_reads_the_numbers_as_numbers(tmp_path, comma, filter_):
     command = [
         office,
         "--headless",
+        # two programs with one profile would hand over to each other
+        f"-env:UserInstallation={(tmp_path / 'profile').as_uri()}",
         f"--infilter=CSV:{filter_}",
         "--convert-to",
         "fods",
         "--outdir",
         tmp_path,
     ]
-    subprocess.run([*command, tmp_path / "strain.csv"], check=True, capture_output=True)
+    subprocess.run([*command, tmp_path / "strain.csv"], check=True, capture_output=True, timeout=100)
     sheet = (tmp_path / "strain.fods").read_text(encoding="utf-8")
     assert 'office:value-type="float" office:value="0.001"' in sheet
     assert 'office:value="1200.5"' in sheet

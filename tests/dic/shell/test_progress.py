@@ -31,10 +31,10 @@ class Terminal:
         # What is written to a terminal comes out in its order, but not at once.
         self.stream.write(MARK)
         self.stream.flush()
-        drawn = ""
-        while not drawn.endswith(MARK):
-            drawn += os.read(self._ours, 65536).decode()
-        return drawn.removesuffix(MARK)
+        drawn = b""
+        while not drawn.endswith(MARK.encode()):
+            drawn += os.read(self._ours, 65536)
+        return drawn.decode().removesuffix(MARK)
 
     def close(self) -> None:
         self.stream.close()

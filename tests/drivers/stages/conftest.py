@@ -38,7 +38,8 @@ def stop_times() -> StopTimes:
 
 @pytest.fixture
 def stage(kit: StageKit, line: Any, context: OpenContext, stop_times: StopTimes) -> Iterator[RotationStage]:
-    opened = kit.open(context, line.address, stop_times, reply_timeout_s=0.5)
+    # longer than a busy computer keeps an answer back; tests of lost answers wait that long
+    opened = kit.open(context, line.address, stop_times, reply_timeout_s=2.0)
     yield opened
     opened.close()
 

@@ -130,6 +130,7 @@ def test_a_rig_that_another_program_uses_is_not_touched(rig_file, tmp_path):
     assert "expected a machine that no other program commands" in jog.err
 
 
+@pytest.mark.realtime
 def test_a_person_confirms_with_a_word_and_stops_with_ctrl_c(rig_file, tmp_path):
     real = RIG_FILE.replace('driver = "virtual-rig"', 'driver = "virtual-rig"\nreal_time = true')
     rig_file.write_text(real)

@@ -195,7 +195,7 @@ def test_a_device_that_hangs_fails_alone_and_is_not_closed():
         {"front": SpeckledCamera()},
         stage,
         frame,
-        call_timeout_s=1.0,
+        call_timeout_s=5.0,
         interlocks={"door": OpenedInterlock(door, 1.0, None), "oven": OpenedInterlock(oven, 1.0, None)},
     )
     try:
@@ -204,7 +204,7 @@ def test_a_device_that_hangs_fails_alone_and_is_not_closed():
         released.set()
     assert set(found.devices) == {"load_frame", "interlocks.oven", "cameras.front"}
     assert set(found.failed) == set(rig.lost) == {"stage", "interlocks.door"}
-    assert "stage: read: expected an end within 1 s, got none: the call hangs" in found.failed["stage"]
+    assert "stage: read: expected an end within 5 s, got none: the call hangs" in found.failed["stage"]
     assert found.problems == []
 
 

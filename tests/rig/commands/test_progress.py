@@ -112,7 +112,7 @@ def test_a_question_comes_after_the_lines_of_all_finished_steps():
     """The line of the second step arrives late, from another thread."""
     terminal = Terminal()
     record = StepRecord(LOAD, Reading(1.0, **FRAME), {"on_axis": (0, 1)})
-    with redirect_stdout(terminal), redirect_stderr(terminal), run_screen() as screen:
+    with redirect_stdout(terminal), redirect_stderr(terminal), run_screen(60.0) as screen:
         screen.on_status(status(State.PREPARING, GRID, **FRAME))
         screen.on_step(record)
         late = threading.Timer(0.05, screen.on_step, [record])

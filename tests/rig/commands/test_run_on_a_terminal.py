@@ -50,7 +50,7 @@ def test_a_newcomer_knows_at_each_moment_what_moves_and_how_to_stop_it(simulated
         run.type("\x03")
         assert run.end() == 1
         end = str(run.screen)
-        seen = run.seen
+        seen = run.screen.seen
     # what moves and how to stop it always stand together
     moving = [lines for lines in map(str.splitlines, seen) if any("MOVES" in line for line in lines)]
     assert moving

@@ -77,7 +77,7 @@ def news_on(terminal: Terminal) -> Iterator[dict[str, list]]:
 
 def test_run_goes_on_to_its_end_while_the_terminal_is_stalled(tension, terminal):
     """Whatever is written on the terminal blocks from the first question on, the bar and the steps' lines."""
-    tension.operator.on_perform = lambda action: terminal.stall()
+    tension.operator.on_perform, tension.leaving_s = lambda action: terminal.stall(), 1.0
     with news_on(terminal) as listeners:
         outcome = tension.engine(**listeners).run()
     assert (outcome.status, outcome.reason) == ("completed", "")
@@ -88,7 +88,7 @@ def test_run_goes_on_to_its_end_while_the_terminal_is_stalled(tension, terminal)
 
 
 def test_failing_run_is_made_safe_while_the_terminal_is_stalled(tension, terminal, on_frame_state):
-    tension.operator.on_perform = lambda action: terminal.stall()
+    tension.operator.on_perform, tension.leaving_s = lambda action: terminal.stall(), 1.0
     tension.load_frame.on_read = on_frame_state(60, faults=("overtravel",))
     with news_on(terminal) as listeners:
         outcome = tension.engine(**listeners).run()
@@ -98,7 +98,7 @@ def test_failing_run_is_made_safe_while_the_terminal_is_stalled(tension, termina
 
 
 def test_steps_of_the_outcome_do_not_depend_on_what_a_listener_was_told(tension):
-    never = threading.Event()
+    never, tension.leaving_s = threading.Event(), 1.0
     outcome = tension.engine(on_step=[lambda record: never.wait()]).run()
     never.set()
     assert outcome.status == "completed"
@@ -135,6 +135,7 @@ SMALL = ('driver = "simulated-camera"', 'driver = "simulated-camera"\nwidth_px =
 AT_ONCE = ('driver = "simulated-operator"', 'driver = "simulated-operator"\nduration_s = 0.0')
 
 
+@pytest.mark.realtime
 def test_signal_ends_a_run_and_then_the_program_although_nothing_can_be_written(terminal, tmp_path):
     """The program hangs in its last line, as it should: somebody may read on. A further signal ends it."""
     protocol, rig_path, run_path = (tmp_path / name for name in ("protocol.toml", "rig.toml", "run.h5"))

@@ -7,14 +7,12 @@ from typing import Any
 
 import pytest
 
-from drivers.clock import SystemClock
 from drivers.errors import DeviceFault, DeviceTimeout
 from drivers.interfaces import StageState
 from rig.engine.status import State
-from rig.protocol.rotation import RotationProtocol
 from rig.recorder import StepRecord
 from rig.rigfile import CALL_TIMEOUT_S
-from tests.rig.conftest import FakeRig
+from tests.rig.conftest import FakeRig, in_real_time
 
 LONG_S = 1e6
 
@@ -221,8 +219,7 @@ def test_devices_are_watched_while_a_step_is_not_on_the_disk(rotation_table, tmp
     """The disk takes its time until the stage has been read five times, in real time."""
     rotation_table["rotation"]["total_deg"] = rotation_table["rotation"]["increment_deg"]
     rotation_table["settle"] |= {"dwell_s": 0.001, "poll_s": 0.001}
-    rig = FakeRig(RotationProtocol.model_validate(rotation_table), tmp_path / "run.h5", clock=SystemClock())
-    rig.stage.homed, rig.stage.speed_deg_s = True, 1e4
+    rig = in_real_time(rotation_table, tmp_path / "run.h5")
     engine = rig.engine()
     step, waiting, reads = engine._recorder.step, [], 0
 
@@ -256,8 +253,7 @@ def test_devices_are_watched_while_too_many_images_wait_for_the_disk(rotation_ta
     """There is no room for the second image until the stage has been read five times, in real time."""
     rotation_table["settle"] |= {"dwell_s": 0.001, "poll_s": 0.001}
     rotation_table["images"]["per_step"] = 2
-    rig = FakeRig(RotationProtocol.model_validate(rotation_table), tmp_path / "run.h5", clock=SystemClock())
-    rig.stage.homed, rig.stage.speed_deg_s = True, 1e4
+    rig = in_real_time(rotation_table, tmp_path / "run.h5")
     engine = rig.engine()
     asked, reads, room = [], [], threading.Event()
 

@@ -42,8 +42,17 @@ def opened(virtual: VirtualRig, line: str) -> Any:
     return spec.open(spec.settings.model_validate(settings), context)
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("line", LINES)
-@pytest.mark.parametrize("fault", ["drop:1", "lose-request:1", "delay:0.3:1", "delay:0.5:1"])
+@pytest.mark.parametrize(
+    "fault",
+    [
+        "lose-request:1",
+        "delay:0.5:1",
+        pytest.param("drop:1", marks=pytest.mark.long),
+        pytest.param("delay:0.3:1", marks=pytest.mark.long),
+    ],
+)
 def test_reading_survives_one_lost_answer_within_its_deadline(virtual, line, fault):
     with closing(opened(virtual, line)) as device:
         calls = Calls(SystemClock(), lambda: None)
@@ -90,6 +99,7 @@ def test_a_busy_computer_does_not_make_a_simulated_device_silent(device, tmp_pat
                 read()
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("line", LINES)
 def test_driver_reports_silence_itself_before_its_call_is_given_up(virtual, line):
     """Its message says more than that the call hangs."""

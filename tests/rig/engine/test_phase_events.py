@@ -109,7 +109,7 @@ def aborted(rig: FakeRig, when) -> None:
     engine, on_read = rig.engine(), rig.load_frame.on_read
 
     def abort(count, state):
-        # In the engine's own thread: a listener is told some moment later.
+        # While the engine waits for the reading: a listener is told some moment later.
         if engine.status.step is not None and when(engine.status):
             engine.abort("the abort button")
         return on_read(count, state)

@@ -8,14 +8,12 @@ import pytest
 
 from dic.errors import RunFileError
 from dic.runfile.reader import RunFile
-from drivers.clock import SystemClock
 from drivers.errors import DeviceTimeout
 from rig.commands.verify import verify_run
 from rig.devices import OpenedInterlock
 from rig.engine.settings import READING_S
 from rig.engine.status import Status
-from rig.protocol.rotation import RotationProtocol
-from tests.rig.conftest import FakeInterlock, FakeRig
+from tests.rig.conftest import FakeInterlock, FakeRig, in_real_time
 
 SPEED = {"speed_deg_s": 10.0, "firmware": "7.38", "axis": 1, "always_checksum": True}
 
@@ -116,8 +114,7 @@ def test_settings_of_a_failed_run_are_read_after_the_safe_state(rotation: FakeRi
 def test_a_camera_that_still_exposes_at_the_end_is_not_asked(rotation_table, tmp_path):
     """In real time, because an exposure in simulated time ends when the engine gives it up."""
     rotation_table["settle"] |= {"dwell_s": 0.001, "poll_s": 0.001}
-    rig = FakeRig(RotationProtocol.model_validate(rotation_table), tmp_path / "run.h5", clock=SystemClock())
-    rig.stage.homed, rig.stage.speed_deg_s = True, 1e4
+    rig = in_real_time(rotation_table, tmp_path / "run.h5")
     camera = rig.cameras["on_axis"]
     camera.read_settings = Reporting({"gain": 1.0})
     ended = threading.Event()

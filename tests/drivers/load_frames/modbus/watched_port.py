@@ -36,7 +36,7 @@ def is_state(request: bytes) -> bool:
 
 
 def settings(address: str, **changes: object) -> ModbusLoadFrameSettings:
-    values = {"address": address, "load_max_n": 12000.0, "displacement_max_mm": 5.3, "reply_timeout_s": 0.3}
+    values = {"address": address, "load_max_n": 12000.0, "displacement_max_mm": 5.3, "reply_timeout_s": 2.0}
     return ModbusLoadFrameSettings.model_validate(values | changes)
 
 
