@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.pictures.places import Places
+from dic.pictures.places import Places, mapped
 from dic.typing import Float
 
 _MOST_PX = 1200
@@ -44,25 +44,52 @@ def background_of(image: NDArray[Any], places: Places) -> Background:
 
     height, width = image.shape
     if places.unit != "mm":
-        shrink = min(1.0, _MOST_PX / max(height, width))
-        size = max(1, round(width * shrink)), max(1, round(height * shrink))
-        small = cv2.resize(image.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-        return Background(np.asarray(small), (-0.5, width - 0.5, height - 0.5, -0.5))
+        share = min(1.0, _MOST_PX / max(height, width))
+        small, _ = _shrunk(image, (share, share))
+        return Background(small, (-0.5, width - 0.5, height - 0.5, -0.5))
     left, right, lower, upper = _limits(places.drawn_corners())
     spacing = max(right - left, upper - lower) / _MOST_PX
-    size = max(1, round((right - left) / spacing)), max(1, round((upper - lower) / spacing))
+    columns, rows = max(1, round((right - left) / spacing)), max(1, round((upper - lower) / spacing))
+    right, lower = left + columns * spacing, upper - rows * spacing
+    # The first pixel's centre, (0, 0), is half a pixel away from the left and from the upper limit.
     to_raster = np.array(
-        [[1 / spacing, 0.0, -left / spacing], [0.0, -1 / spacing, upper / spacing], [0, 0, 1]]
+        [[1 / spacing, 0.0, -left / spacing - 0.5], [0.0, -1 / spacing, upper / spacing - 0.5], [0, 0, 1]]
     )
+    to_drawn = to_raster @ places.to_axes
+    # warpPerspective averages no pixels, so in a small picture speckles would be coarse and edges jagged.
+    small, to_whole = _shrunk(image, _magnification(to_drawn, places.corners))
     seen = cv2.warpPerspective(
-        image.astype(np.float32),
-        to_raster @ places.to_axes,
-        size,
-        flags=cv2.INTER_AREA,
+        small,
+        to_drawn @ to_whole,
+        (columns, rows),
+        flags=cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_CONSTANT,
         borderValue=float("nan"),
     )
     return Background(np.asarray(seen), (left, right, lower, upper))
+
+
+def _magnification(homography: Float, points: Float) -> tuple[float, float]:
+    """Return the largest size of a pixel's width and height that a homography draws at points (…, 2)."""
+    here = mapped(homography, points)
+    across, down = (np.linalg.norm(mapped(homography, points + step) - here, axis=-1) for step in np.eye(2))
+    return float(across.max()), float(down.max())
+
+
+def _shrunk(image: NDArray[Any], shares: tuple[float, float]) -> tuple[NDArray[np.float32], Float]:
+    """Return an image with fewer, averaged pixels, and the matrix (3, 3) from its pixels to the image's.
+
+    The shares of the width and of the height that are kept are at most 1; larger shares count as 1.
+    """
+    import cv2
+
+    whole = image.shape[::-1]
+    size = tuple(max(1, round(side * min(1.0, share))) for side, share in zip(whole, shares, strict=True))
+    small = cv2.resize(image.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    right, down = (side / kept for side, kept in zip(whole, size, strict=True))
+    # Pixels' centres have whole numbers, so the image's left edge is at -0.5 in both images.
+    to_whole = np.array([[right, 0.0, (right - 1) / 2], [0.0, down, (down - 1) / 2], [0.0, 0.0, 1.0]])
+    return np.asarray(small, np.float32), to_whole
 
 
 def _limits(corners: Float) -> tuple[float, float, float, float]:
