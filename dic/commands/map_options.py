@@ -98,7 +98,9 @@ class MapOptions:
             )
 
 
-_OF_ALL_PICTURES = "on", "scale", "limits", "colours", "width-mm", "dpi"
+# A contact sheet is always on the reference and has one scale.
+_OF_MAPS = "format", "quantities", "on", "scale"
+_OF_ALL_PICTURES = "axes", "limits", "colours", "width-mm", "dpi"
 
 map_group = option_group(
     "maps",
@@ -163,7 +165,7 @@ map_group = option_group(
         help="Picture with a small map of a quantity for each image, such as eyy=sheet.png. May be repeated.",
     ),
     needs={
-        **{f"--map-{name}": ["--maps"] for name in ("format", "quantities", "axes")},
+        **{f"--map-{name}": ["--maps"] for name in _OF_MAPS},
         **{f"--map-{name}": ["--maps", "--contact-sheet"] for name in _OF_ALL_PICTURES},
     },
 )

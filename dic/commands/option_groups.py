@@ -58,7 +58,9 @@ def _require_effect(needs: Mapping[str, Sequence[str]]) -> None:
     }
     idle = [option for option, partners in needs.items() if option in given and not given & set(partners)]
     if idle:
-        partners = " or ".join(dict.fromkeys(partner for option in idle for partner in needs[option]))
+        # an option that gives all of them an effect, if there is one
+        shared = [name for name in needs[idle[0]] if all(name in needs[option] for option in idle)]
+        partners = " or ".join(shared or dict.fromkeys(name for option in idle for name in needs[option]))
         options = ", ".join(idle)
         raise CorrelationError(
             "settings", options, f"{partners} beside it", "none", f"give {partners}, or leave out {options}"

@@ -5,11 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.correlation.field import Field
+from dic.errors import CorrelationError
 from dic.pictures.settings import MapSettings
 from dic.strain.measurement import Measurement
 from dic.typing import Float
 
 _CORNERS = ((0, 0), (0, 1), (1, 0), (1, 1))
+_DETERMINED = 1e-9
+"""Least eigenvalue, as a fraction of the largest, of the normal equations of a homography that is determined.
+
+Points on a line give 1e-16, and a grid of 2 × 1000 points gives 0.1.
+"""
 
 
 @dataclass(frozen=True)
@@ -38,16 +44,29 @@ class Places:
 def places_of(measurement: Measurement, settings: MapSettings) -> Places:
     """Return where the points of a measurement are drawn.
 
+    Axes "auto" are in px without a calibration, and if the points do not determine how to rectify the image.
+
     Raises
     ------
     CorrelationError
-        If axes in mm are asked for, but there is no calibration.
+        If axes in mm are asked for, but there is no calibration, or the points do not determine them.
     """
     corners = _cell_corners(measurement.field, deformed=settings.on == "deformed")
     settings.require_calibration(settings.axes, calibrated=measurement.calibrated is not None)
     if measurement.calibrated is None or settings.axes not in ("auto", "mm"):
         return Places(corners, np.eye(3), None if settings.axes == "off" else "px")
-    return Places(corners, _homography(measurement.field.points, measurement.calibrated.position), "mm")
+    homography = _homography(measurement.field.points, measurement.calibrated.position)
+    if homography is not None:
+        return Places(corners, homography, "mm")
+    if settings.axes == "auto":
+        return Places(corners, np.eye(3), "px")
+    raise CorrelationError(
+        measurement.label,
+        "draw axes in mm",
+        "at least four points, all but one of which are not on one line",
+        f"{len(measurement.field.points)} points",
+        "measure more points with a smaller step, or give --map-axes px",
+    )
 
 
 def mapped(homography: Float, points: Float) -> Float:
@@ -56,8 +75,8 @@ def mapped(homography: Float, points: Float) -> Float:
     return np.asarray(ends[..., :2] / ends[..., 2:])
 
 
-def _homography(points_px: Float, position_mm: Float) -> Float:
-    """Return the homography that fits best between pixels and millimetres.
+def _homography(points_px: Float, position_mm: Float) -> Float | None:
+    """Return the homography that fits best between pixels and millimetres; None if there is not only one.
 
     The homography rectifies the picture. It does not contain the lens distortion, which moves no point
     visibly.
@@ -66,8 +85,32 @@ def _homography(points_px: Float, position_mm: Float) -> Float:
 
     there = position_mm.reshape(-1, 2)
     known = np.isfinite(there).all(axis=1)
+    if not _determine_homography(points_px[known]):
+        return None
     homography, _ = cv2.findHomography(points_px[known], there[known], 0)
-    return np.asarray(homography, np.float64)
+    return None if homography is None else np.asarray(homography, np.float64)
+
+
+def _determine_homography(points: Float) -> bool:
+    """Return True if only one homography fits the points (n, 2) and their images.
+
+    The points alone decide this: the linear equations of a homography (Hartley and Zisserman, Multiple View
+    Geometry, section 4.1) have the same rank for all images of them, so each point serves as its own image.
+    """
+    if len(points) < 4:
+        return False
+    spread = points.std(axis=0)
+    x, y = ((points - points.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)).T
+    one, zero = np.ones_like(x), np.zeros_like(x)
+    equations = np.concatenate(
+        [
+            np.stack([x, y, one, zero, zero, zero, -x * x, -x * y, -x], axis=1),
+            np.stack([zero, zero, zero, x, y, one, -x * y, -y * y, -y], axis=1),
+        ]
+    )
+    # The least of the nine eigenvalues belongs to the homography itself.
+    eigenvalues = np.linalg.eigvalsh(equations.T @ equations)
+    return bool(eigenvalues[1] > _DETERMINED * eigenvalues[-1])
 
 
 def _cell_corners(field: Field, *, deformed: bool) -> Float:

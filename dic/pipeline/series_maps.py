@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
+from dic.errors import MeasurementError
 from dic.files.writing import write_figure
 from dic.image.read import read_image
 from dic.out_of_plane.correction import Correction
@@ -51,7 +52,8 @@ class SeriesMaps:
     """Draw the maps of a series of image files.
 
     A scale that serves all images is known only after the last image. Until then the values wait in a
-    temporary file. With a scale for each image, its picture is drawn at once.
+    temporary file. With a scale for each image, its picture is drawn at once. A picture that cannot be drawn
+    does not end the measurement: `draw` raises its error, after all other pictures are drawn.
 
     Parameters
     ----------
@@ -65,6 +67,7 @@ class SeriesMaps:
         self._small = replace(settings, quantities=tuple(files.sheets) or ("eyy",), on="reference")
         self._at_once = bool(files.maps) and settings.scale == "image"
         self._places: dict[int, int] = {}
+        self._failed: dict[int, MeasurementError | OSError] = {}
 
     def __enter__(self) -> Self:
         self._spool: Any = tempfile.TemporaryFile()
@@ -80,6 +83,13 @@ class SeriesMaps:
         """
         if not self._files.all():
             return
+        self._failed.pop(number, None)
+        try:
+            self._add(number, title, measurement, correction)
+        except (MeasurementError, OSError) as error:
+            self._failed[number] = error
+
+    def _add(self, number: int, title: str, measurement: Measurement, correction: Correction | None) -> None:
         maps, small = (maps_of(measurement, how, correction) for how in (self._settings, self._small))
         waiting = _Waiting(number, measurement.label, title, maps, small)
         if self._at_once:
@@ -90,17 +100,23 @@ class SeriesMaps:
 
     @property
     def pictures_left(self) -> int:
-        """Number of pictures that `draw` will write."""
+        """Number of pictures that `draw` will write, or whose error it will raise."""
         if not self._places:
-            return 0
-        return len(self._files.sheets) + (len(self._places) if self._maps_wait else 0)
+            return len(self._failed)
+        return len(self._failed) + len(self._files.sheets) + (len(self._places) if self._maps_wait else 0)
 
     @property
     def _maps_wait(self) -> bool:
         return bool(self._files.maps) and not self._at_once
 
     def draw(self, on_picture: Callable[[], None] = lambda: None) -> None:
-        """Write all pictures that have waited for the last image. Call `on_picture` after each."""
+        """Write all pictures that have waited for the last image. Call `on_picture` after each.
+
+        Raises
+        ------
+        MeasurementError, OSError
+            The error of the first picture that could not be drawn.
+        """
         of_maps: Scale = {}
         of_sheets: Scale = {}
         for waiting in self._waiting():
@@ -117,6 +133,8 @@ class SeriesMaps:
             chosen = [(label, maps.only({quantity})) for label, maps in small]
             self._draw_sheet(path, chosen, finished(of_sheets, self._small))
             on_picture()
+        if self._failed:
+            raise next(iter(self._failed.values()))
 
     def _waiting(self) -> Iterator[_Waiting]:
         for _, place in sorted(self._places.items()):

@@ -2,7 +2,6 @@
 
 import csv
 import io
-import re
 import shutil
 import signal
 from pathlib import Path
@@ -69,68 +68,6 @@ def test_every_output_tells_the_same(folder, tmp_path):
     assert cv2.imread(str(tmp_path / "maps" / "moved.png")).shape[1] > 500
 
 
-def test_maps_are_drawn_as_the_options_say(folder, tmp_path):
-    result = run_dic(
-        "correlate", folder / "ref.png", folder / "moved.png", folder / "still.png", "--step", 20,
-        "--maps", tmp_path / "maps", "--map-format", "svg", "--map-on", "deformed", "--map-quantities", "exx",
-        "--map-limits", "exx=0,12000", "--map-colours", "cividis", "--map-width-mm", 90,
-        "--contact-sheet", f"exx={tmp_path / 'sheet.png'}",
-    )  # fmt: skip
-    assert result.status == 0, result
-    for name in ("moved", "still"):
-        drawn = (tmp_path / "maps" / f"{name}.svg").read_text()
-        width_pt = float(re.search(r'<svg[^>]* width="([\d.]+)pt"', drawn)[1])
-        assert width_pt == pytest.approx(90 / 25.4 * 72, abs=0.1)
-    assert cv2.imread(str(tmp_path / "sheet.png")).shape[1] == pytest.approx(90 / 25.4 * 150, abs=1)
-
-
-def test_mistakes_in_options_of_maps_are_reported_together(folder, tmp_path):
-    words = refusal(
-        "correlate", folder / "ref.png", folder / "moved.png", "--maps", tmp_path / "maps",
-        "--map-on", "moved",
-        "--map-format", "gif", "--map-limits", "exx=1", "--contact-sheet", "ezz=a.png",
-        "--map-colours", "jet",
-    )  # fmt: skip
-    for name in ("image under maps", "format of maps", "limits of maps", "contact sheet", "colours of maps"):
-        assert f"settings: {name}: expected" in words
-    assert not (tmp_path / "maps").exists()
-
-
-def test_results_are_complete_before_pictures_are_drawn(folder, tmp_path, monkeypatch):
-    def full(*_):
-        raise OSError(28, "No space left on device", "picture")
-
-    monkeypatch.setattr("dic.pipeline.series_maps.draw_maps", full)
-    words = refusal(
-        "correlate", folder / "ref.png", folder / "moved.png", "--step", 40, "-o", tmp_path / "r.h5",
-        "--json", tmp_path / "r.json", "--csv", tmp_path / "csv", "--maps", tmp_path / "maps",
-    )  # fmt: skip
-    assert "No space left" in words
-    with h5py.File(tmp_path / "r.h5") as file:
-        assert file["series/label"].shape == (1,)
-    assert (tmp_path / "r.json").is_file()
-    assert (tmp_path / "csv" / "strain.csv").is_file()
-
-
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        (["--contact-sheet", "eyy=sheet.xyz"], "contact sheet: expected QUANTITY=FILE"),
-        (["--contact-sheet", "eyy=a.png", "--contact-sheet", "eyy=b.png"], "at most once"),
-        (["--maps", "m", "--map-width-mm", "2000", "--map-dpi", "1200"], "width and resolution of maps"),
-        (["--maps", "m", "--map-axes", "mm"], "expected a calibration for axes in mm"),
-    ],
-    ids=lambda value: value if isinstance(value, str) else "",
-)
-def test_pictures_that_cannot_be_drawn_are_refused_before_measuring(
-    folder, options, sentence, tmp_path, monkeypatch
-):
-    monkeypatch.chdir(tmp_path)
-    words = refusal("correlate", folder / "ref.png", folder / "moved.png", *options)
-    assert sentence in words
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_polygon_may_be_longer_than_the_name_of_a_file(folder, tmp_path):
     angles = np.linspace(0.0, 2 * np.pi, 60, endpoint=False)
     corners = " ".join(f"{90 + 60 * np.cos(a):.4f},{80 + 55 * np.sin(a):.4f}" for a in angles)
@@ -181,14 +118,6 @@ def test_an_image_of_another_size_is_refused(folder, tmp_path):
         (["flat.png", "moved.png"], "texture"),
         (["ref.png", "moved.png", "--calibration", "ref.png"], "calibration"),
         (["ref.png", "moved.png", "--decimal-comma"], "give --csv, or leave out --decimal-comma"),
-        (
-            ["ref.png", "moved.png", "--map-format", "pdf", "--contact-sheet", "eyy=a.png"],
-            "give --maps, or leave out --map-format",
-        ),
-        (
-            ["ref.png", "moved.png", "--map-on", "deformed", "--map-dpi", "300"],
-            "--map-on, --map-dpi: expected --maps or --contact-sheet beside it",
-        ),
     ],
 )
 def test_bad_input_ends_with_one_sentence_and_status_2(folder, monkeypatch, arguments, sentence):

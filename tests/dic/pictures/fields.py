@@ -1,6 +1,7 @@
 """Fields with displacements known exactly, which no correlation has computed."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,3 +42,10 @@ def stretched(exx: float, lost: tuple = ()) -> dic.Field:
     """Return the field of a specimen that is stretched to the right by `exx`, with u = 0 at x = 0."""
     gradient = np.array([[exx, 0.0], [0.0, 0.0]])
     return field_of(lambda places: places @ gradient.T, gradient, lost)
+
+
+def part_of(field: dic.Field, rows: slice, columns: slice) -> dic.Field:
+    """Return the field of some rows and columns of points."""
+    names = "warps", "std", "zncc", "iterations", "status", "active"
+    parts = {name: getattr(field, name)[rows, columns] for name in names}
+    return replace(field, x_px=field.x_px[columns], y_px=field.y_px[rows], **parts)

@@ -15,7 +15,7 @@ from dic.pictures.maps import cut_ends, draw_maps
 from dic.pictures.panels import maps_of, scale_of
 from dic.pictures.places import places_of
 from dic.pictures.settings import COLOURS
-from tests.dic.pictures.fields import SHAPE, field_of, stretched
+from tests.dic.pictures.fields import SHAPE, field_of, part_of, stretched
 
 GREY = np.full(SHAPE, 128.0, np.float32)
 SHEAR = np.array([[0.02, 0.3], [-0.25, -0.01]])
@@ -58,6 +58,37 @@ def test_axes_in_mm_show_the_specimen_as_seen_straight_on(calibration):
     drawn = places.drawn_corners()
     # a bicubic map is no homography: a tenth of a pixel is left, which nobody sees in a picture
     np.testing.assert_allclose(image_of(drawn), places.corners, atol=0.15)
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns"),
+    [(1, 1), (1, 2), (1, 9), (9, 1)],
+    ids=["a point", "two points", "a row", "a column"],
+)
+def test_points_that_cannot_be_rectified_are_drawn_in_px_and_refused_in_mm(calibration, rows, columns):
+    field = part_of(stretched(0.001), slice(rows), slice(columns))
+    measurement = dic.measure(field, calibration)
+    assert places_of(measurement, dic.MapSettings()).unit == "px"
+    with pytest.raises(
+        dic.MeasurementError, match=rf"expected at least four points.*, got {rows * columns} "
+    ):
+        places_of(measurement, dic.MapSettings(axes="mm"))
+
+
+def test_two_points_in_two_rows_are_enough_to_rectify(calibration):
+    field = part_of(stretched(0.001), slice(2), slice(2))
+    places = places_of(dic.measure(field, calibration), dic.MapSettings(axes="mm"))
+    np.testing.assert_allclose(image_of(places.drawn_corners()), places.corners, atol=0.15)
+
+
+def test_a_point_beside_a_line_of_points_does_not_determine_a_homography(calibration):
+    """Nine points on a line and one beside it have many homographies to the same places in mm."""
+    measurement = dic.measure(part_of(stretched(0.001), slice(2), slice(9)), calibration)
+    position = measurement.calibrated.position.copy()
+    position[1, 1:] = np.nan
+    known = replace(measurement, calibrated=replace(measurement.calibrated, position=position))
+    assert places_of(known, dic.MapSettings()).unit == "px"
+    assert places_of(measurement, dic.MapSettings()).unit == "mm"
 
 
 def test_a_value_has_its_colour_at_its_place():
