@@ -94,7 +94,7 @@ def _blobs_of_level(image: NDArray[np.uint8]) -> Iterator[Blobs]:
     contrast = high - low
     enough = contrast > max(_CONTRAST * float(np.percentile(contrast[::4, ::4], 98)), _noise_floor(image))
     dark = enough & (smooth < (low + high) / 2)
-    regions = [_Regions.of(mask) for mask in (dark, ~dark)]
+    regions = [_Regions.of(mask, enough) for mask in (dark, ~dark)]
     for region, holes, is_dark in ((regions[0], regions[1], True), (regions[1], regions[0], False)):
         yield region.filled_with(holes).ellipses(is_dark)
 
@@ -117,14 +117,18 @@ def noise_of(grey: Grey) -> float:
 
 @dataclass(frozen=True)
 class _Regions:
-    """Connected regions: number of pixels, sums of x, y, x², xy, y², shape (n, 6), and bounding boxes."""
+    """Connected regions: number of pixels, sums of x, y, x², xy, y², shape (n, 6), and bounding boxes.
+
+    `plain` is True for regions most of which have too little contrast, as the background far from all dots.
+    """
 
     sums: Float
     boxes: NDArray[np.int64]
     on_rim: Mask
+    plain: Mask
 
     @classmethod
-    def of(cls, mask: Mask) -> "_Regions":
+    def of(cls, mask: Mask, enough: Mask) -> "_Regions":
         import cv2
 
         count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
@@ -140,9 +144,10 @@ class _Regions:
         size = int(np.count_nonzero(kept))
         terms = (None, x, y, x * x, x * y, y * y)
         sums = np.stack([np.bincount(of, weights=term, minlength=size) for term in terms], axis=1)
+        plain = np.bincount(of, weights=enough[y, x], minlength=size) < sums[:, 0] / 2
         left, top, across, down = boxes[kept].T
         rim = (left == 0) | (top == 0) | (left + across == width) | (top + down == height)
-        return cls(sums.astype(np.float64), boxes[kept], rim)
+        return cls(sums.astype(np.float64), boxes[kept], rim, plain)
 
     def filled_with(self, holes: "_Regions") -> "_Regions":
         """Return these regions, each together with the hole of the other regions in its middle."""
@@ -156,7 +161,8 @@ class _Regions:
         within = (inner[:, :2] > outer[:, :2]).all(axis=1)
         within &= (inner[:, :2] + inner[:, 2:] < outer[:, :2] + outer[:, 2:]).all(axis=1)
         within &= away < 0.25 * outer[:, 2:].min(axis=1)
-        return _Regions(self.sums + np.where(within[:, None], holes.sums[nearest], 0.0), outer, self.on_rim)
+        filled = self.sums + np.where(within[:, None], holes.sums[nearest], 0.0)
+        return _Regions(filled, outer, self.on_rim, self.plain)
 
     def ellipses(self, dark: bool) -> Blobs:
         """Return the regions that have the shape of an ellipse and do not touch the image's rim."""
@@ -170,7 +176,7 @@ class _Regions:
         likeness = area / (4 * np.pi * np.sqrt(determinant))
         slender2 = (xx + yy) ** 2 / (4 * determinant)
         limit = (_SLENDER**2 + 1) ** 2 / (4 * _SLENDER**2)
-        like = (area >= _SMALLEST_PX2) & ~self.on_rim & (slender2 < limit)
+        like = (area >= _SMALLEST_PX2) & ~self.on_rim & ~self.plain & (slender2 < limit)
         like &= (likeness > _LIKE_ELLIPSE[0]) & (likeness < _LIKE_ELLIPSE[1])
         covariance = np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2)
         return Blobs(centre[like], area[like], covariance[like], dark)

@@ -34,6 +34,9 @@ _MISFIT, _CONTRAST = 2.0, 0.3
 _MISFIT_OF_CONTRAST = 0.02
 # Misfit, as a fraction of the contrast, above which regions are not ellipses. Squares reach 0.2.
 _NOT_ROUND = 0.1
+# Share of saturated pixels near a dot's edge above which the light there is not known well enough, and above
+# how many times the usual share: a background that is saturated everywhere does no harm.
+_SATURATED, _OF_USUAL_SATURATION = 0.01, 2.0
 # A dot is divided into this number of rings and spokes, over which the shift by perspective is integrated.
 _RINGS, _SPOKES = 6, 24
 
@@ -79,6 +82,14 @@ class _Dots:
             for values in (self.ellipses.misfit, np.abs(self.ellipses.contrast))
         )
         return usual_misfit <= _NOT_ROUND * usual + 1.3 * noise_of(grey)
+
+    def in_glare(self) -> Mask:
+        """Return True for each dot (n,) beside which a reflection saturates the picture.
+
+        There the gradient of the light is not known, and the centre would be off by up to 0.1 px.
+        """
+        usual = float(np.median(self.ellipses.saturated))
+        return np.asarray(self.ellipses.saturated > max(_SATURATED, _OF_USUAL_SATURATION * usual))
 
     def sound(self) -> Mask:
         """Return True for each dot (n,) whose ellipse fits the grey levels about as well as usual."""
@@ -143,7 +154,8 @@ def find_dots(grey: Grey, dots: tuple[int, int], pitch_mm: float, source: str, x
     # A partly hidden dot is smaller than the others, and its centre is shifted. Leave such dots out.
     size = found.ellipses.area_px2 / _cell_px2(shape, index)
     off = np.abs(size / np.median(size[sound]) - 1)
-    sound &= off < 6 * np.median(off[sound]) + 0.02
+    glare = found.in_glare()
+    sound &= (off < 6 * np.median(off[sound]) + 0.02) & ~glare
     sound[sound] = fits_lattice(index[sound], centre[sound])
     middle = (index.min(axis=0) + index.max(axis=0)) / 2
     vectors = np.stack([shape.step(middle, 0), shape.step(middle, 1)])
@@ -152,7 +164,9 @@ def find_dots(grey: Grey, dots: tuple[int, int], pitch_mm: float, source: str, x
         return _numbered_by_marks(found.index[sound], centre[sound], marks, dots, pitch_mm, source)
     axes, spans = _axes_and_spans(found.index, vectors, dots, x_axis, source)
     if np.count_nonzero(sound) < _SUFFICIENT * dots[0] * dots[1]:
-        raise _refusal(source, dots, f"only {np.count_nonzero(sound)} whole dots")
+        beside = f", and {np.count_nonzero(glare)} where a reflection saturates the picture"
+        got = f"only {np.count_nonzero(sound)} whole dots{beside if glare.any() else ''}"
+        raise _refusal(source, dots, got)
     column_row, centre = axes.columns_and_rows(found.index, spans)[sound], centre[sound]
     by_row = np.lexsort((column_row[:, 0], column_row[:, 1]))
     return GridPoints.on_lattice(

@@ -14,13 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dic.targets.blobs import Blobs
+from dic.targets.blobs import Blobs, noise_of
+from dic.targets.dot_pixels import DotPixels, distance_from_ellipses, nearest_dot
 from dic.typing import Float, Grey, Indices, Mask
 
-# The fit uses the pixels up to this distance from the edge.
-_BAND_PX = 7.0
-# The hole of a hollow dot begins deeper than this fraction of the dot's smaller semi-axis.
-_RIM_OF_HOLLOW = 0.3
 # Steps without knowledge of the light, then with the gradients of the light around the neighbouring dots.
 _STEPS, _STEPS_IN_KNOWN_LIGHT = 5, 3
 _NEIGHBOURS = 9
@@ -47,19 +44,22 @@ class Ellipses:
         Grey level of the background minus grey level of the dot.
     misfit : ndarray, shape (n,)
         Root mean square difference between the grey levels and the model.
+    saturated : ndarray, shape (n,)
+        Share of the pixels near the edge that are as bright as the sensor can tell.
     """
 
     centre_px: Float
     area_px2: Float
     contrast: Float
     misfit: Float
+    saturated: Float
 
 
 def fit_ellipses(grey: Grey, blobs: Blobs, hollow: Mask) -> Ellipses:
     """Fit ellipses to blobs.
 
-    Saturated pixels, which have the image's highest grey level, count only if the model is below that level.
-    The parts of a picture that a reflection saturates therefore do not shift the centres.
+    The model is clipped at the image's lowest and highest grey levels, as the camera clips the light. The
+    parts of a picture that a reflection saturates therefore do not shift the centres.
 
     Parameters
     ----------
@@ -72,37 +72,76 @@ def fit_ellipses(grey: Grey, blobs: Blobs, hollow: Mask) -> Ellipses:
     from scipy.spatial import KDTree
 
     count = len(blobs)
-    centre, area, contrast, misfit = np.full((count, 2), np.nan), *np.full((3, count), np.nan)
-    semi_axes = 2 * np.sqrt(np.linalg.eigvalsh(blobs.covariance_px2))
+    centre, (area, contrast, misfit, saturated) = np.full((count, 2), np.nan), np.full((4, count), np.nan)
     near = np.arange(1, min(_NEIGHBOURS, count) + 1)
-    away, numbers = KDTree(blobs.centre_px).query(blobs.centre_px, k=near)
-    neighbours = np.asarray(numbers, np.int64)
-    outside = np.clip((np.asarray(away)[:, 1] - 2 * semi_axes[:, 1]) / 2, 1.5, _BAND_PX)
-    inside = np.where(hollow, np.minimum(_RIM_OF_HOLLOW * semi_axes[:, 0], _BAND_PX), _BAND_PX)
-    saturated = float(grey.max())
+    neighbours = np.asarray(KDTree(blobs.centre_px).query(blobs.centre_px, k=near)[1], np.int64)
+    sensor, nearest = _Sensor.of(grey), nearest_dot(blobs, grey.shape)
     by_size = np.argsort(blobs.area_px2)
     batches = [by_size[first : first + _DOTS_AT_ONCE] for first in range(0, count, _DOTS_AT_ONCE)]
-    bands = [_band(grey, blobs.only(some), inside[some], outside[some]) for some in batches]
-    fits = [_Fit.start(blobs.only(some), *band) for some, band in zip(batches, bands, strict=True)]
+    samples = [DotPixels.around(grey, blobs, hollow, nearest, some) for some in batches]
+    fits = [_Fit.start(blobs.only(some), its) for some, its in zip(batches, samples, strict=True)]
     unknown_light = _Light(np.zeros((count, 4)), np.zeros((count, 4)))
-    for k, band in enumerate(bands):
+    for k, its in enumerate(samples):
         for _ in range(_STEPS):
-            fits[k] = fits[k].improved(*band, saturated, unknown_light.only(batches[k]))
+            fits[k] = fits[k].improved(its, sensor, unknown_light.only(batches[k]))
     light = _Light.around(blobs.centre_px, _gathered([fit.linear for fit in fits], batches), neighbours)
-    for some, fit, band in zip(batches, fits, bands, strict=True):
-        noise2 = fit.misfit(*band, saturated)[:, None] ** 2
+    for some, fit, its in zip(batches, fits, samples, strict=True):
+        noise2 = fit.misfit(its, sensor)[:, None] ** 2
         known = _Light(light.gradients[some], light.precision[some] * noise2)
         for _ in range(_STEPS_IN_KNOWN_LIGHT):
-            fit = fit.improved(*band, saturated, known)
+            fit = fit.improved(its, sensor, known)
         centre[some], area[some] = fit.centre, np.pi / np.sqrt(np.maximum(fit.determinant, 1e-12))
         contrast[some] = fit.linear[:, 0] - fit.linear[:, 3]
-        misfit[some] = fit.misfit(*band, saturated)
+        misfit[some] = fit.misfit(its, sensor)
+        saturated[some] = sensor.saturated_share(its)
     # A fit that left its blob or changed its size did not measure this blob.
-    moved = np.linalg.norm(centre - blobs.centre_px, axis=1) > np.maximum(1.5, 0.3 * semi_axes[:, 0])
+    semi_axis = 2 * np.sqrt(np.linalg.eigvalsh(blobs.covariance_px2)[:, 0])
+    moved = np.linalg.norm(centre - blobs.centre_px, axis=1) > np.maximum(1.5, 0.3 * semi_axis)
     with np.errstate(invalid="ignore"):
         wrong = moved | ~(np.abs(np.log(area / blobs.area_px2)) < 0.7) | ~np.isfinite(misfit)
     centre[wrong] = np.nan
-    return Ellipses(centre, area, contrast, misfit)
+    return Ellipses(centre, area, contrast, misfit, saturated)
+
+
+@dataclass(frozen=True)
+class _Sensor:
+    """Lowest and highest grey level of an image, standard deviation of its noise, and if pixels saturate."""
+
+    low: float
+    high: float
+    noise: float
+    saturates: bool
+
+    @classmethod
+    def of(cls, grey: Grey) -> "_Sensor":
+        low, high = float(grey.min()), float(grey.max())
+        # Rounding to whole grey levels is noise of 1/√12.
+        noise = float(np.hypot(noise_of(grey), np.sqrt(1 / 12)))
+        # Without saturation the highest grey level is rarer than the levels below it.
+        below = np.count_nonzero(grey >= high - max(noise, 2.0)) - (highest := np.count_nonzero(grey >= high))
+        return cls(low, high, noise, bool(highest > below))
+
+    def saturated_share(self, samples: DotPixels) -> Float:
+        """Return the shares (n,) of the pixels near the edges that are saturated."""
+        near = samples.weight == 1
+        saturated = (near & (samples.level >= self.high)).sum(axis=1) if self.saturates else 0.0
+        return np.asarray(saturated / np.maximum(near.sum(axis=1), 1))
+
+    def clipped(self, level: Float) -> tuple[Float, Float]:
+        """Return the mean grey levels that the sensor gives for the given ones, and their derivatives.
+
+        For noise of the standard deviation s, the mean of ``max(x, 0)`` is ``s ψ(x/s)`` with the function
+        ``ψ(z) = z Φ(z) + φ(z)`` and its derivative Φ.
+        """
+        from scipy.special import ndtr
+
+        mean, slope = level.copy(), np.ones_like(level)
+        near = (level < self.low + 4 * self.noise) | (level > self.high - 4 * self.noise)
+        ends = [(level[near] - end) / self.noise for end in (self.low, self.high)]
+        over_low, over_high = (z * ndtr(z) + np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi) for z in ends)
+        mean[near] = self.low + self.noise * (over_low - over_high)
+        slope[near] = ndtr(ends[0]) - ndtr(ends[1])
+        return mean, slope
 
 
 @dataclass(frozen=True)
@@ -144,45 +183,6 @@ def _gathered(parts: list[Float], batches: list[Indices]) -> Float:
     return every
 
 
-def _band(grey: Grey, blobs: Blobs, inside: Float, outside: Float) -> tuple[Float, Float, Mask]:
-    """Return the pixels near the edges: positions (n, m, 2), grey levels and a mask of valid ones (n, m)."""
-    height, width = grey.shape
-    every: list[tuple[Float, Float]] = []
-    for k in range(len(blobs)):
-        reach = 2 * np.sqrt(np.diag(blobs.covariance_px2[k])) + outside[k] + 1
-        low = np.maximum(np.floor(blobs.centre_px[k] - reach), 0).astype(int)
-        high = np.minimum(np.ceil(blobs.centre_px[k] + reach), [width - 1, height - 1]).astype(int)
-        y, x = np.mgrid[low[1] : high[1] + 1, low[0] : high[0] + 1]
-        places = np.stack([x, y], axis=-1).reshape(-1, 2).astype(np.float64)
-        shape = np.linalg.inv(4 * blobs.covariance_px2[k])
-        distance = _distance(places[None], blobs.centre_px[None, k], shape[None])[0][0]
-        places = places[(distance > -inside[k]) & (distance < outside[k])]
-        every.append((places, grey[places[:, 1].astype(int), places[:, 0].astype(int)].astype(np.float64)))
-    most = max(len(places) for places, _ in every)
-    pixels, level = np.zeros((len(every), most, 2)), np.zeros((len(every), most))
-    used = np.zeros((len(every), most), bool)
-    for k, (places, levels) in enumerate(every):
-        pixels[k, : len(places)], level[k, : len(places)], used[k, : len(places)] = places, levels, True
-        pixels[k, len(places) :] = blobs.centre_px[k] + 1.0
-    return pixels, level, used
-
-
-def _distance(pixels: Float, centre: Float, shape: Float) -> tuple[Float, Float, Float]:
-    """Return distances (n, m) from the ellipses, px, their gradients by the centre, and by the shape.
-
-    The ellipse is ``d·Q·d = 1`` with ``d = p − c``. The distance is exact to first order near the ellipse:
-    ``t = (ρ − 1)/|∇ρ|`` with ``ρ² = d·Q·d``. The gradient by the shape, (n, m, 3), is for Q's elements xx, xy
-    and yy.
-    """
-    d = pixels - centre[:, None]
-    product = d @ shape
-    rho = np.sqrt(np.maximum((product * d).sum(axis=-1), 1e-6))
-    slope = np.maximum(np.linalg.norm(product, axis=-1) / rho, 1e-6)
-    normal = product / (rho * slope)[..., None]
-    terms = np.stack([d[..., 0] ** 2, 2 * d[..., 0] * d[..., 1], d[..., 1] ** 2], axis=-1)
-    return (rho - 1) / slope, -normal, terms / (2 * rho * slope)[..., None]
-
-
 @dataclass(frozen=True)
 class _Fit:
     """The parameters of n dots: centre (n, 2), shape Q (n, 3), blur (n,), levels and gradients (n, 6)."""
@@ -193,13 +193,13 @@ class _Fit:
     linear: Float
 
     @classmethod
-    def start(cls, blobs: Blobs, pixels: Float, level: Float, used: Mask) -> "_Fit":
+    def start(cls, blobs: Blobs, samples: DotPixels) -> "_Fit":
         shape: Float = np.linalg.inv(4 * blobs.covariance_px2).astype(np.float64)
-        distance = _distance(pixels, blobs.centre_px, shape)[0]
-        beside, within = used & (distance > 0), used & (distance < 0)
+        distance = distance_from_ellipses(samples.places_px, blobs.centre_px, shape)[0]
         linear = np.zeros((len(blobs), 6))
-        for column, mask in ((0, beside), (3, within)):
-            linear[:, column] = (level * mask).sum(axis=1) / np.maximum(mask.sum(axis=1), 1)
+        for column, side in ((0, distance > 0), (3, distance < 0)):
+            weight = samples.weight * side
+            linear[:, column] = (samples.level * weight).sum(axis=1) / np.maximum(weight.sum(axis=1), 1)
         upper = np.stack([shape[:, 0, 0], shape[:, 0, 1], shape[:, 1, 1]], axis=-1)
         return cls(blobs.centre_px.copy(), upper, np.full(len(blobs), 1.2), linear)
 
@@ -215,11 +215,11 @@ class _Fit:
         determinant: Float = self.shape[:, 0] * self.shape[:, 2] - self.shape[:, 1] ** 2
         return determinant
 
-    def _model(self, pixels: Float) -> tuple[Float, Float]:
+    def _model(self, pixels: Float, sensor: _Sensor) -> tuple[Float, Float]:
         """Return the model's grey levels (n, m) and their derivatives (n, m, 12) by the parameters."""
         from scipy.special import ndtr
 
-        distance, by_centre, by_shape = _distance(pixels, self.centre, self._matrix)
+        distance, by_centre, by_shape = distance_from_ellipses(pixels, self.centre, self._matrix)
         scaled = distance / self.blur[:, None]
         covered = ndtr(-scaled)
         density = np.exp(-(scaled**2) / 2) / np.sqrt(2 * np.pi) / self.blur[:, None]
@@ -232,19 +232,19 @@ class _Fit:
             [design, by_distance * by_centre, by_distance * by_shape, by_distance * -scaled[..., None]],
             axis=-1,
         )
-        level: Float = np.einsum("nmk,nk->nm", design, self.linear)
-        return level, jacobian
+        level, slope = sensor.clipped(np.einsum("nmk,nk->nm", design, self.linear))
+        return level, slope[..., None] * jacobian
 
-    def improved(self, pixels: Float, level: Float, used: Mask, saturated: float, light: "_Light") -> "_Fit":
+    def improved(self, samples: DotPixels, sensor: _Sensor, light: "_Light") -> "_Fit":
         """Return the parameters after a step of Gauss and Newton."""
-        model, jacobian = self._model(pixels)
-        weight = _weight(model, level, used, saturated)
+        model, jacobian = self._model(samples.places_px, sensor)
+        weight = samples.weight
         # The parameters differ in size by powers of ten.
         scale = np.sqrt((weight[..., None] * jacobian**2).sum(axis=1)) + 1e-12
         jacobian = jacobian / scale[:, None]
         weighted = jacobian * weight[..., None]
         normal = np.swapaxes(weighted, 1, 2) @ jacobian + 1e-9 * np.eye(_PARAMETERS)
-        right = (weighted * (level - model)[..., None]).sum(axis=1)
+        right = (weighted * (samples.level - model)[..., None]).sum(axis=1)
         its_scale = scale[:, _GRADIENTS]
         normal[:, _GRADIENTS, _GRADIENTS] += light.precision / its_scale**2
         right[:, _GRADIENTS] += light.precision * (light.gradients - self.linear[:, _GRADIENTS]) / its_scale
@@ -258,14 +258,9 @@ class _Fit:
         blur = np.clip(self.blur + step[:, 11], *_BLUR_PX)
         return _Fit(self.centre + step[:, 6:8], shape, blur, self.linear + step[:, :6])
 
-    def misfit(self, pixels: Float, level: Float, used: Mask, saturated: float) -> Float:
-        """Return the root mean square difference between grey levels and model, shape (n,)."""
-        model = self._model(pixels)[0]
-        weight = _weight(model, level, used, saturated)
-        square = (weight * (level - model) ** 2).sum(axis=1) / np.maximum(weight.sum(axis=1), 1.0)
+    def misfit(self, samples: DotPixels, sensor: _Sensor) -> Float:
+        """Return the root mean square difference between model and grey levels near the edge, (n,)."""
+        model = self._model(samples.places_px, sensor)[0]
+        single = samples.weight == 1
+        square = (single * (samples.level - model) ** 2).sum(axis=1) / np.maximum(single.sum(axis=1), 1)
         return np.asarray(np.sqrt(square))
-
-
-def _weight(model: Float, level: Float, used: Mask, saturated: float) -> Float:
-    """Return 1 for the pixels that count, and 0 for saturated pixels where the model is saturated too."""
-    return np.asarray(used & ~((level >= saturated) & (model >= saturated)), np.float64)

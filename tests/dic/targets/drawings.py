@@ -15,16 +15,15 @@ from simulators.scene.render import render
 from simulators.scene.scene import Surface
 from simulators.scene.texture import LineGrid
 
+# A pixel that an edge cuts is divided into so many parts along each side.
+_PER_SIDE, _PIXELS_AT_ONCE = 20, 2000
 SIZE_PX = 560
 FOCAL_PX = 1560.0
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A texture given by a formula of x and y in mm.
-
-    Its edges are sharp, so that they must not run along the pixels: Gauss points would see them in steps.
-    """
+    """A texture of two reflectances with sharp edges, given by a formula of x and y in mm."""
 
     formula: Callable[[np.ndarray, np.ndarray], np.ndarray]
     quadrature_order: ClassVar[int] = 4
@@ -97,6 +96,30 @@ def charuco(target: CharucoTarget, legacy: bool = False) -> Drawing:
     return Drawing(dark)
 
 
+def area_sampled(camera: PinholeCamera, surface: Surface) -> np.ndarray:
+    """Return the mean reflectance in each pixel of a surface with sharp edges, shape (height, width).
+
+    A Gauss point is dark or bright, so that 4 × 4 of them put the share of a cut pixel off by 0.04 rms, and
+    in steps where an edge runs along the pixels. Pixels whose corners differ are therefore divided into 20 ×
+    20 squares, which leaves 0.003.
+    """
+
+    def light(px: np.ndarray) -> np.ndarray:
+        return surface.texture.reflectance(surface.material(*camera.ray(px)))
+
+    y, x = np.mgrid[: camera.height_px + 1, : camera.width_px + 1] - 0.5
+    corner = light(np.stack([x, y], axis=-1).reshape(-1, 2)).reshape(x.shape)
+    corners = np.stack([corner[:-1, :-1], corner[1:, :-1], corner[:-1, 1:], corner[1:, 1:]])
+    mean = corners.mean(axis=0)
+    cut = np.argwhere(np.ptp(corners, axis=0) > 0)[:, ::-1]
+    offset = (np.arange(_PER_SIDE) + 0.5) / _PER_SIDE - 0.5
+    inside = np.stack(np.meshgrid(offset, offset), axis=-1).reshape(-1, 2)
+    for some in np.array_split(cut, len(cut) // _PIXELS_AT_ONCE + 1):
+        samples = light((some[:, None] + inside).reshape(-1, 2)).reshape(len(some), -1)
+        mean[some[:, 1], some[:, 0]] = samples.mean(axis=1)
+    return mean
+
+
 @dataclass(frozen=True)
 class View:
     """A target in front of a camera."""
@@ -122,15 +145,19 @@ class View:
     def image(
         self, noise: float = 2.0, blur_px: float = 0.8, seed: int = 8, glare: float = 0.0
     ) -> np.ndarray:
-        """Return grey levels 0 to 255. `glare` is the height of a reflection; from 75 on it saturates."""
-        light = 200 * render(self.camera, self.surface)
+        """Return grey levels 0 to 255. `glare` is the height of a reflection; from 75 on it saturates.
+
+        The blur acts on whole pixels. On edges along the pixels' rows it is therefore not quite a lens's.
+        """
+        smooth = isinstance(self.surface.texture, LineGrid)
+        light = 200 * (render if smooth else area_sampled)(self.camera, self.surface)
         rng = np.random.default_rng(seed)
         if glare:
             y, x = np.mgrid[: light.shape[0], : light.shape[1]]
             place = rng.uniform(0.2, 0.8, 2) * light.shape
             width = rng.uniform(0.08, 0.2) * max(light.shape)
             light = light + glare * np.exp(-((y - place[0]) ** 2 + (x - place[1]) ** 2) / (2 * width**2))
-        blurred = cv2.GaussianBlur(light, (0, 0), blur_px)
+        blurred = cv2.GaussianBlur(light, (0, 0), blur_px) if blur_px else light
         return np.clip(np.rint(blurred + rng.normal(0, noise, light.shape)), 0, 255).astype(np.float32)
 
     def project(self, xy_mm: np.ndarray) -> np.ndarray:

@@ -71,39 +71,78 @@ def test_a_reflection_costs_dots_but_not_accuracy() -> None:
     assert seen.rms_px(shiny) < 0.03
 
 
+def _bound_px(view: View, plate: HollowDots, xy_mm: np.ndarray, blur_px: float, noise: float) -> float:
+    """Return the Cramér-Rao bound of the 2-D rms error of dots' centres, if all but the centres were known.
+
+    An edge of contrast C with a blur of standard deviation s has the information ``C²/(2√π s σ²)`` per px of
+    its length about its place across: the integral of the squared slope of the edge, divided by the variance
+    σ² of the noise. A pixel's area adds 1/12 px² to s², and rounding 1/12 to σ².
+    """
+    angle = np.linspace(0, 2 * np.pi, 200, endpoint=False)
+    circle = plate.radius_mm * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    rims = np.stack([view.project(centre + circle) for centre in xy_mm])
+    steps = np.roll(rims, -1, axis=1) - rims
+    lengths = np.linalg.norm(steps, axis=-1)
+    normals = np.stack([steps[..., 1], -steps[..., 0]], axis=-1) / lengths[..., None]
+    per_px = 160.0**2 / (2 * np.sqrt(np.pi) * np.sqrt(blur_px**2 + 1 / 12) * (noise**2 + 1 / 12))
+    information = per_px * np.einsum("kni,knj,kn->kij", normals, normals, lengths)
+    return float(np.sqrt(np.trace(np.linalg.inv(information), axis1=1, axis2=2).mean()))
+
+
+def _any_view(rng: np.random.Generator, number: int) -> tuple[View, HollowDots]:
+    """Return a view of 1280 × 1024 px: dots of 17 to 28 px radius, 140 to 270 in view, 0 to 45° off-axis."""
+    radius_mm = rng.uniform(0.22, 0.34)
+    hole_mm = rng.uniform(0.4, 0.6) * radius_mm
+    plate = HollowDots((-8, -8), (17, 14), 1.0, radius_mm, hole_mm, bright_dots=number % 4 == 3)
+    off_deg, towards = rng.uniform(0, 45), rng.uniform(0, 2 * np.pi)
+    view = View.of(
+        plate,
+        rng.uniform(-12, 12),
+        (1280, 1024),
+        rng.uniform(3300, 3700),
+        SHIFT_MM,
+        pan_deg=off_deg * np.cos(towards),
+        tilt_deg=off_deg * np.sin(towards),
+        k1_per_px2=rng.uniform(-3e-8, 3e-8),
+    )
+    return view, plate
+
+
+def _measured(
+    rng: np.random.Generator, number: int, blur_px: tuple[float, float], glare: tuple[float, ...]
+) -> tuple[float, float]:
+    """Return the 2-D rms error of the dots of a view, and its Cramér-Rao bound, px; inf if none is found."""
+    view, plate = _any_view(rng, number)
+    blur, height = rng.uniform(*blur_px), float(rng.choice(glare))
+    try:
+        grid = find_target(view.image(6.0, blur, number, height), DotTarget((26, 23), 1.0))
+    except CalibrationError as error:
+        print(number, error)
+        return np.inf, 0.0
+    error_px, bound_px = view.rms_px(grid), _bound_px(view, plate, grid.xy_mm, blur, 6.0)
+    text = f"{number}: {error_px:.4f} px, bound {bound_px:.4f} px, blur {blur:.1f} px, glare {height:.0f}"
+    print(text, grid.found)
+    return error_px, bound_px
+
+
 @pytest.mark.long
 def test_sixty_views_with_noise_blur_and_glare_hold_to_a_fiftieth_of_a_pixel() -> None:
-    """1280 × 1024 px, dots of 17 to 28 px radius, 150 to 270 dots in view, 0 to 45° off-axis, noise 6.
-
-    The limit of 0.02 px is for a blur up to 1.3 px. The Cramér-Rao bound of the dots grows with the root of
-    the blur, and so does the limit.
-    """
     rng = np.random.default_rng(1)
-    failed = []
-    for number in range(60):
-        radius_mm = rng.uniform(0.22, 0.34)
-        hole_mm = rng.uniform(0.4, 0.6) * radius_mm
-        plate = HollowDots((-8, -8), (17, 14), 1.0, radius_mm, hole_mm, bright_dots=number % 4 == 3)
-        off_deg, towards = rng.uniform(0, 45), rng.uniform(0, 2 * np.pi)
-        seen = View.of(
-            plate,
-            rng.uniform(-12, 12),
-            (1280, 1024),
-            rng.uniform(3300, 3700),
-            SHIFT_MM,
-            pan_deg=off_deg * np.cos(towards),
-            tilt_deg=off_deg * np.sin(towards),
-            k1_per_px2=rng.uniform(-3e-8, 3e-8),
-        )
-        blur_px, glare = rng.uniform(0.6, 1.8), float(rng.choice([0, 40, 70]))
-        try:
-            grid = find_target(seen.image(6.0, blur_px, number, glare), DotTarget((26, 23), 1.0))
-            error_px = seen.rms_px(grid)
-        except CalibrationError as error:
-            failed.append(str(error))
-            continue
-        text = f"{number}: {error_px:.4f} px at {off_deg:.0f}°, blur {blur_px:.1f} px, glare {glare:.0f}"
-        print(text, grid.found)
-        if error_px > 0.02 * max(1.0, np.sqrt(blur_px / 1.3)):
-            failed.append(text)
-    assert len(failed) <= 3, failed
+    every = np.array([_measured(rng, number, (0.6, 1.8), (0, 40, 70)) for number in range(60)])
+    print(f"median {np.median(every[:, 0] / every[:, 1]):.2f} times the bound")
+
+    assert np.count_nonzero(every[:, 0] <= 0.02) >= 57
+    assert np.median(every[:, 0] / every[:, 1]) < 1.15
+
+
+@pytest.mark.long
+def test_glare_that_saturates_and_a_blur_of_two_pixels_come_near_the_bound() -> None:
+    rng = np.random.default_rng(2)
+    every = np.array([_measured(rng, number, (1.3, 2.2), (80, 120, 200)) for number in range(20)])
+
+    print(f"median {np.median(every[:, 0] / every[:, 1]):.2f} times the bound")
+
+    assert np.isfinite(every).all()
+    assert (every[:, 0] <= 1.4 * every[:, 1]).all()
+    # Where the bound leaves a fifth of room, a fiftieth of a pixel holds.
+    assert (every[every[:, 1] < 0.02 / 1.2, 0] <= 0.02).mean() >= 0.95
