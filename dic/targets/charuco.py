@@ -1,14 +1,15 @@
 """Detection of the corners of a ChArUco board.
 
 The markers of the board identify each corner. Therefore a part of the board may be hidden. OpenCV finds the
-markers. The places of the corners follow from the corners of the markers nearby, and are then refined.
+markers. The places of the corners follow from the corners of the markers nearby. `dic.targets.corners` then
+measures them.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
-from dic.targets.checkerboard import refine
+from dic.targets.corners import fit_corners
 from dic.targets.lattice import fits_lattice
 from dic.targets.not_seen import TargetNotSeen
 from dic.targets.points import GridPoints
@@ -19,8 +20,8 @@ from dic.typing import Float, Grey, Indices, Mask
 # Smallest share of the corners that must be visible.
 _SUFFICIENT = 0.5
 _FEWEST_MARKERS = 2
-# A corner is refined within a disc. This is its radius as a fraction of the margin around a marker.
-_WINDOW_OF_MARGIN = 0.9
+# Length of the edges around a corner that are used to measure it, in pitches.
+_LENGTH = 0.45
 # Number of markers that predict a corner, and largest distance, in pitches, of the nearest of them.
 _NEARBY, _REACH = 4, 1.3
 # Smallest contrast between the dark and the bright squares around a corner, relative to the usual contrast.
@@ -64,9 +65,8 @@ def find_charuco(
         raise two_targets(source, "ChArUco board", (marker_px.reshape(-1, 2), again))
     # From here on, positions on the board are in pitches, with Y up and the lower left corner as the origin.
     index = np.argwhere(np.ones(lines, bool))
-    px, near = _predicted(place, marker_px, (index + 1).astype(np.float64))
-    margin_px = (1 - marker_side) / 2 * _pitch_px(place, marker_px)
-    px[near] = refine(grey, px[near], _WINDOW_OF_MARGIN * margin_px)
+    px, along, near = _predicted(place, marker_px, (index + 1).astype(np.float64))
+    px[near] = fit_corners(grey, px[near], along[near], _LENGTH, (1 - marker_side) / 2)
     seen = near & np.isfinite(px).all(axis=1)
     seen[seen] = _between_squares(image, index[seen], px[seen], marker_side)
     seen[seen] = fits_lattice(index[seen].astype(float), px[seen])
@@ -166,16 +166,18 @@ def fit_one_plane(drawn: Float, corners: Float) -> Mask:
     return np.asarray(np.ravel(agrees).astype(bool).reshape(-1, 4).all(axis=1))
 
 
-def _predicted(place: Float, marker_px: Float, corner: Float) -> tuple[Float, Mask]:
+def _predicted(place: Float, marker_px: Float, corner: Float) -> tuple[Float, Float, Mask]:
     """Return where corners of squares (n, 2), in pitches, are in the image, and which have a marker nearby.
 
-    Each corner is predicted by a homography through the corners of the nearest markers. Distortion by the
-    lens therefore does no harm.
+    Between the two is the array (n, 2, 2) of the vectors, px, along the edges to the next corners. Each
+    corner is predicted by a homography through the corners of the nearest markers. Distortion by the lens
+    therefore does no harm.
     """
     import cv2
 
     centre = place.mean(axis=1)
-    px = np.full(corner.shape, np.nan)
+    px, along = np.full(corner.shape, np.nan), np.full((*corner.shape, 2), np.nan)
+    around = np.array([[0.0, 0.0], [-0.5, 0.0], [0.5, 0.0], [0.0, -0.5], [0.0, 0.5]])
     away = np.linalg.norm(corner[:, None] - centre, axis=-1)
     near = away.min(axis=1) < _REACH
     for k in np.flatnonzero(near):
@@ -184,8 +186,9 @@ def _predicted(place: Float, marker_px: Float, corner: Float) -> tuple[Float, Ma
         if homography is None:
             near[k] = False
             continue
-        px[k] = cv2.perspectiveTransform(corner[k].reshape(1, 1, 2), homography).ravel()
-    return px, near
+        seen = cv2.perspectiveTransform((corner[k] + around)[:, None], homography)[:, 0]
+        px[k], along[k] = seen[0], (seen[2] - seen[1], seen[4] - seen[3])
+    return px, along, near
 
 
 def _between_squares(image: NDArray[np.uint8], index: Indices, px: Float, marker_side: float) -> Mask:
@@ -208,14 +211,3 @@ def _between_squares(image: NDArray[np.uint8], index: Indices, px: Float, marker
     contrast = sign * np.stack([one - two, one - four, three - two, three - four])
     usual = float(np.median(contrast))
     return np.asarray((contrast * np.sign(usual) > _CONTRAST * abs(usual)).all(axis=0))
-
-
-def _pitch_px(place: Float, marker_px: Float) -> float:
-    """Return the pitch, px: the smaller of those along X and along Y.
-
-    The pitches come from an affine map that is fitted to the corners of all markers.
-    """
-    flat = place.reshape(-1, 2)
-    design = np.column_stack([flat, np.ones(len(flat))])
-    affine = np.linalg.lstsq(design, marker_px.reshape(-1, 2), rcond=None)[0]
-    return float(np.linalg.norm(affine[:2], axis=1).min())

@@ -1,7 +1,6 @@
 """Detection of the corners of a checkerboard.
 
-OpenCV's detector finds the corners. The positions of the corners are then refined. The refinement uses the
-point symmetry of the image around each corner.
+OpenCV's detector finds the corners. `dic.targets.corners` then measures them.
 """
 
 from itertools import product
@@ -11,21 +10,18 @@ from numpy.typing import NDArray
 
 from dic.errors import CalibrationError
 from dic.targets.axes import Axes, XAxis, axes_in_image
+from dic.targets.corners import fit_corners
 from dic.targets.lattice import fits_lattice
 from dic.targets.not_seen import TargetNotSeen
 from dic.targets.points import GridPoints
 from dic.targets.region import two_targets
-from dic.targets.sampled_image import GridImage, as_bytes
+from dic.targets.sampled_image import as_bytes
 from dic.typing import Float, Grey
 
-# A corner is refined within a disc of this radius, in pitches. The disc must not reach the next corner.
-_WINDOW = 0.45
-# The image is smoothed before the refinement. In a small window, noise would disturb the gradients.
-_SMOOTHING_PX = 1.0
-# Smallest share of the corners that must pass the refinement.
+# Length of the edges around a corner that are used to measure it, in pitches.
+_REACH = 0.45
+# Smallest share of the corners that must be measured.
 _SUFFICIENT = 0.9
-_SMALLEST_PX, _LARGEST_PX = 3.0, 16.0
-_STEPS = 6
 # Smallest share of neighbouring squares that differ as they should; a reflection may cover the others.
 _ALTERNATING = 0.85
 # A checkerboard of unknown size has at least this number of corners along each direction.
@@ -48,8 +44,6 @@ def find_checkerboard(
     CalibrationError
         If the detector does not find the corners, or more than 10 % of them do not fit the lattice.
     """
-    import cv2
-
     lines = (squares[0] - 1, squares[1] - 1)
     px = _detected(as_bytes(grey), lines)
     if px is None:
@@ -72,10 +66,10 @@ def find_checkerboard(
     axes = axes_in_image(vectors, x_axis, source, possible)
     index = np.argwhere(np.ones(lines, bool))
     column_row = axes.columns_and_rows(index, spans)
-    pitch_px = float(np.linalg.norm(vectors, axis=1).min())
     detected = px[index[:, 0], index[:, 1]]
-    refined = refine(cv2.GaussianBlur(grey, (0, 0), _SMOOTHING_PX), detected, _WINDOW * pitch_px)
-    # Next to the image's rim there is no room for the refinement: keep the detector's corner.
+    along = np.stack([np.gradient(px, axis=0), np.gradient(px, axis=1)], axis=-2)[index[:, 0], index[:, 1]]
+    refined = fit_corners(grey, detected, along, _REACH)
+    # Next to the image's rim there is no room for the measurement: keep the detector's corner.
     refined = np.where(np.isfinite(refined), refined, detected)
     sound = fits_lattice(index.astype(float), refined)
     if np.count_nonzero(sound) < _SUFFICIENT * sound.size:
@@ -203,50 +197,6 @@ def _refusal(
         got,
         "check that it is sharp, evenly lit and not covered, and that --squares counts all its squares",
     )
-
-
-def refine(grey: Grey, px: Float, half_window_px: float) -> Float:
-    """Return refined corners (n, 2), px: the centres of point symmetry of the image.
-
-    Two crossing straight edges look the same after a rotation by 180° about their crossing, also in
-    perspective. Therefore the refined corner c minimises ``Σ (I(c + d) − I(c − d) − g·d)²``, where I is the
-    grey level and the sum is over the offsets d within a disc. The gradient g models uneven light.
-    Gauss-Newton steps find c and g. If the disc of a corner reaches beyond the image, or the corner moves too
-    far, the result is NaN.
-
-    Parameters
-    ----------
-    grey : ndarray, shape (height, width)
-    px : ndarray, shape (n, 2)
-        Approximate corners.
-    half_window_px : float
-        Radius of the disc. A value below 3 px or above 16 px is changed to that limit.
-    """
-    image = GridImage(grey, dark_lines=False)
-    reach = float(np.clip(half_window_px, _SMALLEST_PX, _LARGEST_PX))
-    y, x = np.mgrid[-reach : reach + 0.1, 0 : reach + 0.1]
-    offsets = np.stack([x, y], axis=-1).reshape(-1, 2)
-    offsets = offsets[np.hypot(*offsets.T) <= reach]
-    corner = px.copy()
-    for _ in range(_STEPS):
-        ahead, behind = corner[:, None] + offsets, corner[:, None] - offsets
-        light = np.broadcast_to(offsets, ahead.shape)
-        slopes = np.concatenate([_gradient(image, ahead) - _gradient(image, behind), light], axis=-1)
-        difference = image.sample(ahead) - image.sample(behind)
-        whole = np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(difference).all(axis=1)
-        normal = np.swapaxes(slopes, 1, 2) @ slopes + 1e-9 * np.eye(4)
-        right = np.swapaxes(slopes, 1, 2) @ difference[..., None]
-        corner[~whole] = np.nan
-        corner[whole] -= np.linalg.solve(normal[whole], right[whole])[:, :2, 0]
-    corner[~(np.linalg.norm(corner - px, axis=1) < max(1.0, reach / 2))] = np.nan
-    return corner
-
-
-def _gradient(image: GridImage, points: Float) -> Float:
-    """Return the gradient of the grey level at points (…, 2), in grey levels per px."""
-    half = 0.5
-    steps = [np.array([half, 0.0]), np.array([0.0, half])]
-    return np.stack([image.sample(points + step) - image.sample(points - step) for step in steps], axis=-1)
 
 
 def _first_square_is_dark(grey: Grey, px: Float) -> bool:

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from dic.calibration.pinhole.prior import KnownCamera
 from dic.errors import CalibrationError
+from dic.pipeline.target_images import calibrate_images
 from dic.targets.find import CharucoTarget, find_target
-from tests.dic.targets.drawings import View, charuco
+from tests.dic.targets.drawings import FOCAL_PX, View, charuco
 
 SMALLEST = CharucoTarget((3, 3), 2.0, 1.5)
 
@@ -15,7 +17,21 @@ def test_the_smallest_board_is_found() -> None:
     grid = find_target(view.image(), SMALLEST)
 
     assert grid.found == 4
-    assert view.rms_px(grid) < 0.06
+    assert view.rms_px(grid) < 0.02
+
+
+@pytest.mark.parametrize("off_deg", [0.0, 20.0])
+def test_edges_without_blur_do_not_pull_corners_towards_the_pixels(off_deg: float) -> None:
+    """Grey levels that are interpolated between pixels are wrong beside such edges, here by 0.07 px."""
+    target = CharucoTarget((10, 9), 1.0, 0.7)
+    view = View.of(charuco(target), roll_deg=0.5, pan_deg=off_deg)
+    image = view.image(noise=0.0, blur_px=0.0)
+    calibration = calibrate_images(image, target, known=KnownCamera(focal_px=FOCAL_PX))
+    camera = calibration.pinhole
+
+    assert view.rms_px(calibration.grid) < 0.01
+    assert camera is not None
+    assert abs(camera.off_axis_deg - off_deg) < 3 * camera.off_axis_std_deg < 1.0
 
 
 @pytest.mark.parametrize("rows", [5, 6])
@@ -26,7 +42,7 @@ def test_boards_drawn_by_older_versions_of_opencv_are_found(rows: int) -> None:
     grid = find_target(view.image(), target)
 
     assert grid.found == grid.expected
-    assert view.rms_px(grid) < 0.06
+    assert view.rms_px(grid) < 0.02
 
 
 def test_markers_of_another_dictionary_are_named() -> None:
@@ -64,4 +80,5 @@ def test_boards_from_three_by_three_are_found_in_forty_views() -> None:
     print(f"found {found} of 40, rms {np.median(errors_px):.3f} px, at most {max(errors_px):.3f} px")
 
     assert found >= 38
-    assert max(errors_px) < 0.5
+    assert np.median(errors_px) < 0.05
+    assert max(errors_px) < 0.2
