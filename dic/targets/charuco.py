@@ -26,6 +26,9 @@ _LENGTH = 0.45
 _NEARBY, _REACH = 4, 1.3
 # Smallest contrast between the dark and the bright squares around a corner, relative to the usual contrast.
 _CONTRAST = 0.4
+# Markers beyond the rim belong to a larger board if they are at most so many pitches away, and if their place
+# in the square and their size are off by at most this fraction.
+_BEYOND, _OFF_MIDDLE = 2.0, 0.2
 # An image up to this size is also searched at twice its size, which shows small markers.
 _SMALL_IMAGE_PX2 = 1_600_000
 _SMALLEST_MARKER_PX = 8
@@ -60,9 +63,13 @@ def find_charuco(
     place, marker_px = _markers_on_board(image, squares, marker_side, dictionary)
     if len(place) < _FEWEST_MARKERS:
         raise TargetNotSeen(source, _STEP, expected, f"{len(place)} markers of this board", _REMEDY)
-    again = _second_board(image, dictionary, marker_px)
+    number, corners = markers_seen(image, dictionary)
+    again = _second_board(number, corners, marker_px)
     if again is not None:
         raise two_targets(source, "ChArUco board", (marker_px.reshape(-1, 2), again))
+    if _goes_on(place, marker_px, corners, squares):
+        got = "a larger board, with markers beyond these squares"
+        raise TargetNotSeen(source, _STEP, expected, got, _REMEDY)
     # From here on, positions on the board are in pitches, with Y up and the lower left corner as the origin.
     index = np.argwhere(np.ones(lines, bool))
     px, along, near = _predicted(place, marker_px, (index + 1).astype(np.float64))
@@ -142,14 +149,41 @@ def markers_seen(image: NDArray[np.uint8], dictionary: str) -> tuple[Indices, Fl
     return np.ravel(np.asarray(numbers, np.int64)), np.asarray(corners, np.float64).reshape(-1, 4, 2)
 
 
-def _second_board(image: NDArray[np.uint8], dictionary: str, marker_px: Float) -> Float | None:
+def _second_board(number: Indices, corners: Float, marker_px: Float) -> Float | None:
     """Return the centres (n, 2), px, of second copies of markers away from the board; None without copies."""
-    number, corners = markers_seen(image, dictionary)
     centre = corners.mean(axis=1)
     away = np.linalg.norm(centre[:, None] - marker_px.mean(axis=1), axis=-1).min(axis=1, initial=np.inf)
     elsewhere = away > np.linalg.norm(marker_px[0, 1] - marker_px[0, 0])
     repeated = elsewhere & np.isin(number, number[~elsewhere])
     return centre[repeated] if np.count_nonzero(repeated) >= max(2, len(marker_px) // 2) else None
+
+
+def _goes_on(place: Float, marker_px: Float, corners: Float, squares: tuple[int, int]) -> bool:
+    """Return True if markers lie in squares beyond the rim of the board, as on a larger board.
+
+    A board with more rows has the same markers in the same places, but another middle. A marker counts only
+    in the middle of a square, and if it is as large as the markers of the board.
+
+    Parameters
+    ----------
+    place, marker_px : ndarray, shape (n, 4, 2)
+        Corners of the board's markers on the board, pitches, and in the image, px.
+    corners : ndarray, shape (m, 4, 2)
+        Corners of all markers in the image, px.
+    """
+    import cv2
+
+    to_board, _ = cv2.findHomography(marker_px.reshape(-1, 2), place.reshape(-1, 2))
+    if to_board is None or not len(corners):
+        return False
+    there = cv2.perspectiveTransform(corners.reshape(-1, 1, 2), to_board).reshape(-1, 4, 2)
+    centre = there.mean(axis=1)
+    beyond = ((centre < 0) | (centre > squares)).any(axis=1)
+    near = ((centre > -_BEYOND) & (centre < np.array(squares) + _BEYOND)).all(axis=1)
+    in_square = (np.abs(centre - np.floor(centre) - 0.5) < _OFF_MIDDLE).all(axis=1)
+    side, usual = (np.linalg.norm(each[:, 1] - each[:, 0], axis=-1) for each in (there, place))
+    alike = np.abs(side / usual.mean() - 1) < _OFF_MIDDLE
+    return bool(np.count_nonzero(beyond & near & in_square & alike) >= max(1, min(squares) // 4))
 
 
 def fit_one_plane(drawn: Float, corners: Float) -> Mask:

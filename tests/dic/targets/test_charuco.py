@@ -52,6 +52,18 @@ def test_markers_of_another_dictionary_are_named() -> None:
         find_target(view.image(), CharucoTarget((5, 6), 1.5, 1.1, "DICT_4X4_50"))
 
 
+@pytest.mark.parametrize("rows", [6, 7])
+def test_a_part_of_a_larger_board_is_not_taken_for_the_board(rows: int) -> None:
+    """Boards of as many columns have the same markers in the same places, but another middle."""
+    larger = CharucoTarget((6, rows), 1.2, 0.9)
+    view = View.of(charuco(larger), roll_deg=5.0, size_px=(480, 480), pan_deg=20.0)
+
+    with pytest.raises(
+        CalibrationError, match=f"a larger board.*, but a ChArUco board of 6 × {rows} squares"
+    ):
+        find_target(view.image(), CharucoTarget((6, 5), 1.2, 0.9))
+
+
 @pytest.mark.long
 def test_boards_from_three_by_three_are_found_in_forty_views() -> None:
     rng = np.random.default_rng(3)
