@@ -23,6 +23,8 @@ UNSURE = 1.5
 """The bias without aliasing is printed too if it is more than this multiple of the predicted bias."""
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from dic import CorrelationSettings
 
 _FILE = click.Path(path_type=Path)
@@ -91,35 +93,54 @@ def quality(
     IMAGE may also be several files, a folder, a quoted pattern such as "img*.tif", or a TIFF file of several
     pages: each image is checked, and the JSON has a list `images`.
 
+    Ctrl-C ends the check of several images after the current image and keeps its results.
+
     Exit status: 0 for good images, 1 if an image has a fault, 2 if an image cannot be checked.
     """
-    from dic import MeasurementError, list_images, region_files
+    from dic import list_images, region_files
     from dic.pipeline.series_sources import files_of
-    from dic.shell.console import fail
-    from dic.shell.progress import progress
 
     settings = planned.settings()
     listed = list_images(*images)
     _require_one(listed, {"--second": second, "--plot": plot_file, "--write-mask": write_mask})
     masks = () if write_mask is None else region_files(write_mask)
     require_places([*files_of(listed), roi, second], [plot_file, json_file, *masks], force=force)
-    contents: list[dict[str, Any]] = []
-    failures: list[dict[str, str]] = []
-    with progress("checking", len(listed)) as bar:
-        for image in listed:
-            try:
-                contents.append(_check(image, roi, second, planned, settings, plot_file, write_mask))
-            except MeasurementError as error:
-                if len(listed) == 1:
-                    raise
-                failures.append({"file": str(image), "error": str(error)})
-                fail(f"{image}: {error}" if str(image) not in str(error) else str(error))
-            bar.advance()
+    contents, failures = _check_all(
+        listed, lambda image: _check(image, roi, second, planned, settings, plot_file, write_mask)
+    )
     if json_file is not None:
         content = contents[0] if len(listed) == 1 else {"images": contents, "failures": failures}
         write_text(json_file, json.dumps(content, indent=1, ensure_ascii=False))
     good = all(content["good"] for content in contents)
     click.get_current_context().exit(2 if failures else 0 if good else 1)
+
+
+def _check_all(
+    images: "Sequence[Path]", check: "Callable[[Path], dict[str, Any]]"
+) -> tuple[list[dict[str, Any]], list[dict[str, str]]]:
+    """Check images until the last or a signal; return the results and the failures for JSON."""
+    from dic import MeasurementError
+    from dic.shell.console import fail, stopping_between
+    from dic.shell.progress import progress
+
+    contents: list[dict[str, Any]] = []
+    failures: list[dict[str, str]] = []
+    with progress("checking", len(images)) as bar, stopping_between() as stopped:
+        for number, image in enumerate(images, 1):
+            try:
+                contents.append(check(image))
+            except MeasurementError as error:
+                if len(images) == 1:
+                    raise
+                failures.append({"file": str(image), "error": str(error)})
+                fail(f"{image}: {error}" if str(image) not in str(error) else str(error))
+            bar.advance()
+            if stopped() and number < len(images):
+                rest = f"stopped by a signal, {len(images) - number} of {len(images)} images not checked"
+                failures.append({"file": str(images[number]), "error": rest})
+                fail(f"{images[number]}: {rest}; those before it are kept")
+                break
+    return contents, failures
 
 
 def _check(

@@ -1,5 +1,8 @@
 """`dic quality` as a person or a script uses it."""
 
+import io
+import signal
+
 import cv2
 import numpy as np
 import pytest
@@ -64,6 +67,22 @@ def test_the_bias_of_interpolation_and_the_smoothing_are_told(tmp_path):
         assert (f"smoothing by {figures['smoothing_px']:g} px" in done.out) == (smoothing == "auto")
         if smoothing == "auto":
             assert figures["left_bias_px"] <= 0.001
+
+
+def test_a_stopped_check_keeps_the_images_before(folder, tmp_path):
+    class Interrupting(io.StringIO):
+        def write(self, text):
+            if "again.png" in text:
+                signal.raise_signal(signal.SIGINT)
+            return super().write(text)
+
+    images = [folder / f"{name}.png" for name in ("again", "dull", "good")]
+    command = "quality", *images, "--subset", 25, "--json", tmp_path / "q.json"
+    done = run_dic(*command, out=Interrupting())
+    assert done.status == 2, done
+    assert "dull.png: stopped by a signal, 2 of 3 images not checked; those before it are kept" in done.err
+    assert [content["image"] for content in done.report["images"]] == [str(images[0])]
+    assert [failure["file"] for failure in done.report["failures"]] == [str(images[1])]
 
 
 @pytest.mark.parametrize(
