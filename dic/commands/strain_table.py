@@ -66,7 +66,7 @@ class StrainTable:
         for kind in KINDS:
             found = strains.get(kind, {})
             values = [strain_text(found.get(name), found.get(f"{name}_std")) for name in COMPONENTS]
-            if any(values):
+            if any(value.strip() for value in values):
                 named = "" if self.only_raw else f"{kind:<{_KIND_WIDTH}} "
                 lines.append(f"{front} {named}{'  '.join(values)}".rstrip())
                 front = " " * len(front)
@@ -79,7 +79,7 @@ def strain_text(value: float | None, std: float | None) -> str:
     A standard deviation below 9.5 µε has one decimal, and so has its strain.
     """
     if value is None or value != value:
-        return ""
+        return " " * (_VALUE_WIDTH + _STD_WIDTH + 1)
     known = std is not None and std == std
     digits = 1 if std is not None and known and 1e6 * std < 9.5 else 0
     deviation = f" ± {1e6 * std:.{digits}f}" if std is not None and known else ""
