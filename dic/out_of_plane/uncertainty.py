@@ -80,11 +80,13 @@ class Points:
 
     def determine(self, degree: int) -> bool:
         """Return True if the points determine polynomials of the given degree."""
+        powers = [(total - k, k) for total in range(degree + 1) for k in range(total + 1)]
+        if len(self.before_mm) <= len(powers):
+            return False
         centred = self.before_mm - self.before_mm.mean(axis=0)
-        x, y = (centred / max(float(np.abs(centred).max(initial=0.0)), 1e-12)).T
-        terms = [x ** (total - k) * y**k for total in range(degree + 1) for k in range(total + 1)]
-        design = np.column_stack(terms)
-        return len(x) > len(terms) and bool(np.linalg.cond(design.T @ design) < _DETERMINED)
+        x, y = (centred / max(float(np.abs(centred).max()), 1e-12)).T
+        design = np.column_stack([x**i * y**j for i, j in powers])
+        return bool(np.linalg.cond(design.T @ design) < _DETERMINED)
 
     def noise_covariance(self, weights: Float) -> Float:
         """Return the covariance (p, p) that image noise causes in p weighted sums of the displacements.

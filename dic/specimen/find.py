@@ -60,7 +60,7 @@ class Specimen:
         return f"{text}; left out: {reasons}" if reasons else text
 
 
-def find_specimen(image: ImageLike, subset_px: int = 31, within: Mask | PathLike | None = None) -> Specimen:
+def find_specimen(image: ImageLike, subset_px: int = 41, within: Mask | PathLike | None = None) -> Specimen:
     """Find the specimen in an image by its speckles.
 
     A surface belongs to the specimen if its texture is stronger than the image's noise, has slopes in every
@@ -107,7 +107,7 @@ def find_specimen(image: ImageLike, subset_px: int = 31, within: Mask | PathLike
 def _require_subset(subset_px: int) -> None:
     if not is_whole(subset_px) or subset_px < NARROWEST_PX:
         expected = f"a whole number from {NARROWEST_PX} px"
-        raise CorrelationError("settings", "subset", expected, f"{subset_px} px", "give 31")
+        raise CorrelationError("settings", "subset", expected, f"{subset_px} px", "give 41")
 
 
 def _reduced(mask: Mask, maps: TextureMaps) -> Mask:

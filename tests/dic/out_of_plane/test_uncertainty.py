@@ -35,3 +35,11 @@ def test_smooth_errors_and_predicted_bias_have_the_variance_of_the_errors_togeth
 def test_a_bias_beyond_all_measured_errors_leaves_no_other_smooth_error():
     assert smooth_std(0.0) > 0.0
     assert smooth_std(1.0) == 0.0
+
+
+@pytest.mark.parametrize("degree", [0, 1, 3])
+def test_a_plane_without_points_is_not_determined(degree):
+    (seen,) = VIEW.measurements([State()], VIEW.calibration())
+    points = points_of(seen, VIEW.calibration())
+    assert points.determine(degree)
+    assert not replace(points, use=np.zeros_like(points.use)).determine(degree)

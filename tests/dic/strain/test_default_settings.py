@@ -1,5 +1,7 @@
 """The default settings of correlation and strain: noise times resolution, and one truth in every place."""
 
+import inspect
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from dic.commands.process import process
 from dic.commands.quality import quality
 from dic.correlation.settings import CorrelationSettings
 from dic.quality.quality import assess_quality
+from dic.specimen.find import find_specimen
 from dic.strain.resolution import strain_resolution_px
 from dic.strain.strain import StrainSettings
 
@@ -46,6 +49,11 @@ def test_commands_have_the_defaults_of_python(command):
     same = {name: value for name, value in values.items() if name in options}
     assert {name: options[name] for name in same} == same
     assert {"subset", "shape", "smoothing"} <= same.keys()
+
+
+def test_the_specimen_is_found_for_the_default_subset():
+    default = inspect.signature(find_specimen).parameters["subset_px"].default
+    assert default == CorrelationSettings().subset_px
 
 
 def test_the_strain_error_of_interpolation_is_stated_for_the_default_gauge(speckle):
