@@ -66,10 +66,11 @@ class SeriesSources:
             raise CorrelationError(str(reference), "list images", expected, "none", remedy)
         listed = list(expanded(images)) if in_order else list_images(*images)
         given = [Path(image) for image in images]
-        kept = [path for path in listed if path in given or not _same(path, first)]
+        named, place = set(given), first.resolve()
+        kept = [path for path in listed if path in named or path.resolve() != place]
         if len(kept) < len(listed):
             notes.append(f"{first} is the reference, and is not measured again")
-        if set(listed) == set(given) and listed != given:
+        if set(listed) == named and listed != given:
             notes.append(f"in the order of their numbers: {listed[0].name}, {listed[1].name}, …")
         if listed and not kept:
             expected, remedy = "other images than the reference", "name images of the deformed specimen"
@@ -91,7 +92,3 @@ def expanded(images: Iterable[Any]) -> Iterable[Any]:
 def only_paths(images: Iterable[Any]) -> bool:
     """Return True if all images are given by paths."""
     return all(isinstance(image, str | Path) for image in images)
-
-
-def _same(image: Path, other: Path) -> bool:
-    return image == other or image.resolve() == other.resolve()
