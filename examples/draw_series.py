@@ -3,8 +3,8 @@
     python examples/draw_series.py [FOLDER]
 
 The virtual rig's specimen (2024-T3 sheet, 10 mm × 1 mm), misalignment, camera and sensor make the images, so
-their strain is known exactly: `truth.json` holds it. As the grips straighten the specimen, it tips by 0.1°,
-which an off-axis camera takes for a strain of more than 1000 µε.
+their strain is known exactly: `truth.json` holds it. As the grips straighten the specimen, it tips by up to
+0.08°, which the camera takes for a strain of up to 850 µε (the slope times tan 30°).
 """
 
 import csv

@@ -26,8 +26,9 @@ def write_example(folder: PathLike) -> list[Path]:
     """Write a small tension test to a folder, for first trials.
 
     The images show a narrow aluminium specimen that is pulled in eight steps, until it yields. As the grips
-    straighten it, the specimen tips by 0.1°. The camera looks at it 30° off-axis and takes the tilt for a
-    strain. The virtual rig has made the images (`examples/draw_series.py`), so the true strains are known.
+    straighten it, the specimen tips by up to 0.08°. The camera looks at it 30° off-axis and takes the tilt
+    for a strain. The virtual rig has made the images (`examples/draw_series.py`), so the true strains are
+    known.
 
     Parameters
     ----------

@@ -2,12 +2,18 @@
 
 import csv
 import json
+import runpy
+import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
 from simulators.scene.specimen import Specimen, SpecimenSettings
 from tests.command_line import refusal, run_dic
+
+SCRIPT = Path(__file__).parents[3] / "examples" / "draw_series.py"
 
 
 def test_the_files_belong_together(tmp_path):
@@ -56,3 +62,19 @@ def test_a_folder_that_is_a_file_is_refused(tmp_path):
     words = refusal("example", tmp_path / "taken")
     assert "taken" in words
     assert (tmp_path / "taken").read_bytes() == b""
+
+
+@pytest.mark.long
+def test_the_files_are_those_that_the_virtual_rig_draws(tmp_path, monkeypatch):
+    """Pixels are compared, because another version of zlib writes other bytes for the same pixels."""
+    kept, drawn = tmp_path / "kept", tmp_path / "drawn"
+    drawn.mkdir()
+    assert run_dic("example", kept).status == 0
+    monkeypatch.setattr(sys, "argv", [str(SCRIPT), str(drawn)])
+    runpy.run_path(str(SCRIPT), run_name="__main__")
+    assert sorted(path.name for path in drawn.iterdir()) == sorted(path.name for path in kept.iterdir())
+    for path in drawn.glob("*.png"):
+        images = [cv2.imread(str(folder / path.name), cv2.IMREAD_UNCHANGED) for folder in (kept, drawn)]
+        np.testing.assert_array_equal(*images, err_msg=path.name)
+    for name in ("machine.csv", "truth.json"):
+        assert (drawn / name).read_text() == (kept / name).read_text()
