@@ -52,10 +52,12 @@ if TYPE_CHECKING:
     from dic.pictures.panels import map_scale
     from dic.pictures.settings import MapSettings
     from dic.pipeline.camera_result import CameraResult
-    from dic.pipeline.images import SeriesImage, measure_images, measure_series
+    from dic.pipeline.correlated import SeriesImage
+    from dic.pipeline.images import measure_images, measure_series
     from dic.pipeline.measured import measure
-    from dic.pipeline.run import RunResult, process_run
+    from dic.pipeline.run import process_run
     from dic.pipeline.run_corrections import CorrectionSettings, JointCorrections, RunCorrections
+    from dic.pipeline.run_result import RunResult
     from dic.pipeline.run_result_file import load_run_result, save_run_result
     from dic.pipeline.series_corrections import corrected_rotation
     from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
@@ -215,10 +217,12 @@ _NAMES_OF = {
     "dic.pictures.panels": ("map_scale",),
     "dic.pictures.settings": ("MapSettings",),
     "dic.pipeline.camera_result": ("CameraResult",),
-    "dic.pipeline.images": ("SeriesImage", "measure_images", "measure_series"),
+    "dic.pipeline.correlated": ("SeriesImage",),
+    "dic.pipeline.images": ("measure_images", "measure_series"),
     "dic.pipeline.measured": ("measure",),
-    "dic.pipeline.run": ("RunResult", "process_run"),
+    "dic.pipeline.run": ("process_run",),
     "dic.pipeline.run_corrections": ("CorrectionSettings", "JointCorrections", "RunCorrections"),
+    "dic.pipeline.run_result": ("RunResult",),
     "dic.pipeline.run_result_file": ("load_run_result", "save_run_result"),
     "dic.pipeline.series_corrections": ("corrected_rotation",),
     "dic.pipeline.series_result": ("MeasuredImage", "MeasuredSeries"),

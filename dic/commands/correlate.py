@@ -1,6 +1,8 @@
 """The command `dic correlate`, which measures displacements and strains in image files."""
 
 import json
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,11 +23,12 @@ from dic.commands.series_options import (
     start_options,
 )
 from dic.errors import each_warning_once
+from dic.files.lazy import Computed
 from dic.files.writing import write_text
 from dic.shell.output_paths import require_places
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from dic import (
         Alignment,
@@ -33,11 +36,13 @@ if TYPE_CHECKING:
         CorrelationSettings,
         MeasuredImage,
         Motion,
+        Series,
         StrainSettings,
     )
     from dic.commands.series_record import SeriesRecord
     from dic.pipeline.series_files import SeriesOutputs
     from dic.pipeline.series_maps import SeriesMaps
+    from dic.results.unfinished import FinishedImages
 
 _FILE = click.Path(path_type=Path)
 _UNCORRECTED = (
@@ -79,9 +84,11 @@ def correlate(
     """
     from dic import Series, SeriesImage, load_calibration, measure_series, read_image, write_region
     from dic.commands.series_record import SeriesRecord
+    from dic.pipeline.correlated import FileDigests, series_job
     from dic.pipeline.series_files import SeriesOutputs
     from dic.pipeline.series_maps import SeriesMaps
     from dic.pipeline.series_sources import SeriesSources
+    from dic.results.unfinished import outputs_of, result_place, unfinished
     from dic.shell.console import fail, say
 
     settings, how, _, known, _, drawn = all_of(
@@ -94,37 +101,49 @@ def correlate(
     )
     sources = SeriesSources.of(reference, deformed or None)
     files = outputs.files(sources.images)
-    inputs = [*sources.files, calibration_file, *region.files(), motion.alignment_file]
+    known_files = [calibration_file, *region.files(), motion.alignment_file]
+    inputs = [*sources.files, *known_files]
     written = [outputs.json_file, motion.save_alignment, *region.outputs(), *files.all()]
-    require_places(inputs, written, force=outputs.force)
+    earlier = [] if outputs.output is None else outputs_of(outputs.output)
+    require_places(inputs, written, force=outputs.force, replaceable=earlier)
     calibration = None if calibration_file is None else load_calibration(calibration_file)
     for note in sources.notes:
         say(note)
     image = read_image(sources.reference)
     hint = start.hint(image.shape)
     series = Series(image, region.read(image.shape), settings, incremental=start.incremental)
-    images = [SeriesImage(path, str(path), hint) for path in sources.images]
-    measured = measure_series(series, images, calibration, how, known)
     if series.specimen is not None and not series.specimen.is_whole:
         say(str(series.specimen))
-    if region.write_mask is not None:
-        write_region(series.region, image, region.write_mask)
-    say(_gauge(how, settings, calibration))
-    if calibration is not None and known.kind == "free":
-        say(_UNCORRECTED)
-    record = SeriesRecord(
-        [image.label for image in images],
-        calibrated=calibration is not None,
-        keep_corrections=outputs.output is not None,
-    )
-    with SeriesMaps(image, files.pictures, drawn) as maps:
-        with SeriesOutputs(settings, files, maps, decimal_comma=outputs.decimal_comma) as results:
+    with ExitStack() as stack:
+        digests, kept, finished = FileDigests(), None, None
+        if outputs.output is not None or known.kind == "rigid":
+            job = series_job(series, digests.of(sources.reference), start.incremental)
+            place = stack.enter_context(result_place(outputs.output))
+            others = [path for path in written if path is not None]
+            kept = stack.enter_context(unfinished(place, job, others))
+            finished = kept.series(0, settings)
+        images = (
+            SeriesImage(path, str(path), hint, "" if finished is None else digests.of(path))
+            for path in sources.images
+        )
+        measured_images = measure_series(series, images, calibration, how, known, finished)
+        if region.write_mask is not None:
+            write_region(series.region, image, region.write_mask)
+        say(_gauge(how, settings, calibration))
+        if calibration is not None and known.kind == "free":
+            say(_UNCORRECTED)
+        record = SeriesRecord([str(path) for path in sources.images], calibrated=calibration is not None)
+        maps, alignment = SeriesMaps(image, files.pictures, drawn), known.alignment
+        origin, comma = [sources.files[0], *known_files], outputs.decimal_comma
+        with SeriesOutputs(settings, files, maps, origin, decimal_comma=comma) as results:
             try:
-                _measure(measured, record, results, sources.images, rotation=known.kind == "rigid")
-                alignment = record.finish(calibration, known, results.rewrite)
+                write = results.write if known.kind != "rigid" else lambda *_: None
+                whole = _measure(measured_images, record, write, sources.images)
+                if calibration is not None and finished is not None and known.kind == "rigid":
+                    again = partial(_again, finished, series, calibration, how)
+                    alignment = _correct(record, results, again, calibration, known)
             finally:
-                results.write_table(record.rows)
-            results.write_corrections(record.corrections)
+                results.write_table(list(record.rows))
         if outputs.json_file is not None:
             set_up = _set_up(calibration, known, alignment)
             if series.specimen is not None:
@@ -133,34 +152,70 @@ def correlate(
         motion.save(alignment)
         # Pictures come last: they can be made again from what is written by now.
         _draw(maps)
+        if kept is not None:
+            kept.stays = not whole
     for sentence in record.bad:
         fail(sentence)
     click.get_current_context().exit(2 if record.failures else 1 if record.bad else 0)
 
 
 def _measure(
-    measured: "Iterable[MeasuredImage]",
+    images: "Iterable[MeasuredImage]",
     record: "SeriesRecord",
-    results: "SeriesOutputs",
+    write: "Callable[[int, MeasuredImage], None]",
     files: "Sequence[Path]",
-    *,
-    rotation: bool,
-) -> None:
-    """Measure the images one by one, until the last or a signal; print and write each result at once."""
+) -> bool:
+    """Measure the images one by one; print and write each result at once.
+
+    Return True after the last image, and False if a signal stopped the series.
+    """
     from dic.shell.console import stopping_between
     from dic.shell.progress import progress
 
     with progress("correlating", len(files)) as bar, stopping_between() as stopped:
-        for number, found in enumerate(measured, 1):
-            if found.measurement is not None:
-                results.write(number - 1, found.measurement, found.correction)
-            record.add(found, rotation=rotation)
+        for number, found in enumerate(images):
+            write(number, found)
+            record.add(number, found)
             bar.advance()
-            if stopped() and number < len(files):
-                left = f"{len(files) - number} of {len(files)} images not measured"
-                rest = f"stopped by a signal, {left}"
-                record.fail(str(files[number]), rest, "; those before it are kept")
-                break
+            left = len(files) - number - 1
+            if stopped() and left:
+                rest = f"stopped by a signal, {left} of {len(files)} images not measured"
+                record.fail(number + 1, str(files[number + 1]), rest, "; those before it are kept")
+                return False
+    return True
+
+
+def _again(
+    finished: "FinishedImages",
+    series: "Series",
+    calibration: "Calibration",
+    strain: "StrainSettings",
+    number: int,
+) -> "MeasuredImage":
+    """Return an image of a rotation that was correlated, without its correction."""
+    from dic.pipeline.images import measured
+
+    return measured(finished.read(number + 1, series.region), calibration, strain)
+
+
+def _correct(
+    record: "SeriesRecord",
+    results: "SeriesOutputs",
+    again: "Callable[[int], MeasuredImage]",
+    calibration: "Calibration",
+    motion: "Motion",
+) -> "Alignment | None":
+    """Correct, print and write all images of a rotation together, and return the stage's alignment."""
+    from dic import corrected_rotation
+
+    if not record.measured:
+        return motion.alignment
+    images = Computed(len(record.measured), lambda place: again(record.measured[place]))
+    corrected, alignment = corrected_rotation(images, calibration, motion)
+    for number, image in zip(record.measured, corrected, strict=True):
+        results.write(number, image)
+        record.correct(number, image)
+    return alignment
 
 
 def _draw(maps: "SeriesMaps") -> None:
@@ -191,7 +246,7 @@ def _write_json(
     set_up: dict[str, Any],
 ) -> None:
     """Write the results of all images as JSON, for other programs."""
-    content = {"reference": str(reference), "settings": vars(settings), "images": record.summaries}
+    content = {"reference": str(reference), "settings": vars(settings), "images": record.summaries()}
     content |= set_up | {"failures": record.failures}
     write_text(path, json.dumps(content, indent=1))
 

@@ -99,10 +99,12 @@ class OutputOptions:
     def require_places(self, run: Path, output: Path, alignments: Path | None) -> None:
         """Raise an error if an output file of the run cannot be written; make the folders of outputs."""
         written = [] if alignments is None else [*alignments.glob("*.alignment.json")]
+        from dic.results.unfinished import outputs_of
+
         # The names of the tables of points follow from the steps of the run.
         tables = [] if self.csv_folder is None else [*self.csv_folder.glob("*.csv")]
         places = [output, self.report_file, self.json_file, *written, *tables]
-        require_places([run], places, force=self.force)
+        require_places([run], places, force=self.force, replaceable=outputs_of(output))
         for folder in (alignments, self.csv_folder):
             if folder is not None:
                 _make_folder(folder)
@@ -170,7 +172,7 @@ def process(
     Exit status: 0 if all steps are measured well, 1 if a step is measured poorly, 2 if a step cannot be
     measured.
     """
-    from dic import process_run, save_run_result, write_report
+    from dic import process_run, write_report
     from dic.commands.run_table import as_dict, table
     from dic.pipeline.run_tables import write_run_tables
     from dic.results.strain_table import STRAIN_FILE
@@ -192,8 +194,8 @@ def process(
             plate_mm=plate_mm,
             on_image=bar.advance,
             on_count=bar.expect,
+            output=output,
         )
-    save_run_result(result, output)
     say(table(result))
     for camera in result.cameras:
         if camera.specimen is not None and not camera.specimen.is_whole:

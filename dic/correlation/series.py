@@ -6,7 +6,9 @@ reference are added to the displacements up to the new reference. Every new refe
 reference changes only when the correlation drops.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -26,12 +28,28 @@ _KEPT_SHARE = 0.98
 
 
 @dataclass(frozen=True)
-class _LastImage:
-    """The last image, with its fields from the current reference and from the first reference."""
+class SeriesFields:
+    """The fields of an image of a series.
 
-    image: Grey
-    from_current: Field
+    Attributes
+    ----------
+    from_first : Field
+        The field from the first reference to the image, which is the result.
+    from_current : Field
+        The field from the reference with which the image was correlated. It is the same as `from_first` until
+        the first new reference.
+    """
+
     from_first: Field
+    from_current: Field
+
+
+@dataclass(frozen=True)
+class _LastImage:
+    """The last image, which is read only if it becomes a reference, and its fields."""
+
+    read: Callable[[], ImageLike]
+    fields: SeriesFields
 
 
 @dataclass(frozen=True)
@@ -40,7 +58,8 @@ class _CurrentReference:
 
     Attributes
     ----------
-    correlator : Correlator
+    prepare : callable
+        Function that returns the reference's correlator, which it prepares at the first call.
     before : Field or None
         The field from the first reference to the current reference. None for the first reference.
     updates : int
@@ -51,15 +70,20 @@ class _CurrentReference:
     last : _LastImage or None
     """
 
-    correlator: Correlator
+    prepare: Callable[[], Correlator]
     before: Field | None = None
     updates: int = 0
     quality: tuple[float, float] | None = None
     last: _LastImage | None = None
 
+    @property
+    def correlator(self) -> Correlator:
+        """The prepared reference."""
+        return self.prepare()
+
     def correlate(self, deformed: Grey, hint: Float | None) -> Field:
         """Return the field from the current reference to the image `deformed`."""
-        previous = None if self.last is None else self.last.from_current
+        previous = None if self.last is None else self.last.fields.from_current
         return self.correlator.correlate(
             deformed, previous=previous, hint=hint if self.before is None else None
         )
@@ -125,7 +149,7 @@ class Series:
         )
         specimen = first.specimen
         self._clip = (specimen is None or not specimen.mask.all()) if clip is None else clip
-        self._current, self._first_region = _CurrentReference(first), first.region
+        self._current, self._first_region = _CurrentReference(lambda: first), first.region
         self._settings, self._specimen = first.settings, first.specimen
         # Later references are smoothed like the first: a change would move the displacements.
         self._later_settings = replace(first.settings, smoothing_px=first.smoothing.width_px)
@@ -195,12 +219,41 @@ class Series:
         CorrelationError
             If the image cannot be used, or if it does not show the reference's pattern.
         """
-        deformed = grey_image(deformed, "deformed image")
-        reference, field = self._best_reference(deformed, hint)
-        chained = field if reference.before is None else chain(reference.before, field)
-        quality, last = reference.quality or _quality(field), _LastImage(deformed, field, chained)
-        self._current = replace(reference, quality=quality, last=last)
-        return chained
+        return self.correlate_fields(deformed, hint=hint).from_first
+
+    def correlate_fields(self, deformed: ImageLike, *, hint: Float | None = None) -> SeriesFields:
+        """Return the field of `correlate`, together with the field from the current reference.
+
+        `accept` takes these fields, so that another series can go on after the image `deformed`.
+        """
+        grey = grey_image(deformed, "deformed image")
+        reference, field = self._best_reference(grey, hint)
+        fields = SeriesFields(field if reference.before is None else chain(reference.before, field), field)
+        self._go_on(reference, lambda: grey, fields)
+        return fields
+
+    def accept(self, read: Callable[[], ImageLike], fields: SeriesFields) -> None:
+        """Go on after an image that an equal series has correlated: equal settings, references and images.
+
+        The following results have the same bits as those of the equal series.
+
+        Parameters
+        ----------
+        read : callable
+            Function that returns the image. It is called only if the image becomes a reference.
+        fields : SeriesFields
+            The result of `correlate_fields` for the image.
+        """
+        reference = self._current
+        if reference.last is not None and fields.from_first.updates > reference.updates:
+            reference = self._updated(reference.last)
+        self._go_on(reference, read, fields)
+
+    def _go_on(
+        self, reference: _CurrentReference, read: Callable[[], ImageLike], fields: SeriesFields
+    ) -> None:
+        quality = reference.quality or _quality(fields.from_current)
+        self._current = replace(reference, quality=quality, last=_LastImage(read, fields))
 
     def _best_reference(self, deformed: Grey, hint: Float | None) -> tuple[_CurrentReference, Field]:
         """Return the reference to use for an image, and the field from this reference to the image."""
@@ -226,11 +279,15 @@ class Series:
 
     def _updated(self, last: _LastImage) -> _CurrentReference:
         """Return the last image as a new reference."""
-        region = moved_region(self._first_region, last.from_first)
-        correlator = Correlator(
-            last.image, region, self._later_settings, clip=self._clip, threads=self._threads
-        )
-        return _CurrentReference(correlator, last.from_first, self._current.updates + 1)
+
+        @cache
+        def prepare() -> Correlator:
+            region = moved_region(self._first_region, last.fields.from_first)
+            return Correlator(
+                last.read(), region, self._later_settings, clip=self._clip, threads=self._threads
+            )
+
+        return _CurrentReference(prepare, last.fields.from_first, self._current.updates + 1)
 
 
 def _quality(field: Field) -> tuple[float, float]:

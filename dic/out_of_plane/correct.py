@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from dic.calibration.calibration import Calibration
 from dic.errors import Check, CorrelationError, is_number, require_all
+from dic.files.lazy import Computed
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.rigidity import correct_rotation
@@ -102,9 +103,12 @@ def poisson_check(poisson_ratio: float) -> Check:
 
 @dataclass(frozen=True)
 class Corrections:
-    """The corrections of one camera's images, in order, and the rotation stage's alignment, or None."""
+    """The corrections of one camera's images, in order, and the rotation stage's alignment, or None.
 
-    images: list[Correction]
+    The correction of an image may be computed, or read from a file, when it is used.
+    """
+
+    images: Sequence[Correction]
     alignment: Alignment | None = None
 
     def __repr__(self) -> str:
@@ -122,16 +126,29 @@ def correct(measurements: Sequence[Measurement], calibration: Calibration, motio
     calibration : Calibration
         Calibration of the camera.
     motion : Motion
+
+    Returns
+    -------
+    Corrections
+        The correction of each image is computed when it is used, from its measurement.
     """
+
+    def rotated(k: int) -> Correction:
+        found = rotation.corrections[k]
+        if found.declined is None:
+            return found
+        return declined(found.method, measurements[k], calibration, found.declined, motion.shift)
+
+    def tilted(k: int) -> Correction:
+        return correct_tilt(measurements[k], calibration, motion.poisson_ratio, motion.shift)
+
+    def unknown(k: int) -> Correction:
+        reason = "the specimen's motion is unknown"
+        return declined("none", measurements[k], calibration, reason, motion.shift)
+
     if motion.kind == "rigid":
         rotation = correct_rotation(measurements, calibration, motion.alignment)
-        images = [
-            c if c.declined is None else declined(c.method, m, calibration, c.declined, motion.shift)
-            for m, c in zip(measurements, rotation.corrections, strict=True)
-        ]
-        return Corrections(images, rotation.alignment)
+        return Corrections(Computed(len(measurements), rotated), rotation.alignment)
     if motion.kind == "tension":
-        poisson_ratio, shift = motion.poisson_ratio, motion.shift
-        return Corrections([correct_tilt(m, calibration, poisson_ratio, shift) for m in measurements])
-    reason = "the specimen's motion is unknown"
-    return Corrections([declined("none", m, calibration, reason, motion.shift) for m in measurements])
+        return Corrections(Computed(len(measurements), tilted))
+    return Corrections(Computed(len(measurements), unknown))

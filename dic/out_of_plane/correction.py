@@ -130,6 +130,12 @@ class Correction:
             ]
         )
 
+    def outline(self) -> "Correction":
+        """Return the correction without displacements and local strains, which take most of the memory."""
+        nowhere = np.empty((0, 0, 2))
+        nothing = Displacement(nowhere, nowhere, np.empty((0, 0), np.bool_), self.displacement.unit)
+        return replace(self, displacement=nothing, stored_strain=None)
+
     def as_dict(self) -> dict[str, Any]:
         """Return the corrected strain and the plane as a dictionary for JSON; see `docs/results.md`."""
         summary = self.mean.as_dict() | {

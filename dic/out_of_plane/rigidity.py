@@ -3,12 +3,13 @@
 The alignment is given, or it is solved from the steps of the rotation.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from dic.calibration.calibration import Calibration
+from dic.files.lazy import Computed
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction, by_centre, points_of
 from dic.out_of_plane.plane import moved_out_of_plane
@@ -21,7 +22,7 @@ from dic.out_of_plane.rotation import (
     solve_alignment,
     systematic_strain,
 )
-from dic.out_of_plane.uncertainty import block_diagonal
+from dic.out_of_plane.uncertainty import Points, block_diagonal
 from dic.strain.measurement import Measurement
 from dic.strain.strain import strain_of_gradient
 from dic.typing import Float
@@ -38,8 +39,8 @@ _RIGID = 5.0
 class RotationCorrection:
     """The corrections of all images of a rotation, in order, and the stage's alignment, or None."""
 
-    corrections: list[Correction]
-    alignment: Alignment | None
+    corrections: Sequence[Correction]
+    alignment: Alignment | None = None
 
 
 def correct_rotation(
@@ -59,45 +60,63 @@ def correct_rotation(
         Alignment from an earlier rotation on the same fixture. If an alignment is given, the rotated specimen
         need not be free of strain.
     """
-    usable = [k for k, m in enumerate(measurements) if m.calibrated_mean is not None and _points(m)]
-    steps = None
-    if usable:
-        systematic = max(systematic_strain(measurements[k].settings, calibration) for k in usable)
-        steps = Steps.of([points_of(measurements[k], calibration) for k in usable], systematic)
-    reason = _objection(steps, calibration, alignment)
-    if reason is not None or steps is None or calibration.pinhole is None:
-        method = "rigidity" if alignment is None else "alignment"
-        refused = [Correction.refused(method, m, reason or "nothing was measured") for m in measurements]
-        return RotationCorrection(refused, None)
-    centre_mm, reason = calibration.pinhole.centre_mm, None
+    method = "rigidity" if alignment is None else "alignment"
+
+    def refused(reason: str) -> RotationCorrection:
+        return RotationCorrection(
+            Computed(len(measurements), lambda k: Correction.refused(method, measurements[k], reason))
+        )
+
+    if calibration.pinhole is None:
+        return refused("the calibration knows no camera centre")
+    usable: list[int] = []
+    steps = Steps.of(
+        _usable_points(measurements, calibration, usable), _systematic(measurements, calibration)
+    )
+    if steps is None:
+        return refused(f"no image has {_FEWEST_POINTS} points")
+    centre_mm = calibration.pinhole.centre_mm
     if alignment is not None:
         solved: _Solved | None = _Solved.known(steps, centre_mm, alignment)
     else:
+        objection = _objection(steps)
+        if objection is not None:
+            return refused(objection)
         solved = _Solved.from_steps(steps, centre_mm)
-        reason = _not_rigid(solved, steps, centre_mm)
-    if solved is None or reason is not None:
-        refused = [Correction.refused("rigidity", m, reason or "unsolved") for m in measurements]
-        return RotationCorrection(refused, None)
-    too_few = f"fewer than {_FEWEST_POINTS} points"
-    corrections = [Correction.refused(solved.method, m, too_few) for m in measurements]
-    for place, k in enumerate(usable):
-        corrections[k] = solved.correction(place, measurements[k])
-    return RotationCorrection(corrections, solved.alignment)
+        objection = _not_rigid(solved, steps, centre_mm)
+        if objection is not None:
+            return refused(objection)
+    if solved is None:
+        return refused("unsolved")
+    found, places = solved, {k: place for place, k in enumerate(usable)}
+
+    def correction(k: int) -> Correction:
+        if k not in places:
+            return Correction.refused(method, measurements[k], f"fewer than {_FEWEST_POINTS} points")
+        return found.correction(places[k], measurements[k], calibration)
+
+    return RotationCorrection(Computed(len(measurements), correction), found.alignment)
 
 
-def _points(measurement: Measurement) -> bool:
-    mean = measurement.calibrated_mean
-    return mean is not None and mean.points >= _FEWEST_POINTS and bool(np.isfinite(mean.exx))
+def _usable_points(
+    measurements: Sequence[Measurement], calibration: Calibration, usable: list[int]
+) -> Iterator[Points]:
+    """Yield the points of each measurement with enough points, and append its index to `usable`."""
+    for k, measurement in enumerate(measurements):
+        mean = measurement.calibrated_mean
+        if mean is not None and mean.points >= _FEWEST_POINTS and np.isfinite(mean.exx):
+            usable.append(k)
+            yield points_of(measurement, calibration)
 
 
-def _objection(steps: Steps | None, calibration: Calibration, alignment: Alignment | None) -> str | None:
-    if calibration.pinhole is None:
-        return "the calibration knows no camera centre"
-    if steps is None:
-        return f"no image has {_FEWEST_POINTS} points"
-    if alignment is None and len(steps.points) < _FEWEST_STEPS:
+def _systematic(measurements: Sequence[Measurement], calibration: Calibration) -> float:
+    return max((systematic_strain(m.settings, calibration) for m in measurements[:1]), default=0.0)
+
+
+def _objection(steps: Steps) -> str | None:
+    if len(steps.motions) < _FEWEST_STEPS:
         return f"at least {_FEWEST_STEPS} images of a rotation are needed"
-    if alignment is None and np.abs(steps.angles_deg).max() < _LEAST_TURN_DEG:
+    if np.abs(steps.angles_deg).max() < _LEAST_TURN_DEG:
         return f"the specimen turned by less than {_LEAST_TURN_DEG:g}°, too little to measure its tilt"
     return None
 
@@ -171,7 +190,7 @@ class _Solved:
     @classmethod
     def known(cls, steps: Steps, centre_mm: Float, alignment: Alignment) -> "_Solved":
         """Apply a given alignment to the steps of a rotation."""
-        slopes, n = alignment.slopes, len(steps.points)
+        slopes, n = alignment.slopes, len(steps.motions)
         steps = steps.seen_on(slopes, centre_mm)
         slope_rows = np.hstack([np.zeros((4, 4 * n)), np.eye(4)])
 
@@ -192,9 +211,9 @@ class _Solved:
         strains = self.steps.strains(self.alignment.slopes, self.centre_mm)
         return float(np.sqrt(np.mean((strains / std) ** 2)))
 
-    def correction(self, place: int, measurement: Measurement) -> Correction:
+    def correction(self, place: int, measurement: Measurement, calibration: Calibration) -> Correction:
         """Return the correction of the step with the index `place`."""
-        points, at = self.steps.points[place], slice(4 * place, 4 * place + 4)
+        points, at = points_of(measurement, calibration), slice(4 * place, 4 * place + 4)
         before, after = self.alignment.before, self.alignment.after(self.steps.angles_deg[place])
         settings, n = measurement.strain_settings, len(points.before_mm)
         mean = strain_of_gradient(self.gradients[place], self.covariance[at, at], n, settings.measure)

@@ -6,13 +6,14 @@ strain. So four slopes are solved for the whole run, such that no step has strai
 in the reference and two slopes of the stage's axis.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.correlation.settings import CorrelationSettings
+from dic.files.lazy import Spool
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.uncertainty import Points, block_diagonal
 from dic.strain.fit import gradient_weights, slopes_of
@@ -39,8 +40,14 @@ class Steps:
 
     Attributes
     ----------
-    points : sequence of Points
-        The points of each step.
+    motions : sequence of (ndarray, ndarray), shapes (n, 2)
+        Calibrated positions of the points of each step before and after the motion, mm. They are not kept in
+        memory.
+    noise : ndarray, shape (steps, 4, 4)
+        Covariance of the mean displacement gradient of each step that image noise causes.
+    of_maps, of_centre : ndarray, shapes (steps, 4, q) and (3, q)
+        Effect of q independent calibration errors with variance 1 on the gradients, and on the camera's
+        centre (mm).
     angles_deg : ndarray, shape (steps,)
         Rotation of the specimen in each step since the reference image.
     pivot_mm : ndarray, shape (2,)
@@ -49,16 +56,31 @@ class Steps:
         Standard deviation of the systematic strain errors of each step, which are all errors except noise.
     """
 
-    points: Sequence[Points]
+    motions: Spool[tuple[Float, Float]]
+    noise: Float
+    of_maps: Float
+    of_centre: Float
     angles_deg: Float
     pivot_mm: Float
     systematic: float = _SYSTEMATIC
 
     @classmethod
-    def of(cls, points: Sequence[Points], systematic: float = _SYSTEMATIC) -> "Steps":
-        """Return the steps, with the rotation angles and the pivot estimated from calibrated motions."""
-        motions = [(step.before_mm, step.after_mm) for step in points]
-        return cls(points, *_turns_and_pivot(motions), systematic)
+    def of(cls, points: Iterable[Points], systematic: float = _SYSTEMATIC) -> "Steps | None":
+        """Return the steps, with the rotation angles and the pivot estimated from calibrated motions.
+
+        The result is None if there is no step.
+        """
+        motions, noise, of_maps = Spool[tuple[Float, Float]](), [], []
+        for step in points:
+            motions.put(len(motions), (step.before_mm, step.after_mm))
+            weights = gradient_weights(step.before_mm)
+            noise.append(step.noise_covariance(weights))
+            of_map, of_centre = step.calibration_factors(weights)
+            of_maps.append(of_map)
+        if not noise:
+            return None
+        errors = np.array(noise), np.array(of_maps), of_centre
+        return cls(motions, *errors, *_turns_and_pivot(motions), systematic)
 
     def seen_on(self, slopes: Float, centre_mm: Float) -> "Steps":
         """Return the same steps; measure the angles and the centre of rotation in the specimen's plane.
@@ -73,14 +95,12 @@ class Steps:
         """Return the mean displacement gradients within the specimen's plane, shape (steps, 2, 2)."""
         return np.array([slopes_of(b, a - b) for b, a in self._motions(slopes, centre_mm)])
 
-    def _motions(self, slopes: Float, centre_mm: Float) -> list[tuple[Float, Float]]:
-        """Return for each step the positions within the specimen's plane before and after the motion."""
+    def _motions(self, slopes: Float, centre_mm: Float) -> Iterator[tuple[Float, Float]]:
+        """Yield for each step the positions within the specimen's plane before and after the motion."""
         alignment = Alignment(slopes, np.zeros((4, 4)), self.pivot_mm)
-        before = alignment.before
-        return [
-            (before.within(p.before_mm, centre_mm), alignment.after(angle).within(p.after_mm, centre_mm))
-            for p, angle in zip(self.points, self.angles_deg, strict=True)
-        ]
+        plane = alignment.before
+        for (before, after), angle in zip(self.motions, self.angles_deg, strict=True):
+            yield plane.within(before, centre_mm), alignment.after(angle).within(after, centre_mm)
 
     def strains(self, slopes: Float, centre_mm: Float) -> Float:
         """Return the mean Green-Lagrange strains xx, yy, xy of all steps in one array, shape (3 steps,)."""
@@ -106,14 +126,14 @@ def systematic_strain(settings: CorrelationSettings, calibration: Calibration) -
     return float(np.hypot(_SYSTEMATIC, settings.subset_px**2 / 8 * g**2))
 
 
-def _turns_and_pivot(motions: Sequence[tuple[Float, Float]]) -> tuple[Float, Float]:
+def _turns_and_pivot(motions: Iterable[tuple[Float, Float]]) -> tuple[Float, Float]:
     """Return the rotation angles (steps,) in degrees, and the centre of rotation (2,)."""
-    gradients = np.array([slopes_of(before, after - before) for before, after in motions])
-    F = gradients + np.eye(2)
+    found = [(slopes_of(b, a - b), b.mean(axis=0), a.mean(axis=0)) for b, a in motions]
+    F = np.array([gradient for gradient, _, _ in found]) + np.eye(2)
     angles_deg = np.degrees(np.arctan2(F[:, 1, 0] - F[:, 0, 1], F[:, 0, 0] + F[:, 1, 1]))
     turns = _turns(angles_deg)
     # The pivot x does not move, so x = after + R (x - before).
-    sides = [a.mean(axis=0) - R @ b.mean(axis=0) for (b, a), R in zip(motions, turns, strict=True)]
+    sides = [after - R @ before for (_, before, after), R in zip(found, turns, strict=True)]
     pivot = np.linalg.lstsq(np.concatenate(np.eye(2) - turns), np.concatenate(sides), rcond=None)[0]
     return angles_deg, pivot
 
@@ -145,17 +165,13 @@ def gradient_errors(steps: Steps) -> tuple[Float, Float, Float]:
         Effect of q independent calibration errors with variance 1 on the gradients, and on the camera's
         centre (mm).
     """
-    of_maps, turns = [], [np.kron(turn, np.eye(2)) for turn in _turns(steps.angles_deg)]
-    own, reference = [], np.zeros((4, 4))
-    for points, turn in zip(steps.points, turns, strict=True):
-        weights = gradient_weights(points.before_mm)
-        own.append(points.noise_covariance(weights) / 2)
-        reference += turn.T @ own[-1] @ turn / len(turns)
-        of_map, of_centre = points.calibration_factors(weights)
-        of_maps.append(of_map)
+    turns = [np.kron(turn, np.eye(2)) for turn in _turns(steps.angles_deg)]
+    own = steps.noise / 2
+    reference = sum(turn.T @ part @ turn for part, turn in zip(own, turns, strict=True)) / len(turns)
     common = np.concatenate(turns)
-    noise = block_diagonal(own) + common @ reference @ common.T
-    return noise + steps.systematic**2 * np.eye(len(noise)), np.concatenate(of_maps), of_centre
+    noise = block_diagonal(list(own)) + common @ reference @ common.T
+    of_map = steps.of_maps.reshape(len(noise), -1)
+    return noise + steps.systematic**2 * np.eye(len(noise)), of_map, steps.of_centre
 
 
 def _turns(angles_deg: Float) -> Float:

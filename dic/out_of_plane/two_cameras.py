@@ -55,6 +55,12 @@ class TwoCameraStep:
         what = f"{self.mean}" if self.declined is None else f"declined: {self.declined}"
         return f"TwoCameraStep({what})"
 
+    def outline(self) -> "TwoCameraStep":
+        """Return the step without fields of points, which take most of the memory."""
+        first, second = self.corrections
+        both = first.outline(), second.outline()
+        return replace(self, corrections=both, heights_mm=None, heights_std_mm=None)
+
     @property
     def plane(self) -> Plane | None:
         """The specimen's plane in this step, relative to its plane in the reference; None if not known."""

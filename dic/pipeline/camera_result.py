@@ -1,5 +1,6 @@
 """The results of one camera of a run."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dic.calibration.calibration import Calibration
@@ -21,8 +22,9 @@ class CameraResult:
         The reference image, with which the images of all other steps are compared.
     steps : list of RunStep
         The steps of the run that could be measured with this camera.
-    measurements : list of Measurement
-        One measurement for each element of `steps`.
+    measurements : sequence of Measurement
+        One measurement for each element of `steps`. Results of `process_run` and of a file read a measurement
+        from the file when it is used.
     failures : list of str
         One sentence per step that could not be measured; the sentence gives the reason.
     specimen : Specimen or None
@@ -33,7 +35,7 @@ class CameraResult:
     calibration: Calibration
     reference: Grey
     steps: list[RunStep]
-    measurements: list[Measurement]
+    measurements: Sequence[Measurement]
     failures: list[str]
     specimen: Specimen | None = None
 

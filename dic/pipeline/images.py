@@ -1,42 +1,26 @@
 """The measurement of a series of images, given as files, arrays or steps of a run."""
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from dic.calibration.calibration import Calibration
 from dic.calibration.file import load_calibration
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import CalibrationError, CorrelationError, MeasurementError, each_warning_once, require_kind
-from dic.image.given import grey_image, name_of, one_by_one
+from dic.errors import CalibrationError, CorrelationError, each_warning_once, require_kind
+from dic.image.given import grey_image, one_by_one
 from dic.image.pages import list_images
 from dic.out_of_plane.correct import Motion
 from dic.out_of_plane.diagnosis import Sensitivity
+from dic.pipeline.correlated import SeriesImage, correlate_series
 from dic.pipeline.series_corrections import corrected, corrected_rotation, require_calibration
 from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
 from dic.pipeline.series_sources import SeriesSources, expanded, only_paths
-from dic.strain.measurement import measure
+from dic.results.unfinished import FinishedImage, FinishedImages
+from dic.strain.measurement import Measurement, measure
 from dic.strain.strain import StrainSettings
-from dic.typing import Float, ImageLike, Mask, PathLike
-
-
-@dataclass(frozen=True)
-class SeriesImage:
-    """An image of a series, with its name and the expected motion of the specimen in the image.
-
-    Attributes
-    ----------
-    image : ndarray, shape (height, width), or path
-    label : str
-        Name of the image in results.
-    hint : ndarray, shape (3, 3), optional
-        Expected homography from the reference image to this image, for example from `rigid_motion`.
-    """
-
-    image: ImageLike
-    label: str
-    hint: Float | None = None
+from dic.typing import ImageLike, Mask, PathLike
 
 
 def measure_images(
@@ -92,13 +76,13 @@ def measure_images(
     with each_warning_once():
         grey = grey_image(reference, "reference image")
         series = Series(grey, region, settings, incremental=incremental)
-        measured = list(measure_series(series, several, calibration, strain, motion))
+        found: Sequence[MeasuredImage] = list(measure_series(series, several, calibration, strain, motion))
     if calibration is None:
-        return MeasuredSeries(grey, tuple(measured))
+        return MeasuredSeries(grey, tuple(found))
     alignment = motion.alignment
     if motion.kind == "rigid":
-        measured, alignment = corrected_rotation(measured, calibration, motion)
-    return MeasuredSeries(grey, tuple(measured), alignment, Sensitivity.of(calibration))
+        found, alignment = corrected_rotation(found, calibration, motion)
+    return MeasuredSeries(grey, tuple(found), alignment, Sensitivity.of(calibration))
 
 
 def _sources(
@@ -125,6 +109,7 @@ def measure_series(
     calibration: Calibration | None = None,
     strain: StrainSettings | None = None,
     motion: Motion | None = None,
+    finished: FinishedImages | None = None,
 ) -> Iterator[MeasuredImage]:
     """Return an iterator that measures the images of a series one by one.
 
@@ -143,6 +128,8 @@ def measure_series(
     motion : Motion, optional
         Assumed motion of the specimen, used to correct the calibrated strain of each image. A rotation is not
         corrected here, because its correction needs all images together: use `corrected_rotation`.
+    finished : FinishedImages, optional
+        The images that were finished before, as for `correlate_series`.
 
     Raises
     ------
@@ -162,22 +149,27 @@ def measure_series(
             "calibrate with an image of the same camera and format",
         )
     return (
-        corrected(_measured(series, image, number, calibration, strain), calibration, motion)
-        for number, image in enumerate(images, 1)
+        measured(found, calibration, strain, motion) for found in correlate_series(series, images, finished)
     )
 
 
-def _measured(
-    series: Series,
-    image: ImageLike | SeriesImage,
-    number: int,
+def measured(
+    found: FinishedImage,
     calibration: Calibration | None,
     strain: StrainSettings | None,
+    motion: Motion | None = None,
 ) -> MeasuredImage:
-    if not isinstance(image, SeriesImage):
-        image = SeriesImage(image, name_of(image, f"image {number}"))
-    try:
-        field = series.correlate(image.image, hint=image.hint)
-    except MeasurementError as error:
-        return MeasuredImage(image.label, failure=str(error))
-    return MeasuredImage(image.label, measure(field, calibration, strain, label=image.label))
+    """Return the measurement of a correlated image, with its correction where one image is enough for it."""
+    if found.fields is None:
+        return MeasuredImage(found.label, failure=found.failure)
+    return corrected(
+        MeasuredImage(found.label, measurement_of(found, calibration, strain)), calibration, motion
+    )
+
+
+def measurement_of(
+    found: FinishedImage, calibration: Calibration | None, strain: StrainSettings | None
+) -> Measurement:
+    """Return the displacements and strains of a correlated image, with the errors that the images cause."""
+    measurement = measure(found.field, calibration, strain, label=found.label)
+    return replace(measurement, digest=found.digest)

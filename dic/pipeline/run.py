@@ -1,10 +1,12 @@
 """The processing of a run file: calibrate every camera and correlate the images of every step."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from threading import Event
+from typing import Any
 
 import numpy as np
 
@@ -13,79 +15,23 @@ from dic.calibration.plate import behind
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CalibrationError, RunFileError, require_kind
+from dic.files.lazy import Computed
 from dic.image.threads import processors
-from dic.out_of_plane.diagnosis import Sensitivity
 from dic.pipeline.camera_result import CameraResult
-from dic.pipeline.images import SeriesImage, measure_series
-from dic.pipeline.run_corrections import (
-    CorrectionSettings,
-    RunCorrections,
-    correct_run,
-    stated_camera,
-)
-from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
+from dic.pipeline.correlated import UNREADABLE, SeriesImage, correlate_series
+from dic.pipeline.images import measurement_of
+from dic.pipeline.run_corrections import CorrectionSettings, RunCorrector
+from dic.pipeline.run_result import RunResult
+from dic.pipeline.run_result_file import RunResultWriter, load_run_result
+from dic.results.provenance import Provenance, versions
+from dic.results.unfinished import Unfinished, result_place, unfinished
+from dic.runfile.digests import joined_digest
 from dic.runfile.joined import open_run
-from dic.runfile.reader import RunFile, RunInfo, RunStep
+from dic.runfile.reader import RunFile, RunStep
+from dic.strain.measurement import Measurement
 from dic.strain.strain import StrainSettings
 from dic.targets.find import CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget, Target, find_target
 from dic.typing import Float, Mask, PathLike
-
-
-@dataclass(frozen=True)
-class RunResult:
-    """All measurements and corrections of a run. There is no measurement of the reference step itself.
-
-    Attributes
-    ----------
-    source : str
-        Path of the run file.
-    info : RunInfo
-    settings : CorrelationSettings
-    correcting : CorrectionSettings
-    cameras : list of CameraResult
-    corrections : RunCorrections
-        Corrections of the strains for motion out of the calibration grid's plane.
-    """
-
-    source: str
-    info: RunInfo
-    settings: CorrelationSettings
-    correcting: CorrectionSettings
-    cameras: list[CameraResult]
-    corrections: RunCorrections
-
-    def __repr__(self) -> str:
-        lines = [f"  {camera}" for camera in self.cameras]
-        return "\n".join([f"RunResult of {self.source}, {self.info.title!r}, {self.info.status}", *lines])
-
-    def series(self, camera: str) -> MeasuredSeries:
-        """Return a camera's results in the form that `measure_images` returns.
-
-        Each step has its best correction: the correction by two cameras together if the step has one, else
-        the correction by this camera alone.
-
-        Parameters
-        ----------
-        camera : str
-            Name of the camera in the run.
-
-        Raises
-        ------
-        RunFileError
-            If the run has no such camera.
-        """
-        cameras = {found.camera: found for found in self.cameras}
-        if camera not in cameras:
-            expected, remedy = " or ".join(cameras), f"give {next(iter(cameras), 'a camera of the run')}"
-            raise RunFileError(self.source, "choose a camera", expected, str(camera), remedy)
-        found = cameras[camera]
-        images = [
-            MeasuredImage(measurement.label, measurement, self.corrections.best(camera, step.index, place))
-            for place, (step, measurement) in enumerate(zip(found.steps, found.measurements, strict=True))
-        ]
-        images += [MeasuredImage(camera, failure=sentence) for sentence in found.failures]
-        alignment = self.corrections.cameras[camera].alignment
-        return MeasuredSeries(found.reference, tuple(images), alignment, Sensitivity.of(found.calibration))
 
 
 def process_run(
@@ -98,8 +44,13 @@ def process_run(
     plate_mm: float | None = None,
     on_image: Callable[[], None] = lambda: None,
     on_count: Callable[[int], None] = lambda _: None,
+    output: PathLike | None = None,
 ) -> RunResult:
     """Calibrate and correlate all cameras of a run in parallel.
+
+    Every image is correlated, written to the disk and forgotten, so a long run need not fit into memory. The
+    corrections are computed at the end from what is written. The fields of the result are read from its file
+    when they are used.
 
     Parameters
     ----------
@@ -119,6 +70,10 @@ def process_run(
         Function that is called after each image.
     on_count : callable, optional
         Function that is called once, before the first image, with the number of images.
+    output : path, optional
+        The result file, which is replaced when it is complete. Until then the finished images are in a folder
+        beside it, with the ending ".unfinished". If the program is stopped or killed, an equal call goes on
+        after them. Default: a temporary file.
 
     Raises
     ------
@@ -133,7 +88,7 @@ def process_run(
     require_kind("correcting", correcting, CorrectionSettings | None, "give dic.CorrectionSettings()")
     settings = settings or CorrelationSettings()
     strain = strain or StrainSettings()
-    with open_run(path) as run:
+    with open_run(path) as run, result_place(output) as place:
         run.step_of_kind("grid")
         run.step_of_kind("reference")
         correcting = (correcting or CorrectionSettings()).completed(run.mounting)
@@ -141,58 +96,119 @@ def process_run(
         kinds = {step.kind for step in run.series()[1:]}
         correcting.require_use(str(path), list(run.cameras), kinds)
         on_count(len(run.cameras) * (len(run.series()) - 1))
+        with unfinished(place, _job(run, settings, incremental, plate_mm)) as kept:
+            work = _Work(run, kept, settings, strain, incremental, plate_mm, on_image)
+            cameras = work.correlate_all()
+            _write(place, run, settings, correcting, cameras)
+        result = load_run_result(place)
+    specimens = {camera.camera: camera.specimen for camera in cameras}
+    return replace(
+        result, cameras=[replace(camera, specimen=specimens[camera.camera]) for camera in result.cameras]
+    )
+
+
+def _job(run: RunFile, settings: CorrelationSettings, incremental: str, plate_mm: float) -> dict[str, Any]:
+    """Return all that determines the fields of a run beside the images of its steps."""
+    fixed = [run.step_of_kind("grid"), run.step_of_kind("reference")]
+    digests = [run.digest(camera, step) for camera in run.cameras for step in fixed]
+    return {
+        "run": run.info.run_id,
+        "images of grid and reference": joined_digest(digests),
+        **vars(settings),
+        "incremental": incremental,
+        "plate_mm": plate_mm,
+        "versions": versions(),
+    }
+
+
+def _write(
+    path: Path,
+    run: RunFile,
+    settings: CorrelationSettings,
+    correcting: CorrectionSettings,
+    cameras: Sequence[CameraResult],
+) -> None:
+    """Correct the strains of all steps, and write the result file."""
+    corrector = RunCorrector(cameras, correcting)
+    outlines = []
+    origin = Provenance.of([run.path])
+    with RunResultWriter(path, cameras, origin, corrector.pair) as writer:
+        for step in corrector.steps():
+            writer.add(step)
+            outlines.append(step.outline)
+        corrections = corrector.corrections(outlines)
+        writer.finish(str(run.path), run.info, settings, correcting, corrections)
+
+
+@dataclass(frozen=True)
+class _Work:
+    """The correlation of all cameras of a run, into the folder of finished images."""
+
+    run: RunFile
+    kept: Unfinished
+    settings: CorrelationSettings
+    strain: StrainSettings
+    incremental: str
+    plate_mm: float
+    on_image: Callable[[], None]
+    stopped: Event = field(default_factory=Event)
+
+    def correlate_all(self) -> list[CameraResult]:
+        """Correlate the images of all cameras in parallel."""
         # Threads can use all cores, because the compiled correlation releases Python's global lock.
         with ThreadPoolExecutor() as pool:
-            stopped = Event()
-            tasks = [
-                pool.submit(
-                    _process_camera, run, name, settings, strain, incremental, plate_mm, on_image, stopped
-                )
-                for name in run.cameras
-            ]
+            tasks = [pool.submit(self.correlate, camera) for camera in self.run.cameras]
             try:
-                cameras = [task.result() for task in tasks]
+                return [task.result() for task in tasks]
             except BaseException:
                 # The pool waits for its threads to finish. Tell them to stop; otherwise the program would
                 # process the whole run before it ends after Ctrl-C.
-                stopped.set()
+                self.stopped.set()
                 raise
-        corrections = correct_run(cameras, correcting)
-        cameras = [stated_camera(camera, corrections) for camera in cameras]
-        return RunResult(str(path), run.info, settings, correcting, cameras, corrections)
+
+    def correlate(self, camera: str) -> CameraResult:
+        """Correlate the images of a camera. Its measurements are computed when they are used."""
+        run, calibration = self.run, _calibrate(self.run, camera, self.plate_mm)
+        first, *others = run.series()
+        reference = run.image(camera, first)
+        region = _calibrated_region(calibration, reference.shape)
+        threads = max(1, processors() // len(run.cameras))
+        series = Series(
+            reference, None, self.settings, incremental=self.incremental, within=region, threads=threads
+        )
+        finished = self.kept.series(run.cameras.index(camera), self.settings)
+        turn = _Turn(calibration, first.angle_deg)
+        images = (
+            SeriesImage(partial(run.image, camera, step), f"step {step.index}", hint, digest)
+            for step in others
+            if not self.stopped.is_set()
+            for hint, digest in [(turn.hint(step), _digest(run, camera, step))]
+        )
+        steps, numbers, failures = [], [], []
+        correlated = correlate_series(series, images, finished)
+        for number, (step, found) in enumerate(zip(others, correlated, strict=False), 1):
+            if found.fields is None:
+                failures.append(f"{run.path}: {camera}, {found.label}: {found.failure}")
+            else:
+                numbers.append(number)
+                steps.append(step)
+            self.on_image()
+
+        surface = series.region
+
+        def measurement(k: int) -> Measurement:
+            return measurement_of(finished.read(numbers[k], surface), calibration, self.strain)
+
+        measurements = Computed(len(numbers), measurement)
+        return CameraResult(camera, calibration, reference, steps, measurements, failures, series.specimen)
 
 
-def _process_camera(
-    run: RunFile,
-    camera: str,
-    settings: CorrelationSettings,
-    strain: StrainSettings,
-    incremental: str,
-    plate_mm: float,
-    on_image: Callable[[], None],
-    stopped: Event,
-) -> CameraResult:
-    calibration = _calibrate(run, camera, plate_mm)
-    first, *others = run.series()
-    reference = run.image(camera, first)
-    region = _calibrated_region(calibration, reference.shape)
-    threads = max(1, processors() // len(run.cameras))
-    series = Series(reference, None, settings, incremental=incremental, within=region, threads=threads)
-    turn = _Turn(calibration, first.angle_deg)
-    images = (
-        SeriesImage(run.image(camera, step), f"step {step.index}", turn.hint(step))
-        for step in others
-        if not stopped.is_set()
-    )
-    steps, measurements, failures = [], [], []
-    for step, found in zip(others, measure_series(series, images, calibration, strain), strict=False):
-        if found.measurement is None:
-            failures.append(f"{run.path}: {camera}, {found.label}: {found.failure}")
-        else:
-            measurements.append(found.measurement)
-            steps.append(step)
-        on_image()
-    return CameraResult(camera, calibration, reference, steps, measurements, failures, series.specimen)
+def _digest(run: RunFile, camera: str, step: RunStep) -> str:
+    try:
+        return run.digest(camera, step)
+    except RunFileError:
+        # Reading the image raises an error that names the reason.
+        return UNREADABLE
 
 
 def _calibrate(run: RunFile, camera: str, plate_mm: float) -> Calibration:

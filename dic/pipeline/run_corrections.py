@@ -1,12 +1,13 @@
 """Corrections of a run's strains for out-of-plane motion: by each camera alone, and by two together."""
 
 import json
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
 
+from dic.calibration.calibration import Calibration
 from dic.errors import CorrelationError, require_all
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correct import (
@@ -23,6 +24,10 @@ from dic.out_of_plane.two_cameras import TwoCameraStep, correct_with_two_cameras
 from dic.pipeline.camera_result import CameraResult
 from dic.pipeline.reference_match import match_references
 from dic.runfile.mounting import RunMounting
+from dic.runfile.reader import RunStep
+from dic.strain.measurement import Measurement
+from dic.strain.strain import MeanStrain
+from dic.typing import Float
 
 
 @dataclass(frozen=True)
@@ -123,14 +128,14 @@ class JointCorrections:
     ----------
     cameras : tuple of str
         Names of the cameras; the camera with the larger off-axis angle comes first.
-    steps : dict of int to TwoCameraStep
+    steps : mapping of int to TwoCameraStep
         Solution of each step for both cameras together, keyed by the step's number, in the order of the run.
     findings : list of str
         Sentences about the set-up of the test that follow from the corrections.
     """
 
     cameras: tuple[str, str]
-    steps: dict[int, TwoCameraStep]
+    steps: Mapping[int, TwoCameraStep]
     findings: list[str]
 
     def __repr__(self) -> str:
@@ -186,28 +191,130 @@ class RunCorrections:
         return self.cameras[camera].images[place]
 
 
+@dataclass(frozen=True)
+class CorrectedStep:
+    """The measurements and corrections of one step of a run.
+
+    Attributes
+    ----------
+    step : RunStep
+    measurements : dict of str to Measurement
+        The measurement of each camera that could measure the step. Its calibrated strains state the errors
+        that the best correction found.
+    corrections : dict of str to Correction
+        The correction of each of these measurements by this camera alone.
+    means : dict of str to (MeanStrain or None)
+        The calibrated mean strain of each measurement.
+    joint : TwoCameraStep or None
+        The solution for two cameras together.
+    """
+
+    step: RunStep
+    measurements: dict[str, Measurement]
+    corrections: dict[str, Correction]
+    means: dict[str, MeanStrain | None]
+    joint: TwoCameraStep | None = None
+
+    @property
+    def outline(self) -> "CorrectedStep":
+        """The step without measurements, displacements and local strains, which take most of the memory."""
+        corrections = {name: correction.outline() for name, correction in self.corrections.items()}
+        joint = None if self.joint is None else self.joint.outline()
+        return replace(self, measurements={}, corrections=corrections, joint=joint)
+
+
+class RunCorrector:
+    """Correct the strains of a run for out-of-plane motion, step by step.
+
+    Memory does not grow with the number of steps, if `CameraResult.measurements` are computed or read when
+    they are used.
+
+    Parameters
+    ----------
+    cameras : sequence of CameraResult
+    settings : CorrectionSettings
+    """
+
+    def __init__(self, cameras: Sequence[CameraResult], settings: CorrectionSettings) -> None:
+        self._cameras = cameras
+        self._motion = motion_of({step.kind for camera in cameras for step in camera.steps})
+        self._single: dict[str, Corrections] = {}
+        for camera in cameras:
+            alignment = settings.alignments.get(camera.camera) if self._motion == "rigid" else None
+            hinge_mm = None if self._motion == "rigid" else settings.tilt_axis_mm
+            known = Motion(self._motion, settings.poisson_ratio, alignment, settings.shift_std_um, hinge_mm)
+            self._single[camera.camera] = correct(camera.measurements, camera.calibration, known)
+        self._pair = _pair(cameras) if self._motion == "tension" else None
+        self._surface = None if self._pair is None else match_references(*self._pair)
+
+    @property
+    def pair(self) -> tuple[str, str] | None:
+        """Names of the two cameras that are solved together; None if there is no joint solution."""
+        return None if self._pair is None else (self._pair[0].camera, self._pair[1].camera)
+
+    def steps(self) -> Iterator[CorrectedStep]:
+        """Yield all steps that at least one camera measured, in order."""
+        for step, places in measured_steps(self._cameras):
+            measurements = {
+                c.camera: c.measurements[places[c.camera]] for c in self._cameras if c.camera in places
+            }
+            corrections = {name: self._single[name].images[places[name]] for name in measurements}
+            joint = self._joint(measurements)
+            measurements = {
+                name: stated(measurement, self._best(name, corrections[name], joint))
+                for name, measurement in measurements.items()
+            }
+            means = {name: measurement.calibrated_mean for name, measurement in measurements.items()}
+            yield CorrectedStep(step, measurements, corrections, means, joint)
+
+    def corrections(self, steps: Sequence[CorrectedStep]) -> RunCorrections:
+        """Return the corrections of all steps, with the findings on the set-up.
+
+        Parameters
+        ----------
+        steps : sequence of CorrectedStep
+            All steps that `steps` has yielded, of which the corrections may be outlines.
+        """
+        single, findings = {}, {}
+        for camera in self._cameras:
+            name, own = camera.camera, [step for step in steps if camera.camera in step.corrections]
+            images = [step.corrections[name] for step in own]
+            single[name] = found = Corrections(images, self._single[name].alignment)
+            loads_n, means = np.array([step.step.load_n for step in own]), [step.means[name] for step in own]
+            findings[name] = _findings(self._motion, camera.calibration, means, loads_n, found)
+        if self.pair is None or self._surface is None:
+            return RunCorrections(self._motion, single, findings)
+        both = {step.step.index: step.joint for step in steps if step.joint is not None}
+        loads_n = np.array([step.step.load_n for step in steps if step.joint is not None])
+        sentences = tension_findings([found.corrections[0] for found in both.values()], loads_n)
+        joint = JointCorrections(self.pair, both, [self._surface.text, *sentences])
+        return RunCorrections(self._motion, single, findings, joint)
+
+    def _joint(self, measurements: Mapping[str, Measurement]) -> TwoCameraStep | None:
+        if self._pair is None or any(camera.camera not in measurements for camera in self._pair):
+            return None
+        first, second = self._pair
+        both = measurements[first.camera], measurements[second.camera]
+        return correct_with_two_cameras(both, (first.calibration, second.calibration), self._surface)
+
+    def _best(self, camera: str, correction: Correction, joint: TwoCameraStep | None) -> Correction:
+        if joint is None or joint.declined is not None or self.pair is None or camera not in self.pair:
+            return correction
+        return joint.corrections[self.pair.index(camera)]
+
+
+def measured_steps(cameras: Sequence[CameraResult]) -> Iterator[tuple[RunStep, dict[str, int]]]:
+    """Yield each step that a camera measured, with the index of its measurement for each camera, in order."""
+    steps = {step.index: step for camera in cameras for step in camera.steps}
+    places = {c.camera: {step.index: place for place, step in enumerate(c.steps)} for c in cameras}
+    for index, step in sorted(steps.items()):
+        yield step, {name: own[index] for name, own in places.items() if index in own}
+
+
 def correct_run(cameras: Sequence[CameraResult], settings: CorrectionSettings) -> RunCorrections:
     """Correct the strains of all measurements of a run for out-of-plane motion."""
-    motion = motion_of({step.kind for camera in cameras for step in camera.steps})
-    corrected, findings = {}, {}
-    for camera in cameras:
-        alignment = settings.alignments.get(camera.camera) if motion == "rigid" else None
-        hinge_mm = None if motion == "rigid" else settings.tilt_axis_mm
-        known = Motion(motion, settings.poisson_ratio, alignment, settings.shift_std_um, hinge_mm)
-        found = correct(camera.measurements, camera.calibration, known)
-        corrected[camera.camera] = found
-        findings[camera.camera] = _findings(motion, camera, found)
-    pair = _pair(cameras) if motion == "tension" else None
-    return RunCorrections(motion, corrected, findings, None if pair is None else _solve_jointly(*pair))
-
-
-def stated_camera(camera: CameraResult, corrections: RunCorrections) -> CameraResult:
-    """Return a camera's results; the errors of its calibrated strains contain the corrections."""
-    measurements = [
-        stated(measurement, corrections.best(camera.camera, step.index, place))
-        for place, (step, measurement) in enumerate(zip(camera.steps, camera.measurements, strict=True))
-    ]
-    return replace(camera, measurements=measurements)
+    corrector = RunCorrector(cameras, settings)
+    return corrector.corrections(list(corrector.steps()))
 
 
 def motion_of(kinds: Set[str]) -> str:
@@ -217,17 +324,22 @@ def motion_of(kinds: Set[str]) -> str:
     return "tension" if kinds & {"load", "displacement"} else "free"
 
 
-def _findings(motion: str, camera: CameraResult, found: Corrections) -> list[str]:
-    sensitivity = Sensitivity.of(camera.calibration)
+def _findings(
+    motion: str,
+    calibration: Calibration,
+    means: Sequence[MeanStrain | None],
+    loads_n: Float,
+    found: Corrections,
+) -> list[str]:
+    sensitivity = Sensitivity.of(calibration)
     findings = [] if sensitivity is None else [sensitivity.text]
     if motion == "rigid":
-        means = [m.calibrated_mean for m in camera.measurements]
         strains = [[np.nan] * 3 if m is None else [m.exx, m.eyy, m.exy] for m in means]
         angles_deg = np.array([np.nan if m is None else m.rotation_deg for m in means])
         harmonics = Harmonics.of(angles_deg, np.array(strains)) if strains else None
         findings += rotation_findings(harmonics, found.alignment)
     if motion == "tension":
-        findings += tension_findings(found.images, np.array([step.load_n for step in camera.steps]))
+        findings += tension_findings(found.images, loads_n)
     reasons = {c.declined for c in found.images if c.declined is not None}
     return findings + [f"not corrected: {reason}" for reason in sorted(reasons)]
 
@@ -246,17 +358,3 @@ def _pair(cameras: Sequence[CameraResult]) -> tuple[CameraResult, CameraResult] 
     pair = max(combinations(aside, 2), key=lambda both: float(np.linalg.norm(both[0][0] - both[1][0])))
     second, first = sorted(pair, key=lambda camera: float(np.linalg.norm(camera[0])))
     return first[1], second[1]
-
-
-def _solve_jointly(first: CameraResult, second: CameraResult) -> JointCorrections:
-    others = {step.index: m for step, m in zip(second.steps, second.measurements, strict=True)}
-    calibrations = first.calibration, second.calibration
-    surface = match_references(first, second)
-    steps, loads_n = {}, []
-    for step, measurement in zip(first.steps, first.measurements, strict=True):
-        if step.index in others:
-            both = measurement, others[step.index]
-            steps[step.index] = correct_with_two_cameras(both, calibrations, surface)
-            loads_n.append(step.load_n)
-    findings = tension_findings([found.corrections[0] for found in steps.values()], np.array(loads_n))
-    return JointCorrections((first.camera, second.camera), steps, [surface.text, *findings])

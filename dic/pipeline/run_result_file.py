@@ -1,8 +1,9 @@
 """The result file of a run: it holds all results of `process_run`, and a report needs no other file."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import h5py
 import numpy as np
@@ -10,13 +11,29 @@ import numpy as np
 from dic.calibration.file import read_calibration, write_calibration
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import MeasurementError, RunFileError, require_kind
+from dic.files.lazy import ComputedMapping
 from dic.hdf5.open import NotReadable, open_hdf5
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correct import Corrections
+from dic.out_of_plane.correction import Correction
 from dic.pipeline.camera_result import CameraResult
-from dic.pipeline.run import RunResult
-from dic.pipeline.run_corrections import CorrectionSettings, JointCorrections, RunCorrections, correct_run
-from dic.results.reader import NOT_SMOOTHED, read_corrections, read_measurements, read_two_cameras
+from dic.pipeline.run_corrections import (
+    CorrectedStep,
+    CorrectionSettings,
+    JointCorrections,
+    RunCorrections,
+    correct_run,
+    measured_steps,
+)
+from dic.pipeline.run_result import RunResult
+from dic.results.provenance import Provenance
+from dic.results.reader import (
+    NOT_SMOOTHED,
+    read_corrections,
+    read_measurements,
+    read_provenance,
+    read_two_cameras,
+)
 from dic.results.schema import FORMAT, VERSION
 from dic.results.writer import ResultWriter
 from dic.runfile.reader import RunInfo, RunStep
@@ -39,22 +56,110 @@ def save_run_result(result: RunResult, path: PathLike) -> None:
         If the file cannot be created.
     """
     require_kind("result", result, RunResult, "process a run first: dic.process_run(path)")
-    corrections = result.corrections
-    with ResultWriter(Path(path)) as writer:
-        run = writer.group("run")
-        run.attrs.update(asdict(result.info) | {"source": result.source, "motion": corrections.motion})
-        for camera in result.cameras:
-            _write_camera(writer, camera, corrections)
+    joint, origin = result.corrections.joint, result.provenance or Provenance.of([])
+    pair = None if joint is None else joint.cameras
+    with RunResultWriter(Path(path), result.cameras, origin, pair) as writer:
+        for step in _steps_of(result):
+            writer.add(step)
+        writer.finish(result.source, result.info, result.settings, result.correcting, result.corrections)
+
+
+class RunResultWriter:
+    """Write the result file of a run step by step; use this class in a `with` statement.
+
+    Parameters
+    ----------
+    path : Path
+        The file appears under this name only when it is complete.
+    cameras : sequence of CameraResult
+    origin : Provenance
+    pair : tuple of str, optional
+        Names of the two cameras of `CorrectedStep.joint`.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        cameras: Sequence[CameraResult],
+        origin: Provenance,
+        pair: tuple[str, str] | None = None,
+    ) -> None:
+        self._writer, self._cameras, self._pair = ResultWriter(path, origin), cameras, pair
+        self._steps: dict[str, list[RunStep]] = {camera.camera: [] for camera in cameras}
+
+    def __enter__(self) -> Self:
+        self._writer.__enter__()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._writer.__exit__(*error)
+
+    def add(self, step: CorrectedStep) -> None:
+        """Append the measurements and corrections of a step."""
+        joint, index = step.joint, step.step.index
+        for name, measurement in step.measurements.items():
+            together = joint is not None and joint.declined is None and name in (self._pair or ())
+            self._writer.add(
+                f"cameras/{name}/series",
+                measurement,
+                step.corrections[name],
+                elsewhere=together,
+            )
+            self._steps[name].append(step.step)
+        if joint is not None and self._pair is not None:
+            self._writer.add_two_cameras(_JOINT, self._pair, index, joint)
+
+    def finish(
+        self,
+        source: str,
+        info: RunInfo,
+        settings: CorrelationSettings,
+        correcting: CorrectionSettings,
+        corrections: RunCorrections,
+    ) -> None:
+        """Write what belongs to the run as a whole, after the last step."""
+        writer = self._writer
+        writer.group("run").attrs.update(asdict(info) | {"source": source, "motion": corrections.motion})
+        writer.group("settings").attrs.update(vars(settings) | {"correcting": correcting.as_text()})
+        for camera in self._cameras:
+            self._write_camera(camera, corrections)
         if corrections.joint is not None:
-            joint = corrections.joint
-            writer.add_two_cameras(_JOINT, joint.cameras, joint.steps)
-            _write_texts(writer.group(_JOINT), "findings", joint.findings)
-        writer.group("settings").attrs["correcting"] = result.correcting.as_text()
-        writer.group("settings").attrs.update(vars(result.settings))
+            group = writer.group(_JOINT)
+            group.attrs["cameras"] = list(corrections.joint.cameras)
+            _write_texts(group, "findings", corrections.joint.findings)
+
+    def _write_camera(self, camera: CameraResult, corrections: RunCorrections) -> None:
+        group = self._writer.group(f"cameras/{camera.camera}")
+        group.attrs["failures"] = "\n".join(camera.failures)
+        group.create_dataset("reference", data=camera.reference).attrs["units"] = "grey level"
+        write_calibration(group.create_group("calibration"), camera.calibration)
+        steps, measured = group.create_group("steps"), self._steps[camera.camera]
+        steps.attrs["kind"] = [step.kind for step in measured]
+        for column, units in _STEP_UNITS.items():
+            data = [getattr(step, column) for step in measured]
+            steps.create_dataset(column, data=data).attrs["units"] = units
+        alignment = corrections.cameras[camera.camera].alignment
+        for key, units in _ALIGNMENT_UNITS.items() if alignment is not None else ():
+            dataset = group.create_dataset(f"alignment/{key}", data=getattr(alignment, key))
+            dataset.attrs["units"] = units
+        _write_texts(group, "findings", corrections.findings[camera.camera])
+
+
+def _steps_of(result: RunResult) -> Iterator[CorrectedStep]:
+    """Yield the steps of a run whose strains are corrected already."""
+    corrections, cameras = result.corrections, {camera.camera: camera for camera in result.cameras}
+    for step, places in measured_steps(result.cameras):
+        measurements = {name: cameras[name].measurements[place] for name, place in places.items()}
+        single = {name: corrections.cameras[name].images[place] for name, place in places.items()}
+        joint = None if corrections.joint is None else corrections.joint.steps.get(step.index)
+        yield CorrectedStep(step, measurements, single, {}, joint)
 
 
 def load_run_result(path: PathLike) -> RunResult:
     """Read the result file of a run. Stored values are not computed again.
+
+    The file stays open. The fields of a step are read from it when they are used, so a long run need not fit
+    into memory.
 
     Files of earlier versions lack some values, which are computed when the file is read. Result files do not
     store the gradients and the errors of calibrated displacements. Call `dic.measure` to compute these
@@ -67,12 +172,20 @@ def load_run_result(path: PathLike) -> RunResult:
     """
     path = Path(path)
     try:
-        with open_hdf5(path) as file:
+        file = open_hdf5(path)
+        try:
             if file.attrs.get("file_format") != FORMAT or "run" not in file:
                 raise _refusal(path, "an HDF5 file of another kind")
             if file.attrs["file_format_version"] != VERSION:
                 raise _refusal(path, f"version {file.attrs['file_format_version']}, newer than this program")
-            return _read_run(file)
+            result = _read_run(file)
+            # A file that lacks a value is refused now, and not in the middle of a report.
+            for _ in _steps_of(result):
+                pass
+            return result
+        except BaseException:
+            file.close()
+            raise
     except NotReadable as error:
         raise _refusal(path, str(error)) from error
     except MeasurementError:
@@ -80,29 +193,6 @@ def load_run_result(path: PathLike) -> RunResult:
     except Exception as error:
         # A damaged file can cause any exception here. Everything in this block only reads the file.
         raise _refusal(path, f"a result file that lacks some of its data ({type(error).__name__})") from error
-
-
-def _write_camera(writer: ResultWriter, camera: CameraResult, corrections: RunCorrections) -> None:
-    name, found = f"cameras/{camera.camera}", corrections.cameras[camera.camera]
-    for measurement in camera.measurements:
-        writer.add(f"{name}/series", measurement)
-    group = writer.group(name)
-    group.attrs["failures"] = "\n".join(camera.failures)
-    group.create_dataset("reference", data=camera.reference).attrs["units"] = "grey level"
-    write_calibration(group.create_group("calibration"), camera.calibration)
-    steps = group.create_group("steps")
-    steps.attrs["kind"] = [step.kind for step in camera.steps]
-    for column, units in _STEP_UNITS.items():
-        steps.create_dataset(column, data=[getattr(s, column) for s in camera.steps]).attrs["units"] = units
-    if camera.measurements:
-        places = enumerate(zip(camera.steps, found.images, strict=True))
-        joint = {k for k, (s, image) in places if corrections.best(camera.camera, s.index, k) is not image}
-        writer.add_corrections(f"{name}/series", found.images, joint)
-    if found.alignment is not None:
-        for key, units in _ALIGNMENT_UNITS.items():
-            dataset = group.create_dataset(f"alignment/{key}", data=getattr(found.alignment, key))
-            dataset.attrs["units"] = units
-    _write_texts(group, "findings", corrections.findings[camera.camera])
 
 
 def _write_texts(group: Any, name: str, texts: list[str]) -> None:
@@ -126,7 +216,8 @@ def _read_run(file: h5py.File) -> RunResult:
         findings = {c.camera: _read_texts(file["cameras"][c.camera], "findings") for c in cameras}
         joint = _read_joint(file[_JOINT], cameras) if _JOINT in file else None
         corrections = RunCorrections(str(run["motion"]), corrected, findings, joint)
-    return RunResult(str(run["source"]), info, settings, correcting, cameras, corrections)
+    origin = read_provenance(file)
+    return RunResult(str(run["source"]), info, settings, correcting, cameras, corrections, origin)
 
 
 def _read_camera(name: str, group: h5py.Group) -> CameraResult:
@@ -143,11 +234,10 @@ def _read_camera(name: str, group: h5py.Group) -> CameraResult:
 
 def _read_corrections(group: h5py.Group, camera: CameraResult, anew: RunCorrections | None) -> Corrections:
     solved = None if anew is None else anew.cameras[camera.camera]
-    images = []
+    images: Sequence[Correction] = []
     if camera.measurements:
-        images = read_corrections(
-            group["series"], camera.measurements, None if solved is None else solved.images
-        )
+        known = None if solved is None else solved.images
+        images = read_corrections(group["series"], camera.measurements, known)
     if solved is not None:
         return Corrections(images, solved.alignment)
     if "alignment" not in group:
@@ -156,7 +246,7 @@ def _read_corrections(group: h5py.Group, camera: CameraResult, anew: RunCorrecti
 
 
 def _read_joint(group: h5py.Group, cameras: list[CameraResult]) -> JointCorrections:
-    measured = {c.camera: {s.index: m for s, m in zip(c.steps, c.measurements, strict=True)} for c in cameras}
+    measured = {c.camera: ComputedMapping([s.index for s in c.steps], c.measurements) for c in cameras}
     pair, steps = read_two_cameras(group, measured)
     return JointCorrections(pair, steps, _read_texts(group, "findings"))
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from dic.pipeline.run import RunResult
+from dic.pipeline.run_result import RunResult
 from dic.results.csv import write_csv
 from dic.results.strain_table import STRAIN_FILE, write_strain_table
 

@@ -5,10 +5,12 @@ from dataclasses import replace
 
 from dic.calibration.calibration import Calibration
 from dic.errors import CorrelationError, require_kind
+from dic.files.lazy import Computed
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correct import Motion, correct
 from dic.out_of_plane.correction import stated
 from dic.pipeline.series_result import MeasuredImage
+from dic.strain.measurement import Measurement
 
 
 def require_calibration(motion: Motion | None, calibration: Calibration | None) -> None:
@@ -48,25 +50,34 @@ def corrected(image: MeasuredImage, calibration: Calibration | None, motion: Mot
 
 def corrected_rotation(
     images: Sequence[MeasuredImage], calibration: Calibration, motion: Motion
-) -> tuple[list[MeasuredImage], Alignment | None]:
+) -> tuple[Sequence[MeasuredImage], Alignment | None]:
     """Correct all images of a rotation together.
+
+    Memory does not grow with the number of images, if `images` are read when they are used.
 
     Returns
     -------
-    list of MeasuredImage
-        The given images, each with its correction.
+    sequence of MeasuredImage
+        The given images, each with its correction, which is computed when it is used.
     Alignment or None
         Alignment of the specimen on the rotation stage: solved from the images if possible, else the
         alignment of the given motion.
     """
-    measurements = [image.measurement for image in images if image.measurement is not None]
-    found = correct(measurements, calibration, motion)
-    corrections = iter(found.images)
-    solved = []
-    for image in images:
-        if image.measurement is not None:
-            correction = next(corrections)
-            measurement = stated(image.measurement, correction)
-            image = replace(image, measurement=measurement, correction=correction)
-        solved.append(image)
-    return solved, found.alignment or motion.alignment
+    measured = [k for k, image in enumerate(images) if image.measurement is not None]
+    found = correct(Computed(len(measured), lambda k: _measurement(images[measured[k]])), calibration, motion)
+    places = {k: place for place, k in enumerate(measured)}
+
+    def solved(k: int) -> MeasuredImage:
+        if k not in places:
+            return images[k]
+        correction = found.images[places[k]]
+        measurement = stated(_measurement(images[k]), correction)
+        return replace(images[k], measurement=measurement, correction=correction)
+
+    return Computed(len(images), solved), found.alignment or motion.alignment
+
+
+def _measurement(image: MeasuredImage) -> Measurement:
+    if image.measurement is None:
+        raise ValueError(f"{image.label} could not be measured")
+    return image.measurement

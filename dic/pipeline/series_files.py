@@ -1,7 +1,7 @@
 """The output files of `dic correlate`. Each kind of file is written only if the user names a place for it."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -11,6 +11,7 @@ from dic.out_of_plane.correction import Correction
 from dic.pipeline.series_maps import MapFiles, SeriesMaps
 from dic.pipeline.series_result import MeasuredImage
 from dic.results.csv import write_csv
+from dic.results.provenance import Provenance
 from dic.results.strain_table import STRAIN_FILE, write_strain_table
 from dic.results.writer import ResultWriter
 from dic.strain.measurement import Measurement
@@ -59,13 +60,15 @@ class SeriesOutputs:
         settings: CorrelationSettings,
         files: SeriesFiles,
         maps: SeriesMaps,
+        inputs: Iterable[Path | None] = (),
         *,
         decimal_comma: bool = False,
     ) -> None:
         self._settings, self._files, self._decimal_comma = settings, files, decimal_comma
-        self._writer = None if files.output is None else ResultWriter(files.output)
+        self._writer = None
+        if files.output is not None:
+            self._writer = ResultWriter(files.output, Provenance.of(inputs))
         self._maps = maps
-        self._numbers: list[int] = []
 
     def __enter__(self) -> Self:
         if self._writer is not None:
@@ -76,22 +79,17 @@ class SeriesOutputs:
         if self._writer is not None:
             self._writer.__exit__(*error)
 
-    def write(self, number: int, measurement: Measurement, correction: Correction | None = None) -> None:
-        """Write a measurement to its output files; `number` is the image's index in the series, from 0."""
-        self._numbers.append(number)
-        if self._writer is not None:
-            self._writer.add("series", measurement)
-        self._write_points(number, measurement, correction)
-        self._add_maps(number, measurement, correction)
-
-    def rewrite(self, place: int, image: MeasuredImage) -> None:
-        """Replace the image with the index `place` among those written."""
-        if image.measurement is None:
+    def write(self, number: int, image: MeasuredImage) -> None:
+        """Write a measured image to its output files; `number` is its index in the series, from 0."""
+        measurement, correction = image.measurement, image.correction
+        if measurement is None:
             return
         if self._writer is not None:
-            self._writer.add("series", image.measurement, place)
-        self._write_points(self._numbers[place], image.measurement, image.correction)
-        self._add_maps(self._numbers[place], image.measurement, image.correction)
+            self._writer.add("series", measurement, correction)
+        if self._files.csv:
+            path, comma = self._files.csv[number], self._decimal_comma
+            write_csv(measurement, path, correction=correction, decimal_comma=comma)
+        self._add_maps(number, measurement, correction)
 
     def _add_maps(self, number: int, measurement: Measurement, correction: Correction | None) -> None:
         name = Path(measurement.label).name
@@ -102,16 +100,6 @@ class SeriesOutputs:
         """Write the table of the mean strains; `write_strain_table` describes the rows."""
         if self._files.strains is not None:
             write_strain_table(rows, self._files.strains, decimal_comma=self._decimal_comma)
-
-    def _write_points(self, number: int, measurement: Measurement, correction: Correction | None) -> None:
-        if self._files.csv:
-            path, comma = self._files.csv[number], self._decimal_comma
-            write_csv(measurement, path, correction=correction, decimal_comma=comma)
-
-    def write_corrections(self, corrections: Sequence[Correction]) -> None:
-        """Write the corrections of all images to the result file; call this once, after the last image."""
-        if self._writer is not None and corrections:
-            self._writer.add_corrections("series", corrections)
 
 
 def _stem(path: Path) -> str:

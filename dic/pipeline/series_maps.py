@@ -1,13 +1,11 @@
 """The maps of a series of images on one scale; memory does not grow with the number of images."""
 
-import pickle
-import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
 
 from dic.errors import MeasurementError
+from dic.files.lazy import Spool
 from dic.files.writing import write_figure
 from dic.image.read import read_image
 from dic.out_of_plane.correction import Correction
@@ -66,15 +64,8 @@ class SeriesMaps:
         self._reference, self._files, self._settings = reference, files, settings
         self._small = replace(settings, quantities=tuple(files.sheets) or ("eyy",), on="reference")
         self._at_once = bool(files.maps) and settings.scale == "image"
-        self._places: dict[int, int] = {}
+        self._waiting = Spool[_Waiting]()
         self._failed: dict[int, MeasurementError | OSError] = {}
-
-    def __enter__(self) -> Self:
-        self._spool: Any = tempfile.TemporaryFile()
-        return self
-
-    def __exit__(self, *error: Any) -> None:
-        self._spool.close()
 
     def add(self, number: int, title: str, measurement: Measurement, correction: Correction | None) -> None:
         """Add an image; `number` is its index in the series, from 0, and its label is its file.
@@ -95,15 +86,14 @@ class SeriesMaps:
         if self._at_once:
             self._draw_maps(waiting, scale_of([maps], self._settings))
         if self._files.sheets or not self._at_once:
-            self._places[number] = self._spool.seek(0, 2)
-            pickle.dump(waiting, self._spool)
+            self._waiting.put(number, waiting)
 
     @property
     def pictures_left(self) -> int:
         """Number of pictures that `draw` will write, or whose error it will raise."""
-        if not self._places:
+        if not len(self._waiting):
             return len(self._failed)
-        return len(self._failed) + len(self._files.sheets) + (len(self._places) if self._maps_wait else 0)
+        return len(self._failed) + len(self._files.sheets) + (len(self._waiting) if self._maps_wait else 0)
 
     @property
     def _maps_wait(self) -> bool:
@@ -119,11 +109,11 @@ class SeriesMaps:
         """
         of_maps: Scale = {}
         of_sheets: Scale = {}
-        for waiting in self._waiting():
+        for waiting in self._waiting:
             of_maps, of_sheets = widened(of_maps, waiting.maps), widened(of_sheets, waiting.small)
-        shown = set(shown_of(len(self._places)))
+        shown = set(shown_of(len(self._waiting)))
         small: list[tuple[str, Maps]] = []
-        for index, waiting in enumerate(self._waiting()):
+        for index, waiting in enumerate(self._waiting):
             if self._maps_wait:
                 self._draw_maps(waiting, finished(of_maps, self._settings))
                 on_picture()
@@ -136,11 +126,6 @@ class SeriesMaps:
         if self._failed:
             raise next(iter(self._failed.values()))
 
-    def _waiting(self) -> Iterator[_Waiting]:
-        for _, place in sorted(self._places.items()):
-            self._spool.seek(place)
-            yield pickle.load(self._spool)  # the file is this program's own, and has no name
-
     def _draw_maps(self, waiting: _Waiting, scale: Scale) -> None:
         settings = self._settings
         image = self._reference if settings.on == "reference" else read_image(waiting.label)
@@ -148,5 +133,5 @@ class SeriesMaps:
         write_figure(figure, self._files.maps[waiting.number], dpi=settings.dpi)
 
     def _draw_sheet(self, path: Path, images: Sequence[tuple[str, Maps]], scale: Scale) -> None:
-        figure = draw_contact_sheet(images, self._reference, len(self._places), self._small, scale)
+        figure = draw_contact_sheet(images, self._reference, len(self._waiting), self._small, scale)
         write_figure(figure, path, dpi=self._settings.dpi)

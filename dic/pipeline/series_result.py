@@ -1,5 +1,6 @@
 """The results of a series of images."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -87,8 +88,9 @@ class MeasuredSeries:
     ----------
     reference : ndarray of float32, shape (height, width)
         The reference image.
-    images : tuple of MeasuredImage
-        The results of all images in order, including the images that could not be measured.
+    images : sequence of MeasuredImage
+        The results of all images in order, including the images that could not be measured. Those of a run
+        are read from its result file when they are used.
     alignment : Alignment or None
         Alignment of the specimen on the rotation stage; None if the alignment is not known.
     sensitivity : Sensitivity or None
@@ -96,7 +98,7 @@ class MeasuredSeries:
     """
 
     reference: Grey
-    images: tuple[MeasuredImage, ...]
+    images: Sequence[MeasuredImage]
     alignment: Alignment | None = None
     sensitivity: Sensitivity | None = None
 

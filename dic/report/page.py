@@ -6,7 +6,7 @@ from pathlib import Path
 
 from dic.errors import RunFileError, require_kind
 from dic.files.writing import write_text
-from dic.pipeline.run import RunResult
+from dic.pipeline.run_result import RunResult
 from dic.report import rotation, tension
 from dic.report.calibration import residual_figure
 from dic.report.fields import FieldPicture, field_pictures

@@ -11,7 +11,7 @@ from dic.calibration.calibration import Calibration
 from dic.calibration.pinhole.camera import Pinhole
 from dic.out_of_plane.correction import Correction
 from dic.pipeline.camera_result import CameraResult
-from dic.pipeline.run import RunResult
+from dic.pipeline.run_result import RunResult
 from dic.report.pair import PairSeries, pair_series
 from dic.report.strains import XX, YY, strain_stds, strains
 from dic.runfile.reader import RunStep
@@ -52,7 +52,7 @@ class CameraSeries:
     run: int
     on_axis: bool
     result: CameraResult
-    corrections: list[Correction]
+    corrections: Sequence[Correction]
 
     @property
     def camera(self) -> str:
@@ -76,7 +76,7 @@ class CameraSeries:
         return self.result.steps
 
     @property
-    def measurements(self) -> list[Measurement]:
+    def measurements(self) -> Sequence[Measurement]:
         """The camera's measurements at the k steps."""
         return self.result.measurements
 

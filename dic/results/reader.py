@@ -13,22 +13,33 @@ import numpy as np
 from dic.calibration.calibration import Calibration
 from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
+from dic.files.lazy import Computed, ComputedMapping
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.strain_parts import UNCERTAINTY_KEYS
 from dic.out_of_plane.two_cameras import TwoCameraStep
+from dic.results.provenance import Provenance
 from dic.results.schema import MEAN_KEYS
 from dic.strain.displacement import Displacement, raw_displacement
 from dic.strain.measurement import Measurement, measure
 from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, MeanStrain, StrainField, StrainSettings
-from dic.typing import Float
+from dic.typing import Float, Mask
 
 NOT_SMOOTHED: dict[str, Any] = {"smoothing_px": 0.0}
 """Settings that files of earlier versions lack."""
 
 
-def read_measurements(series: Any, calibration: Calibration | None) -> list[Measurement]:
-    """Return the measurements of a series from a result file.
+def read_provenance(file: Any) -> Provenance | None:
+    """Return where the results of an open file come from; None for files of earlier versions."""
+    group = file.get("provenance")
+    if group is None:
+        return None
+    inputs = zip(*(map(str, group[name].asstr()[:]) for name in ("file", "sha256")), strict=True)
+    return Provenance(str(group.attrs["command"]), str(group.attrs["versions"]), dict(inputs))
+
+
+def read_measurements(series: Any, calibration: Calibration | None) -> Sequence[Measurement]:
+    """Return the measurements of a series, each of which is read from the open result file when it is used.
 
     The calibrated displacements lack gradients and errors, because result files do not store them.
 
@@ -46,16 +57,19 @@ def read_measurements(series: Any, calibration: Calibration | None) -> list[Meas
     """
     settings = CorrelationSettings(**_attributes(series, CorrelationSettings))
     strain = StrainSettings(**_attributes(series, StrainSettings, "strain_"))
-    return [
-        _read_measurement(series, k, _read_field(series, k, settings), strain, calibration)
-        for k in range(len(series["label"]))
-    ]
+    # Files of earlier versions lack the region.
+    region = series["region"][:].astype(np.bool_) if "region" in series else None
+
+    def read(k: int) -> Measurement:
+        return _read_measurement(series, k, _read_field(series, k, settings, region), strain, calibration)
+
+    return Computed(len(series["label"]), read)
 
 
 def read_corrections(
     group: Any, measurements: Sequence[Measurement], anew: Sequence[Correction] | None = None
-) -> list[Correction]:
-    """Return the corrections of a series from a result file.
+) -> Sequence[Correction]:
+    """Return the corrections of a series, each of which is read from the open file when it is used.
 
     If the corrected values of an image are stored in another group of the file, the returned values are NaN.
 
@@ -69,15 +83,15 @@ def read_corrections(
         The same corrections, computed again. Give these corrections if the file is of an earlier version that
         lacks values.
     """
-    return [
-        _read_correction(group, k, measurement, None if anew is None else anew[k])
-        for k, measurement in enumerate(measurements)
-    ]
+    return Computed(
+        len(measurements),
+        lambda k: _read_correction(group, k, measurements[k], None if anew is None else anew[k]),
+    )
 
 
 def read_two_cameras(
     group: Any, measurements: Mapping[str, Mapping[int, Measurement]]
-) -> tuple[tuple[str, str], dict[int, TwoCameraStep]]:
+) -> tuple[tuple[str, str], Mapping[int, TwoCameraStep]]:
     """Return the results that two cameras give together from a result file.
 
     Parameters
@@ -91,24 +105,26 @@ def read_two_cameras(
     -------
     tuple of str
         Names of the two cameras.
-    dict of int to TwoCameraStep
-        Result of both cameras together for each step, keyed by the step's number.
+    mapping of int to TwoCameraStep
+        Result of both cameras together for each step, keyed by the step's number, read when it is used.
     """
     first, second = map(str, group.attrs["cameras"])
-    indices = [int(index) for index in group["step"]]
-    found = [
-        read_corrections(group[camera], [measurements[camera][index] for index in indices])
-        for camera in (first, second)
-    ]
-    steps = {}
-    for k, (index, one, other) in enumerate(zip(indices, *found, strict=True)):
-        declined = _read_reason(group, k)
+    indices = [int(index) for index in group["step"]] if "step" in group else []
+
+    def of_camera(camera: str) -> Sequence[Correction]:
+        found = Computed(len(indices), lambda k: measurements[camera][indices[k]])
+        return read_corrections(group[camera], found) if indices else []
+
+    ones, others = of_camera(first), of_camera(second)
+
+    def read(k: int) -> TwoCameraStep:
+        both, declined = (ones[k], others[k]), _read_reason(group, k)
         if declined is not None:
-            steps[index] = TwoCameraStep((one, other), declined=declined)
-            continue
+            return TwoCameraStep(both, declined=declined)
         heights = group["heights_mm"][k], group["heights_std_mm"][k]
-        steps[index] = TwoCameraStep((one, other), _read_mean(group["mean"], k), *heights)
-    return (first, second), steps
+        return TwoCameraStep(both, _read_mean(group["mean"], k), *heights)
+
+    return (first, second), ComputedMapping(indices, Computed(len(indices), read))
 
 
 def _read_measurement(
@@ -137,6 +153,7 @@ def _read_measurement(
         calibrated_mean=calibrated_mean,
         stored_strain=_read_strain(series, k),
         by_images=by_images,
+        digest=str(series["sha256"].asstr()[k]) if "sha256" in series else "",
     )
 
 
@@ -181,7 +198,7 @@ def _read_uncertainty(table: Any, k: int) -> dict[str, float] | None:
     return {name: value for name, value in values.items() if np.isfinite(value)} or None
 
 
-def _read_field(series: Any, k: int, settings: CorrelationSettings) -> Field:
+def _read_field(series: Any, k: int, settings: CorrelationSettings, region: Mask | None) -> Field:
     def joined(u: str, v: str, gradient: str) -> Float:
         slopes = np.moveaxis(series[gradient][k], -1, 0)
         return np.stack([series[u][k], *slopes[:2], series[v][k], *slopes[2:]], axis=-1)
@@ -209,6 +226,7 @@ def _read_field(series: Any, k: int, settings: CorrelationSettings) -> Field:
         smoothing_px=float(series["smoothing_px"][k]) if known else 0.0,
         greatest_bias_px=_pair(series["greatest_bias_px"][k]) if known else (0.0, 0.0),
         stored_bias_px=bias,
+        region=region,
     )
 
 

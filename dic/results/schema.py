@@ -7,20 +7,12 @@ from dic.strain.strain import MeanStrain
 FORMAT = "offaxis-results"
 VERSION = 1
 MEAN_KEYS = tuple(field.name for field in fields(MeanStrain))
-PLANE_UNITS = {
-    "slope_x_deg": "deg",
-    "slope_y_deg": "deg",
-    "slope_x_deg_std": "deg",
-    "slope_y_deg_std": "deg",
-    "shift_mm": "mm",
-    "shift_mm_std": "mm",
-}
-"""Units of the slopes and the shift of the specimen's plane that a correction finds.
-
-The names are those of `Correction.as_dict`.
-"""
+PLANE_KEYS = (
+    "slope_x_deg", "slope_y_deg", "slope_x_deg_std", "slope_y_deg_std", "shift_mm", "shift_mm_std"
+)  # fmt: skip
+"""Names, in `Correction.as_dict`, of the slopes and the shift of the specimen's plane."""
 
 
-def strain_units(name: str) -> str:
-    """Return the unit of a value whose name is in `MEAN_KEYS` or `STRAIN_KEYS`."""
-    return "deg" if "_deg" in name else "1"
+def units_of(name: str) -> str:
+    """Return the unit of a number in a result file, which its name tells: "px", "mm", "deg" or "1"."""
+    return next((unit for unit in ("px", "mm", "deg") if f"_{unit}" in name), "1")

@@ -4,7 +4,7 @@
 """
 
 import os
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -17,24 +17,28 @@ from dic.files.writing import replacing
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.strain_parts import UNCERTAINTY_KEYS
 from dic.out_of_plane.two_cameras import TwoCameraStep
-from dic.results.schema import FORMAT, MEAN_KEYS, PLANE_UNITS, VERSION, strain_units
+from dic.results.provenance import Provenance
+from dic.results.schema import FORMAT, MEAN_KEYS, PLANE_KEYS, VERSION, units_of
 from dic.strain.displacement import Displacement
 from dic.strain.measurement import Measurement
 from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, MeanStrain, StrainField
 
 
 class ResultWriter:
-    """A writer that appends measurements to a file one by one. A long series need not fit into memory.
+    """A writer that appends measurements to a file one by one. Its memory does not grow with their number.
 
     Parameters
     ----------
     path : Path
         The file to create. An existing file is replaced only when the new file is complete and holds results.
+    origin : Provenance
+        Where the results come from.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, origin: Provenance) -> None:
         import h5py
 
+        self._origin = origin
         self._place = ExitStack()
         try:
             self._partial = self._place.enter_context(replacing(path))
@@ -58,6 +62,8 @@ class ResultWriter:
     ) -> None:
         empty = len(self._file) == 0
         try:
+            if not empty:
+                _write_provenance(self._file.create_group("provenance"), self._origin)
             self._file.close()
         except BaseException as closing:
             self._place.__exit__(type(closing), closing, closing.__traceback__)
@@ -70,101 +76,59 @@ class ResultWriter:
         """Return the group `name` of the open file; create the group if it does not exist."""
         return self._file.require_group(name)
 
-    def add(self, series: str, measurement: Measurement, place: int | None = None) -> None:
-        """Append a measurement to the group `series` of the file; create this group if it does not exist.
-
-        If `place` is given, the measurement replaces the one with this index.
-        """
-        group = self._file.get(series)
-        if group is None:
-            group = _create_series(self._file.create_group(series), measurement)
-        field, calibrated = measurement.field, measurement.calibrated
-        rows: dict[str, Any] = {
-            "label": measurement.label,
-            "start": field.start,
-            "u_px": field.u_px,
-            "v_px": field.v_px,
-            "gradient": field.gradient,
-            "std_u_px": field.std_u_px,
-            "std_v_px": field.std_v_px,
-            "std_gradient": field.std_gradient,
-            "bias_u_px": field.bias_px[..., 0],
-            "bias_v_px": field.bias_px[..., 1],
-            "smoothing_px": field.smoothing_px,
-            "greatest_bias_px": field.greatest_bias_px,
-            "zncc": field.zncc,
-            "status": field.status,
-            "iterations": field.iterations,
-            "updates": field.updates,
-        }
-        rows |= _strain_rows(measurement.strain) | _mean_rows(measurement.raw_mean, "raw_mean/")
-        if calibrated is not None and measurement.calibrated_mean is not None:
-            rows |= _displacement_rows(calibrated)
-            rows |= _mean_rows(measurement.calibrated_mean, "calibrated_mean/")
-            parts = measurement.images_std.items()
-            rows |= {f"calibrated_mean/{name}": np.nan if v is None else v for name, v in parts}
-        n = len(group["label"]) if place is None else place
-        for name, value in rows.items():
-            dataset = group[name]
-            if place is None:
-                dataset.resize(n + 1, axis=0)
-            dataset[n] = value
-
-    def add_corrections(
-        self, place: str, corrections: Sequence[Correction], elsewhere: Collection[int] = ()
+    def add(
+        self,
+        place: str,
+        measurement: Measurement,
+        correction: Correction | None = None,
+        *,
+        elsewhere: bool = False,
     ) -> None:
-        """Write the corrections of all images of a series.
+        """Append a measurement to a series; create the series if it does not exist.
 
         Parameters
         ----------
         place : str
-            Name of the group of the file that receives the corrections.
-        corrections : sequence of Correction
-            The corrections in the order of the images.
-        elsewhere : collection of int
-            Indices of the images whose corrected displacements and strains are stored in another group.
-            Corrected displacements and strains are not stored twice, because they take most of the space in
-            the file.
+            Name of the group of the file that holds the series.
+        measurement : Measurement
+        correction : Correction, optional
+            The correction of the measurement. Give one for all images of a series, or for none.
+        elsewhere : bool
+            True if the corrected displacements and strains are stored in another group of the file. They are
+            not stored twice, because they take most of the space in the file.
         """
-        group = self._file.require_group(place)
-        _write_correction_table(group.create_group("corrected_mean"), corrections)
-        applied = [k for k, correction in enumerate(corrections) if correction.declined is None]
-        if not applied:
-            return
-        local = group.create_group("corrected")
-        # All images of a series have the same points, so their reference positions are stored once.
-        position = corrections[applied[0]].displacement.position
-        _create_displacement(local, position, len(corrections))
-        _create_strain(local, position.shape[:2], len(corrections), strain=corrections[applied[0]].strain)
-        for k in sorted({*applied} - {*elsewhere}):
-            rows = _displacement_rows(corrections[k].displacement) | _strain_rows(corrections[k].strain)
-            for name, value in rows.items():
-                local[name][k] = value
+        group = self._file.get(place)
+        if group is None:
+            group = _create_series(self._file.create_group(place), measurement)
+        n = len(group["label"]) if "label" in group else 0
+        _append(group, n, _measured_rows(measurement))
+        if correction is not None:
+            _append_correction(group, n, correction, elsewhere=elsewhere)
 
-    def add_two_cameras(self, place: str, cameras: tuple[str, str], steps: dict[int, TwoCameraStep]) -> None:
-        """Write the results that two cameras give together into the group `place`.
-
-        The dict `steps` holds the result of both cameras together for each step, keyed by the step's number.
-        """
-        group, found = self._file.require_group(place), list(steps.values())
+    def add_two_cameras(self, place: str, cameras: tuple[str, str], index: int, found: TwoCameraStep) -> None:
+        """Append the results that two cameras give together for a step; `index` is the step's number."""
+        group = self.group(place)
         group.attrs["cameras"] = list(cameras)
-        _write(group, "step", "1", np.array(list(steps), np.int64))
-        _write_means(group.create_group("mean"), [step.mean for step in found])
-        _write_reasons(group, [step.declined for step in found])
-        maps = [step.heights_mm for step in found if step.heights_mm is not None]
-        for name in ("heights_mm", "heights_std_mm") if maps else ():
-            dataset = _rows(group, name, "mm", maps[0].shape, len(found))
-            for k, step in enumerate(found):
-                if getattr(step, name) is not None:
-                    dataset[k] = getattr(step, name)
-        for k, camera in enumerate(cameras):
-            self.add_corrections(f"{place}/{camera}", [step.corrections[k] for step in found])
+        n = len(group["step"]) if "step" in group else 0
+        _append(group, n, {"step": np.int64(index)} | _reason_rows(found.declined))
+        _append(group, n, _mean_rows(found.mean, "mean/"))
+        for name in ("heights_mm", "heights_std_mm"):
+            if getattr(found, name) is not None:
+                _append(group, n, {name: getattr(found, name)})
+        for camera, correction in zip(cameras, found.corrections, strict=True):
+            _append_correction(group.require_group(camera), n, correction)
+
+
+def _write_provenance(group: Any, origin: Provenance) -> None:
+    import h5py
+
+    group.attrs.update({"command": origin.command, "versions": origin.versions})
+    for name, values in (("file", origin.inputs.keys()), ("sha256", origin.inputs.values())):
+        group.create_dataset(name, data=list(values), dtype=h5py.string_dtype())
 
 
 def _create_series(group: Any, measurement: Measurement) -> Any:
-    """Write the values that all images of a series share; create empty datasets for the other values."""
-    import h5py
-
+    """Write the values that all images of a series share."""
     group.attrs.update(vars(measurement.settings))
     strain = measurement.strain_settings
     group.attrs.update({f"strain_{name}": value for name, value in vars(strain).items()})
@@ -172,52 +136,60 @@ def _create_series(group: Any, measurement: Measurement) -> Any:
     if measurement.gauge_mm is not None:
         group.attrs["strain_gauge_mm"] = measurement.gauge_mm
     field = measurement.field
-    shape = field.status.shape
-    _write(group, "x_px", "px", field.x_px)
-    _write(group, "y_px", "px", field.y_px)
-    _write(group, "active", "1", field.active.astype(np.uint8))
-    for name in ("label", "start"):
-        _rows(group, name, "", dtype=h5py.string_dtype())
-    for name, units in (("u_px", "px"), ("v_px", "px"), ("zncc", "1")):
-        _rows(group, name, units, shape)
-    _rows(group, "gradient", "1", (*shape, 4))
-    _rows(group, "std_u_px", "px", shape)
-    _rows(group, "std_v_px", "px", shape)
-    _rows(group, "std_gradient", "1", (*shape, 4))
-    _rows(group, "bias_u_px", "px", shape)
-    _rows(group, "bias_v_px", "px", shape)
-    _rows(group, "smoothing_px", "px")
-    _rows(group, "greatest_bias_px", "px", (2,))
-    _rows(group, "status", "1", shape, dtype="u1")
-    _rows(group, "iterations", "1", shape, dtype="u2")
-    _rows(group, "updates", "1", dtype="u2")
-    _create_strain(group, shape, strain=measurement.strain)
-    _create_means(group.create_group("raw_mean"))
+    _write(group, "x_px", field.x_px)
+    _write(group, "y_px", field.y_px)
+    _write(group, "active", field.active.astype(np.uint8))
+    if field.region is not None:
+        region = group.create_dataset("region", data=field.region.astype(np.uint8), compression="gzip")
+        region.attrs["units"] = "1"
     if measurement.calibrated is not None:
-        _create_displacement(group, measurement.calibrated.position)
-        mean = group.create_group("calibrated_mean")
-        _create_means(mean)
-        for name in measurement.images_std:
-            _rows(mean, name, strain_units(name))
+        _write_position(group, measurement.calibrated)
     return group
 
 
-def _create_strain(group: Any, shape: tuple[int, ...], n: int = 0, *, strain: StrainField) -> None:
-    for name in _strain_rows(strain):
-        _rows(group, name, strain_units(name), shape, n)
+def _measured_rows(measurement: Measurement) -> dict[str, Any]:
+    field, calibrated = measurement.field, measurement.calibrated
+    rows: dict[str, Any] = {
+        "label": measurement.label,
+        "start": field.start,
+        "sha256": measurement.digest,
+        "u_px": field.u_px,
+        "v_px": field.v_px,
+        "gradient": field.gradient,
+        "std_u_px": field.std_u_px,
+        "std_v_px": field.std_v_px,
+        "std_gradient": field.std_gradient,
+        "bias_u_px": field.bias_px[..., 0],
+        "bias_v_px": field.bias_px[..., 1],
+        "smoothing_px": field.smoothing_px,
+        "greatest_bias_px": np.array(field.greatest_bias_px),
+        "zncc": field.zncc,
+        "status": field.status.astype(np.uint8),
+        "iterations": field.iterations.astype(np.uint16),
+        "updates": np.uint16(field.updates),
+    }
+    rows |= _strain_rows(measurement.strain) | _mean_rows(measurement.raw_mean, "raw_mean/")
+    if calibrated is not None and measurement.calibrated_mean is not None:
+        rows |= _displacement_rows(calibrated)
+        rows |= _mean_rows(measurement.calibrated_mean, "calibrated_mean/")
+        rows |= _known_rows(measurement.images_std, "calibrated_mean/")
+    return rows
 
 
-def _create_displacement(group: Any, position: Any, n: int = 0) -> None:
-    for k, axis in enumerate("XY"):
-        _write(group, f"{axis}_mm", "mm", position[..., k])
-    for name in ("U_mm", "V_mm"):
-        _rows(group, name, "mm", position.shape[:2], n)
-    _rows(group, "valid", "1", position.shape[:2], n, "u1")
-
-
-def _create_means(group: Any) -> None:
-    for name in MEAN_KEYS:
-        _rows(group, name, strain_units(name), dtype="i8" if name == "points" else "f8")
+def _append_correction(group: Any, n: int, correction: Correction, *, elsewhere: bool = False) -> None:
+    """Write the correction of the image with the index `n` of a series."""
+    summary, means = correction.as_dict(), group.require_group("corrected_mean")
+    table = _mean_rows(correction.mean) | _reason_rows(correction.declined) | {"method": correction.method}
+    table |= _known_rows({name: summary.get(name) for name in PLANE_KEYS})
+    # The parts that no image of the series has are left out.
+    parts = [name for name in UNCERTAINTY_KEYS if name in summary or name in means]
+    _append(means, n, table | _known_rows({name: summary.get(name) for name in parts}))
+    if correction.declined is None:
+        if "corrected" not in group:
+            # All images of a series have the same points, so their reference positions are stored once.
+            _write_position(group.create_group("corrected"), correction.displacement)
+        rows = _displacement_rows(correction.displacement) | _strain_rows(correction.strain)
+        _append(group["corrected"], n, rows, write=not elsewhere)
 
 
 def _strain_rows(strain: StrainField) -> dict[str, Any]:
@@ -226,67 +198,60 @@ def _strain_rows(strain: StrainField) -> dict[str, Any]:
     return {name: getattr(strain, name) for name in STRAIN_KEYS} | known
 
 
-def _mean_rows(mean: MeanStrain, place: str) -> dict[str, Any]:
-    return {f"{place}{name}": getattr(mean, name) for name in MEAN_KEYS}
+def _mean_rows(mean: MeanStrain | None, place: str = "") -> dict[str, Any]:
+    values = dict.fromkeys(MEAN_KEYS, np.nan) | {"points": 0} if mean is None else vars(mean)
+    return {f"{place}{name}": values[name] for name in MEAN_KEYS}
+
+
+def _reason_rows(declined: str | None) -> dict[str, Any]:
+    return {"applied": np.uint8(declined is None), "reason": declined or ""}
+
+
+def _known_rows(values: Mapping[str, float | None], place: str = "") -> dict[str, float]:
+    return {f"{place}{name}": np.nan if value is None else value for name, value in values.items()}
 
 
 def _displacement_rows(displacement: Displacement) -> dict[str, Any]:
     vector = displacement.vector
-    return {"U_mm": vector[..., 0], "V_mm": vector[..., 1], "valid": displacement.valid}
+    return {"U_mm": vector[..., 0], "V_mm": vector[..., 1], "valid": displacement.valid.astype(np.uint8)}
 
 
-def _write_correction_table(group: Any, corrections: Sequence[Correction]) -> None:
-    import h5py
-
-    _write_means(group, [correction.mean for correction in corrections])
-    summaries = [correction.as_dict() for correction in corrections]
-    for name, units in PLANE_UNITS.items():
-        values = [summary.get(name) for summary in summaries]
-        _write(group, name, units, np.array([np.nan if v is None else v for v in values], np.float64))
-    for name in UNCERTAINTY_KEYS:
-        values = [summary.get(name) for summary in summaries]
-        if any(value is not None for value in values):
-            _write(group, name, "1", np.array([np.nan if v is None else v for v in values], np.float64))
-    methods = [correction.method for correction in corrections]
-    group.create_dataset("method", data=methods, dtype=h5py.string_dtype())
-    _write_reasons(group, [correction.declined for correction in corrections])
+def _write_position(group: Any, displacement: Displacement) -> None:
+    for k, axis in enumerate("XY"):
+        _write(group, f"{axis}_mm", displacement.position[..., k])
 
 
-def _write_means(group: Any, means: Sequence[MeanStrain | None]) -> None:
-    for name in MEAN_KEYS:
-        dtype, unknown = (np.int64, 0) if name == "points" else (np.float64, np.nan)
-        values = [unknown if mean is None else getattr(mean, name) for mean in means]
-        _write(group, name, strain_units(name), np.array(values, dtype))
+def _append(group: Any, n: int, rows: Mapping[str, Any], *, write: bool = True) -> None:
+    """Write the row `n` of datasets, which are created where they are missing.
 
-
-def _write_reasons(group: Any, declined: Iterable[str | None]) -> None:
-    import h5py
-
-    reasons = list(declined)
-    _write(group, "applied", "1", np.array([reason is None for reason in reasons], np.uint8))
-    group.create_dataset("reason", data=[reason or "" for reason in reasons], dtype=h5py.string_dtype())
-
-
-def _write(group: Any, name: str, units: str, data: Any) -> None:
-    group[name] = data
-    group[name].attrs["units"] = units
-
-
-def _rows(
-    group: Any, name: str, units: str, shape: tuple[int, ...] = (), n: int = 0, dtype: Any = "f8"
-) -> Any:
-    """Create a dataset of `n` rows, to which more rows can be added.
-
-    Rows of numbers of type "f8" are NaN until they are written. Unwritten rows take no space in the file.
+    Rows that are not written are NaN, 0 or "", and take no space in the file.
     """
+    for name, value in rows.items():
+        dataset = group[name] if name in group else _create_rows(group, name, value)
+        dataset.resize(n + 1, axis=0)
+        if write:
+            dataset[n] = value
+
+
+def _create_rows(group: Any, name: str, value: Any) -> Any:
+    """Create a dataset without rows, to which rows like `value` can be added."""
+    import h5py
+
+    text = isinstance(value, str)
+    dtype, shape = (h5py.string_dtype(), ()) if text else (np.asarray(value).dtype, np.shape(value))
     dataset = group.create_dataset(
         name,
-        (n, *shape),
+        (0, *shape),
         dtype,
         maxshape=(None, *shape),
         chunks=(1 if shape else 256, *shape),
-        fillvalue=np.nan if dtype == "f8" else None,
+        fillvalue=np.nan if not text and dtype.kind == "f" else None,
     )
-    if units:
-        dataset.attrs["units"] = units
+    if not text:
+        dataset.attrs["units"] = units_of(name)
     return dataset
+
+
+def _write(group: Any, name: str, data: Any) -> None:
+    group[name] = data
+    group[name].attrs["units"] = units_of(name)

@@ -69,6 +69,11 @@ def frame_digest(image: NDArray[Any]) -> str:
     return hashlib.sha256(np.ascontiguousarray(image, little).data).hexdigest()
 
 
+def joined_digest(digests: Iterable[str]) -> str:
+    """Return the digest of several digests, such as those of the frames of a step."""
+    return hashlib.sha256("".join(digests).encode()).hexdigest()
+
+
 def file_digest(path: Path, pixels: Iterable[tuple[int, int]]) -> str:
     """Return the SHA-256 digest of all bytes after the user block, except the pixels of given images.
 

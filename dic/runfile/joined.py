@@ -76,6 +76,10 @@ class JoinedRun(RunFile):
         """Return the mean of a camera's frames at a step: grey levels, shape (height, width)."""
         return super().image(camera, step) if self._is_own(step) else self.earlier.image(camera, step)
 
+    def digest(self, camera: str, step: RunStep) -> str:
+        """Return a SHA-256 that identifies a camera's frames at a step."""
+        return super().digest(camera, step) if self._is_own(step) else self.earlier.digest(camera, step)
+
     def _is_own(self, step: RunStep) -> bool:
         return any(step is own for own in self.own_steps)
 

@@ -3,7 +3,6 @@
 The module `schema` defines the layout of the file.
 """
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self, get_args
@@ -15,11 +14,12 @@ from dic.errors import RunFileError
 from dic.hdf5.open import NotReadable, open_hdf5
 from dic.runfile import schema, superblock
 from dic.runfile.chunks import pixel_places
-from dic.runfile.digests import BLOCK_BYTES, file_digest, frame_digest, read_user_block
+from dic.runfile.digests import BLOCK_BYTES, file_digest, frame_digest, joined_digest, read_user_block
 from dic.runfile.interlocks import RANGE, read_interlocks
 from dic.runfile.layout import Unlike, camera_names, require_layout
 from dic.runfile.mounting import read_mounting
 from dic.runfile.settings import Setting, settings_of
+from dic.runfile.values import read_object, read_scalars, read_text
 
 
 @dataclass(frozen=True)
@@ -158,6 +158,23 @@ class RunFile:
             raise self._damaged(f"damaged images of {camera} at step {step.index}") from error
         return np.asarray(frames.mean(axis=0, dtype=np.float64), np.float32)
 
+    def digest(self, camera: str, step: RunStep) -> str:
+        """Return a SHA-256 over the digests of a camera's frames at a step.
+
+        Raises
+        ------
+        RunFileError
+            If a frame of the step is missing or damaged.
+        """
+        group, rows = self._detectors[camera], self.rows(camera, step)
+        # Files of earlier programs have HDF5's own checksums instead of digests.
+        if schema.DIGEST.name not in group:
+            return frame_digest(self.image(camera, step))
+        try:
+            return joined_digest(read_text(group[schema.DIGEST.name], row) for row in rows)
+        except _UNREADABLE as error:
+            raise self._damaged(f"damaged digests of {camera} at step {step.index}") from error
+
     def rows(self, camera: str, step: RunStep) -> range:
         """Return the row numbers of the frames that a camera took at a step."""
         return self._rows[camera][self.steps.index(step)]
@@ -225,7 +242,11 @@ class RunFile:
         """
         group = self._group_of(device)
         try:
-            return _object(_text(group[schema.SETTINGS.name])) or {} if schema.SETTINGS.name in group else {}
+            return (
+                read_object(read_text(group[schema.SETTINGS.name])) or {}
+                if schema.SETTINGS.name in group
+                else {}
+            )
         except _UNREADABLE as error:
             raise self._damaged(f"damaged settings of {device}") from error
 
@@ -256,7 +277,7 @@ class RunFile:
         group = self._detectors[camera]
         frame: NDArray[Any] = group[schema.PIXELS][row]
         # Files of earlier programs have HDF5's own checksums instead of digests.
-        if schema.DIGEST.name in group and _text(group[schema.DIGEST.name], row) != frame_digest(frame):
+        if schema.DIGEST.name in group and read_text(group[schema.DIGEST.name], row) != frame_digest(frame):
             raise ValueError("a frame with a wrong digest")
         return frame
 
@@ -295,10 +316,10 @@ class RunFile:
             raise self._damaged(f"version {attributes['file_format_version']}, newer than this program")
         require_layout(self._file)
         entry = self._file["entry"]
-        run, sample = _scalars(entry, schema.ENTRY), _scalars(entry["sample"], schema.SAMPLE)
+        run, sample = read_scalars(entry, schema.ENTRY), read_scalars(entry["sample"], schema.SAMPLE)
         # Files of earlier programs have no provenance.
         run.pop(schema.PROVENANCE.name, None)
-        self.continues = _object(str(run.pop(schema.CONTINUES.name, "")))
+        self.continues = read_object(str(run.pop(schema.CONTINUES.name, "")))
         # No caller needs the end time. The status tells whether a run has ended.
         del run["end_time"]
         simulated = bool(entry.attrs["simulated"])
@@ -312,9 +333,9 @@ class RunFile:
             raise Unlike(f"a grid of {lines[0]} x {lines[1]} lines every {self.grid_pitch_mm:g} mm")
         # Files of earlier programs have line grids only.
         if schema.TARGET[0].name in entry["grid"]:
-            self.grid_target = _text(entry["grid"]["target"])
+            self.grid_target = read_text(entry["grid"]["target"])
             self.grid_marker_mm = float(entry["grid"]["marker_mm"][()])
-            self.grid_dictionary = _text(entry["grid"]["dictionary"])
+            self.grid_dictionary = read_text(entry["grid"]["dictionary"])
         self.mounting = read_mounting(self._file)
         self._detectors = entry["instrument"]
         self.cameras = camera_names(self._file)
@@ -370,26 +391,3 @@ _UNREADABLE = (
 _KINDS = frozenset(get_args(schema.StepKind))
 _STATUSES = frozenset(get_args(schema.RunStatus))
 _LINES_MAX = 1000
-
-
-def _scalars(group: Any, layout: schema.Group) -> dict[str, Any]:
-    """Return the single values of a group as a dict: texts as str, numbers as float."""
-    return {
-        item.name: float(group[item.name][()]) if item.text_bytes is None else _text(group[item.name])
-        for item in layout.items
-        if item not in schema.LATER or item.name in group
-    }
-
-
-def _object(text: str) -> dict[str, Any] | None:
-    """Return a JSON object; None for an empty text."""
-    if not text:
-        return None
-    found = json.loads(text)
-    if not isinstance(found, dict):
-        raise Unlike("an earlier run that is no JSON object")
-    return found
-
-
-def _text(dataset: Any, place: int | tuple[()] = ()) -> str:
-    return str(bytes(dataset[place]).rstrip(b"\0").decode())

@@ -13,7 +13,11 @@ FORCE = click.option("--force", is_flag=True, help="Replace output files that ex
 
 
 def require_places(
-    inputs: Iterable[Path | None], outputs: Iterable[Path | None], *, force: bool = False
+    inputs: Iterable[Path | None],
+    outputs: Iterable[Path | None],
+    *,
+    force: bool = False,
+    replaceable: Iterable[Path] = (),
 ) -> None:
     """Raise an error if an output file cannot be created, or would replace an input, another output or
     earlier results.
@@ -25,19 +29,22 @@ def require_places(
         option.
     force : bool
         True if existing files may be replaced. Folders, devices, pipes and inputs are never replaced.
+    replaceable : iterable of path
+        Existing files that may be replaced in any case: those of the same work, which was interrupted.
 
     Raises
     ------
     OutputError
         If an output file cannot be used. The message names the first such file.
     """
+    own = {_resolved(path) for path in replaceable}
     taken = {_resolved(path): "one that is read" for path in inputs if path is not None}
     for path in outputs:
         if path is None:
             continue
         place = _resolved(path)
         got, remedy = taken.get(place) or _obstacle(place), "name another place"
-        if got is None and place.exists() and not force:
+        if got is None and place.exists() and not force and place not in own:
             got, remedy = "one that exists", "name another place, or replace it with --force"
         if got is not None:
             raise OutputError(

@@ -65,6 +65,8 @@ class Measurement:
     shared : ndarray, shape (3, 3), or None
         Covariance of the errors of exx, eyy, exy that all points of the calibrated strain share: the errors
         of the calibration and of motion out of the grid's plane. None if these errors are not known yet.
+    digest : str
+        SHA-256 of the image's file or frames; "" if it is not known.
     """
 
     label: str
@@ -79,6 +81,7 @@ class Measurement:
     stored_strain: StrainField | None = None
     by_images: MeanStrain | None = None
     shared: Float | None = None
+    digest: str = ""
 
     def __repr__(self) -> str:
         return f"Measurement({self.label!r}, {self.field}, {self.mean})"

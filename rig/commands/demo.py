@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rig import Aborted, RigError, run_protocol
 
 if TYPE_CHECKING:
-    from dic.pipeline.run import RunResult
+    from dic.pipeline.run_result import RunResult
 
 EXPERIMENTS = {
     "tension": ("tension.toml", "rig-virtual-tension.toml"),
@@ -123,10 +123,8 @@ def _make_folder(folder: Path) -> None:
 
 def _measure(name: str, demo: Demo, say: Callable[[str], None]) -> "RunResult":
     from dic.pipeline.run import process_run
-    from dic.pipeline.run_result_file import save_run_result
 
-    result = process_run(demo.runs[name])
-    save_run_result(result, demo.results[name])
+    result = process_run(demo.runs[name], output=demo.results[name])
     images = sum(len(camera.measurements) for camera in result.cameras)
     say(f"{name}: measured {images} images into {demo.results[name]}")
     return result

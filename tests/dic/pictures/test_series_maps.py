@@ -18,11 +18,11 @@ def pictures(tmp_path):
 
     def draw(*added, settings=SETTINGS):
         files = [tmp_path / f"{number}.png" for number in range(3)]
-        with SeriesMaps(GREY, MapFiles(files, {"exx": tmp_path / "sheet.png"}), settings) as maps:
-            for number, strain in added:
-                maps.add(number, "", dic.measure(stretched(strain)), None)
-            left = maps.pictures_left
-            maps.draw()
+        maps = SeriesMaps(GREY, MapFiles(files, {"exx": tmp_path / "sheet.png"}), settings)
+        for number, strain in added:
+            maps.add(number, "", dic.measure(stretched(strain)), None)
+        left = maps.pictures_left
+        maps.draw()
         drawn = [cv2.imread(str(file)) for file in files if file.exists()]
         assert left == len(drawn) * (settings.scale == "series") + 1
         return drawn

@@ -1,7 +1,5 @@
 """`dic process` takes the mounting from the run file: rendered images of a specimen behind a grid plate."""
 
-from dataclasses import replace
-
 import h5py
 import numpy as np
 import pytest
@@ -10,49 +8,25 @@ from dic.correlation.settings import CorrelationSettings
 from dic.errors import CalibrationError
 from dic.pipeline.run import process_run
 from dic.pipeline.run_corrections import CorrectionSettings
-from drivers.interfaces import CameraInfo, DeviceInfo, Frame
-from rig.mounting import Mounting
-from rig.protocol.grid import Grid
-from rig.protocol.step import ProtocolStep, Reading
-from rig.recorder import Recorder, StepRecord
-from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
-from simulators.scene.render import render
-from simulators.scene.scene import Surface
-from simulators.scene.sensor import Sensor
-from simulators.scene.texture import LineGrid, Speckle
 from tests.command_line import run_dic
-from tests.run_files import HEADER, START
+from tests.dic.pipeline.rendered_run import slid, write_rendered_run
 
-SIDE_PX, PITCH_MM, PLATE_MM, SLIDE_MM = 420, 0.35, 1.0, 0.3
-CAMERA = PinholeCamera(SIDE_PX, SIDE_PX, 2000.0, tilt_deg=30.0)
-SENSOR = Sensor(8, 32_500.0, 20.0, 12_000.0)
+PLATE_MM, SLIDE_MM = 1.0, 0.3
 COARSE = CorrelationSettings(step_px=30, shape="quadratic")
 
 
 @pytest.fixture(scope="module")
 def run_file(tmp_path_factory):
     """A specimen slides in its plane, 1 mm behind the lines of the grid."""
-    rng, texture = np.random.default_rng(3), Speckle.sprayed(11)
-    lines = LineGrid(pitch_mm=PITCH_MM, overhang_mm=0.05, plate_half_mm=4.2)
-    surfaces = {
-        "grid": Surface(lines, Pose.sloped(0.0, 0.0, PLATE_MM)),
-        "reference": Surface(texture),
-        "load": Surface(texture, Pose(np.eye(3), np.array([0.0, SLIDE_MM, 0.0]))),
-    }
-    path = tmp_path_factory.mktemp("run") / "run.h5"
-    mounting = Mounting(plate_mm=PLATE_MM, tilt_axis_mm=[0.0, -30.0], shift_std_um=3.0)
-    header = replace(HEADER, grid=Grid(pitch_mm=PITCH_MM), mounting=mounting)
-    info = CameraInfo("v", "m", "s", width_px=SIDE_PX, height_px=SIDE_PX, bits=8)
-    recorder = Recorder(path, header, {"aside": info}, load_frame=DeviceInfo("v", "m", "s"))
-    for index, (kind, surface) in enumerate(surfaces.items()):
-        image = SENSOR.expose(render(CAMERA, surface), 10_000.0, 1.0, rng)
-        frame = Frame(image, float(index), index + 0.1, START, index, 0, 900.0, 1.0)
-        step = ProtocolStep(index, kind, 1000.0 if kind == "load" else np.nan)
-        frames = {"aside": (recorder.frame("aside", frame), 1)}
-        recorder.step(StepRecord(step, Reading(float(index), 1000.0), frames)).result(20)
-    recorder.close("completed", "", START)
-    return path
+    return write_rendered_run(
+        tmp_path_factory.mktemp("run") / "run.h5",
+        [slid(SLIDE_MM)],
+        grid_pose=Pose.sloped(0.0, 0.0, PLATE_MM),
+        plate_mm=PLATE_MM,
+        tilt_axis_mm=[0.0, -30.0],
+        shift_std_um=3.0,
+    )
 
 
 def slide_mm(result):

@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,8 @@ from dic.errors import RunFileError
 from dic.pictures.panels import maps_of
 from dic.pictures.settings import MapSettings
 from dic.pipeline.camera_result import CameraResult
-from dic.pipeline.run import RunResult
-from dic.pipeline.run_corrections import CorrectionSettings, correct_run, stated_camera
+from dic.pipeline.run_corrections import CorrectionSettings, RunCorrector, correct_run
+from dic.pipeline.run_result import RunResult
 from dic.pipeline.run_result_file import load_run_result, save_run_result
 from dic.runfile.reader import RunStep
 from dic.strain.strain import STRAIN_KEYS
@@ -43,8 +44,13 @@ def run_of(steps: list[RunStep], aside: list[State], straight: list[State]) -> R
             CameraResult(name, calibration, reference, steps, measured, [f"{name}: step 9 failed"])
         )
     settings = CorrectionSettings(0.3)
-    corrections = correct_run(cameras, settings)
-    cameras = [stated_camera(camera, corrections) for camera in cameras]
+    corrector = RunCorrector(cameras, settings)
+    found = list(corrector.steps())
+    corrections = corrector.corrections(found)
+    cameras = [
+        replace(camera, measurements=[step.measurements[camera.camera] for step in found])
+        for camera in cameras
+    ]
     return RunResult("run.h5", INFO, ASIDE.settings, settings, cameras, corrections)
 
 

@@ -3,7 +3,7 @@
 from html.parser import HTMLParser
 from pathlib import Path
 
-from dic.pipeline.run import RunResult
+from dic.pipeline.run_result import RunResult
 from dic.report import write_report
 
 _VOID = {"meta", "img", "br", "link", "hr", "input"}

@@ -15,8 +15,8 @@ from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.two_cameras import TwoCameraStep
 from dic.pipeline.camera_result import CameraResult
-from dic.pipeline.run import RunResult
 from dic.pipeline.run_corrections import CorrectionSettings, JointCorrections, RunCorrections
+from dic.pipeline.run_result import RunResult
 from dic.runfile.reader import RunInfo, RunStep
 from dic.strain.measurement import Measurement, measure
 from dic.targets.points import GridPoints

@@ -1,0 +1,88 @@
+"""Sequences whose elements are not kept in memory: they are computed, or read from a temporary file."""
+
+import pickle
+import tempfile
+import weakref
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, Generic, TypeVar, overload
+
+Key = TypeVar("Key")
+Item = TypeVar("Item")
+
+
+class Computed(Sequence[Item]):
+    """A sequence whose elements a function returns when they are used; only the last one is kept in memory.
+
+    Parameters
+    ----------
+    count : int
+        Number of elements.
+    element : callable
+        Function that returns the element with the given index, from 0.
+    """
+
+    def __init__(self, count: int, element: Callable[[int], Item]) -> None:
+        self._count, self._element = count, element
+        self._last: tuple[int, Item] | None = None
+
+    def __len__(self) -> int:
+        return self._count
+
+    @overload
+    def __getitem__(self, index: int) -> Item: ...
+    @overload
+    def __getitem__(self, index: slice) -> "Computed[Item]": ...
+    def __getitem__(self, index: int | slice) -> "Item | Computed[Item]":
+        chosen = range(self._count)[index]
+        if isinstance(chosen, range):
+            return Computed(len(chosen), lambda k: self[chosen[k]])
+        last = self._last
+        if last is None or last[0] != chosen:
+            last = self._last = chosen, self._element(chosen)
+        return last[1]
+
+
+class ComputedMapping(Mapping[Key, Item]):
+    """A mapping whose values are the elements of a sequence, which may be computed."""
+
+    def __init__(self, keys: Iterable[Key], values: Sequence[Item]) -> None:
+        self._places = {key: place for place, key in enumerate(keys)}
+        self._values = values
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def __iter__(self) -> Iterator[Key]:
+        return iter(self._places)
+
+    def __getitem__(self, key: Key) -> Item:
+        return self._values[self._places[key]]
+
+
+class Spool(Generic[Item]):
+    """Numbered items in a temporary file. Memory does not grow with the size of the items.
+
+    The file has no name, and disappears with the object.
+    """
+
+    def __init__(self) -> None:
+        self._file: Any = tempfile.TemporaryFile()  # noqa: SIM115
+        self._places: dict[int, int] = {}
+        weakref.finalize(self, self._file.close)
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def __getitem__(self, number: int) -> Item:
+        self._file.seek(self._places[number])
+        found: Item = pickle.load(self._file)  # the file is this program's own, and has no name
+        return found
+
+    def __iter__(self) -> Iterator[Item]:
+        """Yield the items in the order of their numbers."""
+        return (self[number] for number in sorted(self._places))
+
+    def put(self, number: int, item: Item) -> None:
+        """Write an item. It replaces an earlier item with the same number."""
+        self._places[number] = self._file.seek(0, 2)
+        pickle.dump(item, self._file)

@@ -1,0 +1,52 @@
+"""A lock on a file, which the operating system releases when the program ends, however it ends."""
+
+import errno
+import os
+import sys
+from pathlib import Path
+
+_TAKEN = {errno.EACCES, errno.EAGAIN, errno.EDEADLK}
+
+
+def lock_file(path: Path) -> int:
+    """Lock a file, which is created if it does not exist, until the returned descriptor is closed.
+
+    Systems and file systems without locks give no protection.
+
+    Raises
+    ------
+    BlockingIOError
+        If another program holds the lock.
+    OSError
+        If the file cannot be opened.
+    """
+    while True:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            _lock(descriptor)
+            # The program that held the lock before may have removed the file meanwhile.
+            if path.exists() and os.path.samestat(os.fstat(descriptor), path.stat()):
+                return descriptor
+        except BaseException:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)
+
+
+def _lock(descriptor: int) -> None:
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except ImportError:
+        return
+    except OSError as error:
+        if error.errno in _TAKEN:
+            raise BlockingIOError(error.errno, "locked by another program") from error
+        if error.errno not in {errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS}:
+            raise

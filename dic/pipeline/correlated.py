@@ -1,0 +1,124 @@
+"""The correlation of a series of images, one by one, which goes on after images that are finished already."""
+
+import hashlib
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dic.correlation.series import Series
+from dic.errors import MeasurementError
+from dic.image.given import name_of
+from dic.image.pages import split_page
+from dic.results.provenance import file_digest, versions
+from dic.results.unfinished import FinishedImage, FinishedImages
+from dic.typing import Float, ImageLike
+
+UNREADABLE = "unreadable"
+"""In place of the digest of an image that cannot be read."""
+
+
+@dataclass(frozen=True)
+class SeriesImage:
+    """An image of a series, with its name and the expected motion of the specimen in the image.
+
+    Attributes
+    ----------
+    image : ndarray, shape (height, width), or path, or callable
+        A function without arguments returns the image when it is needed.
+    label : str
+        Name of the image in results.
+    hint : ndarray, shape (3, 3), optional
+        Expected homography from the reference image to this image, for example from `rigid_motion`.
+    digest : str
+        SHA-256 of the image's file or frames; "" if it is not known.
+    """
+
+    image: ImageLike | Callable[[], ImageLike]
+    label: str
+    hint: Float | None = None
+    digest: str = ""
+
+    def read(self) -> ImageLike:
+        """Return the image, or its path."""
+        return self.image() if callable(self.image) else self.image
+
+
+def correlate_series(
+    series: Series,
+    images: Iterable[ImageLike | SeriesImage],
+    finished: FinishedImages | None = None,
+) -> Iterator[FinishedImage]:
+    """Correlate the images of a series one by one, when the caller asks for the next result.
+
+    No image and no field stays in memory, except for the data that `Series` needs.
+
+    Parameters
+    ----------
+    series : Series
+    images : iterable of ndarray, path or SeriesImage
+    finished : FinishedImages, optional
+        The images that were finished before. They are not correlated again. Each further image is added. All
+        images must have digests.
+    """
+    going_on = finished is not None
+    for number, given in enumerate(images, 1):
+        image = given
+        if not isinstance(image, SeriesImage):
+            image = SeriesImage(image, name_of(image, f"image {number}"))
+        outcome = FinishedImage(image.label, image.digest)
+        key = outcome.key(image.hint)
+        if finished is not None and going_on:
+            found = finished.find(number, key, series.region)
+            if found is not None:
+                if found.fields is not None:
+                    series.accept(image.read, found.fields)
+                yield found
+                continue
+            going_on = False
+        outcome = _correlated(series, image)
+        if finished is not None:
+            finished.write(number, key, outcome)
+        yield outcome
+
+
+def _correlated(series: Series, image: SeriesImage) -> FinishedImage:
+    try:
+        fields = series.correlate_fields(image.read(), hint=image.hint)
+    except MeasurementError as error:
+        return FinishedImage(image.label, image.digest, failure=str(error))
+    return FinishedImage(image.label, image.digest, fields)
+
+
+def series_job(series: Series, reference: str, incremental: str) -> dict[str, Any]:
+    """Return all that determines the fields of a series beside its images, for `unfinished`.
+
+    Parameters
+    ----------
+    series : Series
+    reference : str
+        SHA-256 of the reference's file.
+    incremental : str
+        The rule for new references.
+    """
+    region = hashlib.sha256(series.region.tobytes()).hexdigest()
+    fixed = {"reference": reference, "region": region, "incremental": incremental, "versions": versions()}
+    return fixed | vars(series.settings)
+
+
+class FileDigests:
+    """SHA-256 digests of image files, each computed once although a file may hold many images."""
+
+    def __init__(self) -> None:
+        self._known: dict[Path, str] = {}
+
+    def of(self, image: Path) -> str:
+        """Return the digest of the file of an image, or of a page; `UNREADABLE` if it has none."""
+        file, page = split_page(image)
+        if page is None or file not in self._known:
+            try:
+                self._known = {file: file_digest(file)}
+            except OSError:
+                # The reader of the image gives the reason.
+                return UNREADABLE
+        return self._known[file]

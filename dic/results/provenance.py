@@ -1,0 +1,60 @@
+"""Where results come from: the program, its command, and the digests of its input files."""
+
+import shlex
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+
+from dic.files.reading import opened
+
+_PACKAGES = ("offaxis", "numpy", "scipy", "numba", "opencv-python-headless")
+_PIECE_BYTES = 1 << 20
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where the results of a file come from.
+
+    Attributes
+    ----------
+    command : str
+        The command line of the program that wrote the results.
+    versions : str
+        The versions of this program and of the libraries that compute.
+    inputs : mapping of str to str
+        The input files beside the images of a series, each with its SHA-256.
+    """
+
+    command: str
+    versions: str
+    inputs: Mapping[str, str]
+
+    @classmethod
+    def of(cls, inputs: Iterable[Path | None]) -> "Provenance":
+        """Return the provenance of results that this program makes from files; None stands for no file."""
+        program, *arguments = sys.argv
+        digests = {str(path): file_digest(path) for path in inputs if path is not None}
+        return cls(shlex.join([Path(program).name, *arguments]), versions(), digests)
+
+
+def versions() -> str:
+    """Return the versions of this program and of the libraries that compute, as one line of text."""
+    return ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
+
+
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file, as the program `sha256sum` prints it.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    digest = sha256()
+    with opened(path) as content:
+        for start in range(0, len(content), _PIECE_BYTES):
+            digest.update(content[start : start + _PIECE_BYTES])
+    return digest.hexdigest()

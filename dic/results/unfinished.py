@@ -1,0 +1,296 @@
+"""The finished images of a measurement that has not ended: a folder beside the result file.
+
+Correlation takes most of the time of a measurement. So the fields of each image are written to a file of
+their own as soon as the image is correlated. The file appears under its name only when it is complete and on
+the disk. A program that is killed loses no finished image, and goes on after the last one when it is started
+again. The result file is made from the same fields, and the folder is removed when the result file is
+complete.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+import zipfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from dic.correlation.field import Field
+from dic.correlation.series import SeriesFields
+from dic.correlation.settings import CorrelationSettings
+from dic.errors import OutputError
+from dic.files.lock import lock_file
+from dic.files.reading import read_text
+from dic.files.writing import reason, replacing, write_text
+from dic.typing import Float, Mask, PathLike
+
+ENDING = ".unfinished"
+
+_JOB, _OUTPUTS, _LOCK = "job.json", "outputs.json", "lock"
+_UNREADABLE = (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile)
+_PLAIN = ("label", "digest", "failure")
+_NOT_STORED = {"settings", "region"}
+"""Attributes of a field that all fields of a series share."""
+
+
+@dataclass(frozen=True)
+class FinishedImage:
+    """The outcome of the correlation of an image.
+
+    Attributes
+    ----------
+    label : str
+        Name of the image.
+    digest : str
+        SHA-256 of the image's file, or of its frames; "" if it is not known.
+    fields : SeriesFields or None
+        None if the image could not be correlated.
+    failure : str or None
+        The reason why the image could not be correlated.
+    """
+
+    label: str
+    digest: str = ""
+    fields: SeriesFields | None = None
+    failure: str | None = None
+
+    @property
+    def field(self) -> Field:
+        """The field from the first reference to the image."""
+        if self.fields is None:
+            raise ValueError(f"{self.label} could not be correlated")
+        return self.fields.from_first
+
+    def key(self, hint: Float | None) -> str:
+        """Return a text that identifies the image and its first guess within a series."""
+        expected = b"" if hint is None else np.ascontiguousarray(hint, np.float64).tobytes()
+        return hashlib.sha256(f"{self.label}\0{self.digest}\0".encode() + expected).hexdigest()
+
+
+class FinishedImages:
+    """The finished images of one series, in a folder with one file for each image.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder is made when the first image is written.
+    settings : CorrelationSettings
+    """
+
+    def __init__(self, folder: Path, settings: CorrelationSettings) -> None:
+        self._folder, self._settings = folder, settings
+
+    def write(self, number: int, key: str, image: FinishedImage) -> None:
+        """Write an image.
+
+        Parameters
+        ----------
+        number : int
+            Number of the image in the series.
+        key : str
+            The result of `FinishedImage.key`.
+        image : FinishedImage
+
+        Raises
+        ------
+        OutputError
+            If the disk is full, or the file cannot be written for another reason.
+        """
+        plain: dict[str, Any] = {"key": key} | {name: getattr(image, name) for name in _PLAIN}
+        arrays: dict[str, Any] = {}
+        if image.fields is not None:
+            known = vars(image.fields)
+            if image.fields.from_current is image.fields.from_first:
+                known = {"from_first": image.fields.from_first}
+            for name, field in known.items():
+                plain[name], arrays_of = _parts(field)
+                arrays |= {f"{name} {own}": values for own, values in arrays_of.items()}
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            with replacing(self._path(number)) as partial, partial.open("wb") as file:
+                np.savez(file, plain=np.array(json.dumps(plain)), **arrays)
+        except OSError as error:
+            raise _not_written(self._folder, error) from error
+
+    def find(self, number: int, key: str, region: Mask) -> FinishedImage | None:
+        """Return an image with its fields; None if it is not finished, or has another key.
+
+        If the result is None, this image and all later ones are removed, because later images were correlated
+        in another series.
+
+        Parameters
+        ----------
+        number : int
+            Number of the image in the series.
+        key : str
+            The result of `FinishedImage.key`.
+        region : ndarray of bool, shape (height, width)
+            The region of the series.
+        """
+        try:
+            found, found_key = self._read(number, region)
+            if found_key == key:
+                return found
+        except FileNotFoundError:
+            pass
+        except _UNREADABLE:
+            # A power failure can damage a file. Then its image is correlated again.
+            pass
+        self._remove_from(number)
+        return None
+
+    def read(self, number: int, region: Mask) -> FinishedImage:
+        """Return an image that is known to be finished; see `find` for the arguments."""
+        return self._read(number, region)[0]
+
+    def _read(self, number: int, region: Mask) -> tuple[FinishedImage, str]:
+        with np.load(self._path(number), allow_pickle=False) as stored:
+            plain = json.loads(str(stored["plain"]))
+            image = FinishedImage(**{name: plain[name] for name in _PLAIN})
+            if "from_first" in plain:
+                first = current = self._field("from_first", plain, stored, region)
+                if "from_current" in plain:
+                    current = self._field("from_current", plain, stored, None)
+                image = replace(image, fields=SeriesFields(first, current))
+            return image, plain["key"]
+
+    def _field(self, name: str, plain: Mapping[str, Any], stored: Any, region: Mask | None) -> Field:
+        start, values = f"{name} ", dict(plain[name])
+        values["greatest_bias_px"] = tuple(values["greatest_bias_px"])
+        values |= {key.removeprefix(start): stored[key] for key in stored if key.startswith(start)}
+        return Field(**values, settings=self._settings, region=region)
+
+    def _remove_from(self, number: int) -> None:
+        # The last image is removed first. If the program is killed meanwhile, no later image stays behind.
+        for path in sorted(self._folder.glob("*.npz"), reverse=True):
+            if int(path.stem) >= number:
+                path.unlink()
+
+    def _path(self, number: int) -> Path:
+        return self._folder / f"{number:08d}.npz"
+
+
+def _parts(field: Field) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the attributes of a field that are no arrays, and those that are."""
+    values = {item.name: getattr(field, item.name) for item in fields(field) if item.name not in _NOT_STORED}
+    arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+    return {name: value for name, value in values.items() if name not in arrays}, arrays
+
+
+@dataclass
+class Unfinished:
+    """The folder of a measurement's finished images, while the measurement is going on.
+
+    Attributes
+    ----------
+    folder : Path
+    stays : bool
+        True if the measurement was stopped, so that the folder stays when the program ends.
+    """
+
+    folder: Path
+    stays: bool = False
+
+    def series(self, number: int, settings: CorrelationSettings) -> FinishedImages:
+        """Return the finished images of the series with the given number."""
+        return FinishedImages(self.folder / f"series_{number}", settings)
+
+
+@contextmanager
+def unfinished(result: Path, job: Mapping[str, Any], outputs: Iterable[Path] = ()) -> Iterator[Unfinished]:
+    """Give the folder of a measurement's finished images, and lock the result file against other programs.
+
+    The folder stays if the `with` block raises an error, so that the measurement can go on later. At the end
+    of the block, when the result file is complete, the folder is removed. Every job has a folder of its own,
+    so other settings never remove what was finished before.
+
+    Parameters
+    ----------
+    result : Path
+        The result file of the measurement. The folder is beside it.
+    job : mapping
+        All that determines the results beside the images, as values for JSON.
+    outputs : iterable of Path
+        The other files that the measurement writes.
+
+    Raises
+    ------
+    OutputError
+        If another program measures into the same result file, or the folder cannot be made.
+    """
+    text = json.dumps(job, indent=1, sort_keys=True)
+    every = _folder(result)
+    folder = every / hashlib.sha256(text.encode()).hexdigest()[:16]
+    try:
+        every.mkdir(exist_ok=True)
+        lock = lock_file(every / _LOCK)
+    except BlockingIOError as error:
+        expected, got = "a result file of its own", "one that another program is measuring into"
+        remedy = "wait until that program has ended, or name another file"
+        raise OutputError(str(result), "write results", expected, got, remedy) from error
+    except OSError as error:
+        raise _not_written(every, error) from error
+    try:
+        try:
+            folder.mkdir(exist_ok=True)
+            write_text(folder / _JOB, text)
+            paths = [os.path.realpath(path) for path in (result, *outputs)]
+            write_text(folder / _OUTPUTS, json.dumps(paths, indent=1))
+        except OSError as error:
+            raise _not_written(folder, error) from error
+        work = Unfinished(folder)
+        yield work
+        if not work.stays:
+            shutil.rmtree(folder)
+    finally:
+        _tidy(every, folder)
+        os.close(lock)
+
+
+def _tidy(every: Path, folder: Path) -> None:
+    """Remove the folder of a job that finished no image, and then the folder of all jobs if none is left."""
+    if folder.exists() and not any(path.is_dir() for path in folder.iterdir()):
+        shutil.rmtree(folder)
+    if [path.name for path in every.iterdir()] == [_LOCK]:
+        shutil.rmtree(every)
+
+
+def outputs_of(result: Path) -> list[Path]:
+    """Return the files that interrupted measurements into `result` may have written; often none."""
+    found = []
+    for path in _folder(result).glob(f"*/{_OUTPUTS}"):
+        try:
+            found += [Path(name) for name in json.loads(read_text(path))]
+        except (OSError, ValueError):
+            # The program was killed while it began. It had not written any output.
+            continue
+    return found
+
+
+@contextmanager
+def result_place(output: PathLike | None) -> Iterator[Path]:
+    """Give the path of the result file, or a temporary one if there is to be none."""
+    if output is not None:
+        yield Path(output)
+        return
+    # Where an open file cannot be removed, the system removes the folder of temporary files.
+    with TemporaryDirectory(prefix="offaxis-", ignore_cleanup_errors=True) as folder:
+        yield Path(folder) / "results.h5"
+
+
+def _folder(result: Path) -> Path:
+    place = Path(os.path.realpath(result))
+    return place.with_name(place.name + ENDING)
+
+
+def _not_written(folder: Path, error: OSError) -> OutputError:
+    remedy = "make room, and give the same command again to go on after the last finished image"
+    return OutputError(
+        str(folder), "keep finished images", "a disk with room for them", reason(error), remedy
+    )

@@ -1,0 +1,31 @@
+"""Read single values of a run file: texts, numbers and JSON objects."""
+
+import json
+from typing import Any
+
+from dic.runfile import schema
+from dic.runfile.layout import Unlike
+
+
+def read_scalars(group: Any, layout: schema.Group) -> dict[str, Any]:
+    """Return the single values of a group as a dict: texts as str, numbers as float."""
+    return {
+        item.name: float(group[item.name][()]) if item.text_bytes is None else read_text(group[item.name])
+        for item in layout.items
+        if item not in schema.LATER or item.name in group
+    }
+
+
+def read_object(text: str) -> dict[str, Any] | None:
+    """Return a JSON object; None for an empty text."""
+    if not text:
+        return None
+    found = json.loads(text)
+    if not isinstance(found, dict):
+        raise Unlike("an earlier run that is no JSON object")
+    return found
+
+
+def read_text(dataset: Any, place: int | tuple[()] = ()) -> str:
+    """Return a text of fixed length, which is filled up with zeros in the file."""
+    return str(bytes(dataset[place]).rstrip(b"\0").decode())

@@ -1,0 +1,54 @@
+"""A run of rendered images, as long as a test wants it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from drivers.interfaces import CameraInfo, DeviceInfo, Frame
+from rig.mounting import Mounting
+from rig.protocol.grid import Grid
+from rig.protocol.step import ProtocolStep, Reading
+from rig.recorder import Recorder, StepRecord
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
+from simulators.scene.render import render
+from simulators.scene.scene import Surface
+from simulators.scene.sensor import Sensor
+from simulators.scene.texture import LineGrid, Speckle
+from tests.run_files import HEADER, START
+
+SIDE_PX, PITCH_MM = 420, 0.35
+CAMERA = PinholeCamera(SIDE_PX, SIDE_PX, 2000.0, tilt_deg=30.0)
+SENSOR = Sensor(8, 32_500.0, 20.0, 12_000.0)
+LINES = LineGrid(pitch_mm=PITCH_MM, overhang_mm=0.05, plate_half_mm=4.2)
+
+
+def slid(slide_mm: float) -> Pose:
+    """The pose of a specimen that slid in its plane."""
+    return Pose(np.eye(3), np.array([0.0, slide_mm, 0.0]))
+
+
+def write_rendered_run(
+    path: Path, loads: Sequence[Pose], *, repeats: int = 1, grid_pose: Pose | None = None, **mounting: object
+) -> Path:
+    """Write the run of a camera that looks 30° aside: grid, reference and `repeats` cycles of `loads`.
+
+    Every image has noise of its own.
+    """
+    rng, texture = np.random.default_rng(3), Speckle.sprayed(11)
+    reference, *loaded = (render(CAMERA, Surface(texture, pose)) for pose in (Pose(), *loads))
+    pictures = [("grid", render(CAMERA, Surface(LINES, grid_pose or Pose()))), ("reference", reference)]
+    pictures += [("load", picture) for picture in loaded] * repeats
+    header = replace(HEADER, grid=Grid(pitch_mm=PITCH_MM), mounting=Mounting(**mounting))
+    info = CameraInfo("v", "m", "s", width_px=SIDE_PX, height_px=SIDE_PX, bits=8)
+    recorder = Recorder(path, header, {"aside": info}, load_frame=DeviceInfo("v", "m", "s"))
+    for index, (kind, picture) in enumerate(pictures):
+        image = SENSOR.expose(picture, 10_000.0, 1.0, rng)
+        frame = Frame(image, float(index), index + 0.1, START, index, 0, 900.0, 1.0)
+        step = ProtocolStep(index, kind, 1000.0 if kind == "load" else np.nan)
+        frames = {"aside": (recorder.frame("aside", frame), 1)}
+        recorder.step(StepRecord(step, Reading(float(index), 1000.0), frames)).result(20)
+    recorder.close("completed", "", START)
+    return path

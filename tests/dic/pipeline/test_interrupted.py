@@ -1,0 +1,270 @@
+"""Measurements that are killed go on where they were, with the same bits; nothing else is measured again."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from dic.correlation.series import Series
+from dic.pipeline.run_result_file import RunResultWriter
+from dic.results.unfinished import ENDING, unfinished
+from tests.command_line import refusal, run_dic
+from tests.dic.pipeline.rendered_run import slid, write_rendered_run
+from tests.image_files import write_image
+
+KILLED = """
+import os, signal, sys
+from dic.cli import main
+from dic.results.unfinished import FinishedImages
+
+def write(self, number, key, image, written=FinishedImages.write):
+    written(self, number, key, image)
+    if number == {last}:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+FinishedImages.write = write
+sys.argv = {argv!r}
+main()
+"""
+
+
+def start_killed(last: int, *words: object) -> None:
+    """Run `dic` as a program of its own, which is killed when it has finished the image with this number."""
+    script = KILLED.format(last=last, argv=["dic", *map(str, words)])
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
+    assert done.returncode == -signal.SIGKILL, done
+
+
+def contents(path: Path) -> dict[str, bytes]:
+    """Every dataset and attribute of a result file, by its bits."""
+    found: dict[str, bytes] = {}
+
+    def add(name: str, item: h5py.HLObject) -> None:
+        if isinstance(item, h5py.Dataset):
+            values = item[()]
+            found[name] = (
+                repr(values.tolist()).encode() if item.dtype.kind == "O" else np.asarray(values).tobytes()
+            )
+        found.update({f"{name} {key}": repr(value).encode() for key, value in item.attrs.items()})
+
+    with h5py.File(path) as file:
+        file.visititems(add)
+    return found
+
+
+def folder_of(result: Path) -> Path:
+    return result.with_name(result.name + ENDING)
+
+
+@pytest.fixture
+def correlated(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """A list that grows by one with each image that is correlated."""
+    seen: list[int] = []
+    correlate = Series.correlate_fields
+
+    def counted(self: Series, *given: object, **named: object) -> object:
+        seen.append(1)
+        return correlate(self, *given, **named)
+
+    monkeypatch.setattr(Series, "correlate_fields", counted)
+    return seen
+
+
+@pytest.fixture(scope="module")
+def images(speckle, tmp_path_factory):
+    """A reference and five images, each moved farther; the fourth shows something else."""
+    folder = tmp_path_factory.mktemp("images")
+    pattern = speckle(seed=21, shape=(160, 160))
+    for number in range(6):
+        shown = speckle(seed=99, shape=(160, 160)) if number == 4 else pattern
+        moved = shown.draw(lambda x, y, by=0.37 * number: (x - by, y))
+        write_image(folder / f"img{number}.png", moved)
+    return folder
+
+
+@pytest.mark.parametrize("incremental", ["auto", "always"])
+def test_killed_series_goes_on_with_the_same_bits(images, incremental, tmp_path, correlated, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = (
+        "correlate", images, "--subset", 21, "--step", 20, "--incremental", incremental, "-o", "r.h5",
+        "--csv", "csv", "--json", "r.json",
+    )  # fmt: skip
+    assert run_dic(*words).status == 2
+    assert len(correlated) == 5
+    results = [tmp_path / name for name in ("r.h5", "r.json", "csv/strain.csv", "csv/img5.csv")]
+    whole = [path.read_bytes() for path in results]
+    for path in tmp_path.rglob("*.*"):
+        if path.is_file():
+            path.unlink()
+    start_killed(3, *words)
+    assert not (tmp_path / "r.h5").exists()
+    assert (tmp_path / "csv" / "img2.csv").exists()
+    correlated.clear()
+    # Nothing has to be forced, although tables of the killed program are there.
+    assert run_dic(*words).status == 2
+    assert len(correlated) == 2
+    assert [path.read_bytes() for path in results] == whole
+    assert not folder_of(tmp_path / "r.h5").exists()
+    assert "one that exists" in refusal(*words)
+
+
+def test_series_with_another_image_correlates_from_there_on(images, tmp_path, correlated):
+    result = tmp_path / "r.h5"
+    words = ("correlate", *sorted(images.glob("img[0-3].png")), "--subset", 21, "--step", 20, "-o", result)
+    start_killed(2, *words)
+    changed = tmp_path / "img2.png"
+    changed.write_bytes((images / "img3.png").read_bytes())
+    other = [changed if word == images / "img2.png" else word for word in words]
+    assert run_dic(*other).status == 0
+    assert len(correlated) == 2
+
+
+def test_other_settings_leave_what_was_finished(images, tmp_path, correlated):
+    result = tmp_path / "r.h5"
+    words = ("correlate", *sorted(images.glob("img[0-2].png")), "--subset", 21, "--step", 20, "-o", result)
+    start_killed(1, *words)
+    assert run_dic(*words, "--min-zncc", 0.7).status == 0
+    assert len(correlated) == 2
+    correlated.clear()
+    assert run_dic(*words, "--force").status == 0
+    assert len(correlated) == 1
+    assert not folder_of(result).exists()
+
+
+def test_two_programs_on_one_result_are_refused_in_one_sentence(images, tmp_path):
+    result = tmp_path / "r.h5"
+    with unfinished(result, {"settings": "others"}):
+        said = refusal("correlate", images, "--subset", 21, "-o", result)
+    assert "got one that another program is measuring into; wait" in said
+    assert not folder_of(result).exists()
+
+
+@pytest.fixture(scope="module")
+def run_file(tmp_path_factory):
+    loads = [slid(0.05 * number) for number in range(1, 4)]
+    return write_rendered_run(tmp_path_factory.mktemp("run") / "run.h5", loads)
+
+
+def test_killed_run_goes_on_with_the_same_bits(run_file, tmp_path, correlated, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ("process", run_file, "--step", 30, "-o", "r.h5")
+    assert run_dic(*words).status == 0
+    assert len(correlated) == 3
+    result = tmp_path / "r.h5"
+    whole = contents(result)
+    result.unlink()
+    start_killed(2, *words)
+    correlated.clear()
+    add = RunResultWriter.add
+
+    def full(self: RunResultWriter, step: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    # The disk is full while the result file is written.
+    monkeypatch.setattr(RunResultWriter, "add", full)
+    assert "No space left on device" in refusal(*words)
+    assert len(correlated) == 1
+    monkeypatch.setattr(RunResultWriter, "add", add)
+    assert run_dic(*words).status == 0
+    assert len(correlated) == 1
+    assert contents(result) == whole
+    assert not folder_of(result).exists()
+
+
+WATCHED = """
+import json, sys
+from pathlib import Path
+from dic.cli import main
+from dic.results.unfinished import FinishedImages
+from dic.results.writer import ResultWriter
+
+resident = {{"correlated": [], "written": []}}
+
+def watched(kind, work):
+    def watch(*given, **named):
+        done = work(*given, **named)
+        status = Path("/proc/self/status").read_text()
+        resident[kind].append(int(status.split("VmRSS:")[1].split()[0]))
+        return done
+    return watch
+
+FinishedImages.write = watched("correlated", FinishedImages.write)
+ResultWriter.add = watched("written", ResultWriter.add)
+sys.argv = {argv!r}
+try:
+    main()
+finally:
+    Path({record!r}).write_text(json.dumps(resident))
+"""
+
+
+def resident_kb(folder: Path, *words: object) -> dict[str, list[int]]:
+    """Run `dic` as a program of its own; return its resident memory after each image and each row."""
+    record = folder / "resident.json"
+    argv = ["dic", *map(str, words)]
+    script = WATCHED.format(argv=argv, record=str(record))
+    subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
+    found: dict[str, list[int]] = json.loads(record.read_text())
+    return found
+
+
+def many_images(speckle, folder: Path, count: int) -> None:
+    """Write `count` images of a moving pattern, and their reference."""
+    pattern = speckle(seed=21, shape=(160, 160))
+    moved = [pattern.draw(lambda x, y, by=0.37 * number: (x - by, y)) for number in range(10)]
+    for number in range(count + 1):
+        write_image(folder / f"img{number:05d}.png", moved[number % 10])
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs /proc for the resident memory")
+@pytest.mark.parametrize("kind", ["correlate", "process"])
+def test_resident_memory_is_the_same_after_100_and_after_1000_images(kind, speckle, tmp_path):
+    if kind == "correlate":
+        many_images(speckle, tmp_path, 1000)
+        words = (kind, tmp_path, "--subset", 21, "--step", 3)
+    else:
+        loads = [slid(0.05 * number) for number in range(1, 5)]
+        words = (kind, write_rendered_run(tmp_path / "run.h5", loads, repeats=250), "--step", 8)
+    resident = resident_kb(tmp_path, *words, "-o", tmp_path / "results.h5")
+    assert [len(values) for values in resident.values()] == [1000, 1000]
+    for values in resident.values():
+        assert np.mean(values[980:]) == pytest.approx(np.mean(values[80:120]), rel=0.05)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["correlate", "process"])
+def test_ten_kills_at_random_moments_change_no_bit(kind, images, run_file, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    given = (images, "--subset", 21, "--step", 3) if kind == "correlate" else (run_file, "--step", 8)
+    words = (kind, *given, "-o", "r.h5")
+    command = [sys.executable, "-c", "from dic.cli import main; main()", *map(str, words)]
+    started = time.perf_counter()
+    monkeypatch.setattr(sys, "argv", ["dic", *map(str, words)])
+    subprocess.run(command, capture_output=True, check=False)
+    took_s, result = time.perf_counter() - started, tmp_path / "r.h5"
+    whole, rng = contents(result), random.Random(5)
+    result.unlink()
+    kills = 0
+    while kills < 10:
+        program = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            program.wait(rng.uniform(0.3, 1.0) * took_s)
+        except subprocess.TimeoutExpired:
+            os.kill(program.pid, signal.SIGKILL)
+            program.wait()
+            kills += 1
+            continue
+        assert contents(result) == whole
+        result.unlink()
+    subprocess.run(command, capture_output=True, check=False)
+    assert contents(result) == whole
+    assert not folder_of(result).exists()
