@@ -121,7 +121,7 @@ def correlate(
             place = stack.enter_context(result_place(outputs.output))
             others = [path for path in written if path is not None]
             kept = stack.enter_context(unfinished(place, job, others))
-            finished = kept.series(0, settings)
+            finished = kept.series(0)
         images = (
             SeriesImage(path, str(path), hint, "" if finished is None else digests.of(path))
             for path in sources.images
@@ -195,7 +195,7 @@ def _again(
     """Return an image of a rotation that was correlated, without its correction."""
     from dic.pipeline.images import measured
 
-    return measured(finished.read(number + 1, series.region), calibration, strain)
+    return measured(finished.read(number + 1, series.shared), calibration, strain)
 
 
 def _correct(

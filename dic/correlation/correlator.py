@@ -15,7 +15,7 @@ from dic.correlation.status import Status
 from dic.correlation.turned_image import TurnableImage
 from dic.errors import CorrelationError, require_kind
 from dic.image.given import checked_region, grey_image
-from dic.image.point_grid import clear_of_edges, place_points
+from dic.image.point_grid import PointGrid, clear_of_edges, place_points
 from dic.image.spline import edge_reach_px, spline_image
 from dic.image.threads import processors
 from dic.specimen.find import Specimen, find_specimen
@@ -101,6 +101,11 @@ class Correlator:
         points = int(self._reference.grid.active.sum())
         settings = f"subset {self.settings.subset_px} px, step {self.settings.step_px} px"
         return f"Correlator({width} × {height} px, {points} points, {settings})"
+
+    @property
+    def grid(self) -> PointGrid:
+        """The points of interest, and the pixels that their subsets use."""
+        return self._reference.grid
 
     def correlate(
         self, deformed: ImageLike, *, previous: Field | None = None, hint: Float | None = None

@@ -9,6 +9,7 @@ reference changes only when the correlation drops.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -150,7 +151,7 @@ class Series:
         specimen = first.specimen
         self._clip = (specimen is None or not specimen.mask.all()) if clip is None else clip
         self._current, self._first_region = _CurrentReference(lambda: first), first.region
-        self._settings, self._specimen = first.settings, first.specimen
+        self._settings, self._specimen, self._grid = first.settings, first.specimen, first.grid
         # Later references are smoothed like the first: a change would move the displacements.
         self._later_settings = replace(first.settings, smoothing_px=first.smoothing.width_px)
 
@@ -188,6 +189,11 @@ class Series:
     def region(self) -> Mask:
         """The region in which points of the first reference lie, shape (height, width)."""
         return self._first_region
+
+    @property
+    def shared(self) -> dict[str, Any]:
+        """The attributes that all fields from the first reference share, by their names in `Field`."""
+        return {"settings": self._settings, "region": self._first_region, "grid": self._grid}
 
     @property
     def shape(self) -> tuple[int, int]:

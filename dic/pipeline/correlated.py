@@ -69,7 +69,7 @@ def correlate_series(
         outcome = FinishedImage(image.label, image.digest)
         key = outcome.key(image.hint)
         if finished is not None and going_on:
-            found = finished.find(number, key, series.region)
+            found = finished.find(number, key, series.shared)
             if found is not None:
                 if found.fields is not None:
                     series.accept(image.read, found.fields)

@@ -176,7 +176,7 @@ class _Work:
         series = Series(
             reference, None, self.settings, incremental=self.incremental, within=region, threads=threads
         )
-        finished = self.kept.series(run.cameras.index(camera), self.settings)
+        finished = self.kept.series(run.cameras.index(camera))
         turn = _Turn(calibration, first.angle_deg)
         images = (
             SeriesImage(partial(run.image, camera, step), f"step {step.index}", hint, digest)
@@ -194,10 +194,10 @@ class _Work:
                 steps.append(step)
             self.on_image()
 
-        surface = series.region
+        shared = series.shared
 
         def measurement(k: int) -> Measurement:
-            return measurement_of(finished.read(numbers[k], surface), calibration, self.strain)
+            return measurement_of(finished.read(numbers[k], shared), calibration, self.strain)
 
         measurements = Computed(len(numbers), measurement)
         return CameraResult(camera, calibration, reference, steps, measurements, failures, series.specimen)

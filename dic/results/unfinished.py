@@ -23,19 +23,18 @@ import numpy as np
 
 from dic.correlation.field import Field
 from dic.correlation.series import SeriesFields
-from dic.correlation.settings import CorrelationSettings
 from dic.errors import OutputError
 from dic.files.lock import lock_file
 from dic.files.reading import read_text
 from dic.files.writing import reason, replacing, write_text
-from dic.typing import Float, Mask, PathLike
+from dic.typing import Float, PathLike
 
 ENDING = ".unfinished"
 
 _JOB, _OUTPUTS, _LOCK = "job.json", "outputs.json", "lock"
 _UNREADABLE = (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile)
 _PLAIN = ("label", "digest", "failure")
-_NOT_STORED = {"settings", "region"}
+_NOT_STORED = {"settings", "region", "grid"}
 """Attributes of a field that all fields of a series share."""
 
 
@@ -80,11 +79,10 @@ class FinishedImages:
     ----------
     folder : Path
         The folder is made when the first image is written.
-    settings : CorrelationSettings
     """
 
-    def __init__(self, folder: Path, settings: CorrelationSettings) -> None:
-        self._folder, self._settings = folder, settings
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
 
     def write(self, number: int, key: str, image: FinishedImage) -> None:
         """Write an image.
@@ -118,7 +116,7 @@ class FinishedImages:
         except OSError as error:
             raise _not_written(self._folder, error) from error
 
-    def find(self, number: int, key: str, region: Mask) -> FinishedImage | None:
+    def find(self, number: int, key: str, shared: Mapping[str, Any]) -> FinishedImage | None:
         """Return an image with its fields; None if it is not finished, or has another key.
 
         If the result is None, this image and all later ones are removed, because later images were correlated
@@ -130,11 +128,11 @@ class FinishedImages:
             Number of the image in the series.
         key : str
             The result of `FinishedImage.key`.
-        region : ndarray of bool, shape (height, width)
-            The region of the series.
+        shared : mapping of str to object
+            The attributes that all fields of the series share: `Series.shared`.
         """
         try:
-            found, found_key = self._read(number, region)
+            found, found_key = self._read(number, shared)
             if found_key == key:
                 return found
         except FileNotFoundError:
@@ -145,26 +143,28 @@ class FinishedImages:
         self._remove_from(number)
         return None
 
-    def read(self, number: int, region: Mask) -> FinishedImage:
+    def read(self, number: int, shared: Mapping[str, Any]) -> FinishedImage:
         """Return an image that is known to be finished; see `find` for the arguments."""
-        return self._read(number, region)[0]
+        return self._read(number, shared)[0]
 
-    def _read(self, number: int, region: Mask) -> tuple[FinishedImage, str]:
+    def _read(self, number: int, shared: Mapping[str, Any]) -> tuple[FinishedImage, str]:
         with np.load(self._path(number), allow_pickle=False) as stored:
             plain = json.loads(str(stored["plain"]))
             image = FinishedImage(**{name: plain[name] for name in _PLAIN})
             if "from_first" in plain:
-                first = current = self._field("from_first", plain, stored, region)
+                first = current = self._field("from_first", plain, stored, shared)
                 if "from_current" in plain:
-                    current = self._field("from_current", plain, stored, None)
+                    # Only displacements of this field are used: they are the next image's first guess.
+                    alone = {"settings": shared["settings"]}
+                    current = self._field("from_current", plain, stored, alone)
                 image = replace(image, fields=SeriesFields(first, current))
             return image, plain["key"]
 
-    def _field(self, name: str, plain: Mapping[str, Any], stored: Any, region: Mask | None) -> Field:
+    def _field(self, name: str, plain: Mapping[str, Any], stored: Any, shared: Mapping[str, Any]) -> Field:
         start, values = f"{name} ", dict(plain[name])
         values["greatest_bias_px"] = tuple(values["greatest_bias_px"])
         values |= {key.removeprefix(start): stored[key] for key in stored if key.startswith(start)}
-        return Field(**values, settings=self._settings, region=region)
+        return Field(**values, **shared)
 
     def _remove_from(self, number: int) -> None:
         # The last image is removed first. If the program is killed meanwhile, no later image stays behind.
@@ -197,9 +197,9 @@ class Unfinished:
     folder: Path
     stays: bool = False
 
-    def series(self, number: int, settings: CorrelationSettings) -> FinishedImages:
+    def series(self, number: int) -> FinishedImages:
         """Return the finished images of the series with the given number."""
-        return FinishedImages(self.folder / f"series_{number}", settings)
+        return FinishedImages(self.folder / f"series_{number}")
 
 
 @contextmanager
