@@ -75,7 +75,8 @@ def find_charuco(
     px, along, near = _predicted(place, marker_px, (index + 1).astype(np.float64))
     px[near] = fit_corners(grey, px[near], along[near], _LENGTH, (1 - marker_side) / 2)
     seen = near & np.isfinite(px).all(axis=1)
-    seen[seen] = _between_squares(image, index[seen], px[seen], marker_side)
+    if seen.any():
+        seen[seen] = _between_squares(image, index[seen], px[seen], marker_side)
     seen[seen] = fits_lattice(index[seen].astype(float), px[seen])
     found = int(np.count_nonzero(seen))
     if found < _SUFFICIENT * len(index):
