@@ -27,11 +27,11 @@ _ALTERNATING = 0.85
 # A checkerboard of unknown size has at least this number of corners along each direction.
 _FEWEST_CORNERS = (3, 3)
 # Images up to this size are searched in more ways, because the search takes little time.
-_SMALL_IMAGE_PX2 = 1_600_000
+SMALL_IMAGE_PX2 = 1_600_000
 
 
 def find_checkerboard(
-    grey: Grey, squares: tuple[int, int], pitch_mm: float, source: str, x_axis: XAxis
+    grey: Grey, squares: tuple[int, int], pitch_mm: float, source: str, x_axis: XAxis, reduced: bool = False
 ) -> GridPoints:
     """Return the inner corners of a checkerboard. `dic.targets.find.CheckerboardTarget` describes the board.
 
@@ -39,13 +39,16 @@ def find_checkerboard(
     Calibration", BMVC 2018) finds either all corners or none. Refined corners that do not fit the lattice are
     left out of the result.
 
+    With `reduced`, a large image is searched at half of its size, in which blurred boards are found. That
+    takes longer, so that the function is called in this way only if the image shows no other target.
+
     Raises
     ------
     CalibrationError
         If the detector does not find the corners, or more than 10 % of them do not fit the lattice.
     """
     lines = (squares[0] - 1, squares[1] - 1)
-    px = _detected(as_bytes(grey), lines)
+    px = _detected(as_bytes(grey), lines, reduced=reduced)
     if px is None:
         raise _refusal(source, squares, "no such board", TargetNotSeen)
     other = _detected(_without(as_bytes(grey), px), lines, thorough=False)
@@ -100,20 +103,22 @@ def squares_seen(image: NDArray[np.uint8]) -> tuple[int, int] | None:
     return None
 
 
-def _detected(image: NDArray[np.uint8], lines: tuple[int, int], thorough: bool = True) -> Float | None:
+def _detected(
+    image: NDArray[np.uint8], lines: tuple[int, int], thorough: bool = True, reduced: bool = False
+) -> Float | None:
     """Return the corners that OpenCV's detector finds, shape (columns, rows, 2), px, or None.
 
     The detector finds small squares more often in an enlarged image, and blurred ones in a reduced image. It
     stretches the image itself with the flag `CALIB_CB_ACCURACY`, and then loses small squares. Therefore that
-    flag is not used first.
+    flag is not used first. A large image is searched as it is, or `reduced`.
     """
     import cv2
 
     height, width = image.shape
     plain = cv2.CALIB_CB_EXHAUSTIVE
     accurate = plain | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
-    attempts = [(1.0, plain), (0.5, accurate)]
-    if height * width <= _SMALL_IMAGE_PX2:
+    attempts = [(0.5, accurate)] if reduced else [(1.0, plain)]
+    if height * width <= SMALL_IMAGE_PX2:
         attempts = [(1.0, plain), (2.0, plain), (1.0, accurate), (1.0, 0)]
     for scale, flags in attempts if thorough else attempts[:1]:
         method = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
