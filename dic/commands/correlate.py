@@ -142,6 +142,7 @@ def correlate(
                 if calibration is not None and finished is not None and known.kind == "rigid":
                     again = partial(_again, finished, series, calibration, how)
                     alignment = _correct(record, results, again, calibration, known)
+                results.write_set_up(image, calibration, record.failures)
             finally:
                 results.write_table(list(record.rows))
         if outputs.json_file is not None:

@@ -5,16 +5,19 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
+from dic.calibration.calibration import Calibration
 from dic.correlation.settings import CorrelationSettings
 from dic.image.pages import split_page
 from dic.out_of_plane.correction import Correction
 from dic.pipeline.series_maps import MapFiles, SeriesMaps
 from dic.pipeline.series_result import MeasuredImage
+from dic.pipeline.series_result_file import write_set_up
 from dic.results.csv import write_csv
 from dic.results.provenance import Provenance
 from dic.results.strain_table import STRAIN_FILE, write_strain_table
 from dic.results.writer import ResultWriter
 from dic.strain.measurement import Measurement
+from dic.typing import Grey
 
 
 class SeriesFiles:
@@ -68,7 +71,7 @@ class SeriesOutputs:
         self._writer = None
         if files.output is not None:
             self._writer = ResultWriter(files.output, Provenance.of(inputs))
-        self._maps = maps
+        self._maps, self._measured = maps, False
 
     def __enter__(self) -> Self:
         if self._writer is not None:
@@ -84,6 +87,7 @@ class SeriesOutputs:
         measurement, correction = image.measurement, image.correction
         if measurement is None:
             return
+        self._measured = True
         if self._writer is not None:
             self._writer.add("series", measurement, correction)
         if self._files.csv:
@@ -95,6 +99,14 @@ class SeriesOutputs:
         name = Path(measurement.label).name
         title = f"{name}, subset {self._settings.subset_px} px, step {self._settings.step_px} px"
         self._maps.add(number, title, measurement, correction)
+
+    def write_set_up(
+        self, reference: Grey, calibration: Calibration | None, failures: Sequence[Mapping[str, str]]
+    ) -> None:
+        """Write what a report needs beside the images, after the last one; see `SeriesRecord.failures`."""
+        if self._writer is not None and self._measured:
+            reasons = [(failure["file"], failure["error"]) for failure in failures]
+            write_set_up(self._writer, reference, calibration, reasons)
 
     def write_table(self, rows: Sequence[Mapping[str, Any]]) -> None:
         """Write the table of the mean strains; `write_strain_table` describes the rows."""
