@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from dic.errors import (
         CalibrationError,
         CorrelationError,
+        CurveError,
         ImageError,
         MeasurementError,
         OutputError,
@@ -62,6 +63,11 @@ if TYPE_CHECKING:
     from dic.pipeline.series_corrections import corrected_rotation
     from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
     from dic.pipeline.target_images import calibrate_images
+    from dic.properties.curve import Curve, read_curve
+    from dic.properties.plot import plot_properties
+    from dic.properties.properties import Properties, material_properties
+    from dic.properties.settings import PropertySettings
+    from dic.properties.value import PropertyValue
     from dic.quality.findings import quality_findings
     from dic.quality.plot import plot_quality
     from dic.quality.quality import Quality, assess_quality
@@ -103,6 +109,8 @@ __all__ = [
     "CorrelationError",
     "CorrelationSettings",
     "Correlator",
+    "Curve",
+    "CurveError",
     "Displacement",
     "DotTarget",
     "Field",
@@ -122,6 +130,9 @@ __all__ = [
     "OutputError",
     "Pinhole",
     "Plane",
+    "Properties",
+    "PropertySettings",
+    "PropertyValue",
     "Quality",
     "RegionFiles",
     "Residuals",
@@ -153,14 +164,17 @@ __all__ = [
     "load_calibration",
     "load_run_result",
     "map_scale",
+    "material_properties",
     "measure",
     "measure_images",
     "measure_series",
     "plot_assessment",
     "plot_calibration",
+    "plot_properties",
     "plot_quality",
     "process_run",
     "quality_findings",
+    "read_curve",
     "read_image",
     "read_region",
     "region_files",
@@ -197,6 +211,7 @@ _NAMES_OF = {
     "dic.errors": (
         "CalibrationError",
         "CorrelationError",
+        "CurveError",
         "ImageError",
         "MeasurementError",
         "OutputError",
@@ -227,6 +242,11 @@ _NAMES_OF = {
     "dic.pipeline.series_corrections": ("corrected_rotation",),
     "dic.pipeline.series_result": ("MeasuredImage", "MeasuredSeries"),
     "dic.pipeline.target_images": ("calibrate_images",),
+    "dic.properties.curve": ("Curve", "read_curve"),
+    "dic.properties.plot": ("plot_properties",),
+    "dic.properties.properties": ("Properties", "material_properties"),
+    "dic.properties.settings": ("PropertySettings",),
+    "dic.properties.value": ("PropertyValue",),
     "dic.quality.findings": ("quality_findings",),
     "dic.quality.plot": ("plot_quality",),
     "dic.quality.quality": ("Quality", "assess_quality"),

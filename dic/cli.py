@@ -10,6 +10,7 @@ _COMMANDS = {
     "correlate": "dic.commands.correlate:correlate",
     "example": "dic.commands.example:example",
     "process": "dic.commands.process:process",
+    "properties": "dic.commands.properties:properties",
     "quality": "dic.commands.quality:quality",
     "report": "dic.commands.report:report",
     "target": "dic.commands.target:target",

@@ -73,6 +73,10 @@ class CorrelationError(MeasurementError):
     """Images could not be correlated."""
 
 
+class CurveError(MeasurementError):
+    """A record of load and strain cannot be read, or is not a tensile test."""
+
+
 class OutputError(MeasurementError):
     """A result file cannot be written to the given place."""
 

@@ -1,0 +1,1 @@
+"""Material properties from the record of a tensile test: elastic slope, yield, strength, hardening."""

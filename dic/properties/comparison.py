@@ -1,0 +1,53 @@
+"""Compare the elastic slope with the slopes in other bands of stress, to reveal slack in the window."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from dic.properties.elastic import Elastic
+from dic.properties.record import Record
+from dic.properties.settings import PropertySettings
+from dic.properties.windows import fit_line
+from dic.properties.yielding import Plateau, offset_strength
+
+USUAL_BAND, USUAL_DIFFERENCE = (0.1, 0.4), 0.02
+"""Band of the elastic slope in ISO 6892-1, as shares of the yield strength; and the largest difference."""
+UPPER_BAND, STEEPER, LESS_STEEP = (0.4, 0.6), 0.02, -0.1
+"""Above the usual band a sound record is never steeper, and before yielding not much less steep."""
+LEAST_POINTS = 5
+
+
+def compared(
+    record: Record, elastic: Elastic, settings: PropertySettings, plateau: Plateau | None
+) -> Elastic:
+    """Return the elastic line with flags if the slopes in two bands of stress speak against it."""
+    if plateau is not None:
+        yield_mpa: float | None = float(record.stress[plateau.upper])
+    else:
+        yield_mpa = offset_strength(record, elastic, settings, 0.2, None).value
+    if yield_mpa is None:
+        return elastic
+    flags = []
+    for band, least, most in (
+        (USUAL_BAND, -USUAL_DIFFERENCE, USUAL_DIFFERENCE),
+        (UPPER_BAND, LESS_STEEP, STEEPER),
+    ):
+        slope = _slope(record, band[0] * yield_mpa, band[1] * yield_mpa)
+        share = 0.0 if slope is None else slope / elastic.line.slope - 1.0
+        if slope is not None and not least <= share <= most:
+            flags.append(
+                f"slack: between {band[0]:.0%} and {band[1]:.0%} of the yield strength the slope is"
+                f" {slope / 1e3:.1f} GPa, {share:+.1%} from the value"
+            )
+    return replace(elastic, flags=(*elastic.flags, *flags))
+
+
+def _slope(record: Record, low_mpa: float, high_mpa: float) -> float | None:
+    """Return the slope between two stresses, on the first way up; None if there are too few points."""
+    stress = record.strained_stress
+    stop = int(np.argmax(stress > high_mpa))
+    below = np.flatnonzero(stress[:stop] < low_mpa)
+    first = int(below[-1]) + 1 if below.size else 0
+    if stop - first < LEAST_POINTS or np.ptp(record.strain[first:stop]) == 0.0:
+        return None
+    return fit_line(record.strain, stress, first, stop).slope

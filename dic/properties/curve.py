@@ -1,0 +1,184 @@
+"""The record of a tensile test: load and strain at each instant, read from a table and checked."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.errors import CurveError, require_all
+from dic.properties.table import Table, read_table
+from dic.properties.units import FORCE, TIME, ColumnUnit, column_unit, strain_units
+from dic.typing import Float, PathLike
+
+LEAST_POINTS = 10
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Load and strain of a tensile test, in the order of the test.
+
+    Attributes
+    ----------
+    source : str
+        The file or the name of the record, for messages.
+    load_n : ndarray, shape (n,)
+    strain : ndarray, shape (n,)
+        Engineering strain, without a unit; NaN from the point at which no strain is recorded any more.
+    transverse : ndarray, shape (n,), or None
+        Engineering strain across the specimen, negative in tension; NaN where `strain` is NaN.
+    time_s : ndarray, shape (n,), or None
+
+    Raises
+    ------
+    CurveError
+        If the values are not a tensile test: too few points, gaps, time that runs backwards, compression.
+    """
+
+    source: str
+    load_n: Float
+    strain: Float
+    transverse: Float | None = None
+    time_s: Float | None = None
+
+    def __post_init__(self) -> None:
+        names = ("load_n", "strain", "transverse", "time_s")
+        for name in names:
+            given = getattr(self, name)
+            if given is not None:
+                object.__setattr__(self, name, np.asarray(given, dtype=np.float64))
+        lengths = {name: getattr(self, name).shape for name in names if getattr(self, name) is not None}
+        if len(set(lengths.values())) != 1 or self.load_n.ndim != 1:
+            raise self._wrong("values", "columns of one length", str(lengths), "give one value per instant")
+        if len(self.load_n) < LEAST_POINTS:
+            got, remedy = str(len(self.load_n)), "give the whole record"
+            raise self._wrong("values", f"at least {LEAST_POINTS} points", got, remedy)
+        self._require_whole()
+        self._require_forwards()
+        self._require_tension()
+
+    @property
+    def measured(self) -> int:
+        """Number of points with a strain: all before the first point without one."""
+        missing = np.flatnonzero(np.isnan(self.strain))
+        return int(missing[0]) if missing.size else len(self.strain)
+
+    def _require_whole(self) -> None:
+        gaps = ~np.isfinite(self.load_n)
+        if gaps.any():
+            remedy = "fill in or delete the line"
+            raise self._wrong("load", "a number at each point", _missing_at(gaps), remedy)
+        end = self.measured
+        for name, values in (("strain", self.strain[end:]), ("transverse strain", self._across[:end])):
+            # Strain may end early, because an extensometer is taken off; it does not begin again.
+            wrong = np.isfinite(values) if name == "strain" else ~np.isfinite(values)
+            if wrong.any():
+                got = f"a gap at point {end + 1}" if name == "strain" else _missing_at(wrong)
+                remedy = "delete the lines without strain, or give the strain there"
+                raise self._wrong(name, "numbers without gaps up to the end of the measurement", got, remedy)
+        if end < LEAST_POINTS:
+            remedy = "name another column of strain"
+            raise self._wrong(
+                "strain", f"at least {LEAST_POINTS} numbers from the first point on", str(end), remedy
+            )
+
+    @property
+    def _across(self) -> Float:
+        return np.zeros_like(self.strain) if self.transverse is None else self.transverse
+
+    def _require_forwards(self) -> None:
+        if self.time_s is None:
+            return
+        if not np.isfinite(self.time_s).all():
+            got = _missing_at(~np.isfinite(self.time_s))
+            raise self._wrong("time", "a number at each point", got, "fill in or delete the line")
+        back = np.flatnonzero(np.diff(self.time_s) < 0.0)
+        if back.size:
+            k = int(back[0])
+            got = f"{self.time_s[k + 1]:g} s after {self.time_s[k]:g} s at point {k + 2}"
+            remedy = "give the record of one test, in the order of the test"
+            raise self._wrong("time", "time that does not run backwards", got, remedy)
+
+    def _require_tension(self) -> None:
+        low, high = float(self.load_n.min()), float(self.load_n.max())
+        if high <= 0.0 or -low > high:
+            got = f"compression: loads from {low:g} N to {high:g} N"
+            remedy = (
+                "give a tensile test, and change the sign of the load if the machine counts tension negative"
+            )
+            raise self._wrong("load", "tension, which counts positive", got, remedy)
+        load, strain = self.load_n[: self.measured], self.strain[: self.measured]
+        if np.ptp(strain) == 0.0:
+            raise self._wrong(
+                "strain", "strain that changes", "the same value at all points", "name another column"
+            )
+        top = max(int(np.argmax(load)), 2)
+        if np.ptp(load) == 0.0 or np.corrcoef(load[: top + 1], strain[: top + 1])[0, 1] <= 0.0:
+            got = "strain that falls or stands while the load rises"
+            remedy = "change the sign of the strain, or name another column"
+            raise self._wrong("strain", "strain that grows with the load", got, remedy)
+
+    def _wrong(self, step: str, expected: str, got: str, remedy: str) -> CurveError:
+        return CurveError(self.source, step, expected, got, remedy)
+
+
+def _missing_at(gaps: np.ndarray) -> str:
+    return f"an empty cell or no number at point {int(np.flatnonzero(gaps)[0]) + 1}"
+
+
+def read_curve(
+    path: PathLike,
+    *,
+    load: str,
+    strain: str,
+    transverse: str | None = None,
+    time: str | None = None,
+    gauge_length_mm: float | None = None,
+) -> Curve:
+    """Read load and strain from the table of a testing machine.
+
+    Separator, decimal mark, encoding and heading lines are found. A column is named by its heading, or by its
+    number from 1, and by its unit: ``"Load:kN"``, ``"3:%"``.
+
+    Parameters
+    ----------
+    path : path
+    load : str
+        Column of the load and its unit: N, kN, MN, lbf, kip or kgf.
+    strain, transverse : str
+        Column of the strain and its unit: 1, mm/mm, %, ‰, µε or others; with `gauge_length_mm` also mm, µm
+        and in.
+    time : str, optional
+        Column of the time and its unit: s, ms, min or h. Without it, the order of a column with the heading
+        "Time" is still checked.
+    gauge_length_mm : float, optional
+        Length over which an extension was measured, mm.
+
+    Returns
+    -------
+    Curve
+
+    Raises
+    ------
+    CurveError
+        If a column or unit is wrong, or the table is not that of a tensile test.
+    """
+    length = gauge_length_mm if gauge_length_mm is not None else 1.0
+    remedy = "give the length over which the extension was measured, such as 50"
+    checks = [(0.0 < length < 1e6, "gauge length", "above 0 mm", gauge_length_mm, remedy)]
+    require_all(CurveError, "settings", checks)
+    units = strain_units(gauge_length_mm)
+    columns = [column_unit("--load", load, FORCE), column_unit("--strain", strain, units)]
+    across = None if transverse is None else column_unit("--transverse", transverse, units)
+    instants = None if time is None else column_unit("--time", time, TIME)
+    table = read_table(path)
+    instants = instants or table.time_like()
+    return Curve(
+        str(path),
+        table.values(columns[0]),
+        table.values(columns[1]),
+        transverse=_optional(table, across),
+        time_s=_optional(table, instants),
+    )
+
+
+def _optional(table: Table, column: ColumnUnit | None) -> Float | None:
+    return None if column is None else table.values(column)

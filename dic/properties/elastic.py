@@ -1,0 +1,158 @@
+"""The elastic slope of a test with its standard deviation, and the foot of its curve."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dic.properties.objective_slope import RULE, objective_slope
+from dic.properties.record import Record
+from dic.properties.settings import PropertySettings
+from dic.properties.value import PropertyValue, missing, root_sum
+from dic.properties.windows import Line, fit_line
+from dic.typing import Float
+
+FIXED_RULE = "least squares between fixed stresses"
+LEAST_POINTS = 5
+TOE_STRAIN = 5e-5
+FEW_POINTS = 50
+"""ISO 6892-1 asks for at least this many points in the window of an elastic slope."""
+
+
+@dataclass(frozen=True)
+class Elastic:
+    """The elastic line of a test.
+
+    Attributes
+    ----------
+    line : Line
+        Stress in MPa against strain.
+    std_mpa : float
+        Standard deviation of the slope by noise and choice of the window, without what all points share.
+    centre : tuple of float
+        Mean strain and mean stress of the window, through which every such line passes.
+    window : dict
+        The window in words for JSON.
+    rule : str
+    flags : tuple of str
+    """
+
+    line: Line
+    std_mpa: float
+    centre: tuple[float, float]
+    window: dict[str, Any]
+    rule: str
+    flags: tuple[str, ...]
+
+    @property
+    def foot(self) -> float:
+        """Strain at which the elastic line has no stress: the corrected zero of strain."""
+        return -self.line.intercept / self.line.slope
+
+    def turned(self, by_mpa: float) -> tuple[float, float]:
+        """Return slope and foot of the line turned about its centre until its slope is larger."""
+        slope = self.line.slope + by_mpa
+        return slope, self.centre[0] - self.centre[1] / slope
+
+    def value(self, settings: PropertySettings) -> PropertyValue:
+        """Return the modulus in GPa, with the uncertainties that all points share."""
+        slope = self.line.slope
+        std = root_sum(self.std_mpa, slope * settings.stress_share, slope * settings.strain_share)
+        return PropertyValue(slope / 1e3, std / 1e3, "GPa", self.rule, self.window, self.flags)
+
+
+def elastic_line(record: Record, settings: PropertySettings) -> Elastic | PropertyValue:
+    """Fit the elastic line of a test; a `PropertyValue` that is missing says why there is none."""
+    strain, stress = record.strain, record.strained_stress
+    if settings.window_mpa is not None:
+        return _in_fixed_window(record, settings.window_mpa)
+    found = objective_slope(strain, stress)
+    if found is None:
+        return missing("GPa", RULE, "few points: no window of ten points in the rising part of the record")
+    if found.line.slope <= 0.0:
+        return missing("GPa", RULE, "the straightest window does not rise")
+    extra = {
+        "range_share": found.range_share,
+        "cut_mpa": float(stress[found.cut]),
+        "cut_raised": found.raised,
+    }
+    return _elastic(record, found.line, found.spread, RULE, extra, found.objections)
+
+
+def _in_fixed_window(record: Record, window_mpa: tuple[float, float]) -> Elastic | PropertyValue:
+    low, high = window_mpa
+    stress = record.strained_stress
+    above = np.flatnonzero(stress > high)
+    stop = int(above[0]) if above.size else 0
+    below = np.flatnonzero(stress[:stop] < low)
+    first = int(below[-1]) + 1 if below.size else 0
+    if stop - first < LEAST_POINTS:
+        reason = f"few points: {stop - first} between {low:g} MPa and {high:g} MPa"
+        return missing("GPa", FIXED_RULE, reason)
+    if np.ptp(record.strain[first:stop]) == 0.0:
+        return missing("GPa", FIXED_RULE, "the strain does not change within the window")
+    line = fit_line(record.strain, stress, first, stop)
+    if line.slope <= 0.0:
+        return missing("GPa", FIXED_RULE, "the record does not rise within the window")
+    middle = (first + stop) // 2
+    halves = [fit_line(record.strain, stress, *part) for part in ((first, middle + 1), (middle - 1, stop))]
+    # White noise makes the slopes of two halves differ by four standard deviations of the whole slope.
+    spread = abs(halves[1].slope - halves[0].slope) / 4.0
+    return _elastic(record, line, spread, FIXED_RULE, {}, _fixed_objections(line, halves))
+
+
+def _fixed_objections(line: Line, halves: list[Line]) -> tuple[str, ...]:
+    flags = []
+    if line.residual > 5e-4:
+        flags.append(f"curvature: R² is {1 - line.residual:.5f}, less than 0.9995")
+    bend = (halves[1].slope - halves[0].slope) / line.slope
+    if abs(bend) > 0.05:
+        flags.append(f"curvature: the slopes of the window's halves differ by {bend:+.1%}")
+    return tuple(flags)
+
+
+def _elastic(
+    record: Record, line: Line, spread: float, rule: str, extra: dict[str, Any], objections: tuple[str, ...]
+) -> Elastic:
+    part = slice(line.first, line.stop)
+    x, y = record.strain[part], record.strained_stress[part]
+    noise, bias = _noise_of_slope(record, line, x, y)
+    window = {
+        "stress_mpa": [float(y.min()), float(y.max())],
+        "strain_percent": [100 * float(x.min()), 100 * float(x.max())],
+        "points": len(x),
+        "normalised_residual": line.residual,
+        **extra,
+    }
+    flags = (*objections, *_course_flags(record, line, len(x)))
+    std = root_sum(noise, spread, bias)
+    return Elastic(line, std, (float(x.mean()), float(y.mean())), window, rule, flags)
+
+
+def _noise_of_slope(record: Record, line: Line, x: Float, y: Float) -> tuple[float, float]:
+    """Return the standard deviation of a slope by noise, and by how much noise of strain lowers the slope."""
+    rest = y - line.slope * x - line.intercept
+    across = float(((x - x.mean()) ** 2).sum())
+    std = float(np.sqrt(rest @ rest / max(len(x) - 2, 1) / across))
+    # Neighbouring errors that are alike, as those of a filtered signal, count less than independent ones.
+    alike = float(np.clip((rest[1:] @ rest[:-1]) / max(float(rest @ rest), 1e-300), 0.0, 0.98))
+    std *= np.sqrt((1.0 + alike) / (1.0 - alike))
+    return std, line.slope * record.noise(x) ** 2 * len(x) / across
+
+
+def _course_flags(record: Record, line: Line, points: int) -> list[str]:
+    """Say what the course of the test has against the slope: toe, slack, steps, loops, few points."""
+    flags = []
+    if points < FEW_POINTS:
+        flags.append(f"few points: {points} in the window; ISO 6892-1 asks for {FEW_POINTS}")
+    strain, stress = record.strain, record.strained_stress
+    gap = float(strain[0] - (stress[0] - line.intercept) / line.slope)
+    if abs(gap) > TOE_STRAIN + 5.0 * record.noise(strain):
+        flags.append(f"toe: the record begins {abs(1e6 * gap):.0f} µε beside the elastic line")
+    loops = record.loops(line.stop)
+    if loops:
+        high, low = loops[0]
+        flags.append(f"hysteresis: unloaded {len(loops)} times, first from {high:.0f} to {low:.0f} MPa")
+    if record.is_ladder(max(line.stop - 1, 1)):
+        flags.append("ladder: the load rose in settled steps, not continuously as the rules assume")
+    return flags

@@ -1,0 +1,175 @@
+"""All material properties of a tensile test, from its curve."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from dic.errors import require_kind
+from dic.properties.comparison import compared
+from dic.properties.curve import Curve
+from dic.properties.elastic import Elastic, elastic_line
+from dic.properties.hardening import (
+    N_RULE,
+    NECK_RULE,
+    TrueCurve,
+    hardening_exponent,
+    hardening_laws,
+    hardening_range,
+    necking,
+    true_curve,
+)
+from dic.properties.record import Record, record_of
+from dic.properties.settings import PropertySettings
+from dic.properties.strength import (
+    A_RULE,
+    AG_RULE,
+    AGT_RULE,
+    elongation_at_break,
+    strength_point,
+    tensile_strength,
+    uniform_elongations,
+)
+from dic.properties.transverse import NO_TRANSVERSE, NU_RULE, R_RULE, poisson_ratio, strain_ratio
+from dic.properties.value import PropertyValue, missing
+from dic.properties.yielding import (
+    AE_RULE,
+    OFFSET_RULE,
+    REH_RULE,
+    REL_RULE,
+    Plateau,
+    find_plateau,
+    lower_yield,
+    offset_strength,
+    upper_yield,
+    yield_extension,
+)
+
+
+@dataclass(frozen=True)
+class Properties:
+    """The properties of a material, from one tensile test.
+
+    Attributes
+    ----------
+    record : Record
+        Stress and strain of the test.
+    settings : PropertySettings
+    elastic : Elastic or None
+        The elastic line; None if there is none.
+    plateau : Plateau or None
+        Discontinuous yielding; None if the material yields continuously.
+    values : dict of str to PropertyValue
+        E_gpa, nu, Rp02_mpa, ReH_mpa, ReL_mpa, Ae_percent, Rm_mpa, Ag_percent, Agt_percent, A_percent, r, n.
+    necking : PropertyValue
+        True strain at which necking begins.
+    laws : dict
+        Laws of hardening fitted to the true curve.
+    true : TrueCurve or None
+    """
+
+    record: Record
+    settings: PropertySettings
+    elastic: Elastic | None
+    plateau: Plateau | None
+    values: dict[str, PropertyValue]
+    necking: PropertyValue
+    laws: dict[str, dict[str, Any]]
+    true: TrueCurve | None
+
+    @cached_property
+    def flags(self) -> list[str]:
+        """What concerns the whole record."""
+        return [self.record.end_reason] if self.record.end_reason else []
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything for JSON."""
+        return {
+            **{name: value.as_dict() for name, value in self.values.items()},
+            "necking": self.necking.as_dict(),
+            "fits": self.laws,
+            "area_mm2": self.settings.area_mm2,
+            "not_counted": self.settings.not_counted,
+            "flags": self.flags,
+        }
+
+
+def material_properties(curve: Curve, settings: PropertySettings) -> Properties:
+    """Compute the properties that a laboratory reports of a tensile test.
+
+    Parameters
+    ----------
+    curve : Curve
+        Load and strain, such as from `read_curve`.
+    settings : PropertySettings
+        The area and the declared uncertainties.
+
+    Returns
+    -------
+    Properties
+        Each value has its standard deviation, rule, window and flags. A value that cannot be had is None, and
+        its flags have the reason.
+    """
+    require_kind("curve", curve, Curve, "read it with dic.read_curve")
+    require_kind("settings", settings, PropertySettings, "give dic.PropertySettings(area_mm2=120.0)")
+    record = record_of(curve, settings.area_mm2)
+    found = elastic_line(record, settings)
+    if isinstance(found, PropertyValue):
+        return _without_line(record, settings, found)
+    plateau = find_plateau(record, found)
+    elastic = compared(record, found, settings, plateau if isinstance(plateau, Plateau) else None)
+    return _with_line(record, settings, elastic, plateau)
+
+
+def offset_key(offset_percent: float) -> str:
+    """Return the key of an offset yield strength: "Rp02_mpa" for 0.2 %."""
+    return f"Rp{f'{offset_percent:g}'.replace('.', '')}_mpa"
+
+
+def _with_line(
+    record: Record, settings: PropertySettings, elastic: Elastic, found: Plateau | str
+) -> Properties:
+    plateau = found if isinstance(found, Plateau) else None
+    values = {"E_gpa": elastic.value(settings), "nu": poisson_ratio(record, elastic)}
+    for offset in settings.offsets_percent:
+        values[offset_key(offset)] = offset_strength(record, elastic, settings, offset, plateau)
+    if isinstance(found, Plateau):
+        values["ReH_mpa"] = upper_yield(record, elastic, settings, found)
+        values["ReL_mpa"] = lower_yield(record, elastic, settings, found)
+        values["Ae_percent"] = yield_extension(record, elastic, settings, found)
+    else:
+        values |= _no_plateau(found)
+    at = strength_point(record, plateau)
+    values["Rm_mpa"] = tensile_strength(record, settings, at)
+    agt, ag = uniform_elongations(record, elastic, settings, at)
+    values |= {"Ag_percent": ag, "Agt_percent": agt}
+    values["A_percent"] = elongation_at_break(record, elastic, settings)
+    curve = true_curve(record, elastic, at)
+    part = hardening_range(record, elastic, settings, at)
+    if isinstance(part, str):
+        reason = part if record.curve.transverse is not None else NO_TRANSVERSE
+        values |= {"r": missing("1", R_RULE, reason), "n": missing("1", N_RULE, part)}
+    else:
+        values["r"] = strain_ratio(record, elastic, settings, *part)
+        values["n"] = hardening_exponent(curve, *part)
+    laws = hardening_laws(curve, plateau)
+    return Properties(record, settings, elastic, plateau, values, necking(record, elastic, agt), laws, curve)
+
+
+def _no_plateau(reason: str) -> dict[str, PropertyValue]:
+    units = {"ReH_mpa": ("MPa", REH_RULE), "ReL_mpa": ("MPa", REL_RULE), "Ae_percent": ("%", AE_RULE)}
+    return {name: missing(unit, rule, reason) for name, (unit, rule) in units.items()}
+
+
+def _without_line(record: Record, settings: PropertySettings, e_gpa: PropertyValue) -> Properties:
+    """Return what needs no elastic line: Rm; everything else is missing."""
+    reason = "no elastic line was found"
+    values = {"E_gpa": e_gpa, "nu": missing("1", NU_RULE, reason)}
+    for offset in settings.offsets_percent:
+        values[offset_key(offset)] = missing("MPa", OFFSET_RULE.format(offset), reason)
+    values |= _no_plateau(reason)
+    values["Rm_mpa"] = tensile_strength(record, settings, record.top)
+    rules = {"Ag_percent": AG_RULE, "Agt_percent": AGT_RULE, "A_percent": A_RULE}
+    values |= {name: missing("%", rule, reason) for name, rule in rules.items()}
+    values |= {"r": missing("1", R_RULE, reason), "n": missing("1", N_RULE, reason)}
+    neck = missing("1", NECK_RULE, reason)
+    return Properties(record, settings, None, None, values, neck, {}, None)

@@ -1,0 +1,139 @@
+"""Stress and strain of a test, and what its course tells: extensometer taken off, break, steps, loops."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dic.properties.curve import Curve
+from dic.typing import Float
+
+STILL_STRAIN, STILL_LOAD_SHARE, STILL_POINTS = 2e-5, 0.02, 20
+"""Strain that changes less than the first while the load changes by more than the second stands still."""
+JUMP_STRAIN, JUMP_TIMES, JUMP_LOAD_SHARE = 2e-3, 50.0, 0.05
+"""A step of strain larger than these, without a step of load, is the removal of the extensometer."""
+BROKEN_SHARE, LOOP_SHARE = 0.1, 0.02
+LADDER_TIMES, LADDER_SHARE, LADDER_STEPS = 5.0, 0.7, 4
+
+
+@dataclass(frozen=True)
+class Record:
+    """A tensile test in stress and strain.
+
+    Attributes
+    ----------
+    curve : Curve
+    area_mm2 : float
+    stress : ndarray, shape (n,)
+        Load over the original area, MPa, of all points.
+    end : int
+        Number of points with a valid strain.
+    end_reason : str
+        Why the strain ends before the load; empty if it does not.
+    """
+
+    curve: Curve
+    area_mm2: float
+    stress: Float
+    end: int
+    end_reason: str
+
+    @property
+    def strain(self) -> Float:
+        """Valid strain, shape (end,)."""
+        return self.curve.strain[: self.end]
+
+    @property
+    def strained_stress(self) -> Float:
+        """Stress at the points with a valid strain, MPa, shape (end,)."""
+        return self.stress[: self.end]
+
+    @cached_property
+    def top(self) -> int:
+        """Point of the largest load."""
+        return int(np.argmax(self.stress))
+
+    @cached_property
+    def break_point(self) -> int | None:
+        """Last point before the specimen broke; None if the record does not show the break."""
+        after = self.stress[self.top :]
+        low = np.flatnonzero(after < BROKEN_SHARE * self.stress[self.top])
+        stop = int(low[0]) if low.size else len(after) - 1
+        falls = -np.diff(after[: stop + 1])
+        if falls.size < 2:
+            return None
+        usual = float(np.median(np.abs(np.diff(self.stress))))
+        k = stop
+        while k > 0 and falls[k - 1] > max(20.0 * usual, 0.002 * self.stress[self.top]):
+            k -= 1
+        return self.top + k if k < stop else None
+
+    def noise(self, values: Float) -> float:
+        """Return the standard deviation of white noise, robustly, from third differences."""
+        if len(values) < 8:
+            return 0.0
+        # The third difference of white noise has 1 + 9 + 9 + 1 = 20 times its variance.
+        return float(1.4826 * np.median(np.abs(np.diff(values, n=3))) / np.sqrt(20.0))
+
+    def loops(self, stop: int) -> list[tuple[float, float]]:
+        """Return from which to which stress the specimen was unloaded and loaded again, before a point."""
+        stress, strain = self.stress[:stop], self.strain[:stop]
+        least = LOOP_SHARE * float(self.stress[self.top])
+        found: list[tuple[float, float]] = []
+        peak, valley = 0, 0
+        for k in range(1, len(stress)):
+            if stress[k] < stress[valley]:
+                valley = k
+            unloaded = stress[peak] - stress[valley] > least and strain[peak] - strain[valley] > 0.0
+            if stress[k] >= stress[peak]:
+                if unloaded:
+                    found.append((float(stress[peak]), float(stress[valley])))
+                peak = valley = k
+        return found
+
+    def is_ladder(self, stop: int) -> bool:
+        """Return True if the load rose in few large steps with rests between them, up to a point."""
+        steps = np.diff(self.stress[: stop + 1])
+        if len(steps) < 3 * LADDER_STEPS:
+            return False
+        large = steps > LADDER_TIMES * max(float(np.median(np.abs(steps))), 1e-12)
+        rise = float(self.stress[stop] - self.stress[0])
+        enough = np.count_nonzero(large) >= LADDER_STEPS and np.count_nonzero(large) <= 0.4 * len(steps)
+        return bool(enough and steps[large].sum() > LADDER_SHARE * rise)
+
+
+def record_of(curve: Curve, area_mm2: float) -> Record:
+    """Return stress and valid strain of a test."""
+    end, reason = _valid_strain(curve)
+    return Record(curve, area_mm2, curve.load_n / area_mm2, end, reason)
+
+
+def _valid_strain(curve: Curve) -> tuple[int, str]:
+    """Return how many points have a valid strain, and why not all have."""
+    end, reason = curve.measured, ""
+    if end < len(curve.strain):
+        reason = "extensometer: the column of strain ends before the load"
+    strain, load = curve.strain[:end], curve.load_n[:end]
+    most = float(curve.load_n.max())
+    still = _standing_from(strain)
+    broken = np.flatnonzero(load[int(np.argmax(load)) :] < BROKEN_SHARE * most)
+    stop = int(np.argmax(load)) + int(broken[0]) if broken.size else end
+    moved = float(np.ptp(load[still:stop])) if still < stop else 0.0
+    if stop - still >= STILL_POINTS and moved > STILL_LOAD_SHARE * most:
+        end, reason = still + 1, "extensometer: the strain stands still while the load goes on"
+    steps = np.abs(np.diff(strain[:end]))
+    limit = max(JUMP_STRAIN, JUMP_TIMES * float(np.median(steps)))
+    quiet = np.abs(np.diff(load[:end])) < JUMP_LOAD_SHARE * most
+    jumps = np.flatnonzero((steps > limit) & quiet)
+    if jumps.size and jumps[0] + 1 >= 10:
+        end = int(jumps[0]) + 1
+        reason = f"extensometer: the strain jumps by {100 * steps[jumps[0]]:.2f} % while the load does not"
+    return end, reason
+
+
+def _standing_from(strain: Float) -> int:
+    """Return the first point from which on the strain stays within `STILL_STRAIN`."""
+    back = strain[::-1]
+    spread = np.maximum.accumulate(back) - np.minimum.accumulate(back)
+    moving = np.flatnonzero(spread > STILL_STRAIN)
+    return len(strain) - int(moving[0]) if moving.size else 0

@@ -1,0 +1,94 @@
+"""What the user states about a tensile test besides its record."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.errors import Check, CurveError, is_number, require_all
+
+
+@dataclass(frozen=True)
+class PropertySettings:
+    """The specimen's area, the declared uncertainties and the choices of the rules.
+
+    Attributes
+    ----------
+    area_mm2 : float
+        Original area of the cross-section, mm².
+    area_std_mm2, load_std_percent, strain_std_percent : float or None
+        Standard deviations of the area, and of load and strain as a share of the reading. These errors are
+        common to all points. None if unknown: then the standard deviations of the results leave it out.
+    offsets_percent : tuple of float
+        Plastic strains of the offset yield strengths Rp, %.
+    window_mpa : tuple of float, or None
+        Stresses between which the elastic slope is fitted; None for the objective window.
+    hardening_percent : tuple of float
+        Strains between which n and r are fitted, %.
+
+    Raises
+    ------
+    CurveError
+        If a value is not possible.
+    """
+
+    area_mm2: float
+    area_std_mm2: float | None = None
+    load_std_percent: float | None = None
+    strain_std_percent: float | None = None
+    offsets_percent: tuple[float, ...] = (0.2,)
+    window_mpa: tuple[float, float] | None = None
+    hardening_percent: tuple[float, float] = (10.0, 20.0)
+
+    def __post_init__(self) -> None:
+        remedy = "give width times thickness before the test, such as 120.0"
+        checks: list[Check] = [
+            (_within(self.area_mm2, 0.0, 1e7), "area", "above 0 mm²", self.area_mm2, remedy)
+        ]
+        for name, text in (
+            ("area_std_mm2", "standard deviation of the area"),
+            ("load_std_percent", "standard deviation of the load"),
+            ("strain_std_percent", "standard deviation of the strain"),
+        ):
+            std = getattr(self, name)
+            good = std is None or (is_number(std) and 0.0 <= std < 100.0)
+            checks.append(
+                (good, text, "at least 0", std, "give a small number, such as 0.5, or leave it out")
+            )
+        for offset in self.offsets_percent:
+            good = _within(offset, 0.0, 10.0)
+            checks.append((good, "offset", "above 0 % and below 10 %", offset, "give --offset-percent 0.2"))
+        window = self.window_mpa
+        good = window is None or (len(window) == 2 and -1.0 < window[0] < window[1] < np.inf)
+        remedy = "give the lower and the upper stress, such as 40 160"
+        checks.append((good, "window", "a lower and a higher stress in MPa", window, remedy))
+        low, high = self.hardening_percent
+        remedy = "give the lower and the upper strain, such as 10 20"
+        checks.append(
+            (0.0 < low < high < 100.0, "range of hardening", "two strains in %", (low, high), remedy)
+        )
+        require_all(CurveError, "settings", checks)
+
+    @property
+    def stress_share(self) -> float:
+        """Standard deviation of all stresses together, as a share of the stress."""
+        load = (self.load_std_percent or 0.0) / 100.0
+        return float(np.hypot(load, (self.area_std_mm2 or 0.0) / self.area_mm2))
+
+    @property
+    def strain_share(self) -> float:
+        """Standard deviation of all strains together, as a share of the strain."""
+        return (self.strain_std_percent or 0.0) / 100.0
+
+    @property
+    def not_counted(self) -> list[str]:
+        """Names of the uncertainties that the user did not declare."""
+        names = {
+            "area": self.area_std_mm2,
+            "load cell": self.load_std_percent,
+            "strain calibration": self.strain_std_percent,
+        }
+        return [name for name, std in names.items() if std is None]
+
+
+def _within(value: object, low: float, high: float) -> bool:
+    return is_number(value) and low < value < high  # type: ignore[operator]

@@ -1,0 +1,82 @@
+"""Tensile strength and elongations, after ISO 6892-1:2019 (3.6, 3.10, 15 to 20)."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from dic.properties.elastic import Elastic
+from dic.properties.record import Record
+from dic.properties.settings import PropertySettings
+from dic.properties.value import PropertyValue, missing, root_sum
+from dic.properties.yielding import Plateau
+
+RM_RULE = "largest stress after yielding"
+AGT_RULE = "strain at Rm, the middle of a flat maximum, after correction of the curve's foot"
+AG_RULE = "Agt minus Rm over the elastic slope"
+A_RULE = "strain at the break minus stress over the elastic slope, after correction of the curve's foot"
+
+
+def strength_point(record: Record, plateau: Plateau | None) -> int:
+    """Return the point of the largest stress; after discontinuous yielding the one after the plateau."""
+    begin = plateau.last if plateau is not None else 0
+    return begin + int(np.argmax(record.stress[begin:]))
+
+
+def tensile_strength(record: Record, settings: PropertySettings, at: int) -> PropertyValue:
+    """Return Rm; it needs no strain."""
+    stress = float(record.stress[at])
+    flags = []
+    if at >= len(record.stress) - 2:
+        flags.append("end: the largest stress is the last one, so the record may end before Rm")
+    std = root_sum(stress * settings.stress_share, record.noise(record.stress))
+    return PropertyValue(stress, std, "MPa", RM_RULE, {"point": at}, tuple(flags))
+
+
+def uniform_elongations(
+    record: Record, elastic: Elastic, settings: PropertySettings, at: int
+) -> tuple[PropertyValue, PropertyValue]:
+    """Return Agt and Ag."""
+    if at >= record.end:
+        reason = record.end_reason or "the strain ends before Rm"
+        reason += "; Rm comes later"
+        return missing("%", AGT_RULE, reason), missing("%", AG_RULE, reason)
+    if at >= len(record.stress) - 2:
+        reason = "the largest stress is the last one, so the record may end before Rm"
+        return missing("%", AGT_RULE, reason), missing("%", AG_RULE, reason)
+    stress = record.strained_stress
+    flat = np.flatnonzero(stress >= stress[at] - 2.0 * record.noise(stress))
+    strain = record.strain[flat]
+    low, high = float(strain.min()) - elastic.foot, float(strain.max()) - elastic.foot
+    total = 0.5 * (low + high)
+    spread = (high - low) / np.sqrt(12.0)
+    std = root_sum(spread, total * settings.strain_share, record.noise(record.strain))
+    window = {"strain_percent": [100 * low, 100 * high]}
+    agt = PropertyValue(100 * total, 100 * std, "%", AGT_RULE, window)
+    return agt, _without_elastic(total, std, float(stress[at]), elastic, AG_RULE, window)
+
+
+def elongation_at_break(record: Record, elastic: Elastic, settings: PropertySettings) -> PropertyValue:
+    """Return the elongation A after fracture, from the last strain before the break."""
+    at = record.break_point
+    if at is None:
+        return missing("%", A_RULE, "the record does not show the break")
+    if at >= record.end:
+        return missing("%", A_RULE, record.end_reason or "the strain ends before the break")
+    total = float(record.strain[at]) - elastic.foot
+    std = root_sum(total * settings.strain_share, record.noise(record.strain))
+    window = {"strain_percent": 100 * total, "point": at}
+    return _without_elastic(total, std, float(record.stress[at]), elastic, A_RULE, window)
+
+
+def _without_elastic(
+    total: float,
+    std: float,
+    stress: float,
+    elastic: Elastic,
+    rule: str,
+    window: Mapping[str, object],
+) -> PropertyValue:
+    part = stress / elastic.line.slope
+    # A share of all stresses changes the slope alike, and leaves the elastic strain.
+    std = root_sum(std, part * elastic.std_mpa / elastic.line.slope)
+    return PropertyValue(100 * (total - part), 100 * std, "%", rule, dict(window))

@@ -1,0 +1,86 @@
+"""Poisson's ratio and the plastic strain ratio r, from strain across the specimen."""
+
+import numpy as np
+
+from dic.properties.elastic import Elastic
+from dic.properties.record import Record
+from dic.properties.settings import PropertySettings
+from dic.properties.value import PropertyValue, missing, root_sum
+from dic.properties.windows import Line, fit_line
+from dic.typing import Float
+
+NU_RULE = "slope of transverse strain over slope of axial strain, both against the load (rule of ASTM E132)"
+R_RULE = "regression of true plastic strain of width against length, constant volume (rule of ISO 10113)"
+NO_TRANSVERSE = "no transverse strain was given"
+
+
+def poisson_ratio(record: Record, elastic: Elastic) -> PropertyValue:
+    """Return Poisson's ratio in the window of the elastic slope.
+
+    A common error of all loads cancels out, and so does the area. A common error of both strains cancels too.
+    """
+    if record.curve.transverse is None:
+        return missing("1", NU_RULE, NO_TRANSVERSE)
+    line = elastic.line
+    part = slice(line.first, line.stop)
+    stress, axial = record.stress[part], record.strain[part]
+    across = record.curve.transverse[part]
+    lines = [fit_line(stress, values, 0, len(stress)) for values in (axial, across)]
+    shares = [
+        _std_of_slope(stress, values, each) for values, each in zip((axial, across), lines, strict=True)
+    ]
+    ratio = -lines[1].slope / lines[0].slope
+    halves = [_ratio(stress[half], axial[half], across[half]) for half in _halves(len(stress))]
+    spread = abs(halves[1] - halves[0]) / 4.0
+    std = root_sum(ratio * shares[0] / lines[0].slope, shares[1] / lines[0].slope, spread)
+    flags = [flag for flag in elastic.flags if flag.startswith(("few", "hysteresis", "ladder"))]
+    if not 0.0 < ratio < 0.5:
+        flags.append("range: Poisson's ratio of a metal lies between 0 and 0.5")
+    return PropertyValue(ratio, std, "1", NU_RULE, elastic.window, tuple(flags))
+
+
+def strain_ratio(
+    record: Record, elastic: Elastic, settings: PropertySettings, part: slice, window: dict[str, object]
+) -> PropertyValue:
+    """Return r over a part of the record with uniform plastic strain."""
+    if record.curve.transverse is None:
+        return missing("1", R_RULE, NO_TRANSVERSE)
+    stress = record.strained_stress[part]
+    along = record.strain[part] - elastic.foot
+    nu = poisson_ratio(record, elastic).value or 0.3
+    # The transverse strain begins with its own zero, which the elastic window gives.
+    inside = slice(elastic.line.first, elastic.line.stop)
+    zero = fit_line(
+        record.stress[inside], record.curve.transverse[inside], 0, elastic.line.stop - elastic.line.first
+    )
+    across = record.curve.transverse[part] - zero.intercept
+    elastic_part = stress * (1.0 + along) / elastic.line.slope
+    length = np.log1p(along) - elastic_part
+    width = np.log1p(across) + nu * elastic_part
+    line = fit_line(length, width, 0, len(length))
+    share = -line.slope
+    if not 0.0 < share < 1.0:
+        return missing(
+            "1", R_RULE, f"the width changes by {share:.2f} of the length, so the thickness would grow"
+        )
+    std = _std_of_slope(length, width, line) / (1.0 - share) ** 2
+    halves = [
+        -fit_line(length[half], width[half], 0, len(length[half])).slope for half in _halves(len(length))
+    ]
+    spread = abs(halves[1] - halves[0]) / 4.0 / (1.0 - share) ** 2
+    return PropertyValue(share / (1.0 - share), root_sum(std, spread), "1", R_RULE, window)
+
+
+def _halves(count: int) -> tuple[slice, slice]:
+    return slice(0, count // 2 + 1), slice(count // 2 - 1, count)
+
+
+def _ratio(stress: Float, axial: Float, across: Float) -> float:
+    lines = [fit_line(stress, values, 0, len(stress)) for values in (axial, across)]
+    return -lines[1].slope / lines[0].slope
+
+
+def _std_of_slope(x: Float, y: Float, line: Line) -> float:
+    rest = y - line.slope * x - line.intercept
+    across = float(((x - x.mean()) ** 2).sum())
+    return float(np.sqrt(rest @ rest / max(len(x) - 2, 1) / across))

@@ -1,0 +1,69 @@
+"""A material property with its uncertainty, its rule, its window, and what speaks against it."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+NORMAL_95 = 1.959964
+"""Half width of the 95 % interval of a normal distribution, in standard deviations."""
+
+
+@dataclass(frozen=True)
+class PropertyValue:
+    """A property of the material.
+
+    Attributes
+    ----------
+    value : float or None
+        None if the record does not give the property; then `flags` has the reason.
+    std : float or None
+        Standard deviation of the value.
+    unit : str
+    rule : str
+        How the value was found.
+    window : dict
+        The part of the record from which the value was found.
+    flags : tuple of str
+        What speaks against the value; each begins with a word for programs, such as "toe:".
+    """
+
+    value: float | None
+    std: float | None
+    unit: str
+    rule: str
+    window: dict[str, Any] = field(default_factory=dict)
+    flags: tuple[str, ...] = ()
+
+    @property
+    def low(self) -> float | None:
+        """Lower end of the 95 % interval."""
+        return None if self.value is None or self.std is None else self.value - NORMAL_95 * self.std
+
+    @property
+    def high(self) -> float | None:
+        """Upper end of the 95 % interval."""
+        return None if self.value is None or self.std is None else self.value + NORMAL_95 * self.std
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the values for JSON: value, std, low, high, unit, rule, window, flags."""
+        return {
+            "value": self.value,
+            "std": self.std,
+            "low": self.low,
+            "high": self.high,
+            "unit": self.unit,
+            "rule": self.rule,
+            "window": self.window,
+            "flags": list(self.flags),
+        }
+
+
+def missing(unit: str, rule: str, reason: str) -> PropertyValue:
+    """Return a property that the record does not give."""
+    return PropertyValue(None, None, unit, rule, flags=(f"missing: {reason}",))
+
+
+def root_sum(*parts: float) -> float:
+    """Return the standard deviation of a sum of independent parts."""
+    return float(np.sqrt(np.sum(np.square(parts))))

@@ -1,0 +1,113 @@
+"""Straight lines through every window of consecutive points, by running sums."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.typing import Float
+
+_TIE = 1e-10
+"""Running sums lose digits: windows whose normalised residuals are closer than this are fitted again."""
+_MOST_REFITTED = 500
+
+
+@dataclass(frozen=True)
+class Line:
+    """A least squares line through the points from `first` to before `stop`.
+
+    Attributes
+    ----------
+    first, stop : int
+    slope, intercept : float
+        Of y against x.
+    residual : float
+        Sum of squared residuals divided by the sum of squared deviations of y from its mean.
+    """
+
+    first: int
+    stop: int
+    slope: float
+    intercept: float
+    residual: float
+
+
+def fit_line(x: Float, y: Float, first: int, stop: int) -> Line:
+    """Fit a line to the points from `first` to before `stop`; x must not be constant there."""
+    x_part, y_part = x[first:stop], y[first:stop]
+    x_mean, y_mean = float(x_part.mean()), float(y_part.mean())
+    dx, dy = x_part - x_mean, y_part - y_mean
+    slope = float(dx @ dy / (dx @ dx))
+    spread = float(dy @ dy)
+    rest = dy - slope * dx
+    residual = float(rest @ rest) / spread if spread > 0.0 else 1.0
+    return Line(first, stop, slope, y_mean - slope * x_mean, residual)
+
+
+def straightest(x: Float, y: Float, least: int) -> Line | None:
+    """Return the line of the window with the least normalised residual.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+        Normalised record: both axes from 0 to about 1.
+    least : int
+        Smallest number of points of a window.
+
+    Returns
+    -------
+    Line or None
+        Of equal windows the one that begins first, and then the longest. None if x or y does not change in
+        any window.
+    """
+    candidates: list[tuple[float, int, int]] = []
+    bound = np.inf
+    for first, residual, _ in _all_windows(x, y, least):
+        bound = min(bound, float(residual.min()))
+        near = np.flatnonzero(residual <= bound + _TIE)
+        # Of windows that running sums cannot tell apart, those with the least residual and the longest stay.
+        best = near[np.argsort(residual[near], kind="stable")[:4]]
+        keep = {*(int(k) for k in best), *((int(near[-1]),) if near.size else ())}
+        candidates += [(float(residual[k]), first, first + least + k) for k in sorted(keep)]
+    if not np.isfinite(bound):
+        return None
+    candidates = sorted(each for each in candidates if each[0] <= bound + _TIE)[:_MOST_REFITTED]
+    lines = [fit_line(x, y, first, stop) for _, first, stop in candidates]
+    return min(lines, key=lambda line: (line.residual, line.first, -line.stop))
+
+
+def spread_of_slopes(x: Float, y: Float, line: Line, least: int, factor: float) -> float:
+    """Return the root mean square difference from a line's slope over all windows that are nearly as good.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+    line : Line
+        The straightest line.
+    least : int
+        Smallest number of points of a window.
+    factor : float
+        A window is nearly as good if its normalised residual is at most this multiple of the least one.
+    """
+    total, count = 0.0, 0
+    bound = factor * line.residual + _TIE
+    for _, residual, slope in _all_windows(x, y, least):
+        near = residual <= bound
+        total += float(((slope[near] - line.slope) ** 2).sum())
+        count += int(np.count_nonzero(near))
+    return float(np.sqrt(total / count)) if count else 0.0
+
+
+def _all_windows(x: Float, y: Float, least: int) -> Iterator[tuple[int, Float, Float]]:
+    """Yield for each first point the normalised residuals and slopes of the windows of `least` points up."""
+    dx, dy = x - x.mean(), y - y.mean()
+    sums = [np.concatenate([[0.0], np.cumsum(part)]) for part in (dx, dy, dx * dx, dx * dy, dy * dy)]
+    for first in range(len(x) - least + 1):
+        count = np.arange(least, len(x) - first + 1)
+        s_x, s_y, s_xx, s_xy, s_yy = (part[first + least :] - part[first] for part in sums)
+        v_xx, v_xy, v_yy = s_xx - s_x**2 / count, s_xy - s_x * s_y / count, s_yy - s_y**2 / count
+        changes = (v_xx > 1e-14 * count) & (v_yy > 1e-14 * count)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            residual = np.where(changes, 1.0 - v_xy**2 / (v_xx * v_yy), np.inf)
+            slope = np.where(changes, v_xy / v_xx, 0.0)
+        yield first, residual, slope

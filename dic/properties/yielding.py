@@ -1,0 +1,202 @@
+"""Yield strengths: offset yield strength, upper and lower yield strength, yield point extension.
+
+The definitions follow ISO 6892-1:2019 (3.10, 11 to 14 and A.3).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.properties.elastic import Elastic
+from dic.properties.record import Record
+from dic.properties.settings import PropertySettings
+from dic.properties.value import PropertyValue, missing, root_sum
+from dic.properties.windows import fit_line
+from dic.typing import Float
+
+DROP_SHARE, QUIET_STRAIN = 0.005, 5e-4
+"""An upper yield strength is followed by a drop by the first, and is not reached again within the second."""
+YIELD_STRAIN = 0.02
+"""An upper yield strength lies below this plastic strain; later drops are serrations or necking."""
+REBOUND_SHARE = 0.001
+HARDENING_STRAIN = 0.002
+"""Width of the windows in which the highest slope of hardening is searched."""
+OFFSET_RULE = "intersection with the elastic line shifted by {:g} %, after correction of the curve's foot"
+REH_RULE = "first maximum that is followed by a drop of 0.5 %"
+REL_RULE = "lowest stress during yielding, without the first transient"
+AE_RULE = "from ReH to the intersection of the last minimum's level with the steepest line of hardening"
+
+
+@dataclass(frozen=True)
+class Plateau:
+    """Discontinuous yielding.
+
+    Attributes
+    ----------
+    upper : int
+        Point of the upper yield strength.
+    lower : int
+        Point of the lower yield strength.
+    last : int
+        Last minimum before uniform hardening.
+    """
+
+    upper: int
+    lower: int
+    last: int
+
+
+def offset_strength(
+    record: Record,
+    elastic: Elastic,
+    settings: PropertySettings,
+    offset_percent: float,
+    plateau: Plateau | None,
+) -> PropertyValue:
+    """Return the stress at which the plastic strain reaches an offset."""
+    rule, offset = OFFSET_RULE.format(offset_percent), offset_percent / 100.0
+    stress, strain = record.strained_stress, record.strain
+    at = _crossing(strain, stress, elastic, offset, 0.0)
+    if at is None:
+        reason = "the record of strain ends before the shifted elastic line"
+        return missing("MPa", rule, " ".join((reason, *filter(None, [record.end_reason]))))
+    turned = [_crossing(strain, stress, elastic, offset, by * elastic.std_mpa) for by in (-1.0, 1.0)]
+    sides = [side[0] for side in turned if side is not None]
+    by_line = max((abs(side - at[0]) for side in sides), default=0.0)
+    # Strain larger by a share p lowers slope and offset alike: the crossing moves to the offset (1 + p).
+    shifted = _crossing(strain, stress, elastic, offset * (1.0 + settings.strain_share), 0.0)
+    by_strain = abs(shifted[0] - at[0]) if shifted is not None else 0.0
+    std = root_sum(at[0] * settings.stress_share, by_line, by_strain, _local_noise(record))
+    flags = [*_doubt(elastic)]
+    if plateau is not None and at[1] >= plateau.upper:
+        flags.append(
+            "plateau: the intersection lies on the yield plateau; ReH and ReL describe this yielding"
+        )
+    window = {"strain_percent": 100 * float(strain[at[1]] - elastic.foot), "point": at[1]}
+    return PropertyValue(at[0], std, "MPa", rule, window, tuple(flags))
+
+
+def _crossing(
+    strain: Float, stress: Float, elastic: Elastic, offset: float, turn_mpa: float
+) -> tuple[float, int] | None:
+    """Return the stress of the intersection with a shifted elastic line and the point before it."""
+    slope, foot = elastic.turned(turn_mpa)
+    above = stress - slope * (strain - foot - offset)
+    below = np.flatnonzero(above[elastic.line.stop :] < 0.0) + elastic.line.stop
+    # Noise of one point does not end the elastic part.
+    for k in below:
+        if (above[k : k + 3] < 0.0).all() and k > 0:
+            share = above[k - 1] / (above[k - 1] - above[k]) if above[k - 1] > 0.0 else 1.0
+            return float(stress[k - 1] + share * (stress[k] - stress[k - 1])), int(k)
+    return None
+
+
+def find_plateau(record: Record, elastic: Elastic) -> Plateau | str:
+    """Find discontinuous yielding, or return the reason why there is none."""
+    stress, strain = record.strained_stress, record.strain - elastic.foot
+    plastic = strain - stress / elastic.line.slope
+    begin = elastic.line.stop
+    early = int(np.argmax(plastic > YIELD_STRAIN)) if (plastic > YIELD_STRAIN).any() else len(stress)
+    if early <= begin:
+        return "the record has no points between the elastic part and 2 % of plastic strain"
+    highest = np.maximum.accumulate(stress)
+    dropped = stress < (1.0 - DROP_SHARE) * highest
+    dropped[:begin] = False
+    drops = np.flatnonzero(dropped & (highest > elastic.window["stress_mpa"][1]))
+    upper = int(np.argmax(stress[: drops[0] + 1])) if drops.size else len(stress)
+    if upper >= early:
+        return "the stress does not drop by 0.5 % at the beginning of yielding"
+    again = upper + 1 + np.flatnonzero(stress[upper + 1 :] > stress[upper])
+    if not again.size:
+        return "the stress never exceeds its first maximum again: this is Rm, or the record is too short"
+    if strain[again[0]] - strain[upper] < QUIET_STRAIN:
+        return "the drop after the first maximum is shorter than 0.05 % of strain"
+    return _minima(record, upper, int(again[0]))
+
+
+def _minima(record: Record, upper: int, again: int) -> Plateau:
+    """Find the lowest stress of a plateau without the first transient, and the last minimum."""
+    stress = record.strained_stress[: again + 1]
+    rebound = max(REBOUND_SHARE * float(stress[upper]), 6.0 * _local_noise(record))
+    falling = np.minimum.accumulate(stress[upper:])
+    risen = np.flatnonzero(stress[upper:] > falling + rebound)
+    end_of_transient = upper + _fallen_again(stress[upper:], int(risen[0]), rebound) if risen.size else upper
+    # Seen from the end, the stress falls to the last minimum and then rises.
+    back = stress[upper:][::-1]
+    tail = len(stress) - int(np.argmax(back > np.minimum.accumulate(back) + rebound))
+    last = tail + int(np.argmin(stress[tail:]))
+    whole = upper + int(np.argmin(stress[upper:]))
+    # A single minimum between ReH and hardening is no transient: nothing else is left.
+    lower = (
+        whole if end_of_transient == upper else end_of_transient + int(np.argmin(stress[end_of_transient:]))
+    )
+    return Plateau(upper, lower, last)
+
+
+def _fallen_again(stress: Float, rising: int, rebound: float) -> int:
+    """Return the point at which a rise after the first minimum has ended; 0 if it goes on into hardening."""
+    highest = np.maximum.accumulate(stress[rising:])
+    fallen = np.flatnonzero(stress[rising:] < highest - rebound)
+    return rising + int(fallen[0]) if fallen.size else 0
+
+
+def upper_yield(
+    record: Record, elastic: Elastic, settings: PropertySettings, plateau: Plateau
+) -> PropertyValue:
+    """Return ReH."""
+    return _yield_value(record, elastic, settings, plateau.upper, REH_RULE)
+
+
+def lower_yield(
+    record: Record, elastic: Elastic, settings: PropertySettings, plateau: Plateau
+) -> PropertyValue:
+    """Return ReL."""
+    return _yield_value(record, elastic, settings, plateau.lower, REL_RULE)
+
+
+def yield_extension(
+    record: Record, elastic: Elastic, settings: PropertySettings, plateau: Plateau
+) -> PropertyValue:
+    """Return Ae, the strain from the upper yield strength to the begin of uniform hardening."""
+    stress, strain = record.strained_stress, record.strain
+    best = None
+    for first in range(plateau.last, len(stress) - 1):
+        if strain[first] > strain[plateau.last] + 0.02:
+            break
+        stop = int(np.searchsorted(strain[first:], strain[first] + HARDENING_STRAIN)) + first
+        if stop - first >= 5 and stop < len(stress) and np.ptp(strain[first:stop]) > 0.0:
+            line = fit_line(strain, stress, first, stop)
+            best = line if best is None or line.slope > best.slope else best
+    if best is None or best.slope <= 0.0:
+        return missing("%", AE_RULE, "the record of strain ends before hardening is seen")
+    level = float(stress[plateau.last])
+    end = (level - best.intercept) / best.slope
+    extension = end - float(strain[plateau.upper])
+    # The flat top of ReH and the curved start of hardening are the largest uncertainties.
+    flat = np.flatnonzero(stress[: plateau.lower + 1] > stress[plateau.upper] - 2.0 * _local_noise(record))
+    width = float(strain[flat[-1]] - strain[flat[0]]) if flat.size else 0.0
+    reach = abs(end - float(strain[plateau.last]))
+    std = root_sum(width / np.sqrt(12.0), reach / np.sqrt(12.0), extension * settings.strain_share)
+    window = {
+        "strain_percent": [100 * (float(strain[plateau.upper]) - elastic.foot), 100 * (end - elastic.foot)]
+    }
+    return PropertyValue(100 * extension, 100 * std, "%", AE_RULE, window)
+
+
+def _yield_value(
+    record: Record, elastic: Elastic, settings: PropertySettings, at: int, rule: str
+) -> PropertyValue:
+    stress = float(record.stress[at])
+    std = root_sum(stress * settings.stress_share, _local_noise(record))
+    window = {"strain_percent": 100 * float(record.strain[at] - elastic.foot), "point": at}
+    return PropertyValue(stress, std, "MPa", rule, window)
+
+
+def _local_noise(record: Record) -> float:
+    return record.noise(record.strained_stress)
+
+
+def _doubt(elastic: Elastic) -> list[str]:
+    """Pass on that the elastic line is doubtful."""
+    words = sorted({flag.partition(":")[0] for flag in elastic.flags})
+    return [f"elastic line: {', '.join(words)}"] if words else []
