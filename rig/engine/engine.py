@@ -65,8 +65,6 @@ class Engine:
         Listeners that are called with every `Status`, `StepRecord` and `LogEntry`, in the order of the run.
     earlier : mapping of int to Reading, optional
         Settled readings of steps that an earlier run has finished. These steps are not executed again.
-    leaving_s : float
-        Real time for all listeners together to handle the reports that still wait at the end of the run.
     on_progress : callable, optional
         Function that is called after each complete, valid reading of all devices, with True if a device may
         be moving. The engine's own thread makes these calls, so they stop if the engine hangs. The function
@@ -74,6 +72,11 @@ class Engine:
     on_question : callable, optional
         Called with an `OperatorAction` and a sentence of the operator's driver (or an empty text) before the
         operator is asked, on the thread that asks. The returned context manager is left after the answer.
+
+    Attributes
+    ----------
+    leaving_s : float
+        Real time for all listeners together to handle the reports that still wait at the end of the run.
 
     Notes
     -----
@@ -99,7 +102,6 @@ class Engine:
         on_progress: Callable[[bool], None] = lambda _: None,
         on_question: OnQuestion = unannounced,
         earlier: Mapping[int, Reading] | None = None,
-        leaving_s: float = LEAVING_S,
     ) -> None:
         self._watch = Watch(protocol, limits_on(protocol, rig))
         self._protocol = protocol
@@ -130,7 +132,7 @@ class Engine:
         self._on_status = Listeners(on_status, self.abort)
         self._on_step = Listeners(on_step, self.abort)
         self._on_news = Listeners[News](on_news, self.abort)
-        self._leaving_s = leaving_s
+        self.leaving_s = LEAVING_S
         self._on_progress = on_progress
         self._earlier = dict(earlier or {})
         self._goes_on = bool(earlier)
@@ -332,7 +334,7 @@ class Engine:
     def _outcome(self, status: RunStatus, reason: str, unsafe: tuple[str, ...] = ()) -> Outcome:
         at_end = look(self._devices, self._calls)
         self._calls.close()
-        end_s = SystemClock().now_s() + self._leaving_s
+        end_s = SystemClock().now_s() + self.leaving_s
         listeners = (self._on_status, self._on_step, self._on_news)
         self._note_lost([sentence for each in listeners for sentence in each.close(end_s)])
         return Outcome(

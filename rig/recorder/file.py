@@ -54,26 +54,32 @@ class OpenRunFile:
         devices: Mapping[str, DeviceInfo],
         interlocks: Mapping[str, InterlockRecord] = NO_INTERLOCKS,
     ) -> None:
-        self._path = path
+        self._path = unfinished = _unfinished(path)
         self._abandoned = False
-        # Mode "x" raises an error for an existing file and never overwrites that file.
-        self._hdf5 = h5py.File(
-            path, "x", libver="latest", userblock_size=BLOCK_BYTES, rdcc_nbytes=_CACHE_BYTES
-        )
-        self._descriptor = os.open(path, os.O_RDWR)
-        with suppress(OSError):  # this file system has no locks
-            lock.hold(self._descriptor)
+        self._descriptor = _new(unfinished, path)
+        try:
+            self._hdf5 = h5py.File(
+                unfinished, "w", libver="latest", userblock_size=BLOCK_BYTES, rdcc_nbytes=_CACHE_BYTES
+            )
+        except BaseException:
+            os.close(self._descriptor)
+            unfinished.unlink()
+            raise
         try:
             self._space = ReservedSpace(self._descriptor)
             texts = [header.definition, header.configuration, header.provenance, *header.devices.values()]
             tables = len(cameras) + len(interlocks) + 5
             self.require_space(len("".join(texts).encode()) + tables * ROW_BYTES)
             self._create(header, cameras, devices, interlocks)
+            # A program that is killed before leaves no file of a run that cannot be read.
+            if path.exists():
+                raise FileExistsError(path)
+            self._path = unfinished.rename(path)
             _synchronise_folder(path.parent)
         except BaseException:
             self.abandon()
             with suppress(OSError):
-                path.unlink()
+                unfinished.unlink()
             raise
 
     def _create(
@@ -223,6 +229,41 @@ class OpenRunFile:
         if self._descriptor >= 0:
             os.close(self._descriptor)
             self._descriptor = -1
+
+
+def _unfinished(path: Path) -> Path:
+    """Return the name that a run file has until it can be read."""
+    return path.with_name(f".{path.name}.unfinished")
+
+
+def _new(unfinished: Path, path: Path) -> int:
+    """Return a locked descriptor of an empty file, of which only this program creates the run file `path`.
+
+    A file that a killed program has left under this name is emptied.
+
+    Raises
+    ------
+    FileExistsError
+        If the run file exists, or if another program creates it now.
+    """
+    descriptor = os.open(unfinished, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+    try:
+        try:
+            lock.hold(descriptor)
+        except BlockingIOError as error:
+            raise FileExistsError(f"{path} is created by another program") from error
+        except OSError:  # this file system has no locks
+            pass
+        # Another program may have renamed its file before this program got the lock.
+        if not os.path.samestat(os.fstat(descriptor), unfinished.stat()):
+            raise FileExistsError(f"{path} was created by another program")
+        if path.exists():
+            unfinished.unlink()
+            raise FileExistsError(path)
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return descriptor
 
 
 def _synchronise_folder(folder: Path) -> None:

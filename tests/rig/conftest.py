@@ -244,15 +244,11 @@ class FakeRig:
             load_frame=self.load_frame.info if self.load_frame else None,
             interlocks=interlock_records(rig),
         )
-        return Engine(
-            self.protocol,
-            rig,
-            recorder,
-            on_status=[self._note, *on_status],
-            on_step=on_step,
-            leaving_s=self.leaving_s,
-            **options,
+        engine = Engine(
+            self.protocol, rig, recorder, on_status=[self._note, *on_status], on_step=on_step, **options
         )
+        engine.leaving_s = self.leaving_s
+        return engine
 
     def events(self) -> list[str]:
         """What the run file says that happened."""

@@ -15,6 +15,7 @@ import h5py
 import numpy as np
 import pytest
 
+from dic.runfile import lock
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame
 from rig.errors import RecordingError
 from rig.protocol.step import ProtocolStep, Reading
@@ -75,6 +76,25 @@ def test_existing_file_is_never_overwritten(tmp_path):
     with pytest.raises(RecordingError, match="never overwritten"):
         record(path)
     assert path.read_bytes() == b"precious"
+
+
+def test_file_that_a_killed_program_did_not_complete_is_used_by_the_next(tmp_path):
+    path, unfinished = tmp_path / "run.h5", tmp_path / ".run.h5.unfinished"
+    unfinished.write_bytes(b"\x89HDF, and no more")
+    record(path).close("completed", "", START)
+    assert path.exists()
+    assert not unfinished.exists()
+
+
+def test_two_programs_never_create_the_same_file(tmp_path):
+    path, unfinished = tmp_path / "run.h5", tmp_path / ".run.h5.unfinished"
+    unfinished.write_bytes(b"another program creates it")
+    with unfinished.open("r+b") as other:
+        lock.hold(other.fileno())
+        with pytest.raises(RecordingError, match="never overwritten"):
+            record(path)
+    assert unfinished.read_bytes() == b"another program creates it"
+    assert not path.exists()
 
 
 def test_missing_folder_is_one_sentence(tmp_path):
