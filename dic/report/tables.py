@@ -89,6 +89,10 @@ def settings_rows(run: Run) -> list[tuple[str, str]]:
     if starts:
         rows.append(("First guesses from", ", ".join(starts)))
     rows.append(("Versions", ", ".join(info.versions.splitlines())))
+    if result.provenance is not None:
+        rows.append(("Results by", f"{result.provenance.command} ({result.provenance.versions})"))
+        inputs = result.provenance.inputs.items()
+        rows += [("Input", f"{Path(file).name}, SHA-256 {digest}") for file, digest in inputs]
     return rows
 
 
@@ -120,12 +124,13 @@ def _poisson(run: Run) -> str:
 
 def _strain_rows(run: Run) -> list[tuple[str, str]]:
     rows = []
-    measurements = [m for camera in run.cameras for m in camera.measurements]
-    for measure in sorted({m.strain_settings.measure for m in measurements}):
+    # All images of a series have the same settings, and reading one image is enough.
+    firsts = [m for camera in run.cameras for m in camera.measurements[:1]]
+    for measure in sorted({m.strain_settings.measure for m in firsts}):
         name = _MEASURES[measure]
         rows.append(("Strain", f"{name}, axes X right and Y up; mean: plane fitted to all valid points"))
     for series in run.cameras:
-        for gauge in sorted({_gauge(m) for m in series.measurements}):
+        for gauge in sorted({_gauge(m) for m in series.measurements[:1]}):
             rows.append((f"Local strain, {series.camera}", gauge))
     return rows
 

@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -173,7 +174,10 @@ def test_reading_and_reporting_measure_and_correct_nothing(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    expected = written(tmp_path, results[kind])
+    origin = load_run_result(files[kind]).provenance
+    assert origin is not None
+    expected = written(tmp_path, replace(results[kind], provenance=origin))
+    assert origin.command in unescape(expected)
 
     def forbidden(*_: Any, **__: Any) -> None:
         raise AssertionError("solved again")
