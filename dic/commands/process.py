@@ -198,7 +198,9 @@ def process(
         )
     say(table(result))
     for camera in result.cameras:
-        if camera.specimen is not None and not camera.specimen.is_whole:
+        if camera.specimen is None:
+            say(f"{camera.camera}: no specimen was found by its speckles; points cover the calibrated area")
+        elif not camera.specimen.is_whole:
             say(f"{camera.camera}, calibrated part: {camera.specimen}")
     say(f"results: {output}")
     if motion.save_alignment is not None:

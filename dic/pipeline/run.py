@@ -28,10 +28,11 @@ from dic.results.unfinished import Unfinished, result_place, unfinished
 from dic.runfile.digests import joined_digest
 from dic.runfile.joined import open_run
 from dic.runfile.reader import RunFile, RunStep
+from dic.specimen.find import SpecimenNotFound
 from dic.strain.measurement import Measurement
 from dic.strain.strain import StrainSettings
 from dic.targets.find import CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget, Target, find_target
-from dic.typing import Float, Mask, PathLike
+from dic.typing import Float, Grey, Mask, PathLike
 
 
 def process_run(
@@ -91,10 +92,11 @@ def process_run(
     with open_run(path) as run, result_place(output) as place:
         run.step_of_kind("grid")
         run.step_of_kind("reference")
-        correcting = (correcting or CorrectionSettings()).completed(run.mounting)
+        correcting = correcting or CorrectionSettings()
         plate_mm = run.mounting.plate_mm if plate_mm is None else plate_mm
         kinds = {step.kind for step in run.series()[1:]}
         correcting.require_use(str(path), list(run.cameras), kinds)
+        correcting = correcting.completed(run.mounting)
         on_count(len(run.cameras) * (len(run.series()) - 1))
         with unfinished(place, _job(run, settings, incremental, plate_mm)) as kept:
             work = _Work(run, kept, settings, strain, incremental, plate_mm, on_image)
@@ -172,10 +174,7 @@ class _Work:
         first, *others = run.series()
         reference = run.image(camera, first)
         region = _calibrated_region(calibration, reference.shape)
-        threads = max(1, processors() // len(run.cameras))
-        series = Series(
-            reference, None, self.settings, incremental=self.incremental, within=region, threads=threads
-        )
+        series = self._series(reference, region)
         finished = self.kept.series(run.cameras.index(camera))
         turn = _Turn(calibration, first.angle_deg)
         images = (
@@ -201,6 +200,18 @@ class _Work:
 
         measurements = Computed(len(numbers), measurement)
         return CameraResult(camera, calibration, reference, steps, measurements, failures, series.specimen)
+
+    def _series(self, reference: Grey, area: Mask) -> Series:
+        """Return the series of a camera, on the specimen in the calibrated area, or on all of this area."""
+        how: dict[str, Any] = {
+            "incremental": self.incremental,
+            "threads": max(1, processors() // len(self.run.cameras)),
+        }
+        try:
+            return Series(reference, None, self.settings, within=area, **how)
+        except SpecimenNotFound:
+            # A run has no other place than the calibrated area. Each subset there is checked for texture.
+            return Series(reference, area, self.settings, **how)
 
 
 def _digest(run: RunFile, camera: str, step: RunStep) -> str:

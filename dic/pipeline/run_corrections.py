@@ -75,14 +75,19 @@ class CorrectionSettings:
         return replace(self, shift_std_um=shift_std_um, tilt_axis_mm=hinge_mm)
 
     def require_use(self, source: str, cameras: Sequence[str], kinds: Set[str]) -> None:
-        """Raise an error if a run with these cameras and kinds of steps cannot use the given alignments.
+        """Raise an error if a run with these cameras and kinds of steps cannot use what the user gave.
+
+        Call this before `completed`: a run of rotations may declare a hinge, which it does not use.
 
         Raises
         ------
         CorrelationError
             If an alignment is given for a camera that the run does not have, or if the run has steps other
-            than rotations.
+            than rotations; or if a hinge is given for a run of rotations.
         """
+        if self.tilt_axis_mm is not None and motion_of(kinds) == "rigid":
+            expected, remedy = "a run with loaded steps", "leave out --tilt-axis-mm: a rotation has no grips"
+            raise CorrelationError(source, "apply the grips' hinge", expected, "rotations alone", remedy)
         unknown = sorted(set(self.alignments) - set(cameras))
         if unknown:
             expected, got, remedy = f"one of {', '.join(cameras)}", unknown[0], "name a camera of the run"

@@ -60,6 +60,10 @@ class Specimen:
         return f"{text}; left out: {reasons}" if reasons else text
 
 
+class SpecimenNotFound(CorrelationError):
+    """An image shows no surface that could be a specimen."""
+
+
 def find_specimen(image: ImageLike, subset_px: int = 41, within: Mask | PathLike | None = None) -> Specimen:
     """Find the specimen in an image by its speckles.
 
@@ -80,7 +84,7 @@ def find_specimen(image: ImageLike, subset_px: int = 41, within: Mask | PathLike
     Raises
     ------
     MeasurementError
-        If the image cannot be used, or if it shows no specimen.
+        If the image cannot be used; `SpecimenNotFound` if it shows no specimen.
     """
     _require_subset(subset_px)
     name = name_of(image, "reference image")
@@ -94,7 +98,7 @@ def find_specimen(image: ImageLike, subset_px: int = 41, within: Mask | PathLike
     left_out = _left_out(maps, look, _reduced(mask, maps), inner)
     inside = mask & part
     if not inside.any():
-        raise CorrelationError(
+        raise SpecimenNotFound(
             name,
             "find the specimen",
             f"a surface with texture in every direction, wider than subsets of {subset_px} px",

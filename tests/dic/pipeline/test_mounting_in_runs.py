@@ -8,6 +8,7 @@ from dic.correlation.settings import CorrelationSettings
 from dic.errors import CalibrationError
 from dic.pipeline.run import process_run
 from dic.pipeline.run_corrections import CorrectionSettings
+from dic.specimen.find import SpecimenNotFound
 from simulators.scene.pose import Pose
 from tests.command_line import run_dic
 from tests.dic.pipeline.rendered_run import slid, write_rendered_run
@@ -61,6 +62,18 @@ def test_the_command_line_replaces_the_plate_and_tells_it(run_file, tmp_path):
     assert "surface 0.5 mm behind the lines" in done.out
     assert done.report["cameras"]["aside"]["calibration"]["plate_mm"] == 0.5
     assert done.report["shift"] == {"shift_std_um": 3.0, "tilt_axis_mm": [1.0, -20.0]}
+
+
+def test_a_run_whose_specimen_is_not_found_is_measured_in_the_calibrated_area(
+    run_file, result, tmp_path, monkeypatch
+):
+    def refuse(*_, **__):
+        raise SpecimenNotFound("reference image", "find the specimen", "a surface", "none", "name the region")
+
+    monkeypatch.setattr("dic.correlation.correlator.find_specimen", refuse)
+    done = run_dic("process", run_file, "--step", 30, "-o", tmp_path / "r.h5")
+    assert "aside: no specimen was found by its speckles; points cover the calibrated area" in done.out
+    assert done.status == 0
 
 
 def test_a_plate_that_cannot_be_is_refused(run_file):

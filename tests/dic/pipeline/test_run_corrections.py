@@ -23,6 +23,13 @@ def test_alignments_that_a_run_has_no_use_for_are_refused():
     assert settings.require_use("run.h5", ["aside"], {"rotation"}) is None
 
 
+def test_a_hinge_is_refused_for_a_rotation():
+    settings = CorrectionSettings(tilt_axis_mm=(0.0, -30.0))
+    with pytest.raises(CorrelationError, match=r"expected a run with loaded steps.*leave out --tilt-axis-mm"):
+        settings.require_use("run.h5", ["aside"], {"rotation"})
+    assert settings.require_use("run.h5", ["aside"], {"load"}) is None
+
+
 @pytest.mark.parametrize("ratio", [-0.1, 0.6, float("nan")])
 def test_poissons_ratio_of_a_run_is_judged(ratio):
     with pytest.raises(CorrelationError, match=r"expected 0 to 0\.5"):
