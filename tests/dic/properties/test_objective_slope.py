@@ -70,7 +70,7 @@ def test_a_long_record_is_averaged_before_windows_are_compared():
 @pytest.mark.parametrize("extra", [-0.06, 0.05, 0.4])
 def test_slack_within_the_usual_window_gives_the_right_slope_or_a_flag(low, high, extra):
     """Between two shares of the yield strength the extensometer slips by a share of the elastic strain."""
-    for seed in (0, 1):
+    for seed in (3, 4):
         drawn = draw(seed)
         share = (drawn.stress - drawn.stress[0]) / drawn.yield_mpa
         slipped = extra * drawn.yield_mpa / drawn.e_mpa
