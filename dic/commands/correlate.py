@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from dic.commands.series_record import SeriesRecord
     from dic.pipeline.series_files import SeriesOutputs
     from dic.pipeline.series_maps import SeriesMaps
-    from dic.results.unfinished import FinishedImages
+    from dic.results.unfinished import FinishedImages, Unfinished
 
 _FILE = click.Path(path_type=Path)
 _UNCORRECTED = (
@@ -84,11 +84,10 @@ def correlate(
     """
     from dic import Series, SeriesImage, load_calibration, measure_series, read_image, write_region
     from dic.commands.series_record import SeriesRecord
-    from dic.pipeline.correlated import FileDigests, series_job
+    from dic.pipeline.correlated import series_job
     from dic.pipeline.series_files import SeriesOutputs
     from dic.pipeline.series_maps import SeriesMaps
     from dic.pipeline.series_sources import SeriesSources
-    from dic.results.unfinished import outputs_of, result_place, unfinished
     from dic.shell.console import fail, say
 
     settings, how, _, known, _, drawn = all_of(
@@ -102,10 +101,8 @@ def correlate(
     sources = SeriesSources.of(reference, deformed or None)
     files = outputs.files(sources.images)
     known_files = [calibration_file, *region.files(), motion.alignment_file]
-    inputs = [*sources.files, *known_files]
     written = [outputs.json_file, motion.save_alignment, *region.outputs(), *files.all()]
-    earlier = [] if outputs.output is None else outputs_of(outputs.output)
-    require_places(inputs, written, force=outputs.force, replaceable=earlier)
+    _require_places([*sources.files, *known_files], written, outputs)
     calibration = None if calibration_file is None else load_calibration(calibration_file)
     for note in sources.notes:
         say(note)
@@ -115,17 +112,13 @@ def correlate(
     if series.specimen is not None and not series.specimen.is_whole:
         say(str(series.specimen))
     with ExitStack() as stack:
-        digests, kept, finished = FileDigests(), None, None
+        kept: Unfinished | None = None
+        digest: Callable[[Path], str] = _undigested
         if outputs.output is not None or known.kind == "rigid":
-            job = series_job(series, digests.of(sources.reference), start.incremental)
-            place = stack.enter_context(result_place(outputs.output))
-            others = [path for path in written if path is not None]
-            kept = stack.enter_context(unfinished(place, job, others))
-            finished = kept.series(0)
-        images = (
-            SeriesImage(path, str(path), hint, "" if finished is None else digests.of(path))
-            for path in sources.images
-        )
+            job = partial(series_job, series, incremental=start.incremental)
+            kept, digest = _kept(stack, job, sources.reference, outputs.output, written)
+        finished = None if kept is None else kept.series(0)
+        images = (SeriesImage(path, str(path), hint, digest(path)) for path in sources.images)
         measured_images = measure_series(series, images, calibration, how, known, finished)
         if region.write_mask is not None:
             write_region(series.region, image, region.write_mask)
@@ -146,9 +139,7 @@ def correlate(
             finally:
                 results.write_table(list(record.rows))
         if outputs.json_file is not None:
-            set_up = _set_up(calibration, known, alignment)
-            if series.specimen is not None:
-                set_up["specimen"] = series.specimen.as_dict()
+            set_up = _set_up(series, calibration, known, alignment)
             _write_json(outputs.json_file, sources.reference, record, settings, set_up)
         motion.save(alignment)
         # Pictures come last: they can be made again from what is written by now.
@@ -158,6 +149,42 @@ def correlate(
     for sentence in record.bad:
         fail(sentence)
     click.get_current_context().exit(2 if record.failures else 1 if record.bad else 0)
+
+
+def _require_places(
+    inputs: "Sequence[Path | None]", written: "Sequence[Path | None]", outputs: OutputOptions
+) -> None:
+    """Raise an error if an output file cannot be written; an unfinished result may be gone on with."""
+    from dic.results.unfinished import outputs_of
+
+    earlier = [] if outputs.output is None else outputs_of(outputs.output)
+    require_places(inputs, written, force=outputs.force, replaceable=earlier)
+
+
+def _kept(
+    stack: ExitStack,
+    job: "Callable[[str], dict[str, Any]]",
+    reference: Path,
+    output: Path | None,
+    written: "Sequence[Path | None]",
+) -> "tuple[Unfinished, Callable[[Path], str]]":
+    """Open the folder of the images that are finished, until `stack` ends.
+
+    Return the folder and the function that gives the digest of an image file.
+    """
+    from dic.pipeline.correlated import FileDigests
+    from dic.results.unfinished import result_place, unfinished
+
+    digests = FileDigests()
+    place = stack.enter_context(result_place(output))
+    others = [path for path in written if path is not None]
+    kept = stack.enter_context(unfinished(place, job(digests.of(reference)), others))
+    return kept, digests.of
+
+
+def _undigested(_: Path) -> str:
+    """Return no digest: nothing is kept, so no image is looked for among those that are finished."""
+    return ""
 
 
 def _measure(
@@ -253,15 +280,16 @@ def _write_json(
 
 
 def _set_up(
-    calibration: "Calibration | None", motion: "Motion", alignment: "Alignment | None"
+    series: "Series", calibration: "Calibration | None", motion: "Motion", alignment: "Alignment | None"
 ) -> dict[str, Any]:
-    """Return the assumed motion, the rotation stage's alignment and the camera's sensitivity, for JSON."""
+    """Return specimen, assumed motion, the stage's alignment and the camera's sensitivity, for JSON."""
     from dic import Sensitivity
 
+    specimen = {} if series.specimen is None else {"specimen": series.specimen.as_dict()}
     if calibration is None:
-        return {}
+        return specimen
     sensitivity = Sensitivity.of(calibration)
-    return {
+    return specimen | {
         "motion": motion.kind,
         "shift": motion.shift.as_dict(),
         "alignment": None if alignment is None else alignment.as_dict(),
