@@ -106,6 +106,10 @@ def series_job(series: Series, reference: str, incremental: str) -> dict[str, An
     return fixed | vars(series.settings)
 
 
+_MOST_BYTES = 2**36
+"""Size above which a file is not read through, although it could be a stack of images: 64 GiB."""
+
+
 class FileDigests:
     """SHA-256 digests of image files, each computed once although a file may hold many images."""
 
@@ -117,7 +121,7 @@ class FileDigests:
         file, page = split_page(image)
         if page is None or file not in self._known:
             try:
-                self._known = {file: file_digest(file)}
+                self._known = {file: file_digest(file, _MOST_BYTES)}
             except OSError:
                 # The reader of the image gives the reason.
                 return UNREADABLE

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from os.path import realpath
 from pathlib import Path
 from typing import Any
 
@@ -66,8 +67,8 @@ class SeriesSources:
             raise CorrelationError(str(reference), "list images", expected, "none", remedy)
         listed = list(expanded(images)) if in_order else list_images(*images)
         given = [Path(image) for image in images]
-        named, place = set(given), first.resolve()
-        kept = [path for path in listed if path in named or path.resolve() != place]
+        named, place = set(given), realpath(first)
+        kept = [path for path in listed if path in named or realpath(path) != place]
         if len(kept) < len(listed):
             notes.append(f"{first} is the reference, and is not measured again")
         if set(listed) == named and listed != given:

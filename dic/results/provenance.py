@@ -4,8 +4,10 @@ import shlex
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from errno import EFBIG
 from hashlib import sha256
 from importlib.metadata import version
+from math import inf
 from pathlib import Path
 
 from dic.files.reading import opened
@@ -45,16 +47,18 @@ def versions() -> str:
     return ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
 
 
-def file_digest(path: Path) -> str:
+def file_digest(path: Path, most_bytes: float = inf) -> str:
     """Return the SHA-256 of a file, as the program `sha256sum` prints it.
 
     Raises
     ------
     OSError
-        If the file cannot be read.
+        If the file cannot be read, or is larger than `most_bytes`.
     """
     digest = sha256()
     with opened(path) as content:
+        if len(content) > most_bytes:
+            raise OSError(EFBIG, "a file that is too large", str(path))
         for start in range(0, len(content), _PIECE_BYTES):
             digest.update(content[start : start + _PIECE_BYTES])
     return digest.hexdigest()

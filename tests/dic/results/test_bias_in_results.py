@@ -6,6 +6,7 @@ import pytest
 
 from benchmarks.speckle import Speckle, shift
 from dic import CorrelationSettings, Correlator, measure
+from dic.results.provenance import Provenance
 from dic.results.reader import read_measurements
 from dic.results.writer import ResultWriter
 
@@ -22,7 +23,7 @@ def measured():
 
 @pytest.fixture
 def path(measured, tmp_path):
-    with ResultWriter(tmp_path / "r.h5") as writer:
+    with ResultWriter(tmp_path / "r.h5", Provenance.of([])) as writer:
         writer.add("series", measured)
     return tmp_path / "r.h5"
 
