@@ -46,7 +46,8 @@ def at(camera, angle_deg):
     return next(k for k, step in enumerate(camera.steps) if abs(step.angle_deg - angle_deg) < 0.1)
 
 
-@pytest.mark.parametrize("increment_deg", [45.0, pytest.param(22.5, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("increment_deg", [45.0, 22.5])
 def test_an_aligned_rotation_is_free_of_strain_at_30_degrees(tmp_path, increment_deg):
     aligned = ("axis_slope_x_deg = 0.2", "axis_slope_x_deg = 0.0")
     increment = ("increment_deg = 22.5", f"increment_deg = {increment_deg}")

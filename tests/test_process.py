@@ -233,6 +233,7 @@ def test_an_interrupt_does_not_wait_for_the_rest_of_the_run(run_file):
     assert len(images) < expected[0]
 
 
+@pytest.mark.long
 def test_a_run_takes_new_references_as_it_is_told(run_file, tmp_path):
     command = ("process", run_file, "--step", 40, "-o", tmp_path / "r.h5", "--json", tmp_path / "r.json")
     done = run_dic(*command, "--incremental", "always")

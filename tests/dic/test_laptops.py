@@ -98,6 +98,7 @@ def test_images_are_measured_to_tables_maps_and_result_files(bare, tmp_path):
     assert (tmp_path / "maps" / "step-4.png").is_file()
 
 
+@pytest.mark.long
 def test_a_run_is_processed_to_a_report(bare, tmp_path):
     protocol = tmp_path / "short.toml"
     protocol.write_text(example("rotation", ("total_deg = 360.0", "total_deg = 22.5")))

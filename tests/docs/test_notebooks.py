@@ -50,6 +50,7 @@ def test_strain_around_a_hole_is_kirschs(run):
     assert found["error"].std() == pytest.approx(found["noise"], rel=0.1)
 
 
+@pytest.mark.long
 def test_bias_of_a_turn_is_found_and_taken_away(run):
     found = run("run-to-corrected-strain")
     # The rig file has the axis lean by 0.2°; exact geometry gives the bias at half a turn.

@@ -62,6 +62,7 @@ def test_first_images(tmp_path, capsys):
     assert (tmp_path / "map.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_your_rig(tmp_path, capsys):
     plan = run(*shown("rig", "plan"))
     assert "reference" in plan.out

@@ -88,6 +88,7 @@ def test_both_commands_say_the_version(installed, tmp_path):
         assert PROJECT["version"] in installed.run(command, "--version", cwd=tmp_path)
 
 
+@pytest.mark.long
 def test_an_example_is_planned_run_and_verified(installed, tmp_path):
     examples = installed.folder / "share" / "offaxis" / "examples"
     # Its grid, its reference and one step: the whole turn is for the demo.

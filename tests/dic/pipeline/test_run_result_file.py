@@ -159,7 +159,7 @@ def test_what_was_saved_is_loaded(kind: str, results: dict[str, RunResult], file
     assert table(again) == table(result)
 
 
-@pytest.mark.parametrize("kind", ["tension", "rotation"])
+@pytest.mark.parametrize("kind", ["tension", pytest.param("rotation", marks=pytest.mark.long)])
 def test_loaded_run_is_saved_as_the_same_file(kind: str, files: dict[str, Path], tmp_path: Path) -> None:
     again = load_run_result(files[kind])
     save_run_result(again, tmp_path / "again.h5")

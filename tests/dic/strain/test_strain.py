@@ -238,7 +238,7 @@ def test_predicted_deviations_are_those_of_errors_that_overlapping_subsets_share
     assert abs(alone.exx_std / np.std([mean.exx for mean in means]) - 1) > 0.25
 
 
-@pytest.mark.parametrize("shape", ["affine", "quadratic"])
+@pytest.mark.parametrize("shape", [pytest.param("affine", marks=pytest.mark.long), "quadratic"])
 def test_predicted_deviations_are_those_of_strains_measured_in_noisy_images(speckle, shape):
     settings = CorrelationSettings(subset_px=21, step_px=10, shape=shape)
     pattern, trials, noise = speckle(seed=41), 16, 2.0

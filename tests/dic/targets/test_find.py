@@ -24,7 +24,9 @@ CHARUCO = CharucoTarget((10, 9), 1.0, 0.7)
 DOTS = DotTarget((13, 12), 0.8)
 
 
-@pytest.mark.parametrize("roll_deg", [50.0, 173.0, 275.0])
+@pytest.mark.parametrize(
+    "roll_deg", [50.0, *(pytest.param(deg, marks=pytest.mark.long) for deg in (173.0, 275.0))]
+)
 @pytest.mark.parametrize(
     ("target", "drawing", "limit_px"),
     [(BOARD, checkerboard((12, 11), 0.9), 0.015), (CHARUCO, charuco(CHARUCO), 0.015)],
@@ -117,7 +119,7 @@ def test_the_line_grid_is_found_through_the_same_function() -> None:
 
 
 @pytest.mark.parametrize("target", [BOARD, CHARUCO, DOTS, CheckerboardTarget((13, 11), 0.9)], ids=str)
-@pytest.mark.parametrize("picture", ["noise", "another target"])
+@pytest.mark.parametrize("picture", [pytest.param("noise", marks=pytest.mark.long), "another target"])
 def test_what_is_not_the_target_is_refused(target: Target, picture: str) -> None:
     if picture == "noise":
         image = np.random.default_rng(2).normal(128, 30, (SIZE_PX, SIZE_PX)).astype(np.float32)

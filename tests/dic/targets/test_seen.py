@@ -49,10 +49,10 @@ def test_the_target_in_the_image_is_named_with_its_numbers(shown: str) -> None:
     ("asked", "shown", "options"),
     [
         (CheckerboardTarget((12, 11), 0.9), "line grid", "--lines 21x21"),
-        (CharucoTarget((10, 9), 1.0, 0.7), "dots", "--dots 13x12"),
+        pytest.param(CharucoTarget((10, 9), 1.0, 0.7), "dots", "--dots 13x12", marks=pytest.mark.long),
         (CharucoTarget((10, 9), 1.0, 0.7), "ChArUco", "--squares 8x6 --marker-mm … --dictionary DICT_4X4_50"),
         (LineGridTarget((12, 11), 0.8), "dots", "--dots 13x12"),
-        (DotTarget((12, 10), 0.8), "checkerboard", "--squares 13x11"),
+        pytest.param(DotTarget((12, 10), 0.8), "checkerboard", "--squares 13x11", marks=pytest.mark.long),
     ],
     ids=str,
 )

@@ -41,7 +41,9 @@ HIDDEN = {
 }
 
 
-@pytest.mark.parametrize("view", [{"roll_deg": 3}, {"pan_deg": 30, "roll_deg": 25}], ids=str)
+@pytest.mark.parametrize(
+    "view", [pytest.param({"roll_deg": 3}, marks=pytest.mark.long), {"pan_deg": 30, "roll_deg": 25}], ids=str
+)
 @pytest.mark.parametrize("what", HIDDEN)
 def test_what_is_hidden_is_left_out_and_the_rest_keeps_its_index(
     draw_grid: Draw, what: str, view: dict[str, Any]
