@@ -145,6 +145,10 @@ def _wait_for_end(pid: int) -> None:
     raise AssertionError(f"process {pid} does not end")
 
 
+TAIL_BYTES = 1 << 16
+"""More than the longest line of the log."""
+
+
 class Bench:
     """A simulation in a process of its own, and one run after the other on it."""
 
@@ -157,7 +161,7 @@ class Bench:
         options = ("-o", folder / "use.toml", "--log", folder / "log", "--period-s", PERIOD_S)
         self.simulation = Program("simulate", folder / "rig.toml", *options)
         self.simulation.wait_for("scene: ")
-        self._log = (folder / "log").open()
+        self._log = (folder / "log").open("rb")
 
     def close(self) -> None:
         self._log.close()
@@ -165,14 +169,14 @@ class Bench:
 
     def entries(self) -> Iterator[dict]:
         """Yield the entries of the log as they come; it is the truth."""
-        end_s, rest = time.monotonic() + DEADLINE_S, ""
+        end_s, rest = time.monotonic() + DEADLINE_S, b""
         while time.monotonic() < end_s:
             rest += self._log.readline()
-            if not rest.endswith("\n"):
+            if not rest.endswith(b"\n"):
                 time.sleep(PERIOD_S)
                 continue
             yield json.loads(rest)
-            rest = ""
+            rest = b""
         raise AssertionError("the log shows nothing more")
 
     def stand_after_ms(self, machine: Machine, event: Callable[[Program], float | None]) -> float:
@@ -182,7 +186,7 @@ class Bench:
         """
         with closing(self.started(machine)) as run:
             time.sleep(self._rng.uniform(0.1, 0.5))
-            self._log.seek(0, os.SEEK_END)
+            self._skip_to_end()
             before_s = time.monotonic()
             began_s = event(run) or before_s
             stood_s = self._wait_for_standstill(machine, began_s)
@@ -209,11 +213,18 @@ class Bench:
         return "run", protocol, "--rig", rig_file, "-o", self.folder / "run.h5"
 
     def _wait_for_motion(self, run: Program, machine: Machine) -> None:
-        self._log.seek(0, os.SEEK_END)
+        self._skip_to_end()
         for entry in self.entries():
             if entry["what"] == "command" and entry["command"].startswith(machine.begins):
                 return
             assert run.process.poll() is None, run.process.stderr.read()
+
+    def _skip_to_end(self) -> None:
+        """Go to the end of the log's last complete line; the newest line may still be written."""
+        end = self._log.seek(0, os.SEEK_END)
+        start = max(0, end - TAIL_BYTES)
+        self._log.seek(start)
+        self._log.seek(start + self._log.read(end - start).rfind(b"\n") + 1)
 
     def _wait_for_standstill(self, machine: Machine, began_s: float) -> float:
         """Return when the machine stood: when its value last changed, and not before it was told to stop.
