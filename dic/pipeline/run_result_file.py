@@ -10,9 +10,8 @@ import numpy as np
 
 from dic.calibration.file import read_calibration, write_calibration
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import MeasurementError, RunFileError, require_kind
+from dic.errors import RunFileError, require_kind
 from dic.files.lazy import ComputedMapping
-from dic.hdf5.open import NotReadable, open_hdf5
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correct import Corrections
 from dic.out_of_plane.correction import Correction
@@ -26,6 +25,7 @@ from dic.pipeline.run_corrections import (
     measured_steps,
 )
 from dic.pipeline.run_result import RunResult
+from dic.results.loading import load_result
 from dic.results.provenance import Provenance
 from dic.results.reader import (
     NOT_SMOOTHED,
@@ -171,28 +171,18 @@ def load_run_result(path: PathLike) -> RunResult:
         If the file is missing or cut off, or is not the result file of a run.
     """
     path = Path(path)
-    try:
-        file = open_hdf5(path)
-        try:
-            if file.attrs.get("file_format") != FORMAT or "run" not in file:
-                raise _refusal(path, "an HDF5 file of another kind")
-            if file.attrs["file_format_version"] != VERSION:
-                raise _refusal(path, f"version {file.attrs['file_format_version']}, newer than this program")
-            result = _read_run(file)
-            # A file that lacks a value is refused now, and not in the middle of a report.
-            for _ in _steps_of(result):
-                pass
-            return result
-        except BaseException:
-            file.close()
-            raise
-    except NotReadable as error:
-        raise _refusal(path, str(error)) from error
-    except MeasurementError:
-        raise
-    except Exception as error:
-        # A damaged file can cause any exception here. Everything in this block only reads the file.
-        raise _refusal(path, f"a result file that lacks some of its data ({type(error).__name__})") from error
+
+    def read(file: Any) -> RunResult:
+        if file.attrs.get("file_format") != FORMAT or "run" not in file:
+            raise _refusal(path, "an HDF5 file of another kind")
+        if file.attrs["file_format_version"] != VERSION:
+            raise _refusal(path, f"version {file.attrs['file_format_version']}, newer than this program")
+        result = _read_run(file)
+        for _ in _steps_of(result):
+            pass
+        return result
+
+    return load_result(path, read, _refusal)
 
 
 def _write_texts(group: Any, name: str, texts: list[str]) -> None:

@@ -9,12 +9,13 @@ import h5py
 
 from dic.calibration.calibration import Calibration
 from dic.calibration.file import read_calibration, write_calibration
-from dic.errors import MeasurementError, RunFileError
+from dic.errors import RunFileError
 from dic.files.lazy import Computed
 from dic.hdf5.open import NotReadable, open_hdf5
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.diagnosis import Sensitivity
 from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
+from dic.results.loading import load_result
 from dic.results.provenance import Provenance
 from dic.results.reader import read_corrections, read_measurements, read_provenance
 from dic.results.schema import FORMAT, VERSION
@@ -96,24 +97,14 @@ def load_series_result(path: PathLike) -> SeriesResult:
         If the file is missing or cut off, or is not the result file of a series.
     """
     path = Path(path)
-    try:
-        file = open_hdf5(path)
-        try:
-            result = _read(path, file)
-            # A file that lacks a value is refused now, and not in the middle of a report.
-            for _ in result.series.images:
-                pass
-            return result
-        except BaseException:
-            file.close()
-            raise
-    except NotReadable as error:
-        raise _refusal(path, str(error)) from error
-    except MeasurementError:
-        raise
-    except Exception as error:
-        # A damaged file can cause any exception here. Everything in this block only reads the file.
-        raise _refusal(path, f"a result file that lacks some of its data ({type(error).__name__})") from error
+
+    def read(file: Any) -> SeriesResult:
+        result = _read(path, file)
+        for _ in result.series.images:
+            pass
+        return result
+
+    return load_result(path, read, _refusal)
 
 
 def _read(path: Path, file: Any) -> SeriesResult:

@@ -1,0 +1,34 @@
+"""Read a result file that stays open, and refuse a damaged file in one sentence."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from dic.errors import MeasurementError
+from dic.hdf5.open import NotReadable, open_hdf5
+
+Result = TypeVar("Result")
+
+
+def load_result(
+    path: Path, read: Callable[[Any], Result], refusal: Callable[[Path, str], Exception]
+) -> Result:
+    """Return what `read` makes of the open file, which stays open. `refusal` makes the error of a bad file.
+
+    `read` must touch every value once. Then a file that lacks a value is refused now, and not in the middle
+    of a report.
+    """
+    try:
+        file = open_hdf5(path)
+        try:
+            return read(file)
+        except BaseException:
+            file.close()
+            raise
+    except NotReadable as error:
+        raise refusal(path, str(error)) from error
+    except MeasurementError:
+        raise
+    except Exception as error:
+        # A damaged file can cause any exception here. Everything in this block only reads the file.
+        raise refusal(path, f"a result file that lacks some of its data ({type(error).__name__})") from error
