@@ -33,12 +33,25 @@ if TYPE_CHECKING:
         CalibrationError,
         CorrelationError,
         CurveError,
+        GaugeError,
         ImageError,
         MeasurementError,
         OutputError,
         RunFileError,
     )
     from dic.example.copy import write_example
+    from dic.gauges.declared import (
+        Extensometer,
+        Gauge,
+        LineCut,
+        PointGauge,
+        StrainGauge,
+        TransverseExtensometer,
+    )
+    from dic.gauges.file import read_gauges
+    from dic.gauges.reading import Profile, Reading
+    from dic.gauges.series import GaugeImage, GaugeSeries
+    from dic.gauges.table import gauge_table_files, write_gauge_table
     from dic.image.given import read_region
     from dic.image.pages import list_images
     from dic.image.read import read_image
@@ -54,6 +67,7 @@ if TYPE_CHECKING:
     from dic.pictures.settings import MapSettings
     from dic.pipeline.camera_result import CameraResult
     from dic.pipeline.correlated import SeriesImage
+    from dic.pipeline.gauge_series import measure_gauges, write_gauge_picture
     from dic.pipeline.images import measure_images, measure_series
     from dic.pipeline.measured import measure
     from dic.pipeline.run import process_run
@@ -113,11 +127,17 @@ __all__ = [
     "CurveError",
     "Displacement",
     "DotTarget",
+    "Extensometer",
     "Field",
+    "Gauge",
+    "GaugeError",
+    "GaugeImage",
+    "GaugeSeries",
     "GridPoints",
     "ImageError",
     "JointCorrections",
     "KnownCamera",
+    "LineCut",
     "LineGridTarget",
     "MapSettings",
     "MeanStrain",
@@ -130,10 +150,13 @@ __all__ = [
     "OutputError",
     "Pinhole",
     "Plane",
+    "PointGauge",
+    "Profile",
     "Properties",
     "PropertySettings",
     "PropertyValue",
     "Quality",
+    "Reading",
     "RegionFiles",
     "Residuals",
     "RunCorrections",
@@ -147,8 +170,10 @@ __all__ = [
     "Specimen",
     "Status",
     "StrainField",
+    "StrainGauge",
     "StrainSettings",
     "Target",
+    "TransverseExtensometer",
     "TwoCameraStep",
     "__version__",
     "assess_method",
@@ -158,6 +183,7 @@ __all__ = [
     "draw_target",
     "find_specimen",
     "find_target",
+    "gauge_table_files",
     "gauge_text",
     "list_images",
     "load_alignment",
@@ -166,6 +192,7 @@ __all__ = [
     "map_scale",
     "material_properties",
     "measure",
+    "measure_gauges",
     "measure_images",
     "measure_series",
     "plot_assessment",
@@ -175,6 +202,7 @@ __all__ = [
     "process_run",
     "quality_findings",
     "read_curve",
+    "read_gauges",
     "read_image",
     "read_region",
     "region_files",
@@ -186,6 +214,8 @@ __all__ = [
     "write_contact_sheet",
     "write_csv",
     "write_example",
+    "write_gauge_picture",
+    "write_gauge_table",
     "write_maps",
     "write_region",
     "write_report",
@@ -212,12 +242,25 @@ _NAMES_OF = {
         "CalibrationError",
         "CorrelationError",
         "CurveError",
+        "GaugeError",
         "ImageError",
         "MeasurementError",
         "OutputError",
         "RunFileError",
     ),
     "dic.example.copy": ("write_example",),
+    "dic.gauges.declared": (
+        "Extensometer",
+        "Gauge",
+        "LineCut",
+        "PointGauge",
+        "StrainGauge",
+        "TransverseExtensometer",
+    ),
+    "dic.gauges.file": ("read_gauges",),
+    "dic.gauges.reading": ("Profile", "Reading"),
+    "dic.gauges.series": ("GaugeImage", "GaugeSeries"),
+    "dic.gauges.table": ("gauge_table_files", "write_gauge_table"),
     "dic.image.given": ("read_region",),
     "dic.image.pages": ("list_images",),
     "dic.image.read": ("read_image",),
@@ -233,6 +276,7 @@ _NAMES_OF = {
     "dic.pictures.settings": ("MapSettings",),
     "dic.pipeline.camera_result": ("CameraResult",),
     "dic.pipeline.correlated": ("SeriesImage",),
+    "dic.pipeline.gauge_series": ("measure_gauges", "write_gauge_picture"),
     "dic.pipeline.images": ("measure_images", "measure_series"),
     "dic.pipeline.measured": ("measure",),
     "dic.pipeline.run": ("process_run",),

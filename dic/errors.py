@@ -77,6 +77,10 @@ class CurveError(MeasurementError):
     """A record of load and strain cannot be read, or is not a tensile test."""
 
 
+class GaugeError(MeasurementError):
+    """A gauge is declared wrongly, or the results have no points at its place."""
+
+
 class OutputError(MeasurementError):
     """A result file cannot be written to the given place."""
 

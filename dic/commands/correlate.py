@@ -83,6 +83,7 @@ def correlate(
     1 if an image is measured poorly, 2 if an image cannot be measured.
     """
     from dic import Series, SeriesImage, load_calibration, measure_series, read_image, write_region
+    from dic.commands.gauge_text import gauge_lines, gauges_dict
     from dic.commands.series_record import SeriesRecord
     from dic.pipeline.correlated import series_job
     from dic.pipeline.series_files import SeriesOutputs
@@ -90,17 +91,18 @@ def correlate(
     from dic.pipeline.series_sources import SeriesSources
     from dic.shell.console import fail, say
 
-    settings, how, _, known, _, drawn = all_of(
+    settings, how, _, known, _, drawn, gauges = all_of(
         correlation.settings,
         strain.settings,
         start.check,
         motion.read,
         motion.require_rotation,
         lambda: outputs.maps.settings(calibrated=calibration_file is not None),
+        outputs.gauges,
     )
     sources = SeriesSources.of(reference, deformed or None)
-    files = outputs.files(sources.images)
-    known_files = [calibration_file, *region.files(), motion.alignment_file]
+    files = outputs.files(sources.images, gauges)
+    known_files = [calibration_file, *region.files(), motion.alignment_file, outputs.gauges_file]
     written = [outputs.json_file, motion.save_alignment, *region.outputs(), *files.all()]
     _require_places([*sources.files, *known_files], written, outputs)
     calibration = None if calibration_file is None else load_calibration(calibration_file)
@@ -129,6 +131,7 @@ def correlate(
         maps, alignment = SeriesMaps(image, files.pictures, drawn), known.alignment
         origin, comma = [sources.files[0], *known_files], outputs.decimal_comma
         with SeriesOutputs(settings, files, maps, origin, decimal_comma=comma) as results:
+            results.read_gauges(calibration, image.shape)
             try:
                 write = results.write if known.kind != "rigid" else lambda *_: None
                 whole = _measure(measured_images, record, write, sources.images)
@@ -138,8 +141,11 @@ def correlate(
                 results.write_set_up(image, calibration, record.failures)
             finally:
                 results.write_table(list(record.rows))
+        for line in gauge_lines(results.gauge_series) if gauges else ():
+            say(line)
         if outputs.json_file is not None:
             set_up = _set_up(series, calibration, known, alignment)
+            set_up |= gauges_dict(results.gauge_series) if gauges else {}
             _write_json(outputs.json_file, sources.reference, record, settings, set_up)
         motion.save(alignment)
         # Pictures come last: they can be made again from what is written by now.

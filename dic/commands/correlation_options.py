@@ -35,6 +35,12 @@ csv_option = click.option(
     type=click.Path(path_type=Path),
     help="Folder for CSV files: strain.csv with one line per image, and one file of points per image.",
 )
+gauges_option = click.option(
+    "--gauges",
+    "gauges_file",
+    type=click.Path(path_type=Path),
+    help="TOML file of gauges to read in each image; with --csv also into gauges.csv, with --json into it.",
+)
 comma_option = click.option(
     "--decimal-comma",
     is_flag=True,

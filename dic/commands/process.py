@@ -4,7 +4,7 @@ import json
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,6 +13,7 @@ from dic.commands.correlation_options import (
     StrainOptions,
     comma_option,
     csv_option,
+    gauges_option,
     hinge_mm,
     hinge_option,
     incremental_option,
@@ -30,7 +31,7 @@ from dic.files.writing import write_text
 from dic.shell.output_paths import FORCE, require_places
 
 if TYPE_CHECKING:
-    from dic import Alignment, CorrectionSettings, CorrelationSettings, RunResult
+    from dic import Alignment, CorrectionSettings, CorrelationSettings, Gauge, RunResult
 
 _FILE = click.Path(path_type=Path)
 
@@ -92,9 +93,30 @@ class OutputOptions:
     output: Path | None
     report_file: Path | None
     csv_folder: Path | None
+    gauges_file: Path | None
     decimal_comma: bool
     json_file: Path | None
     force: bool
+
+    def gauges(self) -> "tuple[Gauge, ...]":
+        """Return the gauges of `--gauges`; none without this option."""
+        from dic import read_gauges
+
+        return () if self.gauges_file is None else read_gauges(self.gauges_file)
+
+    def read_gauges(self, result: "RunResult", gauges: "tuple[Gauge, ...]") -> dict[str, Any]:
+        """Read gauges in all steps, print and write the readings, and return them for JSON."""
+        from dic import measure_gauges, write_gauge_table
+        from dic.commands.gauge_text import gauge_lines, gauges_dict
+        from dic.pipeline.series_files import GAUGE_FILE
+        from dic.shell.console import say
+
+        found = measure_gauges(result, gauges)
+        for line in gauge_lines(found):
+            say(line)
+        if self.csv_folder is not None:
+            write_gauge_table(found, self.csv_folder / GAUGE_FILE, decimal_comma=self.decimal_comma)
+        return gauges_dict(found)
 
     def require_places(self, run: Path, output: Path, alignments: Path | None) -> None:
         """Raise an error if an output file of the run cannot be written; make the folders of outputs."""
@@ -104,7 +126,7 @@ class OutputOptions:
         # The names of the tables of points follow from the steps of the run.
         tables = [] if self.csv_folder is None else [*self.csv_folder.glob("*.csv")]
         places = [output, self.report_file, self.json_file, *written, *tables]
-        require_places([run], places, force=self.force, replaceable=outputs_of(output))
+        require_places([run, self.gauges_file], places, force=self.force, replaceable=outputs_of(output))
         for folder in (alignments, self.csv_folder):
             if folder is not None:
                 _make_folder(folder)
@@ -151,6 +173,7 @@ class OutputOptions:
     click.option("-o", "--output", type=_FILE, help="Result file. Default: RUN with the ending .results.h5."),
     click.option("--report", "report_file", type=_FILE, help="HTML file for a report."),
     csv_option,
+    gauges_option,
     comma_option,
     click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results."),
     FORCE,
@@ -179,8 +202,8 @@ def process(
     from dic.shell.console import fail, say
     from dic.shell.progress import progress
 
-    settings, _, how, correcting = all_of(
-        correlation.settings, correlation.check, strain.settings, motion.settings
+    settings, _, how, correcting, gauges = all_of(
+        correlation.settings, correlation.check, strain.settings, motion.settings, outputs.gauges
     )
     output = outputs.output or run.with_suffix(".results.h5")
     outputs.require_places(run, output, motion.save_alignment)
@@ -211,8 +234,13 @@ def process(
     if outputs.report_file is not None:
         write_report([result], outputs.report_file)
         say(f"report: {outputs.report_file}")
-    if outputs.json_file is not None:
-        write_text(outputs.json_file, json.dumps(as_dict(result), indent=1))
+    content = as_dict(result)
+    try:
+        content |= outputs.read_gauges(result, gauges) if gauges else {}
+    finally:
+        # A gauge that does not fit the results takes nothing else away.
+        if outputs.json_file is not None:
+            write_text(outputs.json_file, json.dumps(content, indent=1))
     failures = [failure for camera in result.cameras for failure in camera.failures]
     bad = [
         f"{run}: {camera.camera}, {measurement.label}: measured, but {measurement.objection}"

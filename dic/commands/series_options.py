@@ -11,6 +11,7 @@ from dic.commands.correlation_options import (
     COMMA_NEEDS,
     comma_option,
     csv_option,
+    gauges_option,
     hinge_mm,
     hinge_option,
     incremental_option,
@@ -28,7 +29,7 @@ from dic.commands.option_groups import all_of, option_group
 from dic.shell.output_paths import FORCE
 
 if TYPE_CHECKING:
-    from dic import Alignment, CorrelationSettings, Motion
+    from dic import Alignment, CorrelationSettings, Gauge, Motion
     from dic.pipeline.series_files import SeriesFiles
     from dic.typing import Float, Mask
 
@@ -264,18 +265,26 @@ class OutputOptions:
 
     output: Path | None
     csv_folder: Path | None
+    gauges_file: Path | None
     decimal_comma: bool
     maps: MapOptions
     json_file: Path | None
     force: bool
 
-    def files(self, deformed: list[Path]) -> "SeriesFiles":
+    def gauges(self) -> "tuple[Gauge, ...]":
+        """Return the gauges of `--gauges`; none without this option."""
+        from dic import read_gauges
+
+        return () if self.gauges_file is None else read_gauges(self.gauges_file)
+
+    def files(self, deformed: list[Path], gauges: "tuple[Gauge, ...]") -> "SeriesFiles":
         """Return the paths of the output files for the deformed images, except the file of `--json`."""
         from dic.pipeline.series_files import SeriesFiles
 
         maps = self.maps
         sheets = maps.contact_sheets()
-        return SeriesFiles(self.output, self.csv_folder, maps.folder, deformed, maps.file_format, sheets)
+        folders = self.csv_folder, maps.folder
+        return SeriesFiles(self.output, *folders, deformed, maps.file_format, sheets, gauges)
 
 
 output_options = option_group(
@@ -283,6 +292,7 @@ output_options = option_group(
     OutputOptions,
     click.option("-o", "--output", type=_FILE, help="Result file, HDF5."),
     csv_option,
+    gauges_option,
     comma_option,
     map_group,
     click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results."),

@@ -7,8 +7,12 @@ from typing import Any, Self
 
 from dic.calibration.calibration import Calibration
 from dic.correlation.settings import CorrelationSettings
+from dic.gauges.declared import Gauge
+from dic.gauges.series import GaugeImage, GaugeSeries
+from dic.gauges.table import gauge_table_files, write_gauge_table
 from dic.image.pages import split_page
 from dic.out_of_plane.correction import Correction
+from dic.pipeline.gauge_series import GaugeReader
 from dic.pipeline.series_maps import MapFiles, SeriesMaps
 from dic.pipeline.series_result import MeasuredImage
 from dic.pipeline.series_result_file import write_set_up
@@ -18,6 +22,8 @@ from dic.results.strain_table import STRAIN_FILE, write_strain_table
 from dic.results.writer import ResultWriter
 from dic.strain.measurement import Measurement
 from dic.typing import Grey
+
+GAUGE_FILE = "gauges.csv"
 
 
 class SeriesFiles:
@@ -35,13 +41,16 @@ class SeriesFiles:
         deformed: Sequence[Path],
         map_format: str = "png",
         sheets: Mapping[str, Path] | None = None,
+        gauges: Sequence[Gauge] = (),
     ) -> None:
         for folder in (csv_folder, maps_folder):
             if folder is not None:
                 folder.mkdir(parents=True, exist_ok=True)
         stems = list(map(_stem, deformed))
-        # The table of strains is beside the tables of points.
-        counts = Counter([*stems, Path(STRAIN_FILE).stem])
+        tables = [] if csv_folder is None else gauge_table_files(csv_folder / GAUGE_FILE, gauges)
+        self.gauges, self.gauge_tables = tuple(gauges), tables if gauges else []
+        # The tables of strains and gauges are beside the tables of points.
+        counts = Counter([*stems, Path(STRAIN_FILE).stem, *(path.stem for path in self.gauge_tables)])
         names = [f"{number:04d}_{stem}" if counts[stem] > 1 else stem for number, stem in enumerate(stems, 1)]
         self.output = output
         self.strains = None if csv_folder is None else csv_folder / STRAIN_FILE
@@ -52,7 +61,7 @@ class SeriesFiles:
     def all(self) -> list[Path]:
         """Return the paths of all output files of the series."""
         single = [path for path in (self.output, self.strains) if path is not None]
-        return [*single, *self.csv, *self.pictures.all()]
+        return [*single, *self.gauge_tables, *self.csv, *self.pictures.all()]
 
 
 class SeriesOutputs:
@@ -72,6 +81,8 @@ class SeriesOutputs:
         if files.output is not None:
             self._writer = ResultWriter(files.output, Provenance.of(inputs))
         self._maps, self._measured = maps, False
+        self._reader: GaugeReader | None = None
+        self.gauge_images: dict[int, GaugeImage] = {}
 
     def __enter__(self) -> Self:
         if self._writer is not None:
@@ -85,6 +96,8 @@ class SeriesOutputs:
     def write(self, number: int, image: MeasuredImage) -> None:
         """Write a measured image to its output files; `number` is its index in the series, from 0."""
         measurement, correction = image.measurement, image.correction
+        if self._reader is not None:
+            self.gauge_images[number] = self._reader.read(image)
         if measurement is None:
             return
         self._measured = True
@@ -94,6 +107,17 @@ class SeriesOutputs:
             path, comma = self._files.csv[number], self._decimal_comma
             write_csv(measurement, path, correction=correction, decimal_comma=comma)
         self._add_maps(number, measurement, correction)
+
+    def read_gauges(self, calibration: Calibration | None, image_shape: tuple[int, ...]) -> None:
+        """Read the gauges, if there are any, in each image that is written from now on."""
+        if self._files.gauges:
+            self._reader = GaugeReader(self._files.gauges, calibration, image_shape)
+
+    @property
+    def gauge_series(self) -> GaugeSeries:
+        """The readings of the gauges in the images that were written."""
+        images = tuple(self.gauge_images[number] for number in sorted(self.gauge_images))
+        return GaugeSeries("", self._files.gauges, images)
 
     def _add_maps(self, number: int, measurement: Measurement, correction: Correction | None) -> None:
         name = Path(measurement.label).name
@@ -109,9 +133,12 @@ class SeriesOutputs:
             write_set_up(self._writer, reference, calibration, reasons)
 
     def write_table(self, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Write the table of the mean strains; `write_strain_table` describes the rows."""
+        """Write the tables of mean strains and of gauges; `write_strain_table` describes the rows."""
         if self._files.strains is not None:
             write_strain_table(rows, self._files.strains, decimal_comma=self._decimal_comma)
+        if self._files.gauge_tables and self.gauge_images:
+            path, comma = self._files.gauge_tables[0], self._decimal_comma
+            write_gauge_table(self.gauge_series, path, decimal_comma=comma)
 
 
 def _stem(path: Path) -> str:

@@ -19,7 +19,7 @@ from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.strain_parts import UNCERTAINTY_KEYS
 from dic.out_of_plane.two_cameras import TwoCameraStep
 from dic.results.provenance import Provenance
-from dic.results.schema import MEAN_KEYS
+from dic.results.schema import MEAN_KEYS, SHARED_KEY
 from dic.strain.displacement import Displacement, raw_displacement
 from dic.strain.measurement import Measurement, measure
 from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, MeanStrain, StrainField, StrainSettings
@@ -134,13 +134,14 @@ def _read_measurement(
     if "points" not in series["raw_mean"]:
         anew = measure(field, calibration, strain, label=label)
     raw_mean = _read_mean(series["raw_mean"], k, None if anew is None else anew.raw_mean)
-    calibrated, calibrated_mean, by_images, gauge_mm = None, None, None, None
+    calibrated, calibrated_mean, by_images, gauge_mm, shared = None, None, None, None, None
     if "calibrated_mean" in series:
         calibrated = _read_displacement(series, k)
         mean = None if anew is None else anew.calibrated_mean
         calibrated_mean = _read_mean(series["calibrated_mean"], k, mean)
         by_images = _read_by_images(series["calibrated_mean"], k, calibrated_mean)
         gauge_mm = float(series.attrs["strain_gauge_mm"])
+        shared = _read_shared(series["calibrated_mean"], k)
     return Measurement(
         label=label,
         field=field,
@@ -153,6 +154,7 @@ def _read_measurement(
         calibrated_mean=calibrated_mean,
         stored_strain=_read_strain(series, k),
         by_images=by_images,
+        shared=shared,
         digest=str(series["sha256"].asstr()[k]) if "sha256" in series else "",
     )
 
@@ -188,8 +190,13 @@ def _read_correction(group: Any, k: int, measurement: Measurement, anew: Correct
         declined=declined,
         stored_strain=strain,
         uncertainty=_read_uncertainty(table, k),
-        shared=None if anew is None else anew.shared,
+        shared=_read_shared(table, k) if anew is None else anew.shared,
     )
+
+
+def _read_shared(table: Any, k: int) -> Float | None:
+    """Return the covariance of the errors that all points share; None for files of earlier versions."""
+    return np.asarray(table[SHARED_KEY][k], np.float64) if SHARED_KEY in table else None
 
 
 def _read_uncertainty(table: Any, k: int) -> dict[str, float] | None:

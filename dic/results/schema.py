@@ -11,6 +11,8 @@ PLANE_KEYS = (
     "slope_x_deg", "slope_y_deg", "slope_x_deg_std", "slope_y_deg_std", "shift_mm", "shift_mm_std"
 )  # fmt: skip
 """Names, in `Correction.as_dict`, of the slopes and the shift of the specimen's plane."""
+SHARED_KEY = "shared_covariance"
+"""Covariance of the errors of exx, eyy, exy that all points share."""
 
 
 def units_of(name: str) -> str:

@@ -18,7 +18,7 @@ from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.strain_parts import UNCERTAINTY_KEYS
 from dic.out_of_plane.two_cameras import TwoCameraStep
 from dic.results.provenance import Provenance
-from dic.results.schema import FORMAT, MEAN_KEYS, PLANE_KEYS, VERSION, units_of
+from dic.results.schema import FORMAT, MEAN_KEYS, PLANE_KEYS, SHARED_KEY, VERSION, units_of
 from dic.strain.displacement import Displacement
 from dic.strain.measurement import Measurement
 from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, MeanStrain, StrainField
@@ -173,6 +173,8 @@ def _measured_rows(measurement: Measurement) -> dict[str, Any]:
         rows |= _displacement_rows(calibrated)
         rows |= _mean_rows(measurement.calibrated_mean, "calibrated_mean/")
         rows |= _known_rows(measurement.images_std, "calibrated_mean/")
+        if measurement.shared is not None:
+            rows[f"calibrated_mean/{SHARED_KEY}"] = measurement.shared
     return rows
 
 
@@ -181,6 +183,7 @@ def _append_correction(group: Any, n: int, correction: Correction, *, elsewhere:
     summary, means = correction.as_dict(), group.require_group("corrected_mean")
     table = _mean_rows(correction.mean) | _reason_rows(correction.declined) | {"method": correction.method}
     table |= _known_rows({name: summary.get(name) for name in PLANE_KEYS})
+    table[SHARED_KEY] = correction.shared_errors
     # The parts that no image of the series has are left out.
     parts = [name for name in UNCERTAINTY_KEYS if name in summary or name in means]
     _append(means, n, table | _known_rows({name: summary.get(name) for name in parts}))

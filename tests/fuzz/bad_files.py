@@ -184,3 +184,24 @@ JSONS: dict[str, Maker] = {
     "text in numbers": _texts(_alignment(slopes='"abcd"'), _alignment(covariance="{}")),
     "cut off": _cut,
 }
+
+GAUGES: dict[str, Maker] = {
+    "no gauge": _texts("unit = 'px'\n", "gauge = []\n", "[gauge]\nname = 'a'\n"),
+    "an unknown key": _texts("[[gauge]]\nname = 'a'\nkind = 'point'\nat = [240, 240]\nsize = 3\n"),
+    "a missing key": _texts("[[gauge]]\nname = 'a'\nkind = 'extensometer'\nstart = [240, 240]\n"),
+    "no number": _texts("[[gauge]]\nname = 'a'\nkind = 'point'\nat = ['x', nan]\n"),
+    "one name twice": _texts(2 * "[[gauge]]\nname = 'a'\nkind = 'point'\nat = [240, 240]\n"),
+    "beside the image": _texts("[[gauge]]\nname = 'a'\nkind = 'point'\nat = [9000, 240]\n"),
+    "deep": _texts("a = " + "[" * _DEEP),
+}
+
+CURVES: dict[str, Maker] = {
+    "an empty column": _texts("Load,Strain\n" + "".join(f"{k},\n" for k in range(50))),
+    "text in numbers": _texts("Load,Strain\n" + "".join(f"{k},{k if k != 30 else 'x'}\n" for k in range(50))),
+    "another unit": _texts("Load (N),Strain\n" + "".join(f"{k},{k}\n" for k in range(50))),
+    "time that runs backwards": _texts(
+        "Time,Load,Strain\n" + "".join(f"{abs(25 - k)},{k},{k}\n" for k in range(50))
+    ),
+    "compression": _texts("Load,Strain\n" + "".join(f"{-k},{-k}\n" for k in range(50))),
+    "a column missing": _texts("Load,Extension\n" + "".join(f"{k},{k}\n" for k in range(50))),
+}

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.fuzz.bad_files import ANY, IMAGES, JSONS, PNGS, POLYGONS, Maker
+from tests.fuzz.bad_files import ANY, CURVES, GAUGES, IMAGES, JSONS, PNGS, POLYGONS, Maker
 from tests.fuzz.bad_hdf5 import HDF5
 from tests.fuzz.bad_options import bad_options
 from tests.fuzz.bad_toml import TOMLS
@@ -22,6 +22,8 @@ KINDS: dict[str, Mapping[str, Maker]] = {
     "bmp": IMAGES,
     "polygons": POLYGONS,
     "alignment": JSONS,
+    "gauges": GAUGES,
+    "curve": CURVES,
     "protocol": TOMLS,
     "tension": TOMLS,
     "rig": TOMLS,

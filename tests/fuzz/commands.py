@@ -15,6 +15,12 @@ COMMANDS: dict[str, list[str]] = {
     "quality": ["dic", "quality", "{image}"],
     "quality of two": ["dic", "quality", "{image}", "--second", "{deformed}", "--roi", "{mask}"],
     "process": ["dic", "process", "{run}", "-o", "{new}.h5"],
+    "gauges": ["dic", "gauges", "{results}", "{gauges}"],
+    "correlate with gauges": ["dic", "correlate", "{image}", "{deformed}", "--gauges", "{gauges}"],
+    "properties": [
+        *("dic", "properties", "{curve}", "--load", "Load:kN", "--strain", "Strain:%", "--area-mm2", "20"),
+        *("--json", "{new}.json"),
+    ],
     "report": ["dic", "report", "{results}", "-o", "{new}.html"],
     "plan": ["rig", "plan", "{protocol}"],
     "plan a tension": ["rig", "plan", "{tension}", "--rig", "{rig}"],

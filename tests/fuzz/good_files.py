@@ -56,6 +56,25 @@ driver = "simulated-operator"
 
 POLYGONS = "x_px,y_px,polygon\n100,100,a\n300,100,a\n300,300,a\n150,350,b\n200,350,b\n200,380,b\n"
 
+GAUGES = """
+[[gauge]]
+name = "axial"
+kind = "extensometer"
+start = [240, 160]
+end = [240, 320]
+patch = 40
+[[gauge]]
+name = "area"
+kind = "area"
+centre = [240, 240]
+size = [80, 60]
+"""
+
+CURVE = "Time;Load;Strain\n(s);(kN);(%)\n" + "".join(
+    f"{0.1 * k:.1f};{min(0.06 * k, 6.0 + 0.002 * k):.4f};{0.0015 * k + max(0, k - 100) * 0.02:.5f}\n"
+    for k in range(200)
+)
+
 ALIGNMENT = {
     "file_format": "offaxis-alignment",
     "slopes": [0.001, 0.0, 0.0, 0.0],
@@ -78,6 +97,9 @@ def make_good_files(folder: Path) -> GoodFiles:
     files = {}
     for name, text in texts.items():
         files[name] = folder / f"{name}.{'csv' if name == 'polygons' else 'toml'}"
+        files[name].write_text(text)
+    for name, ending, text in (("gauges", "toml", GAUGES), ("curve", "csv", CURVE)):
+        files[name] = folder / f"{name}.{ending}"
         files[name].write_text(text)
     files["tension"] = Path(shutil.copy(EXAMPLES / "tension.toml", folder))
     files |= {name: folder / f"{name}.h5" for name in ("run", "results", "calibration")}

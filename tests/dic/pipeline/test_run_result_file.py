@@ -18,41 +18,17 @@ from dic.errors import RunFileError
 from dic.pictures.panels import maps_of
 from dic.pictures.settings import MapSettings
 from dic.pipeline.camera_result import CameraResult
-from dic.pipeline.run_corrections import CorrectionSettings, RunCorrector, correct_run
+from dic.pipeline.run_corrections import CorrectionSettings, correct_run
 from dic.pipeline.run_result import RunResult
 from dic.pipeline.run_result_file import load_run_result, save_run_result
 from dic.runfile.reader import RunStep
 from dic.strain.strain import STRAIN_KEYS
-from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
 from simulators.scene.scene import Misalignment
-from tests.dic.out_of_plane.exact_views import State, View
+from tests.dic.out_of_plane.exact_views import State
+from tests.dic.pipeline.exact_runs import ASIDE, run_of
 from tests.dic.report.page import Page, written
 from tests.dic.report.runs import INFO
-
-ASIDE = View(PinholeCamera(800, 800, tilt_deg=30), seed=4)
-STRAIGHT = View(PinholeCamera(800, 800), seed=5)
-
-
-def run_of(steps: list[RunStep], aside: list[State], straight: list[State]) -> RunResult:
-    """The run of a specimen that two cameras see, measured and corrected as `process_run` does."""
-    cameras = []
-    for name, view, states in (("aside", ASIDE, aside), ("straight", STRAIGHT, straight)):
-        calibration = view.calibration()
-        measured = view.measurements(states, calibration)
-        reference = np.full((800, 800), 100, np.float32)
-        cameras.append(
-            CameraResult(name, calibration, reference, steps, measured, [f"{name}: step 9 failed"])
-        )
-    settings = CorrectionSettings(0.3)
-    corrector = RunCorrector(cameras, settings)
-    found = list(corrector.steps())
-    corrections = corrector.corrections(found)
-    cameras = [
-        replace(camera, measurements=[step.measurements[camera.camera] for step in found])
-        for camera in cameras
-    ]
-    return RunResult("run.h5", INFO, ASIDE.settings, settings, cameras, corrections)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,98 @@
+"""The command `dic gauges`, which reads gauges in the results of a measurement without correlating again."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dic.commands.correlation_options import comma_option
+from dic.commands.option_groups import option_group
+from dic.files.writing import write_text
+from dic.shell.console import fail, say
+from dic.shell.output_paths import FORCE, require_places
+
+if TYPE_CHECKING:
+    from dic import Gauge
+
+_PATH = click.Path(path_type=Path)
+
+
+@dataclass(frozen=True)
+class GaugeOutputs:
+    """Options that name the output files of `dic gauges`."""
+
+    output: Path | None
+    decimal_comma: bool
+    json_file: Path | None
+    picture: Path | None
+    force: bool
+
+    def files(self, gauges: "tuple[Gauge, ...]") -> list[Path | None]:
+        """Return the paths of all files to write."""
+        from dic import gauge_table_files
+
+        tables = [] if self.output is None else gauge_table_files(self.output, gauges)
+        return [*tables, self.json_file, self.picture]
+
+
+@click.command()
+@click.argument("results", type=_PATH)
+@click.argument("gauges_file", type=_PATH, metavar="GAUGES", required=False)
+@click.option(
+    "--gauge",
+    "texts",
+    multiple=True,
+    metavar="TEXT",
+    help='A gauge, such as "axial=extensometer start=400,200 end=400,800 patch=40". May be repeated.',
+)
+@click.option("--camera", help="Camera of a run. Default: all, if all gauges are in millimetres.")
+@option_group(
+    "outputs",
+    GaugeOutputs,
+    click.option("-o", "--output", type=_PATH, help="CSV table with one line per image."),
+    comma_option,
+    click.option("--json", "json_file", type=_PATH, help="JSON file of all readings."),
+    click.option("--picture", type=_PATH, help="Picture of the gauges on the reference image."),
+    FORCE,
+    needs={"--decimal-comma": ("-o", "--output")},
+)
+def gauges(
+    results: Path,
+    gauges_file: Path | None,
+    texts: tuple[str, ...],
+    camera: str | None,
+    outputs: GaugeOutputs,
+) -> None:
+    """Read extensometers, strain-gauge areas, line cuts and points in all images of RESULTS.
+
+    RESULTS is a result file of `dic correlate` or `dic process`. GAUGES is a TOML file that declares gauges
+    by name. Nothing is correlated again. For each gauge the best strain is printed: corrected, else
+    calibrated, else raw.
+
+    Exit status: 0 if every gauge has a reading in every image, 1 if one has none, 2 if the gauges or the
+    results cannot be used.
+    """
+    from dic import measure_gauges, read_gauges, write_gauge_picture, write_gauge_table
+    from dic.commands.gauge_text import gauge_lines
+    from dic.pipeline.gauge_series import load_results
+
+    declared = read_gauges(gauges_file, texts)
+    require_places([results, gauges_file], outputs.files(declared), force=outputs.force)
+    loaded = load_results(results)
+    found = measure_gauges(loaded, declared, camera=camera)
+    for line in gauge_lines(found):
+        say(line)
+    if outputs.output is not None:
+        write_gauge_table(found, outputs.output, decimal_comma=outputs.decimal_comma)
+    if outputs.json_file is not None:
+        content = {"results": str(results)} | found.as_dict()
+        write_text(outputs.json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+    if outputs.picture is not None:
+        write_gauge_picture(loaded, declared, outputs.picture, camera=camera)
+        say(f"picture: {outputs.picture}")
+    for image in found.images:
+        if image.failure is not None:
+            fail(f"{image.label}: {image.failure}" if image.label not in image.failure else image.failure)
+    click.get_current_context().exit(0 if found.complete else 1)

@@ -1,0 +1,97 @@
+"""The displacement fields of one image that gauges read: raw, calibrated and corrected, with their errors."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dic.calibration.calibration import Calibration
+from dic.out_of_plane.correction import Correction
+from dic.strain.displacement import Displacement, calibrated_displacement
+from dic.strain.measurement import Measurement
+from dic.strain.strain import MeanStrain
+from dic.typing import Float
+
+_STRAINS = ("exx", "eyy", "exy")
+
+
+@dataclass(frozen=True)
+class GaugeField:
+    """A displacement field and the errors of its strain.
+
+    Attributes
+    ----------
+    displacement : Displacement
+        With the errors that the images cause, unless they are not known.
+    common_noise : ndarray, shape (3, 3)
+        Covariance of exx, eyy, exy that the noise of this image gives all points alike, by the correction.
+    shared : ndarray, shape (3, 3)
+        Covariance of exx, eyy, exy that other causes than this image's noise give all points.
+    measure : str
+        The strain measure.
+    """
+
+    displacement: Displacement
+    common_noise: Float
+    shared: Float
+    measure: str
+
+
+def fields_of(
+    measurement: Measurement, correction: Correction | None, calibration: Calibration | None
+) -> dict[str, GaugeField]:
+    """Return the fields of an image by their kinds, "raw", "calibrated" and "corrected", where it has them.
+
+    Result files hold no errors of calibrated displacements. The errors follow from those of the field, and
+    from the calibration. Corrected displacements have the errors of the calibrated ones: motion out of the
+    plane changes the scale of the image by less than these errors are known.
+
+    Parameters
+    ----------
+    measurement : Measurement
+    correction : Correction or None
+    calibration : Calibration or None
+        Needed for results that were read from a file.
+    """
+    raw, calibrated = measurement.raw, measurement.calibrated
+    measure, none = measurement.strain_settings.measure, np.zeros((3, 3))
+    if calibrated is None:
+        return {"raw": GaugeField(raw, none, none, measure)}
+    if calibrated.noise is None and calibration is not None:
+        calibrated = replace(calibrated, noise=calibrated_displacement(measurement.field, calibration).noise)
+    # As for mean strain, raw values use the same points as calibrated ones.
+    raw = replace(raw, valid=raw.valid & calibrated.valid)
+    fields = {
+        "raw": GaugeField(raw, none, none, measure),
+        "calibrated": GaugeField(calibrated, none, _shared(measurement), measure),
+    }
+    if correction is not None and correction.declined is None and correction.method != "none":
+        corrected = replace(correction.displacement, noise=calibrated.noise)
+        noise = _common_noise(correction, measurement.by_images)
+        fields["corrected"] = GaugeField(corrected, noise, correction.shared_errors, measure)
+    return fields
+
+
+def _shared(measurement: Measurement) -> Float:
+    """Return the covariance of the errors that all points of the calibrated strain share."""
+    if measurement.shared is not None:
+        return measurement.shared
+    whole, own = measurement.calibrated_mean, measurement.by_images
+    if whole is None or own is None:
+        return np.full((3, 3), np.nan)
+    return np.diag(_variances(whole) - _variances(own)).clip(0.0)
+
+
+def _common_noise(correction: Correction, by_images: MeanStrain | None) -> Float:
+    """Return the covariance that all points get from this image's noise, because it gives the correction.
+
+    The noise part of the corrected mean strain contains that of the field and that of the correction.
+    """
+    known = correction.uncertainty or {}
+    if by_images is None or "exx_std_images" not in known:
+        return np.zeros((3, 3))
+    whole = np.array([known[f"{name}_std_images"] ** 2 for name in _STRAINS])
+    return np.diag(np.maximum(whole - np.nan_to_num(_variances(by_images)), 0.0))
+
+
+def _variances(mean: MeanStrain) -> Float:
+    return np.array([getattr(mean, f"{name}_std") ** 2 for name in _STRAINS])

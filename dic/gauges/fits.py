@@ -1,0 +1,216 @@
+"""Gauges that fit an affine displacement to their points: areas, points and the places of a line cut."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dic.errors import GaugeError
+from dic.gauges.declared import Gauge, LineCut, PointGauge, StrainGauge
+from dic.gauges.field import GaugeField
+from dic.gauges.planes import lie_on_one_line, sums_at
+from dic.gauges.points import GridPlaces
+from dic.gauges.reading import Profile, Reading
+from dic.gauges.strains import along, elongation, engineering
+from dic.gauges.sums import covariance_at_points
+from dic.strain.strain import strain_of_gradient, with_shared
+from dic.typing import Float, Indices
+
+_LEAST_POINTS = 3
+_LEAST_SHARE = 0.5
+"""Smallest share of a gauge's points that must have a displacement."""
+_PROFILE = ("u", "v", "exx", "eyy", "exy")
+
+
+@dataclass(frozen=True)
+class PlacedFit:
+    """The points of an area, and the place at which the fitted displacement is read.
+
+    Attributes
+    ----------
+    rows, columns : ndarray of int, shape (n,)
+        Places of the points in the grid of points.
+    place : ndarray, shape (n,), or None
+        Weights of the points' positions whose sum is the place of the reading, in any unit; None for the mean
+        place of the points that have a displacement.
+    direction : ndarray, shape (2,)
+        Unit vector of the engineering strain.
+    """
+
+    rows: Indices
+    columns: Indices
+    place: Float | None
+    direction: Float
+
+    @classmethod
+    def of(
+        cls, chosen: Indices, places: GridPlaces, at: Float | None = None, direction_deg: float = 0.0
+    ) -> "PlacedFit":
+        """Return the fit to the points with the indices `chosen`, read at `at` or at the mean place."""
+        angle = np.radians(direction_deg)
+        direction = np.array([np.cos(angle), np.sin(angle)])
+        position = places.position[chosen]
+        place = None if at is None or _objection(position, 0) else sums_at(position, at)[0]
+        return cls(places.rows[chosen], places.columns[chosen], place, direction)
+
+    def read(self, field: GaugeField) -> Reading:
+        """Return the reading in one field."""
+        displacement = field.displacement
+        valid = displacement.valid[self.rows, self.columns]
+        declared, points = len(self.rows), int(valid.sum())
+        rows, columns = self.rows[valid], self.columns[valid]
+        position = displacement.position[rows, columns]
+        reason = _objection(position, declared)
+        if reason:
+            return Reading(displacement.unit, points=points, declared=declared, reason=reason)
+        at = position.mean(axis=0)
+        if self.place is not None:
+            at = self.place @ displacement.position[self.rows, self.columns]
+        sums = sums_at(position, at)
+        vector = displacement.vector[rows, columns]
+        moved, gradient = sums[0] @ vector, (sums[1:] @ vector).T
+        covariance = None
+        if displacement.noise is not None:
+            # Six sums: u and v at the place, and the elements xx, xy, yx, yy of the gradient.
+            weights = np.einsum("ik,jn->nikj", np.eye(2), sums)
+            covariance = covariance_at_points(
+                rows, columns, weights.reshape(points, 2, 6), displacement.noise
+            )
+        length = float(np.ptp(position @ self.direction))
+        return replace(
+            self._reading(field, moved, gradient, covariance, points), declared=declared, length=length
+        )
+
+    def _reading(
+        self,
+        field: GaugeField,
+        moved: Float,
+        gradient: Float,
+        covariance: Float | None,
+        points: int,
+    ) -> Reading:
+        of_gradient = None if covariance is None else covariance[np.ix_(_GRADIENT, _GRADIENT)]
+        mean = with_shared(
+            strain_of_gradient(gradient, of_gradient, points, field.measure),
+            field.common_noise + field.shared,
+        )
+        strain, by_gradient = elongation(gradient, self.direction)
+        size = engineering(1.0 + strain, field.measure) ** 2
+        images = size * along(field.common_noise, self.direction)
+        images += np.nan if of_gradient is None else float(by_gradient @ of_gradient @ by_gradient)
+        stds = np.full(2, np.nan) if covariance is None else np.sqrt(np.diag(covariance)[_MOVED])
+        known = vars(mean)
+        values = {
+            "u": float(moved[0]),
+            "u_std": float(stds[0]),
+            "v": float(moved[1]),
+            "v_std": float(stds[1]),
+        }
+        values |= {name: float(known[name]) for name in known if name != "points"}
+        return Reading(
+            field.displacement.unit,
+            strain=strain,
+            strain_std=float(np.sqrt(images + size * along(field.shared, self.direction))),
+            strain_std_images=float(np.sqrt(images)),
+            points=points,
+            values=values,
+        )
+
+
+_MOVED, _GRADIENT = [0, 3], [1, 2, 4, 5]
+"""Places of the displacement and of the gradient among the six sums of a fit."""
+
+
+@dataclass(frozen=True)
+class PlacedCut:
+    """A line cut, and the points around each of its places."""
+
+    gauge: LineCut
+    fits: Sequence[PlacedFit]
+
+    def read(self, field: GaugeField) -> Profile:
+        """Return displacement and strain at each place in one field."""
+        readings = [fit.read(field) for fit in self.fits]
+        names = [name for value in _PROFILE for name in (value, f"{value}_std")]
+        values = {name: np.array([one.values.get(name, np.nan) for one in readings]) for name in names}
+        known = any(not one.reason for one in readings)
+        length = float(np.linalg.norm(np.subtract(self.gauge.end, self.gauge.start)))
+        return Profile(
+            field.displacement.unit,
+            np.linspace(0.0, length, len(readings)),
+            self.gauge.unit,
+            values,
+            np.array([one.points for one in readings]),
+            np.array([one.declared for one in readings]),
+            "" if known else f"no place has enough points with a displacement: {readings[0].reason}",
+        )
+
+
+def place_area(gauge: StrainGauge, places: GridPlaces) -> PlacedFit:
+    """Find the points of a strain-gauge area.
+
+    Raises
+    ------
+    GaugeError
+        If fewer than three points lie inside.
+    """
+    chosen = places.in_polygon(gauge.outline)
+    _require(gauge, chosen, places, "enlarge the area")
+    return PlacedFit.of(chosen, places, direction_deg=gauge.direction_deg)
+
+
+def place_point(gauge: PointGauge, places: GridPlaces, window_points: int) -> PlacedFit:
+    """Find the points around a place, by default those of a window of `window_points` columns and rows.
+
+    Raises
+    ------
+    GaugeError
+        If fewer than three points lie around the place.
+    """
+    at = gauge.upwards(gauge.at)
+    chosen = places.in_square(at, _ALONG_X, gauge.width or window_points * places.spacing)
+    _require(gauge, chosen, places, "enlarge its width")
+    return PlacedFit.of(chosen, places, at, gauge.direction_deg)
+
+
+def place_cut(gauge: LineCut, places: GridPlaces, window_points: int) -> PlacedCut:
+    """Find the points around each place of a line cut.
+
+    Raises
+    ------
+    GaugeError
+        If no place has three points.
+    """
+    start, end = gauge.upwards(gauge.start), gauge.upwards(gauge.end)
+    width = gauge.width or window_points * places.spacing
+    fits, most = [], np.empty(0, np.int64)
+    for share in np.linspace(0.0, 1.0, gauge.places):
+        at = start + share * (end - start)
+        chosen = places.in_square(at, _ALONG_X, width)
+        most = max(most, chosen, key=len)
+        fits.append(PlacedFit.of(chosen, places, at))
+    _require(gauge, most, places, "enlarge its width")
+    return PlacedCut(gauge, fits)
+
+
+_ALONG_X = np.array([1.0, 0.0])
+
+
+def _require(gauge: Gauge, chosen: Indices, places: GridPlaces, remedy: str) -> None:
+    if len(chosen) >= _LEAST_POINTS:
+        return
+    raise GaugeError(
+        f"gauge {gauge.name!r}",
+        "find its points",
+        f"at least {_LEAST_POINTS} measured points",
+        f"{len(chosen)} at its place; the measured points cover {places.extent(gauge.unit)}",
+        f"move the gauge onto the measured points, or {remedy}; neighbouring points are"
+        f" {places.spacing:.3g} {gauge.unit} apart",
+    )
+
+
+def _objection(position: Float, declared: int) -> str:
+    """Return why an affine displacement cannot be fitted to points (n, 2); "" if it can."""
+    if len(position) < max(_LEAST_POINTS, _LEAST_SHARE * declared):
+        return f"too few points have a displacement: {len(position)} of {declared}"
+    return "the points lie on one line" if lie_on_one_line(position) else ""

@@ -1,0 +1,83 @@
+"""A picture of the reference image with the gauges and their points, to be checked by a person."""
+
+from typing import Any
+
+import numpy as np
+
+from dic.gauges.outlines import outlines_of
+from dic.gauges.placed import PlacedGauges
+from dic.strain.measurement import Measurement
+from dic.typing import Float, Grey
+
+_COLOURS = ("#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7")
+"""Colours for all kinds of colour vision, after Okabe and Ito."""
+_WIDTH_IN = 9.0
+_MOST_POINTS = 4000
+_FEW_LINES = 5
+"""More lines are drawn thin."""
+_GREY_PERCENTILES = (1.0, 99.5)
+
+
+def draw_gauges(placed: PlacedGauges, measurement: Measurement, reference: Grey) -> Any:
+    """Return a matplotlib figure of the reference image with the gauges, their names and their points.
+
+    Parameters
+    ----------
+    placed : PlacedGauges
+    measurement : Measurement
+        The measurement of any image of the series.
+    reference : ndarray of float32, shape (height, width)
+    """
+    from matplotlib.figure import Figure
+
+    height, width = reference.shape
+    figure = Figure(figsize=(_WIDTH_IN, min(2.0, height / width) * _WIDTH_IN + 0.6), layout="constrained")
+    axes = figure.subplots()
+    low, high = np.percentile(reference, _GREY_PERCENTILES)
+    axes.imshow(reference, cmap="gray", vmin=low, vmax=max(high, low + 1e-6))
+    homography = _to_px(measurement) if any(gauge.unit == "mm" for gauge in placed.gauges) else np.eye(3)
+    shown = zip(placed.gauges, placed.points_of(measurement), strict=True)
+    for number, (gauge, points) in enumerate(shown):
+        lines = [_in_px(line, gauge.unit, homography) for line in outlines_of(gauge)]
+        kept = points[:: 1 + len(points) // _MOST_POINTS]
+        _draw(axes, f"{gauge.name} ({gauge.kind})", lines, kept, _COLOURS[number % len(_COLOURS)])
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="x, px", ylabel="y, px")
+    axes.set_title("gauges and their points in the reference image", fontsize=11)
+    return figure
+
+
+def _draw(axes: Any, name: str, lines: list[Float], points: Float, colour: str) -> None:
+    """Draw the lines and points of one gauge, and its name at its first place."""
+    from matplotlib import patheffects
+
+    edge = [patheffects.withStroke(linewidth=3.0, foreground="black")]
+    thin = len(lines) > _FEW_LINES
+    axes.plot(*points.T, "o", color=colour, markersize=3.0, markeredgecolor="black", markeredgewidth=0.4)
+    for line in lines:
+        width, effects = (0.7, None) if thin else (1.8, edge)
+        marker = "+" if len(line) == 1 else None
+        axes.plot(*line.T, color=colour, linewidth=width, path_effects=effects, marker=marker, markersize=12)
+    box = {"facecolor": colour, "alpha": 0.9, "edgecolor": "black", "pad": 1.5}
+    x, y = lines[0][0]
+    axes.annotate(
+        name, (x, y), xytext=(6, 6), textcoords="offset points", color="black", fontsize=9, bbox=box
+    )
+
+
+def _in_px(line: Float, unit: str, homography: Float) -> Float:
+    if unit == "px":
+        return line * (1.0, -1.0)
+    mapped = np.column_stack([line, np.ones(len(line))]) @ homography.T
+    return np.asarray(mapped[:, :2] / mapped[:, 2:])
+
+
+def _to_px(measurement: Measurement) -> Float:
+    """Return the homography from millimetres to image pixels that fits the measured points."""
+    import cv2
+
+    if measurement.calibrated is None:
+        raise ValueError("places in millimetres need calibrated displacements")
+    use = measurement.field.active
+    points = measurement.field.points.reshape(*use.shape, 2)[use]
+    found, _ = cv2.findHomography(measurement.calibrated.position[use], points)
+    return np.asarray(found, np.float64)

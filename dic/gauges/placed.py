@@ -1,0 +1,157 @@
+"""Gauges on the points of one series: found once in the reference, and read in each image."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.calibration.calibration import Calibration
+from dic.errors import GaugeError, MeasurementError, joined
+from dic.gauges.declared import (
+    Extensometer,
+    Gauge,
+    LineCut,
+    PointGauge,
+    StrainGauge,
+    TransverseExtensometer,
+)
+from dic.gauges.field import fields_of
+from dic.gauges.file import require_names
+from dic.gauges.fits import PlacedCut, PlacedFit, place_area, place_cut, place_point
+from dic.gauges.lines import PlacedLines
+from dic.gauges.outlines import corners_of
+from dic.gauges.points import GridPlaces
+from dic.gauges.reading import Profile, Reading
+from dic.out_of_plane.correction import Correction
+from dic.strain.measurement import Measurement
+from dic.typing import Float
+
+Placed = PlacedLines | PlacedFit | PlacedCut
+Readings = Mapping[str, Mapping[str, Reading | Profile]]
+"""The readings of an image by the gauge's name, and then by "raw", "calibrated" and "corrected"."""
+
+
+@dataclass(frozen=True)
+class PlacedGauges:
+    """Gauges and the measured points at their places, for all images of a series.
+
+    Attributes
+    ----------
+    gauges : sequence of Gauge
+    placed : sequence
+        The points of each gauge.
+    calibration : Calibration or None
+    """
+
+    gauges: Sequence[Gauge]
+    placed: Sequence[Placed]
+    calibration: Calibration | None
+
+    def __repr__(self) -> str:
+        return f"PlacedGauges({', '.join(gauge.name for gauge in self.gauges)})"
+
+    @classmethod
+    def of(
+        cls,
+        gauges: Sequence[Gauge],
+        measurement: Measurement,
+        calibration: Calibration | None,
+        image_shape: tuple[int, ...],
+    ) -> "PlacedGauges":
+        """Find the points of each gauge in the reference.
+
+        Parameters
+        ----------
+        gauges : sequence of Gauge
+        measurement : Measurement
+            The measurement of any image of the series.
+        calibration : Calibration or None
+            The calibration of the camera; measurements that were read from a file need it.
+        image_shape : tuple of int
+            Height and width of the images, px.
+
+        Raises
+        ------
+        GaugeError
+            If a gauge lies outside of the image or off the measured points, or is declared in millimetres
+            without a calibration. The message names all such gauges together.
+        """
+        require_names(gauges)
+        field, calibrated = measurement.field, measurement.calibrated
+        places = {"px": GridPlaces.of(measurement.raw.position, field.active)}
+        if calibrated is not None and any(gauge.unit == "mm" for gauge in gauges):
+            inside = np.ones_like(field.active)
+            if calibration is not None:
+                inside = calibration.inside(field.points).reshape(inside.shape)
+            places["mm"] = GridPlaces.of(calibrated.position, field.active & inside)
+        placed, errors = [], []
+        for gauge in gauges:
+            try:
+                _require_unit(gauge, calibrated is not None)
+                _require_inside(gauge, image_shape)
+                window = measurement.strain_settings.window_points
+                placed.append(_placed(gauge, places[gauge.unit], window))
+            except MeasurementError as error:
+                errors.append(error)
+        if errors:
+            raise joined(errors)
+        return cls(tuple(gauges), tuple(placed), calibration)
+
+    def read(self, measurement: Measurement, correction: Correction | None) -> Readings:
+        """Return the readings of all gauges in one image."""
+        fields = fields_of(measurement, correction, self.calibration)
+        return {
+            gauge.name: {kind: placed.read(field) for kind, field in fields.items()}
+            for gauge, placed in zip(self.gauges, self.placed, strict=True)
+        }
+
+    def points_of(self, measurement: Measurement) -> list[Float]:
+        """Return the points of each gauge in image pixels (x, y), each of shape (n, 2)."""
+        field = measurement.field
+        found = []
+        for placed in self.placed:
+            parts = placed.fits if isinstance(placed, PlacedCut) else [placed]
+            points = [np.column_stack([field.x_px[part.columns], field.y_px[part.rows]]) for part in parts]
+            found.append(np.unique(np.concatenate(points), axis=0).astype(np.float64))
+        return found
+
+
+def _placed(gauge: Gauge, places: GridPlaces, window_points: int) -> Placed:
+    match gauge:
+        case Extensometer() | TransverseExtensometer():
+            return PlacedLines.of(gauge, places)
+        case StrainGauge():
+            return place_area(gauge, places)
+        case PointGauge():
+            return place_point(gauge, places, window_points)
+        case LineCut():
+            return place_cut(gauge, places, window_points)
+    raise TypeError(f"{type(gauge).__name__} is no kind of gauge")
+
+
+def _require_unit(gauge: Gauge, calibrated: bool) -> None:
+    if gauge.unit == "mm" and not calibrated:
+        raise GaugeError(
+            f"gauge {gauge.name!r}",
+            "find its place",
+            "a calibration, because the gauge is in millimetres",
+            "results without one",
+            'give the gauge in pixels, with unit = "px", or correlate with --calibration',
+        )
+
+
+def _require_inside(gauge: Gauge, image_shape: tuple[int, ...]) -> None:
+    if gauge.unit != "px":
+        return
+    corners = corners_of(gauge) * (1.0, -1.0)
+    height, width = image_shape
+    outside = ((corners < 0.0) | (corners > (width - 1.0, height - 1.0))).any(axis=1)
+    if outside.any():
+        x, y = corners[outside][0]
+        raise GaugeError(
+            f"gauge {gauge.name!r}",
+            "find its place",
+            f"places inside the image of {width} × {height} px",
+            f"({x:.4g}, {y:.4g})",
+            "move the gauge into the image; x counts to the right, y downwards",
+        )

@@ -1,0 +1,179 @@
+"""The readings of gauges in the images of a result file, or of a series that was measured just now."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from dic.calibration.calibration import Calibration
+from dic.errors import GaugeError, require_kind
+from dic.files.writing import write_figure
+from dic.gauges.declared import Gauge
+from dic.gauges.picture import draw_gauges
+from dic.gauges.placed import PlacedGauges
+from dic.gauges.series import GaugeImage, GaugeSeries
+from dic.pipeline.run_result import RunResult
+from dic.pipeline.run_result_file import load_run_result
+from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
+from dic.pipeline.series_result_file import SeriesResult, is_series_result, load_series_result
+from dic.typing import PathLike
+
+_DPI = 130
+
+Results = PathLike | MeasuredSeries | SeriesResult | RunResult
+
+
+class GaugeReader:
+    """Reads gauges in the images of one series, one by one.
+
+    The points of the gauges are found in the first image that could be measured.
+
+    Parameters
+    ----------
+    gauges : sequence of Gauge
+    calibration : Calibration or None
+        Results that were read from a file need it for the errors of calibrated displacements.
+    image_shape : tuple of int
+        Height and width of the images, px.
+    """
+
+    def __init__(
+        self, gauges: Sequence[Gauge], calibration: Calibration | None, image_shape: tuple[int, ...]
+    ) -> None:
+        self._gauges, self._calibration, self._shape = gauges, calibration, image_shape
+        self.placed: PlacedGauges | None = None
+
+    def read(self, image: MeasuredImage, **known: Any) -> GaugeImage:
+        """Return the readings in an image.
+
+        Raises
+        ------
+        GaugeError
+            At the first image that could be measured, if a gauge lies off the measured points.
+        """
+        measurement = image.measurement
+        if measurement is None:
+            return GaugeImage(image.label, known=known, failure=image.failure)
+        if self.placed is None:
+            self.placed = PlacedGauges.of(self._gauges, measurement, self._calibration, self._shape)
+        return GaugeImage(image.label, self.placed.read(measurement, image.correction), known)
+
+
+def measure_gauges(results: Results, gauges: Sequence[Gauge], *, camera: str | None = None) -> GaugeSeries:
+    """Read gauges in all images of a measurement, without correlating again.
+
+    Parameters
+    ----------
+    results : path, MeasuredSeries, SeriesResult or RunResult
+        A result file of `dic correlate` or `dic process`, or the result of `measure_images`, `process_run` or
+        `load_run_result`.
+    gauges : sequence of Gauge
+        From `read_gauges`, or made in Python.
+    camera : str, optional
+        Camera of a run. Default: all cameras of the run, if all gauges are in millimetres.
+
+    Raises
+    ------
+    GaugeError
+        If a gauge lies outside of the image or off the measured points, or two have one name.
+    RunFileError
+        If the result file cannot be read.
+    """
+    loaded: Any = load_results(results) if isinstance(results, str | Path) else results
+    kinds = MeasuredSeries | SeriesResult | RunResult
+    require_kind("results", loaded, kinds, "give a result file, or dic.measure_images(…)")
+    gauges = tuple(gauges)
+    if not isinstance(loaded, RunResult) and camera is not None:
+        remedy = "leave the camera out"
+        raise GaugeError("results", "choose a camera", "results of a run", "those of a series", remedy)
+    images = tuple(_images(loaded, gauges, camera))
+    source = loaded.source if isinstance(loaded, SeriesResult) else ""
+    return GaugeSeries(str(results) if isinstance(results, str | Path) else source, gauges, images)
+
+
+def write_gauge_picture(
+    results: Results, gauges: Sequence[Gauge], path: PathLike, *, camera: str | None = None
+) -> None:
+    """Write a picture of the reference image with each gauge, its name, and the measured points it uses.
+
+    Parameters
+    ----------
+    results, gauges, camera
+        As for `measure_gauges`. Of several cameras, the first one is shown.
+    path : path
+        The ending determines the format, such as .png or .pdf.
+
+    Raises
+    ------
+    GaugeError
+        As for `measure_gauges`, and if no image could be measured.
+    OSError
+        If the picture cannot be written.
+    """
+    loaded: Any = load_results(results) if isinstance(results, str | Path) else results
+    _, series, reader, _ = next(reader_of(loaded, tuple(gauges), camera))
+    for image in series.images:
+        if image.measurement is not None:
+            reader.read(image)
+            break
+    if reader.placed is None or image.measurement is None:
+        remedy = "measure at least one image"
+        raise GaugeError("gauges", "draw", "an image that could be measured", "none", remedy)
+    write_figure(draw_gauges(reader.placed, image.measurement, series.reference), path, _DPI)
+
+
+def load_results(path: PathLike) -> SeriesResult | RunResult:
+    """Read a result file of `dic correlate` or of `dic process`.
+
+    Raises
+    ------
+    RunFileError
+        If it is neither.
+    """
+    return load_series_result(path) if is_series_result(path) else load_run_result(path)
+
+
+def reader_of(
+    results: MeasuredSeries | SeriesResult | RunResult, gauges: Sequence[Gauge], camera: str | None
+) -> Iterator[tuple[str, MeasuredSeries, GaugeReader, list[dict[str, Any]]]]:
+    """Yield each camera's name and series with a reader of the gauges, and what is known of each image."""
+    if isinstance(results, MeasuredSeries):
+        yield "", results, GaugeReader(gauges, None, results.reference.shape), []
+    elif isinstance(results, SeriesResult):
+        series = results.series
+        yield "", series, GaugeReader(gauges, results.calibration, series.reference.shape), []
+    else:
+        for name in _cameras(results, gauges, camera):
+            series = results.series(name)
+            found = next(one for one in results.cameras if one.camera == name)
+            known = [
+                {"camera": name, "step": f"{step.kind} {step.index}"}
+                | {key: getattr(step, key) for key in ("load_n", "displacement_mm", "angle_deg", "time_s")}
+                for step in found.steps
+            ]
+            yield name, series, GaugeReader(gauges, found.calibration, series.reference.shape), known
+
+
+def _images(
+    results: MeasuredSeries | SeriesResult | RunResult, gauges: Sequence[Gauge], camera: str | None
+) -> Iterator[GaugeImage]:
+    for name, series, reader, known in reader_of(results, gauges, camera):
+        for k, image in enumerate(series.images):
+            about = known[k] if k < len(known) else ({"camera": name} if name else {})
+            yield reader.read(image, **about)
+
+
+def _cameras(result: RunResult, gauges: Sequence[Gauge], camera: str | None) -> list[str]:
+    names = [one.camera for one in result.cameras]
+    if camera is not None:
+        result.series(camera)
+        return [camera]
+    in_px = [gauge.name for gauge in gauges if gauge.unit == "px"]
+    if len(names) > 1 and in_px:
+        raise GaugeError(
+            f"gauge {in_px[0]!r}",
+            "choose a camera",
+            f"one of {', '.join(names)}, because the gauge is in pixels",
+            "none",
+            f'give --camera {names[0]}, or declare the gauges in millimetres with unit = "mm"',
+        )
+    return names
