@@ -13,10 +13,12 @@ import os
 import select
 import sys
 from contextlib import suppress
+from math import prod
 from pathlib import Path
 from typing import Any
 
 import h5py
+import numpy as np
 
 _MEMORY_BYTES = 4 << 30
 PROCESSOR_S = 8
@@ -98,7 +100,7 @@ class _Walk:
                 self.group(child, place, depth + 1)
             elif isinstance(child, h5py.h5d.DatasetID):
                 self._enter(child, place, depth + 1)
-                self._dataset(h5py.Dataset(child), place)
+                self._dataset(child, place)
             else:
                 raise Refusal(f"the data type {place}, which is neither a group nor a data set")
 
@@ -113,38 +115,41 @@ class _Walk:
             raise Refusal(f"{info.num_attrs} attributes of {name}")
         for number in range(info.num_attrs):
             self._attribute(h5py.h5a.open(identifier, index=number), name)
-        # The types and sizes of the attributes are acceptable, so read the values as well.
-        named = h5py.Dataset if isinstance(identifier, h5py.h5d.DatasetID) else h5py.Group
-        dict(named(identifier).attrs)
 
     def _attribute(self, attribute: Any, name: str) -> None:
         place = f"attribute {attribute.name.decode()} of {name}"
-        _require_plain(attribute.get_type(), place)
-        size = attribute.get_space().get_simple_extent_npoints() * attribute.get_type().get_size()
+        kind, space = attribute.get_type(), attribute.get_space()
+        _require_plain(kind, place)
+        size = space.get_simple_extent_npoints() * kind.get_size()
         if size > _ATTRIBUTE_BYTES_MAX:
             raise Refusal(f"{place}, of {size} bytes")
+        # The type and the size of the attribute are acceptable, so read the value as well.
+        if size:
+            attribute.read(np.empty(space.shape, kind.dtype))
 
     def _dataset(self, dataset: Any, name: str) -> None:
-        _require_plain(dataset.id.get_type(), name)
-        properties = dataset.id.get_create_plist()
+        kind, space, properties = dataset.get_type(), dataset.get_space(), dataset.get_create_plist()
+        _require_plain(kind, name)
         if properties.get_external_count():
             raise Refusal(f"{name}, whose data are stored in another file")
-        if properties.get_layout() == h5py.h5d.VIRTUAL:
+        layout = properties.get_layout()
+        if layout == h5py.h5d.VIRTUAL:
             raise Refusal(f"{name}, whose data are views of other files")
         for number in range(properties.get_nfilters()):
             if properties.get_filter(number)[0] not in _FILTERS:
                 raise Refusal(f"{name}, compressed by an unknown filter")
-        if dataset.shape is None or len(dataset.shape) > _RANK_MAX:
-            raise Refusal(f"{name}, of {'no' if dataset.shape is None else len(dataset.shape)} dimensions")
-        size = _product(dataset.shape) * dataset.id.get_type().get_size()
-        chunk = _product(dataset.chunks or ()) * dataset.id.get_type().get_size()
+        if space.get_simple_extent_type() == h5py.h5s.NULL or len(space.shape) > _RANK_MAX:
+            dimensions = "no" if space.get_simple_extent_type() == h5py.h5s.NULL else len(space.shape)
+            raise Refusal(f"{name}, of {dimensions} dimensions")
+        size = prod(space.shape) * kind.get_size()
+        chunk = prod(properties.get_chunk()) * kind.get_size() if layout == h5py.h5d.CHUNKED else 0
         self._left_bytes -= size
         if max(size, chunk) > self._declared_bytes_max or self._left_bytes < 0:
             raise Refusal(f"{name}, with {max(size, chunk)} bytes declared in a file that holds far less")
-        if dataset.chunks:
-            dataset.id.chunk_iter(lambda _: None)
-        if size <= _READ_BYTES_MAX and dataset.ndim < 3:
-            dataset[()]
+        if layout == h5py.h5d.CHUNKED:
+            dataset.chunk_iter(lambda _: None)
+        if 0 < size <= _READ_BYTES_MAX and len(space.shape) < 3:
+            dataset.read(h5py.h5s.ALL, h5py.h5s.ALL, np.empty(space.shape, kind.dtype))
 
 
 def _require_plain(kind: Any, place: str) -> None:
@@ -152,13 +157,6 @@ def _require_plain(kind: Any, place: str) -> None:
     plain = isinstance(kind, h5py.h5t.TypeIntegerID | h5py.h5t.TypeFloatID | h5py.h5t.TypeStringID)
     if not plain and not isinstance(kind, h5py.h5t.TypeEnumID):
         raise Refusal(f"{place}, which is neither a number nor a text")
-
-
-def _product(shape: tuple[int, ...]) -> int:
-    product = 1
-    for length in shape:
-        product *= length
-    return product
 
 
 def _report(path: Path) -> str:

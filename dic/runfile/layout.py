@@ -61,7 +61,7 @@ def require_layout(file: Any) -> None:
         camera = _group(file, f"entry/instrument/{name}")
         frames = _table(camera, schema.DETECTOR)
         pixels = _dataset(camera, schema.PIXELS)
-        if pixels.ndim != 3 or pixels.dtype not in (np.uint8, np.uint16) or 0 in pixels.shape[1:]:
+        if pixels.rank != 3 or pixels.dtype not in (np.uint8, np.uint16) or 0 in pixels.shape[1:]:
             raise Unlike(f"images of {name} as {pixels.dtype} {pixels.shape}")
         if pixels.shape[0] < frames:
             raise Unlike(f"{pixels.shape[0]} images of {name} for {frames} rows")
@@ -82,29 +82,31 @@ def require_layout(file: Any) -> None:
 
 def _table(group: Any, layout: schema.Group) -> int:
     """Check the columns of a table, and return the number of its complete rows."""
-    for item in layout.items:
-        _require_item(group, item, None)
-    lengths = {item.name: len(group[item.name]) for item in layout.items if item.name in group}
+    found = {item.name: _require_item(group, item, None) for item in layout.items}
+    lengths = {name: dataset.shape[0] for name, dataset in found.items() if dataset is not None}
     # In the file of a killed run, other columns may be longer than the last column, which is written last.
-    rows = lengths[layout.items[-1].name]
+    rows: int = lengths[layout.items[-1].name]
     for name, length in lengths.items():
         if length < rows:
             raise Unlike(f"{length} rows of {group.name}/{name} instead of {rows}")
     return rows
 
 
-def _require_item(group: Any, item: schema.Item, shape: tuple[int, ...] | None) -> None:
+def _require_item(group: Any, item: schema.Item, shape: tuple[int, ...] | None) -> Any | None:
+    """Check a data set, and return it; return None if it is missing from a file of an earlier program."""
     if item in schema.LATER and item.name not in group:
-        return
+        return None
     dataset = _dataset(group, item.name)
+    dtype = dataset.dtype
     if item.text_bytes is None:
-        alike = dataset.dtype == np.dtype(item.dtype)
+        alike = dtype == np.dtype(item.dtype)
     else:
-        alike = dataset.dtype.kind == "S" and item.text_bytes in (0, dataset.dtype.itemsize)
+        alike = dtype.kind == "S" and item.text_bytes in (0, dtype.itemsize)
     if not alike:
-        raise Unlike(f"{dataset.name} as {dataset.dtype}")
-    if dataset.ndim != 1 if shape is None else dataset.shape != shape:
-        raise Unlike(f"{dataset.name} of shape {dataset.shape}")
+        raise Unlike(f"{group.name}/{item.name} as {dtype}")
+    if dataset.rank != 1 if shape is None else dataset.shape != shape:
+        raise Unlike(f"{group.name}/{item.name} of shape {dataset.shape}")
+    return dataset
 
 
 def _group(parent: Any, name: str) -> Any:
@@ -115,7 +117,11 @@ def _group(parent: Any, name: str) -> Any:
 
 
 def _dataset(group: Any, name: str) -> Any:
-    found = group.get(name)
-    if not isinstance(found, h5py.Dataset):
+    """Return a data set as h5py's low-level object, because h5py opens several objects for a `Dataset`."""
+    try:
+        found = h5py.h5o.open(group.id, name.encode())
+    except KeyError:
+        found = None
+    if not isinstance(found, h5py.h5d.DatasetID):
         raise Unlike(f"no data set {group.name}/{name}")
     return found
