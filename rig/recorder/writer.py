@@ -12,6 +12,8 @@ from rig.recording import RecordingSettings
 
 _JOBS_MAX = 100_000
 _BATCH = 8
+GATHER_S = 0.05
+"""Writing eight rows together takes a sixth of the time of writing them one by one."""
 
 
 @dataclass
@@ -41,6 +43,11 @@ class Job:
     wait_for_disk: bool = False
     done: "Future[None]" = field(default_factory=Future)
 
+    @property
+    def urgent(self) -> bool:
+        """True for an image, which occupies memory, and for a job that the engine waits for."""
+        return self.wait_for_disk or self.camera is not None
+
 
 class Writer(threading.Thread):
     """Thread that writes jobs in the order of their arrival, until a job fails or the last job is done.
@@ -54,6 +61,8 @@ class Writer(threading.Thread):
         A clock in real time, also for a simulated run, because the disk is real.
     failed : callable
         Function that makes the error for a failed job, from the job's description and the exception.
+    gather_s : float
+        Longest real time in s that a reading or an event waits for others to be written with it.
     """
 
     def __init__(
@@ -62,9 +71,11 @@ class Writer(threading.Thread):
         settings: RecordingSettings,
         clock: Clock,
         failed: Callable[[str, BaseException], Exception],
+        gather_s: float = GATHER_S,
     ) -> None:
         super().__init__(name="recorder", daemon=True)
         self._file, self._settings, self._clock, self._failed = file, settings, clock, failed
+        self._gather_s = gather_s
         self._jobs: deque[Job] = deque()
         self._changed = threading.Condition()
         self._waiting: Counter[str] = Counter()
@@ -84,7 +95,8 @@ class Writer(threading.Thread):
             if job.camera:
                 self._waiting[job.camera] += 1
             self._jobs.append(job)
-            self._changed.notify_all()
+            if job.urgent or len(self._jobs) == 1 or len(self._jobs) >= _BATCH:
+                self._changed.notify_all()
             return True
 
     def wait_for_room(self, camera: str, timeout_s: float) -> bool:
@@ -129,10 +141,16 @@ class Writer(threading.Thread):
             with self._changed:
                 self._changed.wait_for(lambda: self._jobs or self._last is not None, self._patience_s())
                 if self._jobs:
+                    self._changed.wait_for(self._has_batch, self._gather_s)
                     return [self._jobs.popleft() for _ in range(min(_BATCH, len(self._jobs)))]
                 if self._last is not None:
                     return []
             self._synchronise_quietly()
+
+    def _has_batch(self) -> bool:
+        """Return whether the waiting jobs shall be written now."""
+        full = len(self._jobs) >= _BATCH or self._last is not None
+        return full or any(job.urgent for job in self._jobs)
 
     def _patience_s(self) -> float | None:
         return self._settings.sync_s if self._unsynchronised and self.failure is None else None

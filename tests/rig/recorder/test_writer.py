@@ -1,0 +1,93 @@
+"""The writer's thread gathers readings, and writes at once what somebody waits for."""
+
+import threading
+
+import pytest
+
+from drivers.clock import SystemClock
+from rig.recorder.writer import Job, Writer
+from rig.recording import RecordingSettings
+
+PATIENCE_S = 60.0
+NEVER_S = 3600.0
+
+
+class Rows:
+    """A file in memory: the rows of each commit."""
+
+    def __init__(self):
+        self.commits = [[]]
+        self.written = threading.Event()
+
+    def require_space(self, size):
+        pass
+
+    def commit(self):
+        self.commits.append([])
+        self.written.set()
+
+    def synchronise(self):
+        pass
+
+
+@pytest.fixture
+def start():
+    """`start(gather_s)` returns a file and its writer."""
+    writers = []
+
+    def begin(gather_s):
+        rows = Rows()
+        writer = Writer(rows, RecordingSettings(), SystemClock(), lambda what, error: error, gather_s)
+        writer.start()
+        writers.append(writer)
+        return rows, writer
+
+    yield begin
+    for writer in writers:
+        writer.end(lambda: None).result(PATIENCE_S)
+        writer.join(PATIENCE_S)
+
+
+def reading(row):
+    return Job("a reading", lambda file: file.commits[-1].append(row))
+
+
+def image(row):
+    return Job("an image", lambda file: file.commits[-1].append(row), camera="front")
+
+
+def step(row):
+    return Job("a step", lambda file: file.commits[-1].append(row), wait_for_disk=True)
+
+
+@pytest.mark.parametrize("urgent", [image, step])
+def test_readings_are_written_with_the_image_or_step_that_follows(start, urgent):
+    rows, writer = start(NEVER_S)
+    followed = urgent(3)
+    for job in (reading(0), reading(1), reading(2), followed):
+        assert writer.put(job)
+    followed.done.result(PATIENCE_S)
+    assert rows.commits == [[0, 1, 2, 3], []]
+
+
+def test_eight_readings_are_written_together_without_an_image(start):
+    rows, writer = start(NEVER_S)
+    jobs = [reading(row) for row in range(8)]
+    for job in jobs:
+        assert writer.put(job)
+    jobs[-1].done.result(PATIENCE_S)
+    assert rows.commits == [[*range(8)], []]
+
+
+def test_a_lone_reading_is_written_without_anything_that_follows(start):
+    rows, writer = start(0.001)
+    assert writer.put(reading(0))
+    assert rows.written.wait(PATIENCE_S)
+    assert rows.commits[0] == [0]
+
+
+def test_the_end_of_the_file_waits_for_no_more_readings(start):
+    rows, writer = start(NEVER_S)
+    assert writer.put(reading(0))
+    writer.end(lambda: None).result(PATIENCE_S)
+    assert rows.commits == [[0], []]
