@@ -76,21 +76,20 @@ def gauges(
     """
     from dic import measure_gauges, read_gauges, write_gauge_picture, write_gauge_table
     from dic.commands.gauge_text import gauge_lines
-    from dic.pipeline.gauge_series import load_results
 
     declared = read_gauges(gauges_file, texts)
     require_places([results, gauges_file], outputs.files(declared), force=outputs.force)
-    loaded = load_results(results)
-    found = measure_gauges(loaded, declared, camera=camera)
+    found = measure_gauges(results, declared, camera=camera)
     for line in gauge_lines(found):
         say(line)
     if outputs.output is not None:
         write_gauge_table(found, outputs.output, decimal_comma=outputs.decimal_comma)
     if outputs.json_file is not None:
-        content = {"results": str(results)} | found.as_dict()
-        write_text(outputs.json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+        write_text(
+            outputs.json_file, json.dumps(found.as_dict(), indent=1, ensure_ascii=False, allow_nan=False)
+        )
     if outputs.picture is not None:
-        write_gauge_picture(loaded, declared, outputs.picture, camera=camera)
+        write_gauge_picture(results, declared, outputs.picture, camera=camera)
         say(f"picture: {outputs.picture}")
     for image in found.images:
         if image.failure is not None:

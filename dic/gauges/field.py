@@ -6,7 +6,7 @@ import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.out_of_plane.correction import Correction
-from dic.strain.displacement import Displacement, calibrated_displacement
+from dic.strain.displacement import Displacement, calibrated_noise
 from dic.strain.measurement import Measurement
 from dic.strain.strain import MeanStrain
 from dic.typing import Float
@@ -57,7 +57,7 @@ def fields_of(
     if calibrated is None:
         return {"raw": GaugeField(raw, none, none, measure)}
     if calibrated.noise is None and calibration is not None:
-        calibrated = replace(calibrated, noise=calibrated_displacement(measurement.field, calibration).noise)
+        calibrated = replace(calibrated, noise=calibrated_noise(measurement.field, calibration))
     # As for mean strain, raw values use the same points as calibrated ones.
     raw = replace(raw, valid=raw.valid & calibrated.valid)
     fields = {

@@ -1,25 +1,25 @@
-"""Gauges that fit an affine displacement to their points: areas, points and the places of a line cut."""
+"""Gauges that fit an affine displacement to their points: areas and points."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dic.errors import GaugeError
-from dic.gauges.declared import Gauge, LineCut, PointGauge, StrainGauge
+from dic.gauges.declared import Gauge, PointGauge, StrainGauge
 from dic.gauges.field import GaugeField
 from dic.gauges.planes import lie_on_one_line, sums_at
 from dic.gauges.points import GridPlaces
-from dic.gauges.reading import Profile, Reading
+from dic.gauges.reading import Reading
 from dic.gauges.strains import along, elongation, engineering
 from dic.gauges.sums import covariance_at_points
 from dic.strain.strain import strain_of_gradient, with_shared
 from dic.typing import Float, Indices
 
-_LEAST_POINTS = 3
-_LEAST_SHARE = 0.5
+LEAST_POINTS = 3
+MOVED, GRADIENT = [0, 3], [1, 2, 4, 5]
+"""Places of the displacement and of the gradient among the six sums of a fit."""
+LEAST_SHARE = 0.5
 """Smallest share of a gauge's points that must have a displacement."""
-_PROFILE = ("u", "v", "exx", "eyy", "exy")
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class PlacedFit:
         covariance: Float | None,
         points: int,
     ) -> Reading:
-        of_gradient = None if covariance is None else covariance[np.ix_(_GRADIENT, _GRADIENT)]
+        of_gradient = None if covariance is None else covariance[np.ix_(GRADIENT, GRADIENT)]
         mean = with_shared(
             strain_of_gradient(gradient, of_gradient, points, field.measure),
             field.common_noise + field.shared,
@@ -98,7 +98,7 @@ class PlacedFit:
         size = engineering(1.0 + strain, field.measure) ** 2
         images = size * along(field.common_noise, self.direction)
         images += np.nan if of_gradient is None else float(by_gradient @ of_gradient @ by_gradient)
-        stds = np.full(2, np.nan) if covariance is None else np.sqrt(np.diag(covariance)[_MOVED])
+        stds = np.full(2, np.nan) if covariance is None else np.sqrt(np.diag(covariance)[MOVED])
         known = vars(mean)
         values = {
             "u": float(moved[0]),
@@ -117,35 +117,6 @@ class PlacedFit:
         )
 
 
-_MOVED, _GRADIENT = [0, 3], [1, 2, 4, 5]
-"""Places of the displacement and of the gradient among the six sums of a fit."""
-
-
-@dataclass(frozen=True)
-class PlacedCut:
-    """A line cut, and the points around each of its places."""
-
-    gauge: LineCut
-    fits: Sequence[PlacedFit]
-
-    def read(self, field: GaugeField) -> Profile:
-        """Return displacement and strain at each place in one field."""
-        readings = [fit.read(field) for fit in self.fits]
-        names = [name for value in _PROFILE for name in (value, f"{value}_std")]
-        values = {name: np.array([one.values.get(name, np.nan) for one in readings]) for name in names}
-        known = any(not one.reason for one in readings)
-        length = float(np.linalg.norm(np.subtract(self.gauge.end, self.gauge.start)))
-        return Profile(
-            field.displacement.unit,
-            np.linspace(0.0, length, len(readings)),
-            self.gauge.unit,
-            values,
-            np.array([one.points for one in readings]),
-            np.array([one.declared for one in readings]),
-            "" if known else f"no place has enough points with a displacement: {readings[0].reason}",
-        )
-
-
 def place_area(gauge: StrainGauge, places: GridPlaces) -> PlacedFit:
     """Find the points of a strain-gauge area.
 
@@ -155,7 +126,8 @@ def place_area(gauge: StrainGauge, places: GridPlaces) -> PlacedFit:
         If fewer than three points lie inside.
     """
     chosen = places.in_polygon(gauge.outline)
-    _require(gauge, chosen, places, "enlarge the area")
+    if len(chosen) < LEAST_POINTS:
+        raise without_points(gauge, len(chosen), places, "enlarge the area")
     return PlacedFit.of(chosen, places, direction_deg=gauge.direction_deg)
 
 
@@ -169,41 +141,21 @@ def place_point(gauge: PointGauge, places: GridPlaces, window_points: int) -> Pl
     """
     at = gauge.upwards(gauge.at)
     chosen = places.in_square(at, _ALONG_X, gauge.width or window_points * places.spacing)
-    _require(gauge, chosen, places, "enlarge its width")
+    if len(chosen) < LEAST_POINTS:
+        raise without_points(gauge, len(chosen), places, "enlarge its width")
     return PlacedFit.of(chosen, places, at, gauge.direction_deg)
-
-
-def place_cut(gauge: LineCut, places: GridPlaces, window_points: int) -> PlacedCut:
-    """Find the points around each place of a line cut.
-
-    Raises
-    ------
-    GaugeError
-        If no place has three points.
-    """
-    start, end = gauge.upwards(gauge.start), gauge.upwards(gauge.end)
-    width = gauge.width or window_points * places.spacing
-    fits, most = [], np.empty(0, np.int64)
-    for share in np.linspace(0.0, 1.0, gauge.places):
-        at = start + share * (end - start)
-        chosen = places.in_square(at, _ALONG_X, width)
-        most = max(most, chosen, key=len)
-        fits.append(PlacedFit.of(chosen, places, at))
-    _require(gauge, most, places, "enlarge its width")
-    return PlacedCut(gauge, fits)
 
 
 _ALONG_X = np.array([1.0, 0.0])
 
 
-def _require(gauge: Gauge, chosen: Indices, places: GridPlaces, remedy: str) -> None:
-    if len(chosen) >= _LEAST_POINTS:
-        return
-    raise GaugeError(
+def without_points(gauge: Gauge, found: int, places: GridPlaces, remedy: str) -> GaugeError:
+    """Return the error of a gauge at a place with too few measured points."""
+    return GaugeError(
         f"gauge {gauge.name!r}",
         "find its points",
-        f"at least {_LEAST_POINTS} measured points",
-        f"{len(chosen)} at its place; the measured points cover {places.extent(gauge.unit)}",
+        f"at least {LEAST_POINTS} measured points",
+        f"{found} at its place; the measured points cover {places.extent(gauge.unit)}",
         f"move the gauge onto the measured points, or {remedy}; neighbouring points are"
         f" {places.spacing:.3g} {gauge.unit} apart",
     )
@@ -211,6 +163,6 @@ def _require(gauge: Gauge, chosen: Indices, places: GridPlaces, remedy: str) -> 
 
 def _objection(position: Float, declared: int) -> str:
     """Return why an affine displacement cannot be fitted to points (n, 2); "" if it can."""
-    if len(position) < max(_LEAST_POINTS, _LEAST_SHARE * declared):
+    if len(position) < max(LEAST_POINTS, LEAST_SHARE * declared):
         return f"too few points have a displacement: {len(position)} of {declared}"
     return "the points lie on one line" if lie_on_one_line(position) else ""

@@ -7,6 +7,7 @@ import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.errors import GaugeError, MeasurementError, joined
+from dic.gauges.cuts import PlacedCut
 from dic.gauges.declared import (
     Extensometer,
     Gauge,
@@ -17,7 +18,7 @@ from dic.gauges.declared import (
 )
 from dic.gauges.field import fields_of
 from dic.gauges.file import require_names
-from dic.gauges.fits import PlacedCut, PlacedFit, place_area, place_cut, place_point
+from dic.gauges.fits import PlacedFit, place_area, place_point
 from dic.gauges.lines import PlacedLines
 from dic.gauges.outlines import corners_of
 from dic.gauges.points import GridPlaces
@@ -110,9 +111,11 @@ class PlacedGauges:
         field = measurement.field
         found = []
         for placed in self.placed:
-            parts = placed.fits if isinstance(placed, PlacedCut) else [placed]
-            points = [np.column_stack([field.x_px[part.columns], field.y_px[part.rows]]) for part in parts]
-            found.append(np.unique(np.concatenate(points), axis=0).astype(np.float64))
+            rows, columns = placed.rows, placed.columns
+            if isinstance(placed, PlacedCut):
+                rows, columns = rows[placed.member], columns[placed.member]
+            points = np.column_stack([field.x_px[columns], field.y_px[rows]])
+            found.append(np.unique(points, axis=0).astype(np.float64))
         return found
 
 
@@ -125,7 +128,7 @@ def _placed(gauge: Gauge, places: GridPlaces, window_points: int) -> Placed:
         case PointGauge():
             return place_point(gauge, places, window_points)
         case LineCut():
-            return place_cut(gauge, places, window_points)
+            return PlacedCut.of(gauge, places, window_points)
     raise TypeError(f"{type(gauge).__name__} is no kind of gauge")
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from dic.typing import Float
 
-_FLAT = 1e-6
+FLAT = 1e-6
 """Points count as lying on one line if they reach less far across it than this fraction of their extent."""
 
 
@@ -32,4 +32,4 @@ def lie_on_one_line(position: Float) -> bool:
     if len(position) < 3:
         return True
     extent = np.linalg.svd(position - position.mean(axis=0), compute_uv=False)
-    return bool(extent[1] <= _FLAT * extent[0])
+    return bool(extent[1] <= FLAT * extent[0])

@@ -6,6 +6,7 @@ import numpy as np
 
 from dic.typing import Float, Indices, Mask
 
+_DIAGONAL = 1.4143
 _ROUNDING = 1e-9
 """Points on the edge of a patch count as inside, although rounding may move them by this fraction."""
 
@@ -53,9 +54,12 @@ class GridPlaces:
 
     def in_square(self, centre: Float, along: Float, width: float) -> Indices:
         """Return the indices of the points in a square with one side parallel to the unit vector `along`."""
+        half = 0.5 * width * (1.0 + _ROUNDING)
+        x, y = (np.abs(self.position[:, k] - centre[k]) <= _DIAGONAL * half for k in (0, 1))
+        near = np.flatnonzero(x & y)
         across = np.array([-along[1], along[0]])
-        offset = np.abs((self.position - centre) @ np.column_stack([along, across]))
-        return np.flatnonzero((offset <= 0.5 * width * (1.0 + _ROUNDING)).all(axis=1))
+        offset = np.abs((self.position[near] - centre) @ np.column_stack([along, across]))
+        return np.asarray(near[(offset <= half).all(axis=1)])
 
     def in_polygon(self, corners: Float) -> Indices:
         """Return the indices of the points inside a polygon with the given corners, shape (m, 2)."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dic.typing import Float
+from dic.typing import Float, Indices
 
 _KEYS = ("strain", "strain_std", "strain_std_images", "extension", "extension_std", "length")
 
@@ -96,8 +96,8 @@ class Profile:
     distance: Float
     distance_unit: str
     values: Mapping[str, Float]
-    points: Float
-    declared: Float
+    points: Indices
+    declared: Indices
     reason: str = ""
 
     def __repr__(self) -> str:

@@ -32,14 +32,20 @@ def covariance_at_points(rows: Indices, columns: Indices, weights: Float, noise:
     if len(rows) > _FEW:
         return _by_transforms(rows, columns, weights, noise)
     parts = np.einsum("nia,nip->npa", noise.factors[rows, columns], weights)
-    down, right = np.abs(rows[:, None] - rows), np.abs(columns[:, None] - columns)
-    near = (down < noise.overlap.shape[0]) & (right < noise.overlap.shape[1])
-    overlap = np.where(near, noise.overlap[np.where(near, down, 0), np.where(near, right, 0)], 0.0)
+    overlap = correlations(rows, columns, noise.overlap)
     covariance = np.einsum("npa,nqa->pq", parts, np.tensordot(overlap, parts, axes=(1, 0)))
     if noise.bias is not None:
         bias = np.einsum("nia,nip->pa", noise.bias[rows, columns], weights)
         covariance += bias @ bias.T
     return np.asarray(covariance)
+
+
+def correlations(rows: Indices, columns: Indices, overlap: Float) -> Float:
+    """Return the correlations between the errors of points (…, n), shape (…, n, n); see `Noise.overlap`."""
+    down = np.abs(rows[..., :, None] - rows[..., None, :])
+    right = np.abs(columns[..., :, None] - columns[..., None, :])
+    near = (down < overlap.shape[0]) & (right < overlap.shape[1])
+    return np.where(near, overlap[np.where(near, down, 0), np.where(near, right, 0)], 0.0)
 
 
 def _by_transforms(rows: Indices, columns: Indices, weights: Float, noise: Noise) -> Float:

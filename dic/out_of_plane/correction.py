@@ -10,7 +10,7 @@ import numpy as np
 from dic.calibration.calibration import Calibration, Model
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
 from dic.out_of_plane.uncertainty import Points
-from dic.strain.displacement import Displacement, calibrated_displacement
+from dic.strain.displacement import NOWHERE, Displacement, calibrated_displacement
 from dic.strain.measurement import Measurement
 from dic.strain.strain import (
     MeanStrain,
@@ -132,8 +132,7 @@ class Correction:
 
     def outline(self) -> "Correction":
         """Return the correction without displacements and local strains, which take most of the memory."""
-        nowhere = np.empty((0, 0, 2))
-        nothing = Displacement(nowhere, nowhere, np.empty((0, 0), np.bool_), self.displacement.unit)
+        nothing = replace(NOWHERE, unit=self.displacement.unit)
         return replace(self, displacement=nothing, stored_strain=None)
 
     def as_dict(self) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """The readings of gauges in the images of a result file, or of a series that was measured just now."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,10 @@ from dic.gauges.picture import draw_gauges
 from dic.gauges.placed import PlacedGauges
 from dic.gauges.series import GaugeImage, GaugeSeries
 from dic.pipeline.run_result import RunResult
-from dic.pipeline.run_result_file import load_run_result
+from dic.pipeline.run_result_file import use_run_result
 from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
-from dic.pipeline.series_result_file import SeriesResult, is_series_result, load_series_result
+from dic.pipeline.series_result_file import SeriesResult, is_series_result, use_series_result
+from dic.results.loading import Result
 from dic.typing import PathLike
 
 _DPI = 130
@@ -78,16 +80,17 @@ def measure_gauges(results: Results, gauges: Sequence[Gauge], *, camera: str | N
     RunFileError
         If the result file cannot be read.
     """
-    loaded: Any = load_results(results) if isinstance(results, str | Path) else results
+    if isinstance(results, str | Path):
+        found = use_results(results, lambda loaded: measure_gauges(loaded, gauges, camera=camera))
+        return replace(found, source=str(results))
     kinds = MeasuredSeries | SeriesResult | RunResult
-    require_kind("results", loaded, kinds, "give a result file, or dic.measure_images(…)")
+    require_kind("results", results, kinds, "give a result file, or dic.measure_images(…)")
     gauges = tuple(gauges)
-    if not isinstance(loaded, RunResult) and camera is not None:
+    if not isinstance(results, RunResult) and camera is not None:
         remedy = "leave the camera out"
         raise GaugeError("results", "choose a camera", "results of a run", "those of a series", remedy)
-    images = tuple(_images(loaded, gauges, camera))
-    source = loaded.source if isinstance(loaded, SeriesResult) else ""
-    return GaugeSeries(str(results) if isinstance(results, str | Path) else source, gauges, images)
+    images = tuple(_images(results, gauges, camera))
+    return GaugeSeries("" if isinstance(results, MeasuredSeries) else results.source, gauges, images)
 
 
 def write_gauge_picture(
@@ -109,8 +112,10 @@ def write_gauge_picture(
     OSError
         If the picture cannot be written.
     """
-    loaded: Any = load_results(results) if isinstance(results, str | Path) else results
-    _, series, reader, _ = next(reader_of(loaded, tuple(gauges), camera))
+    if isinstance(results, str | Path):
+        use_results(results, lambda loaded: write_gauge_picture(loaded, gauges, path, camera=camera))
+        return
+    _, series, reader, _ = next(reader_of(results, tuple(gauges), camera))
     for image in series.images:
         if image.measurement is not None:
             reader.read(image)
@@ -121,15 +126,15 @@ def write_gauge_picture(
     write_figure(draw_gauges(reader.placed, image.measurement, series.reference), path, _DPI)
 
 
-def load_results(path: PathLike) -> SeriesResult | RunResult:
-    """Read a result file of `dic correlate` or of `dic process`.
+def use_results(path: PathLike, use: Callable[[SeriesResult | RunResult], Result]) -> Result:
+    """Return what `use` makes of the displacements in a result file of `dic correlate` or `dic process`.
 
     Raises
     ------
     RunFileError
-        If it is neither.
+        If the file is neither, or is damaged.
     """
-    return load_series_result(path) if is_series_result(path) else load_run_result(path)
+    return use_series_result(path, use) if is_series_result(path) else use_run_result(path, use)
 
 
 def reader_of(

@@ -1,6 +1,6 @@
 """The result file of a run: it holds all results of `process_run`, and a report needs no other file."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any, Self
@@ -25,7 +25,7 @@ from dic.pipeline.run_corrections import (
     measured_steps,
 )
 from dic.pipeline.run_result import RunResult
-from dic.results.loading import load_result
+from dic.results.loading import Result, load_result, use_result
 from dic.results.provenance import Provenance
 from dic.results.reader import (
     NOT_SMOOTHED,
@@ -37,6 +37,7 @@ from dic.results.reader import (
 from dic.results.schema import FORMAT, VERSION
 from dic.results.writer import ResultWriter
 from dic.runfile.reader import RunInfo, RunStep
+from dic.strain.measurement import Measurement
 from dic.typing import PathLike
 
 _JOINT = "both"
@@ -173,11 +174,7 @@ def load_run_result(path: PathLike) -> RunResult:
     path = Path(path)
 
     def read(file: Any) -> RunResult:
-        if file.attrs.get("file_format") != FORMAT or "run" not in file:
-            raise _refusal(path, "an HDF5 file of another kind")
-        if file.attrs["file_format_version"] != VERSION:
-            raise _refusal(path, f"version {file.attrs['file_format_version']}, newer than this program")
-        result = _read_run(file)
+        result = _read_run(path, file)
         for _ in _steps_of(result):
             pass
         return result
@@ -185,17 +182,35 @@ def load_run_result(path: PathLike) -> RunResult:
     return load_result(path, read, _refusal)
 
 
+def use_run_result(path: PathLike, use: Callable[[RunResult], Result]) -> Result:
+    """Return what `use` makes of the displacements of a run, and close the file.
+
+    The local strains are not read, and must not be used.
+
+    Raises
+    ------
+    RunFileError
+        As for `load_run_result`.
+    """
+    path = Path(path)
+    return use_result(path, lambda file: use(_read_run(path, file, local_strain=False)), _refusal)
+
+
 def _write_texts(group: Any, name: str, texts: list[str]) -> None:
     group.create_dataset(name, data=texts, dtype=h5py.string_dtype())
 
 
-def _read_run(file: h5py.File) -> RunResult:
+def _read_run(path: Path, file: h5py.File, *, local_strain: bool = True) -> RunResult:
+    if file.attrs.get("file_format") != FORMAT or "run" not in file:
+        raise _refusal(path, "an HDF5 file of another kind")
+    if file.attrs["file_format_version"] != VERSION:
+        raise _refusal(path, f"version {file.attrs['file_format_version']}, newer than this program")
     run = dict(file["run"].attrs)
     info = RunInfo(**{f.name: _plain(run[f.name]) for f in fields(RunInfo)})
     attributes = {k: _plain(v) for k, v in file["settings"].attrs.items()}
     correcting = CorrectionSettings.from_text(attributes.pop("correcting"))
     settings = CorrelationSettings(**NOT_SMOOTHED | attributes)
-    cameras = [_read_camera(name, group) for name, group in file["cameras"].items()]
+    cameras = [_read_camera(name, group, local_strain) for name, group in file["cameras"].items()]
     # Files of earlier versions do not store the motion, the alignments, the findings and the results of two
     # cameras together.
     anew = None if "motion" in run else correct_run(cameras, correcting)
@@ -210,14 +225,16 @@ def _read_run(file: h5py.File) -> RunResult:
     return RunResult(str(run["source"]), info, settings, correcting, cameras, corrections, origin)
 
 
-def _read_camera(name: str, group: h5py.Group) -> CameraResult:
+def _read_camera(name: str, group: h5py.Group, local_strain: bool) -> CameraResult:
     calibration = read_calibration(group["calibration"])
     columns = {column: group["steps"][column][:] for column in _STEP_UNITS}
     steps = []
     for k, kind in enumerate(group["steps"].attrs["kind"]):
         values = {column: float(values[k]) for column, values in columns.items() if column != "index"}
         steps.append(RunStep(index=int(columns["index"][k]), kind=str(kind), **values))
-    measurements = read_measurements(group["series"], calibration) if steps else []
+    measurements: Sequence[Measurement] = []
+    if steps:
+        measurements = read_measurements(group["series"], calibration, local_strain=local_strain)
     failures = [line for line in str(group.attrs["failures"]).split("\n") if line]
     return CameraResult(name, calibration, group["reference"][:], steps, measurements, failures)
 

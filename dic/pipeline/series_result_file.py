@@ -1,6 +1,6 @@
 """The result file of a series of images: it holds all results of `dic correlate -o`."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from dic.hdf5.open import NotReadable, open_hdf5
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.diagnosis import Sensitivity
 from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
-from dic.results.loading import load_result
+from dic.results.loading import Result, load_result, use_result
 from dic.results.provenance import Provenance
 from dic.results.reader import read_corrections, read_measurements, read_provenance
 from dic.results.schema import FORMAT, VERSION
@@ -107,7 +107,21 @@ def load_series_result(path: PathLike) -> SeriesResult:
     return load_result(path, read, _refusal)
 
 
-def _read(path: Path, file: Any) -> SeriesResult:
+def use_series_result(path: PathLike, use: Callable[[SeriesResult], Result]) -> Result:
+    """Return what `use` makes of the displacements of a series, and close the file.
+
+    The local strains are not read, and must not be used.
+
+    Raises
+    ------
+    RunFileError
+        As for `load_series_result`.
+    """
+    path = Path(path)
+    return use_result(path, lambda file: use(_read(path, file, local_strain=False)), _refusal)
+
+
+def _read(path: Path, file: Any, *, local_strain: bool = True) -> SeriesResult:
     origin, group = read_provenance(file), file.get(_SERIES)
     if file.attrs.get("file_format") != FORMAT or group is None:
         raise _refusal(path, "an HDF5 file of another kind")
@@ -116,7 +130,7 @@ def _read(path: Path, file: Any) -> SeriesResult:
     if origin is None or "reference" not in group:
         raise _refusal(path, "a file of an earlier version, which holds no reference image")
     calibration = read_calibration(file["calibration"]) if "calibration" in file else None
-    measurements = read_measurements(group, calibration)
+    measurements = read_measurements(group, calibration, local_strain=local_strain)
     corrections: Sequence[Correction | None] = [None] * len(measurements)
     if "corrected_mean" in group:
         corrections = read_corrections(group, measurements)

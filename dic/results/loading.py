@@ -10,6 +10,16 @@ from dic.hdf5.open import NotReadable, open_hdf5
 Result = TypeVar("Result")
 
 
+def use_result(path: Path, use: Callable[[Any], Result], refusal: Callable[[Path, str], Exception]) -> Result:
+    """Return what `use` makes of the open file, which is closed then. A damaged file is refused."""
+
+    def closing(file: Any) -> Result:
+        with file:
+            return use(file)
+
+    return load_result(path, closing, refusal)
+
+
 def load_result(
     path: Path, read: Callable[[Any], Result], refusal: Callable[[Path, str], Exception]
 ) -> Result:

@@ -20,7 +20,7 @@ from dic.out_of_plane.strain_parts import UNCERTAINTY_KEYS
 from dic.out_of_plane.two_cameras import TwoCameraStep
 from dic.results.provenance import Provenance
 from dic.results.schema import MEAN_KEYS, SHARED_KEY
-from dic.strain.displacement import Displacement, raw_displacement
+from dic.strain.displacement import NOWHERE, Displacement, raw_displacement
 from dic.strain.measurement import Measurement, measure
 from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, MeanStrain, StrainField, StrainSettings
 from dic.typing import Float, Mask
@@ -38,7 +38,9 @@ def read_provenance(file: Any) -> Provenance | None:
     return Provenance(str(group.attrs["command"]), str(group.attrs["versions"]), dict(inputs))
 
 
-def read_measurements(series: Any, calibration: Calibration | None) -> Sequence[Measurement]:
+def read_measurements(
+    series: Any, calibration: Calibration | None, *, local_strain: bool = True
+) -> Sequence[Measurement]:
     """Return the measurements of a series, each of which is read from the open result file when it is used.
 
     The calibrated displacements lack gradients and errors, because result files do not store them.
@@ -49,6 +51,9 @@ def read_measurements(series: Any, calibration: Calibration | None) -> Sequence[
         Group of the file that `ResultWriter.add` wrote.
     calibration : Calibration or None
         Calibration of the camera. The reader uses the calibration only if the file lacks values.
+    local_strain : bool
+        False to leave out local strains and gradients, which take most of the time of reading. Then the
+        strains of the measurements must not be used.
 
     Raises
     ------
@@ -60,8 +65,14 @@ def read_measurements(series: Any, calibration: Calibration | None) -> Sequence[
     # Files of earlier versions lack the region.
     region = series["region"][:].astype(np.bool_) if "region" in series else None
 
+    means = {name: _Columns(series[name]) for name in ("raw_mean", "calibrated_mean") if name in series}
+
     def read(k: int) -> Measurement:
-        return _read_measurement(series, k, _read_field(series, k, settings, region), strain, calibration)
+        field = _read_field(series, k, settings, region, gradients=local_strain)
+        found = _read_measurement(series, k, field, strain, calibration, means)
+        if not local_strain:
+            return replace(found, raw=raw_displacement(field, gradients=False))
+        return replace(found, raw=raw_displacement(field), stored_strain=_read_strain(series, k))
 
     return Computed(len(series["label"]), read)
 
@@ -127,32 +138,51 @@ def read_two_cameras(
     return (first, second), ComputedMapping(indices, Computed(len(indices), read))
 
 
+class _Columns:
+    """The datasets of a group with one value per image, each of which is read at once when it is needed."""
+
+    def __init__(self, group: Any) -> None:
+        self._group, self._known = group, dict[str, Any]()
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._known or name in self._group
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._known:
+            self._known[name] = self._group[name][:]
+        return self._known[name]
+
+
 def _read_measurement(
-    series: Any, k: int, field: Field, strain: StrainSettings, calibration: Calibration | None
+    series: Any,
+    k: int,
+    field: Field,
+    strain: StrainSettings,
+    calibration: Calibration | None,
+    means: Mapping[str, "_Columns"],
 ) -> Measurement:
     label, anew = str(series["label"].asstr()[k]), None
-    if "points" not in series["raw_mean"]:
+    if "points" not in means["raw_mean"]:
         anew = measure(field, calibration, strain, label=label)
-    raw_mean = _read_mean(series["raw_mean"], k, None if anew is None else anew.raw_mean)
+    raw_mean = _read_mean(means["raw_mean"], k, None if anew is None else anew.raw_mean)
     calibrated, calibrated_mean, by_images, gauge_mm, shared = None, None, None, None, None
-    if "calibrated_mean" in series:
+    if "calibrated_mean" in means:
         calibrated = _read_displacement(series, k)
         mean = None if anew is None else anew.calibrated_mean
-        calibrated_mean = _read_mean(series["calibrated_mean"], k, mean)
-        by_images = _read_by_images(series["calibrated_mean"], k, calibrated_mean)
+        calibrated_mean = _read_mean(means["calibrated_mean"], k, mean)
+        by_images = _read_by_images(means["calibrated_mean"], k, calibrated_mean)
         gauge_mm = float(series.attrs["strain_gauge_mm"])
-        shared = _read_shared(series["calibrated_mean"], k)
+        shared = _read_shared(means["calibrated_mean"], k)
     return Measurement(
         label=label,
         field=field,
-        raw=raw_displacement(field),
+        raw=NOWHERE,
         calibrated=calibrated,
         strain_settings=strain,
         gauge_px=int(series.attrs["strain_gauge_px"]),
         gauge_mm=gauge_mm,
         raw_mean=raw_mean,
         calibrated_mean=calibrated_mean,
-        stored_strain=_read_strain(series, k),
         by_images=by_images,
         shared=shared,
         digest=str(series["sha256"].asstr()[k]) if "sha256" in series else "",
@@ -176,7 +206,7 @@ def _read_correction(group: Any, k: int, measurement: Measurement, anew: Correct
         displacement, strain = anew.displacement, anew.stored_strain
     elif declined is None:
         displacement = _read_displacement(group["corrected"], k)
-        strain = _read_strain(group["corrected"], k)
+        strain = None if strain is None else _read_strain(group["corrected"], k)
     if displacement is None:
         raise KeyError("calibrated displacement")
     after, after_std = _read_plane(table, k)
@@ -205,9 +235,12 @@ def _read_uncertainty(table: Any, k: int) -> dict[str, float] | None:
     return {name: value for name, value in values.items() if np.isfinite(value)} or None
 
 
-def _read_field(series: Any, k: int, settings: CorrelationSettings, region: Mask | None) -> Field:
+def _read_field(
+    series: Any, k: int, settings: CorrelationSettings, region: Mask | None, *, gradients: bool
+) -> Field:
     def joined(u: str, v: str, gradient: str) -> Float:
-        slopes = np.moveaxis(series[gradient][k], -1, 0)
+        unread = np.full((4, *series["active"].shape), np.nan)
+        slopes = np.moveaxis(series[gradient][k], -1, 0) if gradients else unread
         return np.stack([series[u][k], *slopes[:2], series[v][k], *slopes[2:]], axis=-1)
 
     # Files of earlier versions lack the interpolation bias: images were not smoothed.

@@ -107,12 +107,22 @@ class Displacement:
         return f"Displacement({int(self.valid.sum())} of {self.valid.size} points valid, {self.unit})"
 
 
-def raw_displacement(field: Field) -> Displacement:
-    """Return the displacements of a correlated image in pixels, with the y axis up."""
+NOWHERE = Displacement(np.empty((0, 0, 2)), np.empty((0, 0, 2)), np.empty((0, 0), np.bool_), "px")
+"""The displacement of no points."""
+
+
+def raw_displacement(field: Field, *, gradients: bool = True) -> Displacement:
+    """Return the displacements of a correlated image in pixels, with the y axis up.
+
+    Without `gradients`, the displacement has no gradient and the noise only that of `displacement_noise`.
+    """
     shape = (*field.status.shape, 2)
     vector = np.stack([field.u_px, -field.v_px], axis=-1)
     position = (field.points * np.array([1.0, -1.0])).reshape(shape)
     everywhere = np.broadcast_to(_UPWARDS, (*shape, 2))
+    if not gradients:
+        noise = displacement_noise(field, everywhere)
+        return Displacement(position, vector, field.converged, "px", None, noise)
     gradient, noise = _in_axes(field, everywhere, everywhere)
     return Displacement(position, vector, field.converged, "px", gradient, noise, _sight(field))
 
@@ -143,6 +153,27 @@ def calibrated_displacement(field: Field, calibration: Calibration) -> Displacem
     )
 
 
+def calibrated_noise(field: Field, calibration: Calibration) -> Noise:
+    """Return the errors of `calibrated_displacement`, as far as `displacement_noise` gives them."""
+    after = field.points + np.stack([field.u_px, field.v_px], axis=-1).reshape(-1, 2)
+    return displacement_noise(field, calibration.jacobian(after).reshape(*field.status.shape, 2, 2))
+
+
+def displacement_noise(field: Field, there: Float) -> Noise:
+    """Return the errors of displacements in new coordinates; those of gradients are NaN.
+
+    Parameters
+    ----------
+    field : Field
+    there : ndarray, shape (rows, columns, 2, 2)
+        Derivatives of the new coordinates with respect to the image coordinates, after the motion.
+    """
+    factors, bias = there * field.noise_std_px[..., None, :], there * field.bias_px[..., None, :]
+    unknown = np.broadcast_to(np.nan, (*field.status.shape, 4, 4))
+    clipped = None if field.grid is None else clipped_subsets(field.grid, field.settings)
+    return Noise(factors, error_overlap(field.settings), unknown, bias, clipped)
+
+
 def _sight(field: Field) -> Sight | None:
     return None if field.region is None else Sight(field.region, field.x_px, field.y_px)
 
@@ -160,14 +191,12 @@ def _in_axes(field: Field, here: Float, there: Float) -> tuple[Float, Noise]:
     gradient = there @ F @ back - np.eye(2)
     both = np.einsum("...ik,...lj->...ijkl", there, back).reshape(*shape, 4, 4)
     by_gradient = both * field.std_gradient[..., None, :]
-    factors, bias = there * field.noise_std_px[..., None, :], there * field.bias_px[..., None, :]
     covariance = by_gradient @ np.swapaxes(by_gradient, -1, -2)
     for part in (slice(0, 2), slice(2, 4)):
         # The biases of u and v are independent; the bias of u changes both elements of its gradient together.
         error = both[..., part] @ field.gradient_bias[..., part, None]
         covariance += error @ np.swapaxes(error, -1, -2)
-    clipped = None if field.grid is None else clipped_subsets(field.grid, field.settings)
-    return gradient, Noise(factors, error_overlap(field.settings), covariance, bias, clipped)
+    return gradient, replace(displacement_noise(field, there), gradient=covariance)
 
 
 def _inverse(matrices: Float) -> Float:

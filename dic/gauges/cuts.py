@@ -1,0 +1,147 @@
+"""Line cuts: affine displacements fitted around many places at once."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.gauges.declared import LineCut
+from dic.gauges.field import GaugeField
+from dic.gauges.fits import GRADIENT, LEAST_POINTS, LEAST_SHARE, MOVED, without_points
+from dic.gauges.planes import FLAT, lie_on_one_line, sums_at
+from dic.gauges.points import GridPlaces
+from dic.gauges.reading import Profile
+from dic.gauges.sums import correlations
+from dic.strain.displacement import Noise
+from dic.strain.measures import strain_of
+from dic.typing import Float, Indices, Mask
+
+_NAMES = ("u", "v", "exx", "eyy", "exy")
+_IN_MEMORY = 4_000_000
+"""Correlations between points are computed for about this number of pairs at a time."""
+
+
+@dataclass(frozen=True)
+class PlacedCut:
+    """A line cut, and the points around each of its places.
+
+    Attributes
+    ----------
+    gauge : LineCut
+    rows, columns : ndarray of int, shape (places, m)
+        Places of the points in the grid of points.
+    member : ndarray of bool, shape (places, m)
+        False where a place has fewer than m points.
+    place : ndarray, shape (places, m)
+        Weights of the points' positions whose sum is the place, in any unit.
+    """
+
+    gauge: LineCut
+    rows: Indices
+    columns: Indices
+    member: Mask
+    place: Float
+
+    @classmethod
+    def of(cls, gauge: LineCut, places: GridPlaces, window_points: int) -> "PlacedCut":
+        """Find the points around each place, by default in a window of `window_points` columns and rows.
+
+        Raises
+        ------
+        GaugeError
+            If no place has three points.
+        """
+        start, end = gauge.upwards(gauge.start), gauge.upwards(gauge.end)
+        width = gauge.width or window_points * places.spacing
+        ways = start + np.linspace(0.0, 1.0, gauge.places)[:, None] * (end - start)
+        chosen = [places.in_square(at, np.array([1.0, 0.0]), width) for at in ways]
+        most = max(map(len, chosen))
+        if most < LEAST_POINTS:
+            raise without_points(gauge, most, places, "enlarge its width")
+        rows, columns = np.zeros((2, len(ways), most), np.int64)
+        member, place = np.zeros(rows.shape, np.bool_), np.zeros(rows.shape)
+        for k, (at, points) in enumerate(zip(ways, chosen, strict=True)):
+            own = slice(0, len(points))
+            rows[k, own], columns[k, own] = places.rows[points], places.columns[points]
+            member[k, own] = True
+            if not lie_on_one_line(places.position[points]):
+                place[k, own] = sums_at(places.position[points], at)[0]
+        return cls(gauge, rows, columns, member, place)
+
+    def read(self, field: GaugeField) -> Profile:
+        """Return displacement and strain at each place in one field."""
+        displacement = field.displacement
+        valid = self.member & displacement.valid[self.rows, self.columns]
+        counts, declared = valid.sum(axis=1), self.member.sum(axis=1)
+        values = {name: np.full(len(counts), np.nan) for each in _NAMES for name in (each, f"{each}_std")}
+        good = counts >= np.maximum(LEAST_POINTS, LEAST_SHARE * declared)
+        good &= ~_flat(displacement.position[self.rows, self.columns], valid) & self.place.any(axis=1)
+        size = max(1, _IN_MEMORY // self.rows.shape[1] ** 2)
+        for first in range(0, int(good.sum()), size):
+            some = np.flatnonzero(good)[first : first + size]
+            for name, found in self._fitted(field, some, valid[some]).items():
+                values[name][some] = found
+        length = float(np.linalg.norm(np.subtract(self.gauge.end, self.gauge.start)))
+        return Profile(
+            displacement.unit,
+            np.linspace(0.0, length, len(counts)),
+            self.gauge.unit,
+            values,
+            counts,
+            declared,
+            "" if good.any() else "no place has enough points with a displacement",
+        )
+
+    def _fitted(self, field: GaugeField, some: Indices, valid: Mask) -> dict[str, Float]:
+        """Return the values at the places with the indices `some`."""
+        displacement, at = field.displacement, (self.rows[some], self.columns[some])
+        whole = displacement.position[at]
+        places = np.einsum("pm,pmi->pi", self.place[some], np.where(self.member[some][..., None], whole, 0.0))
+        sums = _sums(np.where(valid[..., None], whole, 0.0), valid, places)
+        vector = np.where(valid[..., None], displacement.vector[at], 0.0)
+        moved = np.einsum("pm,pmi->ip", sums[:, 0], vector)
+        gradient = np.einsum("pjm,pmi->pij", sums[:, 1:], vector)
+        covariance = np.full((len(some), 6, 6), np.nan)
+        if displacement.noise is not None:
+            covariance = _covariances(displacement.noise, *at, sums)
+        of_gradient = covariance[:, GRADIENT][:, :, GRADIENT]
+        strain, std = strain_of(gradient, of_gradient, field.measure)
+        common = np.diag(field.common_noise + field.shared)[:, None]
+        values = np.concatenate([moved, strain[:3]])
+        variances = np.diagonal(covariance, axis1=1, axis2=2).T[MOVED]
+        stds = np.sqrt(np.concatenate([variances, std[:3] ** 2 + common]))
+        named = zip(_NAMES, values, stds, strict=True)
+        return {name: each for label, a, b in named for name, each in ((label, a), (f"{label}_std", b))}
+
+
+def _sums(position: Float, valid: Mask, places: Float) -> Float:
+    """Return the weights of `sums_at` for many places, shape (places, 3, m); 0 where not `valid`."""
+    share = valid / np.sum(valid, axis=1, keepdims=True)
+    middle = np.einsum("pm,pmi->pi", share, position)
+    centred = np.where(valid[..., None], position - middle[:, None], 0.0)
+    slopes = np.linalg.solve(np.swapaxes(centred, 1, 2) @ centred, np.swapaxes(centred, 1, 2))
+    mean = share + np.einsum("pi,pim->pm", places - middle, slopes)
+    return np.concatenate([mean[:, None], slopes], axis=1)
+
+
+def _covariances(noise: Noise, rows: Indices, columns: Indices, sums: Float) -> Float:
+    """Return the covariance of the six sums of each place, shape (places, 6, 6)."""
+    count, most = rows.shape
+    weights = np.einsum("ik,pjm->pmikj", np.eye(2), sums).reshape(count, most, 2, 6)
+    used = (sums != 0.0).any(axis=1)[:, :, None, None]
+    parts = np.einsum("pmia,pmiq->pmqa", np.where(used, noise.factors[rows, columns], 0.0), weights)
+    shared = correlations(rows, columns, noise.overlap) @ parts.reshape(count, most, 12)
+    covariance = np.einsum("pmqa,pmra->pqr", parts, shared.reshape(parts.shape))
+    if noise.bias is not None:
+        bias = np.where(used, noise.bias[rows, columns], 0.0)
+        error = np.einsum("pmia,pmiq->pqa", bias, weights)
+        covariance += error @ np.swapaxes(error, 1, 2)
+    return np.asarray(covariance)
+
+
+def _flat(position: Float, valid: Mask) -> Mask:
+    """Return for each place whether its valid points lie on one line, shape (places,)."""
+    share = valid / np.maximum(1, valid.sum(axis=1, keepdims=True))
+    known = np.where(valid[..., None], position, 0.0)
+    centred = np.where(valid[..., None], known - np.einsum("pm,pmi->pi", share, known)[:, None], 0.0)
+    least, largest = np.linalg.eigvalsh(np.swapaxes(centred, 1, 2) @ centred).T
+    return np.asarray(least <= FLAT**2 * largest)
