@@ -8,11 +8,13 @@ import math
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 Number = int | float
 
 _FORMATS = {"u16": ">H", "i16": ">h", "u32": ">I", "i32": ">i", "f32": ">f"}
-_SIZES = {kind: struct.calcsize(form) // 2 for kind, form in _FORMATS.items()}
+_ENCODINGS = {kind: struct.Struct(form) for kind, form in _FORMATS.items()}
+_SIZES = {kind: encoding.size // 2 for kind, encoding in _ENCODINGS.items()}
 WORD_ORDERS = {"ABCD": (0, 1, 2, 3), "CDAB": (2, 3, 0, 1), "BADC": (1, 0, 3, 2), "DCBA": (3, 2, 1, 0)}
 NO_VALUE = 0x7FFFFFFF
 """Load reading of a device with integer registers if the device cannot measure the load."""
@@ -40,7 +42,7 @@ class Block:
     address: int
     registers: tuple[Register, ...]
 
-    @property
+    @cached_property
     def count(self) -> int:
         """Number of 16-bit registers in the block."""
         return sum(register.size for register in self.registers)
@@ -107,25 +109,27 @@ class Layout:
         place = 0
         for register in block.registers:
             raw = self._ordered(data[place : place + 2 * register.size])
-            (number,) = struct.unpack(_FORMATS[register.kind], raw)
+            (number,) = _ENCODINGS[register.kind].unpack(raw)
             values[register.name] = number if register.scale == 1.0 else number * register.scale
             place += 2 * register.size
         return values
 
     def _encode(self, register: Register, value: Number) -> bytes:
         if register.kind == "f32":
-            return self._ordered(struct.pack(">f", value / register.scale))
+            return self._ordered(_ENCODINGS["f32"].pack(value / register.scale))
         raw = round(value / register.scale) if math.isfinite(value) else NO_VALUE
         bits = 16 * register.size
         if register.kind.startswith("u"):
             raw %= 2**bits  # counters restart at 0 after their highest value
         else:
             raw = min(max(raw, -(2 ** (bits - 1))), 2 ** (bits - 1) - 1)
-        return self._ordered(struct.pack(_FORMATS[register.kind], raw))
+        return self._ordered(_ENCODINGS[register.kind].pack(raw))
 
     def _ordered(self, data: bytes) -> bytes:
         """Reorder four bytes to the device's order or back; the same reordering works in both directions."""
-        return data if len(data) == 2 else bytes(data[i] for i in WORD_ORDERS[self.word_order])
+        if len(data) == 2 or self.word_order == "ABCD":
+            return data
+        return bytes(data[i] for i in WORD_ORDERS[self.word_order])
 
 
 def _block(address: int, **kinds: str | tuple[str, float]) -> Block:

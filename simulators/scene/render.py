@@ -28,8 +28,11 @@ def render(
         last_row = min(first_row + _ROWS_AT_ONCE, camera.height_px)
         return _render_rows(camera, surface, np.arange(first_row, last_row), order)
 
+    first_rows = range(0, camera.height_px, _ROWS_AT_ONCE)
+    if len(first_rows) == 1:
+        return band(0)
     with ThreadPoolExecutor(os.cpu_count()) as threads:
-        return np.concatenate(list(threads.map(band, range(0, camera.height_px, _ROWS_AT_ONCE))))
+        return np.concatenate(list(threads.map(band, first_rows)))
 
 
 def _render_rows(

@@ -3,6 +3,7 @@
 import math
 import struct
 from collections.abc import Collection, Mapping, Sequence
+from functools import cached_property
 from typing import Literal, Self
 
 from pydantic import Field, model_validator
@@ -13,8 +14,15 @@ Number = int | float
 WordOrder = Literal["ABCD", "CDAB", "BADC", "DCBA"]
 Unit = Literal["", "N", "mm", "N/s", "mm/s", "s"]
 RAW_BOUNDS = {"u16": (0, 2**16), "i16": (-(2**15), 2**15), "u32": (0, 2**32), "i32": (-(2**31), 2**31)}
-FORMATS = {"u16": "H", "i16": "h", "u32": "I", "i32": "i", "f32": "f"}
-_SIZES = {name: struct.calcsize(">" + letter) // 2 for name, letter in FORMATS.items()}
+_VALUES = {
+    "u16": struct.Struct(">H"),
+    "i16": struct.Struct(">h"),
+    "u32": struct.Struct(">I"),
+    "i32": struct.Struct(">i"),
+    "f32": struct.Struct(">f"),
+}
+_SIZES = {name: value.size // 2 for name, value in _VALUES.items()}
+_WORDS = {size: struct.Struct(f">{size}H") for size in _SIZES.values()}
 # In registers with these units, 0 means "off" or "never": a small value must not be rounded to 0.
 NEVER_ROUNDED_TO_0 = ("N/s", "mm/s", "s")
 
@@ -86,9 +94,8 @@ class Register(Settings):
         ValueError
             If the raw value is NaN, infinite or out of range, or means "no value".
         """
-        raw: Number = struct.unpack(
-            ">" + FORMATS[self.type], _ordered(struct.pack(f">{self.size}H", *words), order)
-        )[0]
+        raw: Number
+        (raw,) = _VALUES[self.type].unpack(_ordered(_WORDS[self.size].pack(*words), order))
         value = raw if self.scale == 1.0 else raw * self.scale
         self._refuse_impossible(raw, value)
         return value
@@ -102,20 +109,20 @@ class Register(Settings):
             If the register type cannot hold the value, if `decode` would refuse the value, or if a rate or
             time would be rounded to 0.
         """
-        format = ">" + FORMATS[self.type]
+        encoding = _VALUES[self.type]
         raw = value if self.scale == 1.0 else value / self.scale
         try:
             # avoid the negative zero, because some machines report it as positive zero
-            packed = struct.pack(format, raw + 0.0 if self.type == "f32" else round(raw))
+            packed = encoding.pack(raw + 0.0 if self.type == "f32" else round(raw))
         except (struct.error, OverflowError, ValueError) as error:
             raise ValueError(
                 f"{value:g} {self.unit} does not fit {self.type} with scale {self.scale:g}"
             ) from error
-        (shown,) = struct.unpack(format, packed)
+        (shown,) = encoding.unpack(packed)
         if value and not shown and self.unit in NEVER_ROUNDED_TO_0:
             raise ValueError(f"{value:g} {self.unit} would be 0 in {self.type} with scale {self.scale:g}")
         self._refuse_impossible(shown, value)
-        return list(struct.unpack(f">{self.size}H", _ordered(packed, order)))
+        return list(_WORDS[self.size].unpack(_ordered(packed, order)))
 
     def _refuse_impossible(self, raw: Number, value: Number) -> None:
         if raw in self.invalid or not math.isfinite(raw):
@@ -142,12 +149,12 @@ class Block(Settings):
     single: bool = False
     registers: dict[str, Register] = Field(min_length=1)
 
-    @property
+    @cached_property
     def address(self) -> int:
         """Address of the first register."""
         return min(register.address for register in self.registers.values())
 
-    @property
+    @cached_property
     def count(self) -> int:
         """Number of registers in the block."""
         return sum(register.size for register in self.registers.values())
