@@ -35,7 +35,8 @@ class Slave:
         self._thread.start()
 
     def _serve(self) -> None:
-        while (request := os.read(self._near, 300)) != b"end":
+        # the end may come together with a request that was not read yet
+        while not (request := os.read(self._near, 300)).endswith(b"end"):
             self.requests.append(request)
             os.write(self._near, self.answer(request))
 
