@@ -30,7 +30,7 @@ class RunFault:
     borne : bool
         The run must be completed: nothing is lost.
     only : tuple of str
-        The states in which the fault is tried, if not in all: this fault costs half a minute of real time.
+        The states in which the fault is tried, if not in all: this fault takes 15 s of real time.
     """
 
     name: str
@@ -94,26 +94,25 @@ def _raises(device: str, method: str, error: BaseException) -> Callable[[Run], N
     return strike
 
 
-def _hangs(device: str, *methods: str) -> Callable[[Run], None]:
+def _hangs(device: str, method: str) -> Callable[[Run], None]:
     def strike(run: Run) -> None:
         def instead(call: Callable[..., Any], *arguments: Any) -> Any:
             run.virtual.clock.sleep(FOREVER_S)
 
-        for method in methods:
-            run.interfere[device, method] = instead
+        run.interfere[device, method] = instead
 
     return strike
 
 
-def _hangs_really(device: str, *methods: str) -> Callable[[Run], None]:
-    """Hang on the machine's own time, as a stop has a deadline on it."""
+def _cannot_be_stopped(device: str, stop: str) -> Callable[[Run], None]:
+    """Hang in readings, so that the run ends, and in the stop, in real time because its deadline is real."""
 
     def strike(run: Run) -> None:
         def instead(call: Callable[..., Any], *arguments: Any) -> Any:
             run.over.wait(60.0)
 
-        for method in methods:
-            run.interfere[device, method] = instead
+        _hangs(device, "read")(run)
+        run.interfere[device, stop] = instead
 
     return strike
 
@@ -149,7 +148,7 @@ FAULTS: tuple[RunFault, ...] = (
     RunFault(
         "load_frame's hold hangs",
         (LOAD_FRAME,),
-        _hangs_really("load_frame", "read", "hold"),
+        _cannot_be_stopped("load_frame", "hold"),
         ends=True,
         only=("loading again",),
     ),
@@ -158,7 +157,7 @@ FAULTS: tuple[RunFault, ...] = (
     RunFault(
         "stage's stop hangs",
         (STAGE,),
-        _hangs_really("stage", "read", "stop"),
+        _cannot_be_stopped("stage", "stop"),
         ends=True,
         only=("turning",),
     ),

@@ -78,21 +78,21 @@ TENSION = (
     + HEAD
     + """
 [loading]
-increment_n = 3400.0
-increments_max = 3
+increment_n = 5100.0
+increments_max = 2
 rate_n_s = 10000.0
 tare_max_n = 50.0
 [loading.plastic]
-stiffness_fraction = 0.5
+stiffness_fraction = 0.8
 judged_above_n = 4000.0
 [stretching]
 increment_mm = 0.5
-total_mm = 3.5
+total_mm = 3.4
 speed_mm_s = 2.0
 [settle]
 load_tolerance_n = 50.0
 displacement_tolerance_mm = 0.01
-dwell_s = 0.1
+dwell_s = 0.05
 timeout_s = 30.0
 [limits]
 load_max_n = 13000.0
@@ -109,7 +109,7 @@ increment_deg = 20.0
 total_deg = 40.0
 [settle]
 angle_tolerance_deg = 0.05
-dwell_s = 0.1
+dwell_s = 0.05
 timeout_s = 30.0
 """
 )
