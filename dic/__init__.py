@@ -76,6 +76,8 @@ if TYPE_CHECKING:
     from dic.pipeline.run_result_file import load_run_result, save_run_result
     from dic.pipeline.series_corrections import corrected_rotation
     from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
+    from dic.pipeline.series_result_file import SeriesResult, load_series_result
+    from dic.pipeline.strain_anew import strain_of_run, strain_of_series
     from dic.pipeline.target_images import calibrate_images
     from dic.properties.curve import Curve, read_curve
     from dic.properties.plot import plot_properties
@@ -87,6 +89,7 @@ if TYPE_CHECKING:
     from dic.quality.quality import Quality, assess_quality
     from dic.report.page import write_report
     from dic.results.csv import write_csv
+    from dic.results.place import ResultPlace
     from dic.results.strain_table import write_strain_table
     from dic.runfile.reader import RunInfo, RunStep
     from dic.specimen.find import Specimen, find_specimen
@@ -159,6 +162,7 @@ __all__ = [
     "Reading",
     "RegionFiles",
     "Residuals",
+    "ResultPlace",
     "RunCorrections",
     "RunFileError",
     "RunInfo",
@@ -167,6 +171,7 @@ __all__ = [
     "Sensitivity",
     "Series",
     "SeriesImage",
+    "SeriesResult",
     "Specimen",
     "Status",
     "StrainField",
@@ -189,6 +194,7 @@ __all__ = [
     "load_alignment",
     "load_calibration",
     "load_run_result",
+    "load_series_result",
     "map_scale",
     "material_properties",
     "measure",
@@ -210,6 +216,8 @@ __all__ = [
     "save_alignment",
     "save_calibration",
     "save_run_result",
+    "strain_of_run",
+    "strain_of_series",
     "strain_resolution_px",
     "write_contact_sheet",
     "write_csv",
@@ -285,6 +293,8 @@ _NAMES_OF = {
     "dic.pipeline.run_result_file": ("load_run_result", "save_run_result"),
     "dic.pipeline.series_corrections": ("corrected_rotation",),
     "dic.pipeline.series_result": ("MeasuredImage", "MeasuredSeries"),
+    "dic.pipeline.series_result_file": ("SeriesResult", "load_series_result"),
+    "dic.pipeline.strain_anew": ("strain_of_run", "strain_of_series"),
     "dic.pipeline.target_images": ("calibrate_images",),
     "dic.properties.curve": ("Curve", "read_curve"),
     "dic.properties.plot": ("plot_properties",),
@@ -296,6 +306,7 @@ _NAMES_OF = {
     "dic.quality.quality": ("Quality", "assess_quality"),
     "dic.report.page": ("write_report",),
     "dic.results.csv": ("write_csv",),
+    "dic.results.place": ("ResultPlace",),
     "dic.results.strain_table": ("write_strain_table",),
     "dic.runfile.reader": ("RunInfo", "RunStep"),
     "dic.specimen.find": ("Specimen", "find_specimen"),

@@ -1,8 +1,8 @@
 """Command-line options for correlation and strain that several subcommands share."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -45,6 +45,12 @@ comma_option = click.option(
     "--decimal-comma",
     is_flag=True,
     help="Write CSV files with decimal commas, and semicolons between the cells.",
+)
+fields_from_option = click.option(
+    "--fields-from",
+    type=click.Path(path_type=Path),
+    help="Result file of the same images with the same settings of the correlation: its displacement fields"
+    " are used, and nothing is correlated. Default: the file of -o, if it is such a file.",
 )
 COMMA_NEEDS = {"--decimal-comma": ["--csv"]}
 """What `comma_option` needs beside it, for `option_group`."""
@@ -109,15 +115,21 @@ def smoothing_px(text: str) -> float | str:
 class StrainOptions:
     """Options for the strain measure and its computation."""
 
-    strain_measure: str
-    strain_window: int
-    strain_from: str
+    strain_measure: str | None
+    strain_window: int | None
+    strain_from: str | None
 
-    def settings(self) -> "StrainSettings":
-        """Return the options as `StrainSettings`."""
+    def settings(self, known: "StrainSettings | None" = None) -> "StrainSettings":
+        """Return the options as `StrainSettings`; an option that is None has its value in `known`."""
         from dic import StrainSettings
 
-        return StrainSettings(self.strain_measure, self.strain_window, self.strain_from)
+        values = zip(
+            ("measure", "window_points", "source"),
+            (self.strain_measure, self.strain_window, self.strain_from),
+            strict=True,
+        )
+        given: dict[str, Any] = {name: value for name, value in values if value is not None}
+        return replace(known or StrainSettings(), **given)
 
 
 strain_options = option_group(

@@ -67,6 +67,13 @@ def _require_effect(needs: Mapping[str, Sequence[str]]) -> None:
         )
 
 
+def as_in_results(command: click.Command, names: Sequence[str]) -> None:
+    """Let options without a value mean the value with which the results on file were computed."""
+    for parameter in command.params:
+        if isinstance(parameter, click.Option) and parameter.name in names:
+            parameter.default, parameter.show_default = None, "as in RESULTS"
+
+
 def all_of(*parts: Callable[[], Any]) -> list[Any]:
     """Call the functions `parts` and return their results; raise all their errors as one error.
 

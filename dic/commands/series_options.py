@@ -11,6 +11,7 @@ from dic.commands.correlation_options import (
     COMMA_NEEDS,
     comma_option,
     csv_option,
+    fields_from_option,
     gauges_option,
     hinge_mm,
     hinge_option,
@@ -29,8 +30,9 @@ from dic.commands.option_groups import all_of, option_group
 from dic.shell.output_paths import FORCE
 
 if TYPE_CHECKING:
-    from dic import Alignment, CorrelationSettings, Gauge, Motion
+    from dic import Alignment, CorrelationSettings, Gauge, Motion, ResultPlace, StrainSettings
     from dic.pipeline.series_files import SeriesFiles
+    from dic.pipeline.series_set_up import SeriesSetUp
     from dic.typing import Float, Mask
 
 _FILE = click.Path(path_type=Path)
@@ -234,6 +236,17 @@ class MotionOptions:
         save_alignment(alignment, self.save_alignment)
 
 
+def read_set_up(calibration_file: Path | None, strain: "StrainSettings", motion: "Motion") -> "SeriesSetUp":
+    """Return what the strains of a series are computed with, and read the calibration's file."""
+    from dic import load_calibration
+    from dic.pipeline.series_set_up import SeriesSetUp
+    from dic.results.provenance import file_digest
+
+    if calibration_file is None:
+        return SeriesSetUp(strain, motion)
+    return SeriesSetUp(strain, motion, load_calibration(calibration_file), file_digest(calibration_file))
+
+
 motion_options = option_group(
     "motion",
     MotionOptions,
@@ -270,6 +283,17 @@ class OutputOptions:
     maps: MapOptions
     json_file: Path | None
     force: bool
+    fields_from: Path | None
+
+    def place(self) -> "ResultPlace | None":
+        """Return the place of the result file, and what may be done with results that are there."""
+        from dic import ResultPlace
+        from dic.results.unfinished import outputs_of
+
+        if self.output is None:
+            return None
+        replace = self.force or self.output.resolve() in outputs_of(self.output)
+        return ResultPlace(self.output, replace, anew=self.force, fields_from=self.fields_from)
 
     def gauges(self) -> "tuple[Gauge, ...]":
         """Return the gauges of `--gauges`; none without this option."""
@@ -297,5 +321,6 @@ output_options = option_group(
     map_group,
     click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results."),
     FORCE,
-    needs=COMMA_NEEDS,
+    fields_from_option,
+    needs=COMMA_NEEDS | {"--fields-from": ["-o"]},
 )

@@ -1,6 +1,7 @@
 """The alignment of a rotation stage: tilts of the specimen and of the stage's axis relative to the grid."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -98,6 +99,15 @@ class Alignment:
         summary |= dict(zip(("wobble_x_deg_std", "wobble_y_deg_std"), wobble_std, strict=True))
         return summary | dict(zip(("axis_x_mm", "axis_y_mm"), self.pivot_mm.tolist(), strict=True))
 
+    def as_lists(self) -> dict[str, Any]:
+        """Return the attributes as lists for JSON."""
+        return {name: np.asarray(value).tolist() for name, value in vars(self).items()}
+
+    @classmethod
+    def from_lists(cls, lists: Mapping[str, Any]) -> "Alignment":
+        """Return the alignment of which `as_lists` made lists."""
+        return cls(**{name: np.array(values, np.float64) for name, values in lists.items()})
+
 
 def _is_possible(slopes: Float, covariance: Float) -> bool:
     """Return True if no slope is above 45°, and `covariance` is symmetric without negative eigenvalues."""
@@ -108,7 +118,7 @@ def _is_possible(slopes: Float, covariance: Float) -> bool:
 
 def save_alignment(alignment: Alignment, path: PathLike) -> None:
     """Write an alignment to a JSON file, for other runs on the same fixture."""
-    content = {"file_format": _FORMAT} | {k: np.asarray(v).tolist() for k, v in vars(alignment).items()}
+    content = {"file_format": _FORMAT} | alignment.as_lists()
     write_text(path, json.dumps(content, indent=1))
 
 

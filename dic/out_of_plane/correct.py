@@ -1,7 +1,8 @@
 """Choose and apply the method that corrects strain for the motion of the specimen out of the grid's plane."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from dic.calibration.calibration import Calibration
 from dic.errors import Check, CorrelationError, is_number, require_all
@@ -88,6 +89,22 @@ class Motion:
     def shift(self) -> Shift:
         """Knowledge about the specimen's shift towards the camera."""
         return Shift.of(self.shift_std_um, self.tilt_axis_mm)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the attributes as values for JSON."""
+        return vars(self) | {"alignment": None if self.alignment is None else self.alignment.as_lists()}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> "Motion":
+        """Return the motion of which `as_dict` made values for JSON."""
+        alignment, hinge_mm = values["alignment"], values["tilt_axis_mm"]
+        return cls(
+            values["kind"],
+            values["poisson_ratio"],
+            None if alignment is None else Alignment.from_lists(alignment),
+            values["shift_std_um"],
+            None if hinge_mm is None else (hinge_mm[0], hinge_mm[1]),
+        )
 
 
 def poisson_check(poisson_ratio: float) -> Check:

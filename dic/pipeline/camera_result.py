@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dic.calibration.calibration import Calibration
+from dic.results.fields import StoredFields
+from dic.results.job import Outcome
 from dic.runfile.reader import RunStep
 from dic.specimen.find import Specimen
 from dic.strain.measurement import Measurement
@@ -29,6 +31,10 @@ class CameraResult:
         One sentence per step that could not be measured; the sentence gives the reason.
     specimen : Specimen or None
         The specimen in the calibrated part of the reference image; None for results from a file.
+    outcomes : sequence of Outcome
+        What became of the image of each step but the reference; empty for files of earlier versions.
+    fields : StoredFields or None
+        The fields of the measurements in a result file; None without a file or without a measurement.
     """
 
     camera: str
@@ -38,6 +44,8 @@ class CameraResult:
     measurements: Sequence[Measurement]
     failures: list[str]
     specimen: Specimen | None = None
+    outcomes: Sequence[Outcome] = ()
+    fields: StoredFields | None = None
 
     def __repr__(self) -> str:
         return f"CameraResult({self.camera!r}, {len(self.steps)} steps, {len(self.failures)} failed)"

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ from dic.correlation.series import Series
 from dic.errors import MeasurementError
 from dic.image.given import name_of
 from dic.image.pages import split_page
+from dic.results.job import content_of
 from dic.results.provenance import file_digest, versions
 from dic.results.unfinished import FinishedImage, FinishedImages
 from dic.typing import Float, ImageLike
@@ -39,6 +40,12 @@ class SeriesImage:
     hint: Float | None = None
     digest: str = ""
 
+    @property
+    def content(self) -> str:
+        """Text that identifies the content of the image, and the expected motion; see `content_of`."""
+        known = self.digest != UNREADABLE
+        return content_of(self.digest if known else "", () if self.hint is None else self.hint.ravel())
+
     def read(self) -> ImageLike:
         """Return the image, or its path."""
         return self.image() if callable(self.image) else self.image
@@ -66,20 +73,19 @@ def correlate_series(
         image = given
         if not isinstance(image, SeriesImage):
             image = SeriesImage(image, name_of(image, f"image {number}"))
-        outcome = FinishedImage(image.label, image.digest)
-        key = outcome.key(image.hint)
+        key = FinishedImage(image.label, image.digest).key(image.hint)
         if finished is not None and going_on:
             found = finished.find(number, key, series.shared)
             if found is not None:
                 if found.fields is not None:
                     series.accept(image.read, found.fields)
-                yield found
+                yield replace(found, content=image.content)
                 continue
             going_on = False
         outcome = _correlated(series, image)
         if finished is not None:
             finished.write(number, key, outcome)
-        yield outcome
+        yield replace(outcome, content=image.content)
 
 
 def _correlated(series: Series, image: SeriesImage) -> FinishedImage:
@@ -121,7 +127,7 @@ class FileDigests:
         file, page = split_page(image)
         if page is None or file not in self._known:
             try:
-                self._known = {file: file_digest(file, _MOST_BYTES)}
+                self._known[file] = file_digest(file, _MOST_BYTES)
             except OSError:
                 # The reader of the image gives the reason.
                 return UNREADABLE

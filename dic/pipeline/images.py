@@ -8,7 +8,7 @@ from dic.calibration.calibration import Calibration
 from dic.calibration.file import load_calibration
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import CalibrationError, CorrelationError, each_warning_once, require_kind
+from dic.errors import CorrelationError, each_warning_once, require_kind
 from dic.image.given import grey_image, one_by_one
 from dic.image.pages import list_images
 from dic.out_of_plane.correct import Motion
@@ -16,6 +16,7 @@ from dic.out_of_plane.diagnosis import Sensitivity
 from dic.pipeline.correlated import SeriesImage, correlate_series
 from dic.pipeline.series_corrections import corrected, corrected_rotation, require_calibration
 from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
+from dic.pipeline.series_set_up import require_size
 from dic.pipeline.series_sources import SeriesSources, expanded, only_paths
 from dic.results.unfinished import FinishedImage, FinishedImages
 from dic.strain.measurement import Measurement, measure
@@ -139,15 +140,7 @@ def measure_series(
     """
     require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=3)")
     require_calibration(motion, calibration)
-    if calibration is not None and calibration.image_shape != series.shape:
-        (height, width), (own_height, own_width) = calibration.image_shape, series.shape
-        raise CalibrationError(
-            "reference image",
-            "apply calibration",
-            f"{width} × {height} px like the grid image",
-            f"{own_width} × {own_height} px",
-            "calibrate with an image of the same camera and format",
-        )
+    require_size(calibration, series.shape)
     return (
         measured(found, calibration, strain, motion) for found in correlate_series(series, images, finished)
     )

@@ -100,10 +100,7 @@ class CorrectionSettings:
 
     def as_text(self) -> str:
         """Return the settings as JSON text for the result file."""
-        alignments = {
-            name: {key: np.asarray(value).tolist() for key, value in vars(alignment).items()}
-            for name, alignment in self.alignments.items()
-        }
+        alignments = {name: alignment.as_lists() for name, alignment in self.alignments.items()}
         content = {"poisson_ratio": self.poisson_ratio, "alignments": alignments}
         content |= {"shift_std_um": self.shift_std_um, "tilt_axis_mm": self.tilt_axis_mm}
         return json.dumps(content)
@@ -112,10 +109,7 @@ class CorrectionSettings:
     def from_text(cls, text: str) -> "CorrectionSettings":
         """Return the settings from the JSON text that `as_text` returned; older texts have no hinge."""
         content = json.loads(text)
-        alignments = {
-            name: Alignment(**{key: np.array(value, np.float64) for key, value in values.items()})
-            for name, values in content["alignments"].items()
-        }
+        alignments = {name: Alignment.from_lists(lists) for name, lists in content["alignments"].items()}
         hinge_mm = content.get("tilt_axis_mm")
         return cls(
             float(content["poisson_ratio"]),

@@ -29,6 +29,10 @@ class RunResult:
         Corrections of the strains for motion out of the calibration grid's plane.
     provenance : Provenance or None
         Where the results come from; None for files of earlier versions.
+    file : str
+        Path of the result file; "" if the results were not read from a file.
+    note : str
+        A sentence that says which results on file `process_run` used; "" if it correlated the images.
     """
 
     source: str
@@ -38,6 +42,8 @@ class RunResult:
     cameras: list[CameraResult]
     corrections: RunCorrections
     provenance: Provenance | None = None
+    file: str = ""
+    note: str = ""
 
     def __repr__(self) -> str:
         lines = [f"  {camera}" for camera in self.cameras]

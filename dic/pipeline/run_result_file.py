@@ -6,13 +6,11 @@ from pathlib import Path
 from typing import Any, Self
 
 import h5py
-import numpy as np
 
 from dic.calibration.file import read_calibration, write_calibration
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import RunFileError, require_kind
 from dic.files.lazy import ComputedMapping
-from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correct import Corrections
 from dic.out_of_plane.correction import Correction
 from dic.pipeline.camera_result import CameraResult
@@ -25,15 +23,12 @@ from dic.pipeline.run_corrections import (
     measured_steps,
 )
 from dic.pipeline.run_result import RunResult
+from dic.results.alignment import read_alignment, write_alignment
+from dic.results.fields import NOT_SMOOTHED, StoredFields, plain
+from dic.results.job import read_outcomes, write_outcomes
 from dic.results.loading import Result, load_result, use_result
 from dic.results.provenance import Provenance
-from dic.results.reader import (
-    NOT_SMOOTHED,
-    read_corrections,
-    read_measurements,
-    read_provenance,
-    read_two_cameras,
-)
+from dic.results.reader import read_corrections, read_measurements, read_provenance, read_two_cameras
 from dic.results.schema import FORMAT, VERSION
 from dic.results.writer import ResultWriter
 from dic.runfile.reader import RunInfo, RunStep
@@ -45,7 +40,6 @@ _STEP_UNITS = {
     "index": "1", "target": "by kind: N, mm or deg", "load_n": "N", "displacement_mm": "mm",
     "angle_deg": "deg", "time_s": "s",
 }  # fmt: skip
-_ALIGNMENT_UNITS = {"slopes": "1", "covariance": "1", "pivot_mm": "mm"}
 
 
 def save_run_result(result: RunResult, path: PathLike) -> None:
@@ -140,9 +134,9 @@ class RunResultWriter:
             data = [getattr(step, column) for step in measured]
             steps.create_dataset(column, data=data).attrs["units"] = units
         alignment = corrections.cameras[camera.camera].alignment
-        for key, units in _ALIGNMENT_UNITS.items() if alignment is not None else ():
-            dataset = group.create_dataset(f"alignment/{key}", data=getattr(alignment, key))
-            dataset.attrs["units"] = units
+        if alignment is not None:
+            write_alignment(group, alignment)
+        write_outcomes(group, camera.outcomes)
         _write_texts(group, "findings", corrections.findings[camera.camera])
 
 
@@ -174,7 +168,7 @@ def load_run_result(path: PathLike) -> RunResult:
     path = Path(path)
 
     def read(file: Any) -> RunResult:
-        result = _read_run(path, file)
+        result = replace(_read_run(path, file), file=str(path))
         for _ in _steps_of(result):
             pass
         return result
@@ -206,8 +200,8 @@ def _read_run(path: Path, file: h5py.File, *, local_strain: bool = True) -> RunR
     if file.attrs["file_format_version"] != VERSION:
         raise _refusal(path, f"version {file.attrs['file_format_version']}, newer than this program")
     run = dict(file["run"].attrs)
-    info = RunInfo(**{f.name: _plain(run[f.name]) for f in fields(RunInfo)})
-    attributes = {k: _plain(v) for k, v in file["settings"].attrs.items()}
+    info = RunInfo(**{f.name: plain(run[f.name]) for f in fields(RunInfo)})
+    attributes = {k: plain(v) for k, v in file["settings"].attrs.items()}
     correcting = CorrectionSettings.from_text(attributes.pop("correcting"))
     settings = CorrelationSettings(**NOT_SMOOTHED | attributes)
     cameras = [_read_camera(name, group, local_strain) for name, group in file["cameras"].items()]
@@ -236,7 +230,16 @@ def _read_camera(name: str, group: h5py.Group, local_strain: bool) -> CameraResu
     if steps:
         measurements = read_measurements(group["series"], calibration, local_strain=local_strain)
     failures = [line for line in str(group.attrs["failures"]).split("\n") if line]
-    return CameraResult(name, calibration, group["reference"][:], steps, measurements, failures)
+    return CameraResult(
+        name,
+        calibration,
+        group["reference"][:],
+        steps,
+        measurements,
+        failures,
+        outcomes=read_outcomes(group),
+        fields=StoredFields(group["series"]) if steps else None,
+    )
 
 
 def _read_corrections(group: h5py.Group, camera: CameraResult, anew: RunCorrections | None) -> Corrections:
@@ -247,9 +250,7 @@ def _read_corrections(group: h5py.Group, camera: CameraResult, anew: RunCorrecti
         images = read_corrections(group["series"], camera.measurements, known)
     if solved is not None:
         return Corrections(images, solved.alignment)
-    if "alignment" not in group:
-        return Corrections(images)
-    return Corrections(images, Alignment(**{key: group["alignment"][key][:] for key in _ALIGNMENT_UNITS}))
+    return Corrections(images, read_alignment(group))
 
 
 def _read_joint(group: h5py.Group, cameras: list[CameraResult]) -> JointCorrections:
@@ -260,11 +261,6 @@ def _read_joint(group: h5py.Group, cameras: list[CameraResult]) -> JointCorrecti
 
 def _read_texts(group: h5py.Group, name: str) -> list[str]:
     return [str(text) for text in group[name].asstr()[:]]
-
-
-def _plain(value: Any) -> Any:
-    """Return a NumPy scalar from an HDF5 file as a Python number; return other values unchanged."""
-    return value.item() if isinstance(value, np.generic) else value
 
 
 def _refusal(path: Path, got: str) -> RunFileError:

@@ -1,7 +1,7 @@
 """The output files of `dic correlate`. Each kind of file is written only if the user names a place for it."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -11,12 +11,14 @@ from dic.gauges.declared import Gauge
 from dic.gauges.series import GaugeImage, GaugeSeries
 from dic.gauges.table import gauge_table_files, write_gauge_table
 from dic.image.pages import split_page
+from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction
 from dic.pipeline.gauge_series import GaugeReader
 from dic.pipeline.series_maps import MapFiles, SeriesMaps
 from dic.pipeline.series_result import MeasuredImage
 from dic.pipeline.series_result_file import write_set_up
 from dic.results.csv import write_csv
+from dic.results.job import Outcome
 from dic.results.provenance import Provenance
 from dic.results.strain_table import STRAIN_FILE, write_strain_table
 from dic.results.writer import ResultWriter
@@ -72,14 +74,14 @@ class SeriesOutputs:
         settings: CorrelationSettings,
         files: SeriesFiles,
         maps: SeriesMaps,
-        inputs: Iterable[Path | None] = (),
+        origin: Provenance | None = None,
         *,
         decimal_comma: bool = False,
     ) -> None:
         self._settings, self._files, self._decimal_comma = settings, files, decimal_comma
         self._writer = None
         if files.output is not None:
-            self._writer = ResultWriter(files.output, Provenance.of(inputs))
+            self._writer = ResultWriter(files.output, origin or Provenance.of([]))
         self._maps, self._measured = maps, False
         self._reader: GaugeReader | None = None
         self.gauge_images: dict[int, GaugeImage] = {}
@@ -125,12 +127,15 @@ class SeriesOutputs:
         self._maps.add(number, title, measurement, correction)
 
     def write_set_up(
-        self, reference: Grey, calibration: Calibration | None, failures: Sequence[Mapping[str, str]]
+        self,
+        reference: Grey,
+        calibration: Calibration | None,
+        outcomes: Sequence[Outcome],
+        alignment: Alignment | None,
     ) -> None:
-        """Write what a report needs beside the images, after the last one; see `SeriesRecord.failures`."""
+        """Write what a report needs beside the images, after the last one; see `write_set_up`."""
         if self._writer is not None and self._measured:
-            reasons = [(failure["file"], failure["error"]) for failure in failures]
-            write_set_up(self._writer, reference, calibration, reasons)
+            write_set_up(self._writer, reference, calibration, outcomes, alignment)
 
     def write_table(self, rows: Sequence[Mapping[str, Any]]) -> None:
         """Write the tables of mean strains and of gauges; `write_strain_table` describes the rows."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,18 @@ from dic.calibration.file import read_calibration, write_calibration
 from dic.errors import RunFileError
 from dic.files.lazy import Computed
 from dic.hdf5.open import NotReadable, open_hdf5
+from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.diagnosis import Sensitivity
 from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
+from dic.results.alignment import read_alignment, write_alignment
+from dic.results.fields import StoredFields
+from dic.results.job import Outcome, read_outcomes, write_outcomes
 from dic.results.loading import Result, load_result, use_result
 from dic.results.provenance import Provenance
 from dic.results.reader import read_corrections, read_measurements, read_provenance
 from dic.results.schema import FORMAT, VERSION
+from dic.results.unfinished import FinishedImage
 from dic.results.writer import ResultWriter
 from dic.typing import Grey, PathLike
 
@@ -37,22 +43,39 @@ class SeriesResult:
         The images are read from the file when they are used.
     calibration : Calibration or None
     provenance : Provenance
+    outcomes : list of Outcome
+        What became of each image, in the order of the series; empty for files of earlier versions.
+    fields : StoredFields
+        The fields of the images that were correlated, in the order of the series.
     """
 
     source: str
     series: MeasuredSeries
     calibration: Calibration | None
     provenance: Provenance
+    outcomes: list[Outcome]
+    fields: StoredFields
 
     def __repr__(self) -> str:
         return f"SeriesResult of {self.source}, {len(self.series.images)} images"
+
+    @property
+    def reference_name(self) -> str:
+        """Name of the reference image: the first of the input files."""
+        return next(iter(self.provenance.inputs), "")
+
+    @property
+    def correlated(self) -> Sequence[FinishedImage]:
+        """The outcome of the correlation of each image, in the order of the series, read when it is used."""
+        return self.fields.images(self.outcomes)
 
 
 def write_set_up(
     writer: ResultWriter,
     reference: Grey,
     calibration: Calibration | None,
-    failures: Sequence[tuple[str, str]],
+    outcomes: Sequence[Outcome],
+    alignment: Alignment | None,
 ) -> None:
     """Write what a report needs beside the measured images of a series, after the last image.
 
@@ -62,16 +85,22 @@ def write_set_up(
         The writer, which has written at least one image.
     reference : ndarray of float32, shape (height, width)
     calibration : Calibration or None
-    failures : sequence of (str, str)
-        The name of each image that could not be measured, and the reason.
+    outcomes : sequence of Outcome
+        What became of each image of the series.
+    alignment : Alignment or None
+        The rotation stage's alignment, if the images have solved it.
     """
     group = writer.group(_SERIES)
     stored = group.create_dataset(
         "reference", data=reference, shuffle=True, compression="gzip", compression_opts=1
     )
     stored.attrs["units"] = "grey level"
+    failures = [(each.label, each.failure) for each in outcomes if each.failure is not None]
     for k, name in enumerate(("failed_label", "failure")):
         group.create_dataset(name, data=[one[k] for one in failures], dtype=h5py.string_dtype())
+    write_outcomes(group, outcomes)
+    if alignment is not None:
+        write_alignment(group, alignment)
     if calibration is not None:
         write_calibration(writer.group("calibration"), calibration)
 
@@ -134,20 +163,32 @@ def _read(path: Path, file: Any, *, local_strain: bool = True) -> SeriesResult:
     corrections: Sequence[Correction | None] = [None] * len(measurements)
     if "corrected_mean" in group:
         corrections = read_corrections(group, measurements)
-    labels, reasons = (group[name].asstr()[:] for name in ("failed_label", "failure"))
-    failures = [
-        MeasuredImage(str(label), failure=str(why)) for label, why in zip(labels, reasons, strict=True)
-    ]
+    outcomes = read_outcomes(group)
+    places = _places(outcomes or _older_outcomes(group, len(measurements)))
 
     def image(k: int) -> MeasuredImage:
-        if k >= len(measurements):
-            return failures[k - len(measurements)]
-        return MeasuredImage(measurements[k].label, measurements[k], corrections[k])
+        row = places[k]
+        if isinstance(row, Outcome):
+            return MeasuredImage(row.label, failure=row.failure)
+        return MeasuredImage(measurements[row].label, measurements[row], corrections[row])
 
-    images = Computed(len(measurements) + len(failures), image)
+    images = Computed(len(places), image)
     sensitivity = None if calibration is None else Sensitivity.of(calibration)
-    series = MeasuredSeries(group["reference"][:], images, sensitivity=sensitivity)
-    return SeriesResult(str(path), series, calibration, origin)
+    series = MeasuredSeries(group["reference"][:], images, read_alignment(group), sensitivity)
+    return SeriesResult(str(path), series, calibration, origin, outcomes, StoredFields(group))
+
+
+def _older_outcomes(group: Any, measured: int) -> list[Outcome]:
+    """Return the outcomes of a file of an earlier version: it lists failures without their places."""
+    labels, reasons = (group[name].asstr()[:] for name in ("failed_label", "failure"))
+    failures = [Outcome(str(label), "", str(why)) for label, why in zip(labels, reasons, strict=True)]
+    return [Outcome("", "")] * measured + failures
+
+
+def _places(outcomes: Sequence[Outcome]) -> list[int | Outcome]:
+    """Return for each image its row, or its outcome if it has no row because it failed."""
+    rows = count()
+    return [next(rows) if each.failure is None else each for each in outcomes]
 
 
 def _refusal(path: Path, got: str) -> RunFileError:

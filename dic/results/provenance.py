@@ -11,6 +11,7 @@ from math import inf
 from pathlib import Path
 
 from dic.files.reading import opened
+from dic.results.job import Job
 
 _PACKAGES = ("offaxis", "numpy", "scipy", "numba", "opencv-python-headless")
 _PIECE_BYTES = 1 << 20
@@ -28,18 +29,21 @@ class Provenance:
         The versions of this program and of the libraries that compute.
     inputs : mapping of str to str
         The input files beside the images of a series, each with its SHA-256.
+    job : Job or None
+        All that determines the results beside the images; None for files of earlier versions.
     """
 
     command: str
     versions: str
     inputs: Mapping[str, str]
+    job: Job | None = None
 
     @classmethod
-    def of(cls, inputs: Iterable[Path | None]) -> "Provenance":
+    def of(cls, inputs: Iterable[Path | None], job: Job | None = None) -> "Provenance":
         """Return the provenance of results that this program makes from files; None stands for no file."""
         program, *arguments = sys.argv
         digests = {str(path): file_digest(path) for path in inputs if path is not None}
-        return cls(shlex.join([Path(program).name, *arguments]), versions(), digests)
+        return cls(shlex.join([Path(program).name, *arguments]), versions(), digests, job)
 
 
 def versions() -> str:

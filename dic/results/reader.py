@@ -5,28 +5,26 @@ computes these values.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.correlation.field import Field
-from dic.correlation.settings import CorrelationSettings
 from dic.files.lazy import Computed, ComputedMapping
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.strain_parts import UNCERTAINTY_KEYS
 from dic.out_of_plane.two_cameras import TwoCameraStep
+from dic.results.fields import StoredFields, plain, read_settings
+from dic.results.job import Job
 from dic.results.provenance import Provenance
 from dic.results.schema import MEAN_KEYS, SHARED_KEY
 from dic.strain.displacement import NOWHERE, Displacement, raw_displacement
 from dic.strain.measurement import Measurement, measure
 from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, MeanStrain, StrainField, StrainSettings
-from dic.typing import Float, Mask
-
-NOT_SMOOTHED: dict[str, Any] = {"smoothing_px": 0.0}
-"""Settings that files of earlier versions lack."""
+from dic.typing import Float
 
 
 def read_provenance(file: Any) -> Provenance | None:
@@ -35,7 +33,10 @@ def read_provenance(file: Any) -> Provenance | None:
     if group is None:
         return None
     inputs = zip(*(map(str, group[name].asstr()[:]) for name in ("file", "sha256")), strict=True)
-    return Provenance(str(group.attrs["command"]), str(group.attrs["versions"]), dict(inputs))
+    # Files of earlier versions lack the job.
+    known = "job_fields" in group.attrs
+    job = Job(str(group.attrs["job_fields"]), str(group.attrs["job_strains"])) if known else None
+    return Provenance(str(group.attrs["command"]), str(group.attrs["versions"]), dict(inputs), job)
 
 
 def read_measurements(
@@ -60,21 +61,23 @@ def read_measurements(
     KeyError, TypeError
         If the group does not hold the measurements of a series of images.
     """
-    settings = CorrelationSettings(**_attributes(series, CorrelationSettings))
-    strain = StrainSettings(**_attributes(series, StrainSettings, "strain_"))
-    # Files of earlier versions lack the region.
-    region = series["region"][:].astype(np.bool_) if "region" in series else None
+    stored, strain = StoredFields(series), read_strain_settings(series)
 
     means = {name: _Columns(series[name]) for name in ("raw_mean", "calibrated_mean") if name in series}
 
     def read(k: int) -> Measurement:
-        field = _read_field(series, k, settings, region, gradients=local_strain)
+        field = stored.field(k, gradients=local_strain)
         found = _read_measurement(series, k, field, strain, calibration, means)
         if not local_strain:
             return replace(found, raw=raw_displacement(field, gradients=False))
         return replace(found, raw=raw_displacement(field), stored_strain=_read_strain(series, k))
 
     return Computed(len(series["label"]), read)
+
+
+def read_strain_settings(series: Any) -> StrainSettings:
+    """Return the settings of the strains of a series."""
+    return StrainSettings(**read_settings(series, StrainSettings, "strain_"))
 
 
 def read_corrections(
@@ -235,45 +238,6 @@ def _read_uncertainty(table: Any, k: int) -> dict[str, float] | None:
     return {name: value for name, value in values.items() if np.isfinite(value)} or None
 
 
-def _read_field(
-    series: Any, k: int, settings: CorrelationSettings, region: Mask | None, *, gradients: bool
-) -> Field:
-    def joined(u: str, v: str, gradient: str) -> Float:
-        unread = np.full((4, *series["active"].shape), np.nan)
-        slopes = np.moveaxis(series[gradient][k], -1, 0) if gradients else unread
-        return np.stack([series[u][k], *slopes[:2], series[v][k], *slopes[2:]], axis=-1)
-
-    # Files of earlier versions lack the interpolation bias: images were not smoothed.
-    known = "bias_u_px" in series
-    bias = np.stack([series["bias_u_px"][k], series["bias_v_px"][k]], axis=-1) if known else None
-    std = joined("std_u_px", "std_v_px", "std_gradient")
-    if bias is not None:
-        # The stored standard deviations contain the bias.
-        std[..., [0, 3]] = np.sqrt(np.maximum(std[..., [0, 3]] ** 2 - bias**2, 0.0))
-    return Field(
-        x_px=series["x_px"][:],
-        y_px=series["y_px"][:],
-        warps=joined("u_px", "v_px", "gradient"),
-        std=std,
-        zncc=series["zncc"][k],
-        iterations=series["iterations"][k].astype(np.int16),
-        status=series["status"][k].astype(np.int8),
-        active=series["active"][:].astype(np.bool_),
-        start=str(series["start"].asstr()[k]),
-        settings=settings,
-        # Files of earlier versions lack this value: the program could not yet take new references.
-        updates=int(series["updates"][k]) if "updates" in series else 0,
-        smoothing_px=float(series["smoothing_px"][k]) if known else 0.0,
-        greatest_bias_px=_pair(series["greatest_bias_px"][k]) if known else (0.0, 0.0),
-        stored_bias_px=bias,
-        region=region,
-    )
-
-
-def _pair(values: Float) -> tuple[float, float]:
-    return float(values[0]), float(values[1])
-
-
 def _read_displacement(group: Any, k: int) -> Displacement:
     position = np.stack([group["X_mm"][:], group["Y_mm"][:]], axis=-1)
     vector = np.stack([group["U_mm"][k], group["V_mm"][k]], axis=-1)
@@ -288,7 +252,7 @@ def _read_strain(group: Any, k: int) -> StrainField:
 
 def _read_mean(group: Any, k: int, anew: MeanStrain | None = None) -> MeanStrain:
     values: dict[str, Any] = {} if anew is None else dict(vars(anew))
-    return MeanStrain(**(values | {name: _plain(group[name][k]) for name in MEAN_KEYS if name in group}))
+    return MeanStrain(**(values | {name: plain(group[name][k]) for name in MEAN_KEYS if name in group}))
 
 
 def _read_plane(table: Any, k: int) -> tuple[Plane | None, Float | None]:
@@ -303,15 +267,3 @@ def _read_plane(table: Any, k: int) -> tuple[Plane | None, Float | None]:
 
 def _read_reason(group: Any, k: int) -> str | None:
     return None if group["applied"][k] else str(group["reason"].asstr()[k])
-
-
-def _attributes(group: Any, settings: type[Any], prefix: str = "") -> dict[str, Any]:
-    names = [field.name for field in fields(settings)]
-    older = {name: NOT_SMOOTHED[name] for name in names if name in NOT_SMOOTHED}
-    stored = [name for name in names if name not in older or prefix + name in group.attrs]
-    return older | {name: _plain(group.attrs[prefix + name]) for name in stored}
-
-
-def _plain(value: Any) -> Any:
-    """Return a NumPy scalar from an HDF5 file as a Python number; return other values unchanged."""
-    return value.item() if isinstance(value, np.generic) else value

@@ -27,6 +27,7 @@ from dic.errors import OutputError
 from dic.files.lock import lock_file
 from dic.files.reading import read_text
 from dic.files.writing import reason, replacing, write_text
+from dic.results.job import Outcome, as_text
 from dic.typing import Float, PathLike
 
 ENDING = ".unfinished"
@@ -52,12 +53,20 @@ class FinishedImage:
         None if the image could not be correlated.
     failure : str or None
         The reason why the image could not be correlated.
+    content : str
+        The result of `dic.results.job.content_of`; "" if it is not known.
     """
 
     label: str
     digest: str = ""
     fields: SeriesFields | None = None
     failure: str | None = None
+    content: str = ""
+
+    @property
+    def outcome(self) -> Outcome:
+        """What a result file says of the image beside its fields."""
+        return Outcome(self.label, self.content, self.failure)
 
     @property
     def field(self) -> Field:
@@ -203,7 +212,9 @@ class Unfinished:
 
 
 @contextmanager
-def unfinished(result: Path, job: Mapping[str, Any], outputs: Iterable[Path] = ()) -> Iterator[Unfinished]:
+def unfinished(
+    result: Path, job: Mapping[str, Any], outputs: Iterable[Path] = (), *, anew: bool = False
+) -> Iterator[Unfinished]:
     """Give the folder of a measurement's finished images, and lock the result file against other programs.
 
     The folder stays if the `with` block raises an error, so that the measurement can go on later. At the end
@@ -218,13 +229,15 @@ def unfinished(result: Path, job: Mapping[str, Any], outputs: Iterable[Path] = (
         All that determines the results beside the images, as values for JSON.
     outputs : iterable of Path
         The other files that the measurement writes.
+    anew : bool
+        True if images that an equal measurement finished before it was interrupted are removed first.
 
     Raises
     ------
     OutputError
         If another program measures into the same result file, or the folder cannot be made.
     """
-    text = json.dumps(job, indent=1, sort_keys=True)
+    text = as_text(job)
     every = _folder(result)
     folder = every / hashlib.sha256(text.encode()).hexdigest()[:16]
     try:
@@ -238,6 +251,8 @@ def unfinished(result: Path, job: Mapping[str, Any], outputs: Iterable[Path] = (
         raise _not_written(every, error) from error
     try:
         try:
+            if anew and folder.exists():
+                shutil.rmtree(folder)
             folder.mkdir(exist_ok=True)
             write_text(folder / _JOB, text)
             paths = [os.path.realpath(path) for path in (result, *outputs)]

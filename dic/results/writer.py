@@ -17,6 +17,7 @@ from dic.files.writing import replacing
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.strain_parts import UNCERTAINTY_KEYS
 from dic.out_of_plane.two_cameras import TwoCameraStep
+from dic.results.fields import write_points
 from dic.results.provenance import Provenance
 from dic.results.schema import FORMAT, MEAN_KEYS, PLANE_KEYS, SHARED_KEY, VERSION, units_of
 from dic.strain.displacement import Displacement
@@ -123,6 +124,8 @@ def _write_provenance(group: Any, origin: Provenance) -> None:
     import h5py
 
     group.attrs.update({"command": origin.command, "versions": origin.versions})
+    if origin.job is not None:
+        group.attrs.update({"job_fields": origin.job.fields, "job_strains": origin.job.strains})
     for name, values in (("file", origin.inputs.keys()), ("sha256", origin.inputs.values())):
         group.create_dataset(name, data=list(values), dtype=h5py.string_dtype())
 
@@ -135,13 +138,7 @@ def _create_series(group: Any, measurement: Measurement) -> Any:
     group.attrs["strain_gauge_px"] = measurement.gauge_px
     if measurement.gauge_mm is not None:
         group.attrs["strain_gauge_mm"] = measurement.gauge_mm
-    field = measurement.field
-    _write(group, "x_px", field.x_px)
-    _write(group, "y_px", field.y_px)
-    _write(group, "active", field.active.astype(np.uint8))
-    if field.region is not None:
-        region = group.create_dataset("region", data=field.region.astype(np.uint8), compression="gzip")
-        region.attrs["units"] = "1"
+    write_points(group, measurement.field)
     if measurement.calibrated is not None:
         _write_position(group, measurement.calibrated)
     return group
@@ -159,6 +156,7 @@ def _measured_rows(measurement: Measurement) -> dict[str, Any]:
         "std_u_px": field.std_u_px,
         "std_v_px": field.std_v_px,
         "std_gradient": field.std_gradient,
+        "noise_std_px": field.noise_std_px,
         "bias_u_px": field.bias_px[..., 0],
         "bias_v_px": field.bias_px[..., 1],
         "smoothing_px": field.smoothing_px,

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
+from dic.correlation.series import Series
 from dic.targets.points import GridPoints
 
 
@@ -134,3 +135,17 @@ def draw_grid() -> Callable[..., GridPicture]:
         return GridView(**view).render(np.random.default_rng(seed))
 
     return draw
+
+
+@pytest.fixture
+def correlated(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """A list that grows by one with each image that is correlated."""
+    seen: list[int] = []
+    correlate = Series.correlate_fields
+
+    def counted(self: Series, *given: object, **named: object) -> object:
+        seen.append(1)
+        return correlate(self, *given, **named)
+
+    monkeypatch.setattr(Series, "correlate_fields", counted)
+    return seen

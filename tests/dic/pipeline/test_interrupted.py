@@ -3,21 +3,21 @@
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 
-from dic.correlation.series import Series
 from dic.pipeline.run_result_file import RunResultWriter
 from dic.results.unfinished import ENDING, unfinished
 from tests.command_line import refusal, run_dic
 from tests.dic.pipeline.rendered_run import slid, write_rendered_run
+from tests.dic.result_values import bits
 from tests.image_files import write_image
 
 KILLED = """
@@ -43,39 +43,8 @@ def start_killed(last: int, *words: object) -> None:
     assert done.returncode == -signal.SIGKILL, done
 
 
-def contents(path: Path) -> dict[str, bytes]:
-    """Every dataset and attribute of a result file, by its bits."""
-    found: dict[str, bytes] = {}
-
-    def add(name: str, item: h5py.HLObject) -> None:
-        if isinstance(item, h5py.Dataset):
-            values = item[()]
-            found[name] = (
-                repr(values.tolist()).encode() if item.dtype.kind == "O" else np.asarray(values).tobytes()
-            )
-        found.update({f"{name} {key}": repr(value).encode() for key, value in item.attrs.items()})
-
-    with h5py.File(path) as file:
-        file.visititems(add)
-    return found
-
-
 def folder_of(result: Path) -> Path:
     return result.with_name(result.name + ENDING)
-
-
-@pytest.fixture
-def correlated(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """A list that grows by one with each image that is correlated."""
-    seen: list[int] = []
-    correlate = Series.correlate_fields
-
-    def counted(self: Series, *given: object, **named: object) -> object:
-        seen.append(1)
-        return correlate(self, *given, **named)
-
-    monkeypatch.setattr(Series, "correlate_fields", counted)
-    return seen
 
 
 @pytest.fixture(scope="module")
@@ -134,9 +103,17 @@ def test_other_settings_leave_what_was_finished(images, tmp_path, correlated):
     assert run_dic(*words, "--min-zncc", 0.7).status == 0
     assert len(correlated) == 2
     correlated.clear()
-    assert run_dic(*words, "--force").status == 0
+    other = tmp_path / "other.h5"
+    shutil.copytree(folder_of(result), folder_of(other))
+    result.unlink()
+    assert run_dic(*words).status == 0
     assert len(correlated) == 1
     assert not folder_of(result).exists()
+    correlated.clear()
+    # With --force nothing unfinished is used.
+    assert run_dic(*words[:-1], other, "--force").status == 0
+    assert len(correlated) == 2
+    assert not folder_of(other).exists()
 
 
 def test_two_programs_on_one_result_are_refused_in_one_sentence(images, tmp_path):
@@ -159,7 +136,7 @@ def test_killed_run_goes_on_with_the_same_bits(run_file, tmp_path, correlated, m
     assert run_dic(*words).status == 0
     assert len(correlated) == 3
     result = tmp_path / "r.h5"
-    whole = contents(result)
+    whole = bits(result)
     result.unlink()
     start_killed(2, *words)
     correlated.clear()
@@ -175,7 +152,7 @@ def test_killed_run_goes_on_with_the_same_bits(run_file, tmp_path, correlated, m
     monkeypatch.setattr(RunResultWriter, "add", add)
     assert run_dic(*words).status == 0
     assert len(correlated) == 1
-    assert contents(result) == whole
+    assert bits(result) == whole
     assert not folder_of(result).exists()
 
 
@@ -251,7 +228,7 @@ def test_ten_kills_at_random_moments_change_no_bit(kind, images, run_file, tmp_p
     monkeypatch.setattr(sys, "argv", ["dic", *map(str, words)])
     subprocess.run(command, capture_output=True, check=False)
     took_s, result = time.perf_counter() - started, tmp_path / "r.h5"
-    whole, rng = contents(result), random.Random(5)
+    whole, rng = bits(result), random.Random(5)
     result.unlink()
     kills = 0
     while kills < 10:
@@ -263,8 +240,8 @@ def test_ten_kills_at_random_moments_change_no_bit(kind, images, run_file, tmp_p
             program.wait()
             kills += 1
             continue
-        assert contents(result) == whole
+        assert bits(result) == whole
         result.unlink()
     subprocess.run(command, capture_output=True, check=False)
-    assert contents(result) == whole
+    assert bits(result) == whole
     assert not folder_of(result).exists()

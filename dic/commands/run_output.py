@@ -1,0 +1,162 @@
+"""The output files of a run's results, beside the result file, and the end of the command."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from dic.files.writing import write_text
+from dic.shell.output_paths import require_places
+
+if TYPE_CHECKING:
+    from dic import Alignment, Gauge, ResultPlace, RunResult
+
+
+@dataclass(frozen=True)
+class OutputOptions:
+    """Options that name the output files of `dic process`."""
+
+    output: Path | None
+    report_file: Path | None
+    csv_folder: Path | None
+    gauges_file: Path | None
+    decimal_comma: bool
+    json_file: Path | None
+    force: bool
+    fields_from: Path | None = None
+
+    def place(self, output: Path) -> "ResultPlace":
+        """Return the place of the result file, and what may be done with results that are there."""
+        from dic import ResultPlace
+        from dic.results.unfinished import outputs_of
+
+        replace = self.force or output.resolve() in outputs_of(output)
+        return ResultPlace(output, replace, anew=self.force, fields_from=self.fields_from)
+
+    def gauges(self) -> "tuple[Gauge, ...]":
+        """Return the gauges of `--gauges`; none without this option."""
+        from dic import read_gauges
+
+        return () if self.gauges_file is None else read_gauges(self.gauges_file)
+
+    def read_gauges(self, result: "RunResult", gauges: "tuple[Gauge, ...]") -> dict[str, Any]:
+        """Read gauges in all steps, print and write the readings, and return them for JSON."""
+        from dic import measure_gauges, write_gauge_table
+        from dic.commands.gauge_text import gauge_lines, gauges_dict
+        from dic.pipeline.series_files import GAUGE_FILE
+        from dic.shell.console import say
+
+        found = measure_gauges(result, gauges)
+        for line in gauge_lines(found):
+            say(line)
+        if self.csv_folder is not None:
+            write_gauge_table(found, self.csv_folder / GAUGE_FILE, decimal_comma=self.decimal_comma)
+        return gauges_dict(found)
+
+    def require_places(
+        self,
+        read: Sequence[Path | None],
+        output: Path | None,
+        alignments: Path | None = None,
+        *,
+        result_may_stand: bool = False,
+    ) -> None:
+        """Raise an error if an output file of the run cannot be written; make the folders of outputs.
+
+        `result_may_stand` is True if `process_run` decides whether an existing result file can be used.
+        """
+        written = [] if alignments is None else [*alignments.glob("*.alignment.json")]
+        from dic.results.unfinished import outputs_of
+
+        # The names of the tables of points follow from the steps of the run.
+        tables = [] if self.csv_folder is None else [*self.csv_folder.glob("*.csv")]
+        places = [output, self.report_file, self.json_file, *written, *tables]
+        earlier = [] if output is None else outputs_of(output) + [output] * result_may_stand
+        require_places(read, places, force=self.force, replaceable=earlier)
+        for folder in (alignments, self.csv_folder):
+            if folder is not None:
+                _make_folder(folder)
+
+    def write(self, result: "RunResult", gauges: "tuple[Gauge, ...]" = ()) -> None:
+        """Write the output files beside the result file."""
+        from dic import write_report
+        from dic.commands.run_table import as_dict
+        from dic.pipeline.run_tables import write_run_tables
+        from dic.results.strain_table import STRAIN_FILE
+        from dic.shell.console import say
+
+        if self.csv_folder is not None:
+            write_run_tables(result, self.csv_folder, decimal_comma=self.decimal_comma)
+            say(f"tables: {self.csv_folder / STRAIN_FILE} and one of points for each image")
+        if self.report_file is not None:
+            write_report([result], self.report_file)
+            say(f"report: {self.report_file}")
+        content = as_dict(result)
+        try:
+            content |= self.read_gauges(result, gauges) if gauges else {}
+        finally:
+            # A gauge that does not fit the results takes nothing else away.
+            if self.json_file is not None:
+                write_text(self.json_file, json.dumps(content, indent=1))
+
+
+def end_run(run: str, result: "RunResult") -> None:
+    """Print what is wrong with the steps of a run, and end the command with its status."""
+    from dic.shell.console import fail
+
+    failures = [failure for camera in result.cameras for failure in camera.failures]
+    bad = [
+        f"{run}: {camera.camera}, {measurement.label}: measured, but {measurement.objection}"
+        for camera in result.cameras
+        for measurement in camera.measurements
+        if not measurement.good
+    ]
+    for sentence in failures + bad:
+        fail(sentence)
+    click.get_current_context().exit(2 if failures else 1 if bad else 0)
+
+
+def read_alignment(text: str) -> "tuple[str, Alignment]":
+    """Return camera and alignment from the value of `--alignment`."""
+    from dic import CorrelationError, load_alignment
+
+    camera, equals, file = text.partition("=")
+    if camera and equals and file:
+        return camera, load_alignment(Path(file))
+    raise CorrelationError(
+        "settings",
+        "alignment",
+        "CAMERA=FILE",
+        text,
+        "name the camera that the alignment belongs to: --alignment on_axis=FILE",
+    )
+
+
+def _make_folder(folder: Path) -> None:
+    from dic import OutputError
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            str(folder),
+            "write results",
+            "a folder that can be made",
+            str(error.strerror or error),
+            "name another place",
+        ) from error
+
+
+def save_alignments(folder: Path, result: "RunResult") -> None:
+    """Write the alignment of each camera that a rotation has solved."""
+    from dic import save_alignment
+    from dic.shell.console import say
+
+    for camera, corrections in result.corrections.cameras.items():
+        if corrections.alignment is not None:
+            path = folder / f"{camera}.alignment.json"
+            save_alignment(corrections.alignment, path)
+            say(f"alignment: {path}")

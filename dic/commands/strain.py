@@ -1,0 +1,236 @@
+"""The command `dic strain`, which computes strain anew from the displacement fields of a result file."""
+
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from dic.commands.correlation_options import (
+    COMMA_NEEDS,
+    StrainOptions,
+    comma_option,
+    csv_option,
+    hinge_mm,
+    hinge_option,
+    poisson_option,
+    shift_option,
+    strain_options,
+)
+from dic.commands.option_groups import all_of, as_in_results, option_group
+from dic.commands.run_output import OutputOptions as RunOutputs
+from dic.commands.run_output import end_run, read_alignment
+from dic.shell.output_paths import FORCE, require_places
+
+if TYPE_CHECKING:
+    from dic import CorrectionSettings, Motion
+
+_FILE = click.Path(path_type=Path)
+
+
+@dataclass(frozen=True)
+class AnewOptions:
+    """Options for what strain is computed with beside the fields; None for the value in RESULTS."""
+
+    calibration_file: Path | None
+    plate_mm: float | None
+    motion: str | None
+    poisson_ratio: float | None
+    shift_std_um: float | None
+    hinge_text: str | None
+    alignments: tuple[str, ...]
+
+    def of_series(self, known: "Motion") -> "Motion":
+        """Return the motion of a series, whose values without an option are in `known`."""
+        from dic import Motion, load_alignment
+
+        if self.motion not in (None, known.kind):
+            known = Motion(self.motion)
+        values = self._values()
+        if self.alignments:
+            values["alignment"] = load_alignment(Path(self.alignments[-1]))
+        return replace(known, **values)
+
+    def of_run(self, known: "CorrectionSettings") -> "CorrectionSettings | None":
+        """Return the settings of the corrections of a run; None without options, for those of the result."""
+        values = self._values()
+        if self.alignments:
+            found = all_of(*(partial(read_alignment, text) for text in self.alignments))
+            values["alignments"] = dict(found)
+        return replace(known, **values) if values else None
+
+    def require(self, source: str, *, series: bool) -> None:
+        """Raise an error for an option that serves the other kind of results only."""
+        from dic import CorrelationError
+
+        idle = {"--plate-mm": self.plate_mm} if series else {
+            "--calibration": self.calibration_file, "--motion": self.motion,
+        }  # fmt: skip
+        for option, value in idle.items():
+            if value is not None:
+                other, kind = ("a run", "a series of images") if series else ("a series of images", "a run")
+                expected, remedy = f"the results of {other}", f"leave out {option}"
+                raise CorrelationError(source, f"apply {option}", expected, f"those of {kind}", remedy)
+
+    def _values(self) -> dict[str, Any]:
+        values = {
+            "poisson_ratio": self.poisson_ratio,
+            "shift_std_um": self.shift_std_um,
+            "tilt_axis_mm": hinge_mm(self.hinge_text),
+        }
+        return {name: value for name, value in values.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class OutputOptions:
+    """Options that name the output files of `dic strain`."""
+
+    output: Path | None
+    csv_folder: Path | None
+    decimal_comma: bool
+    json_file: Path | None
+    force: bool
+
+
+@click.command()
+@click.argument("results", type=_FILE)
+@strain_options
+@option_group(
+    "anew",
+    AnewOptions,
+    click.option(
+        "--calibration", "calibration_file", type=_FILE, help="Calibration file, for a series of images."
+    ),
+    click.option(
+        "--plate-mm",
+        type=float,
+        help="Distance of the surface behind the grid's lines, for a run.",
+    ),
+    click.option("--motion", help="Motion of the specimen, for a series: rigid, tension or free."),
+    poisson_option,
+    shift_option,
+    hinge_option,
+    click.option(
+        "--alignment",
+        "alignments",
+        multiple=True,
+        metavar="[CAMERA=]FILE",
+        help="Alignment file from an earlier rotation on this fixture; for a run with the camera's name, and"
+        " repeated for each camera.",
+    ),
+)
+@option_group(
+    "outputs",
+    OutputOptions,
+    click.option("-o", "--output", type=_FILE, help="New result file, HDF5."),
+    csv_option,
+    comma_option,
+    click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results."),
+    FORCE,
+    needs=COMMA_NEEDS,
+)
+def strain(results: Path, strain: StrainOptions, anew: AnewOptions, outputs: OutputOptions) -> None:
+    """Compute strain anew from the displacement fields in RESULTS, without images and without correlation.
+
+    RESULTS is the result file of `dic correlate` or `dic process`. What no option changes stays as it was in
+    RESULTS: strain window, calibration, assumed motion. The results are those of a whole measurement with the
+    same settings.
+
+    Exit status: 0 if all images are measured well, 1 if an image is measured poorly, 2 if an image could not
+    be measured.
+    """
+    from dic.pipeline.series_result_file import is_series_result
+
+    series = is_series_result(results)
+    anew.require(str(results), series=series)
+    alignments = [Path(text.rpartition("=")[2]) for text in anew.alignments]
+    read = [results, anew.calibration_file, *alignments]
+    if series:
+        _of_series(results, strain, anew, outputs, read)
+    else:
+        _of_run(results, strain, anew, outputs, read)
+
+
+as_in_results(strain, [field.name for kind in (StrainOptions, AnewOptions) for field in fields(kind)])
+
+
+def _of_series(
+    results: Path,
+    strain: StrainOptions,
+    anew: AnewOptions,
+    outputs: OutputOptions,
+    read: list[Path | None],
+) -> None:
+    from dic import MapSettings
+    from dic.commands.series_evaluation import SeriesEvaluation, SeriesPlaces, end
+    from dic.commands.series_options import read_set_up
+    from dic.pipeline.series_files import SeriesFiles
+    from dic.pipeline.series_result_file import load_series_result
+    from dic.pipeline.series_set_up import SeriesSetUp
+    from dic.pipeline.strain_anew import job_of_fields, origin_anew
+    from dic.results.job import Job, as_text
+
+    result = load_series_result(results)
+    job = job_of_fields(result)
+    known = SeriesSetUp.of_job(job, result.calibration)
+    how, motion = all_of(partial(strain.settings, known.strain), partial(anew.of_series, known.motion))
+    set_up = replace(known, strain=how, motion=motion)
+    if anew.calibration_file is not None:
+        set_up = read_set_up(anew.calibration_file, how, motion)
+    set_up.require_use(result.series.reference.shape)
+    labels = [each.label for each in result.outcomes]
+    files = SeriesFiles(outputs.output, outputs.csv_folder, None, [Path(label) for label in labels])
+    require_places(read, [outputs.json_file, *files.all()], force=outputs.force)
+    origin = origin_anew(result, read, Job(job.fields, as_text(set_up.as_dict())))
+    places = SeriesPlaces(files, MapSettings(), outputs.decimal_comma)
+    work = SeriesEvaluation(result.series.reference, labels, result.fields.settings, set_up, places)
+    images = result.correlated
+    work.run(images, images.__getitem__, origin, "computing strain")
+    if outputs.json_file is not None:
+        work.write_json(outputs.json_file, result.reference_name, None)
+    end(work.record)
+
+
+def _of_run(
+    results: Path,
+    strain: StrainOptions,
+    anew: AnewOptions,
+    outputs: OutputOptions,
+    read: list[Path | None],
+) -> None:
+    from dic import load_run_result, strain_of_run
+    from dic.commands.run_table import table
+    from dic.pipeline.run_set_up import strain_of_job
+    from dic.pipeline.strain_anew import job_of_fields
+    from dic.shell.console import say
+    from dic.shell.progress import progress
+
+    result = load_run_result(results)
+    known = strain_of_job(job_of_fields(result))
+    how, correcting = all_of(partial(strain.settings, known), partial(anew.of_run, result.correcting))
+    places = RunOutputs(
+        outputs.output,
+        None,
+        outputs.csv_folder,
+        None,
+        outputs.decimal_comma,
+        outputs.json_file,
+        outputs.force,
+    )
+    places.require_places(read, outputs.output)
+    with progress("computing strain") as bar:
+        bar.expect(sum(len(camera.measurements) for camera in result.cameras))
+        found = strain_of_run(
+            result,
+            outputs.output,
+            strain=how,
+            correcting=correcting,
+            plate_mm=anew.plate_mm,
+            on_image=bar.advance,
+        )
+    say(table(found))
+    if outputs.output is not None:
+        say(f"results: {outputs.output}")
+    places.write(found)
+    end_run(result.source, found)

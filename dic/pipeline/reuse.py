@@ -1,0 +1,103 @@
+"""Results on file that a new measurement can use: their fields, or all of them."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+from dic.errors import OutputError, RunFileError
+from dic.pipeline.run_result import RunResult
+from dic.pipeline.series_result_file import SeriesResult
+from dic.pipeline.strain_anew import job_of_fields
+from dic.results.job import Outcome
+from dic.results.place import ResultPlace
+
+Result = TypeVar("Result", SeriesResult, RunResult)
+
+SAME = "holds these results already: equal input, settings and versions; nothing is correlated"
+FIELDS = "its displacement fields are used again; nothing is correlated"
+
+
+def fields_on_file(
+    place: ResultPlace,
+    load: Callable[[Path], Result],
+    fields: Mapping[str, Any],
+    images: Callable[[], Mapping[str, Sequence[Outcome]]],
+) -> Result | None:
+    """Return the result on file whose fields are those of a measurement; None if there is none.
+
+    Parameters
+    ----------
+    place : ResultPlace
+        Names the file: that of the result to be written, or the one from which the user wants the fields.
+    load : callable
+        Function that reads a result file.
+    fields : mapping
+        All that determines the fields beside the images, as values for JSON.
+    images : callable
+        Function that returns the images of the measurement, by their camera's name ("" for a series of
+        images).
+
+    Raises
+    ------
+    RunFileError
+        If the user named a file whose fields are of another measurement, or cannot be used.
+    """
+    if place.fields_from is None:
+        try:
+            result = load(place.path)
+            return None if _difference(result, fields, images) else result
+        except RunFileError:
+            return None
+    result = load(place.fields_from)
+    different = _difference(result, fields, images)
+    if different:
+        raise RunFileError(
+            str(place.fields_from),
+            "use its displacement fields again",
+            "a result of the same images with the same settings of the correlation",
+            f"one with other {different}",
+            "leave out --fields-from to correlate the images",
+        )
+    return result
+
+
+def require_replaceable(place: ResultPlace) -> None:
+    """Raise an error if the file holds other results that must not be replaced.
+
+    Raises
+    ------
+    OutputError
+    """
+    if place.path.exists() and not place.replace:
+        expected, remedy = "a file of its own", "name another place, or replace it with --force"
+        raise OutputError(str(place.path), "write results", expected, "one that exists", remedy)
+
+
+def _difference(
+    result: SeriesResult | RunResult,
+    fields: Mapping[str, Any],
+    images: Callable[[], Mapping[str, Sequence[Outcome]]],
+) -> str:
+    """Return the names of what differs between a result and a measurement; "" if nothing does."""
+    found, wanted = json.loads(job_of_fields(result).fields), json.loads(json.dumps(fields))
+    different = [name for name in {**wanted, **found} if found.get(name) != wanted.get(name)]
+    if different:
+        return ", ".join(different)
+    cameras = result.cameras if isinstance(result, RunResult) else []
+    given = images()
+    outcomes = {camera.camera: camera.outcomes for camera in cameras} or {"": getattr(result, "outcomes", [])}
+    same = outcomes.keys() == given.keys() and all(
+        len(given[name]) == len(of_file) and all(map(_is_same, of_file, given[name]))
+        for name, of_file in outcomes.items()
+    )
+    return "" if same else "images"
+
+
+def _is_same(found: Outcome, wanted: Outcome) -> bool:
+    """Return True if the outcome of an image on file is that of an image to be measured.
+
+    The reason for a failure may name the image, so images that failed must have the same name.
+    """
+    same = bool(wanted.content) and found.content == wanted.content
+    return same and (found.failure is None or found.label == wanted.label)

@@ -1,0 +1,196 @@
+"""The correlation of a run's images: the calibration of every camera, and the fields of every step."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from functools import partial
+from threading import Event
+from typing import Any
+
+import numpy as np
+
+from dic.calibration.calibration import Calibration
+from dic.calibration.plate import behind
+from dic.correlation.series import Series
+from dic.correlation.settings import CorrelationSettings
+from dic.errors import CalibrationError, RunFileError
+from dic.files.lazy import Computed
+from dic.image.threads import processors
+from dic.pipeline.camera_result import CameraResult
+from dic.pipeline.correlated import UNREADABLE, SeriesImage, correlate_series
+from dic.pipeline.images import measurement_of
+from dic.results.job import content_of
+from dic.results.unfinished import Unfinished
+from dic.runfile.reader import RunFile, RunStep
+from dic.specimen.find import SpecimenNotFound
+from dic.strain.measurement import Measurement
+from dic.strain.strain import StrainSettings
+from dic.targets.find import CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget, Target, find_target
+from dic.typing import Float, Grey, Mask
+
+
+@dataclass(frozen=True)
+class RunCorrelation:
+    """The correlation of all cameras of a run, into the folder of finished images.
+
+    Attributes
+    ----------
+    run : RunFile
+    kept : Unfinished
+        The folder of finished images.
+    settings : CorrelationSettings
+    strain : StrainSettings
+    incremental : str
+    plate_mm : float
+        Distance of the specimen's surface behind the grid's lines.
+    on_image : callable
+        Function that is called after each image.
+    """
+
+    run: RunFile
+    kept: Unfinished
+    settings: CorrelationSettings
+    strain: StrainSettings
+    incremental: str
+    plate_mm: float
+    on_image: Callable[[], None]
+    stopped: Event = field(default_factory=Event)
+
+    def correlate_all(self) -> list[CameraResult]:
+        """Correlate the images of all cameras in parallel."""
+        # Threads can use all cores, because the compiled correlation releases Python's global lock.
+        with ThreadPoolExecutor() as pool:
+            tasks = [pool.submit(self.correlate, camera) for camera in self.run.cameras]
+            try:
+                return [task.result() for task in tasks]
+            except BaseException:
+                # The pool waits for its threads to finish. Tell them to stop; otherwise the program would
+                # process the whole run before it ends after Ctrl-C.
+                self.stopped.set()
+                raise
+
+    def correlate(self, camera: str) -> CameraResult:
+        """Correlate the images of a camera. Its measurements are computed when they are used."""
+        # The fields do not depend on the plate, so another plate needs no correlation.
+        run, lines = self.run, _calibrate(self.run, camera)
+        calibration = behind(lines, self.plate_mm) if self.plate_mm else lines
+        first, *others = run.series()
+        reference = run.image(camera, first)
+        region = _calibrated_region(lines, reference.shape)
+        series = self._series(reference, region)
+        finished = self.kept.series(run.cameras.index(camera))
+        turn = _Turn(lines, first.angle_deg)
+        images = (
+            SeriesImage(partial(run.image, camera, step), f"step {step.index}", hint, digest)
+            for step in others
+            if not self.stopped.is_set()
+            for hint, digest in [(turn.hint(step), step_digest(run, camera, step))]
+        )
+        steps, numbers, failures, outcomes = [], [], [], []
+        correlated = correlate_series(series, images, finished)
+        for number, (step, found) in enumerate(zip(others, correlated, strict=False), 1):
+            outcomes.append(replace(found.outcome, content=step_content(run, camera, step)))
+            if found.fields is None:
+                failures.append(f"{run.path}: {camera}, {found.label}: {found.failure}")
+            else:
+                numbers.append(number)
+                steps.append(step)
+            self.on_image()
+
+        shared = series.shared
+
+        def measurement(k: int) -> Measurement:
+            return measurement_of(finished.read(numbers[k], shared), calibration, self.strain)
+
+        measurements = Computed(len(numbers), measurement)
+        return CameraResult(
+            camera, calibration, reference, steps, measurements, failures, series.specimen, outcomes
+        )
+
+    def _series(self, reference: Grey, area: Mask) -> Series:
+        """Return the series of a camera, on the specimen in the calibrated area, or on all of this area."""
+        how: dict[str, Any] = {
+            "incremental": self.incremental,
+            "threads": max(1, processors() // len(self.run.cameras)),
+        }
+        try:
+            return Series(reference, None, self.settings, within=area, **how)
+        except SpecimenNotFound:
+            # A run has no other place than the calibrated area. Each subset there is checked for texture.
+            return Series(reference, area, self.settings, **how)
+
+
+def step_content(run: RunFile, camera: str, step: RunStep) -> str:
+    """Return the text that identifies an image of a run, with the angle that gives its first guess."""
+    digest = step_digest(run, camera, step)
+    turned_deg = step.angle_deg - run.series()[0].angle_deg
+    return "" if digest == UNREADABLE else content_of(digest, [turned_deg])
+
+
+def step_digest(run: RunFile, camera: str, step: RunStep) -> str:
+    """Return the digest of a camera's frames at a step; `UNREADABLE` if they cannot be read."""
+    try:
+        return run.digest(camera, step)
+    except RunFileError:
+        # Reading the image raises an error that names the reason.
+        return UNREADABLE
+
+
+def _calibrate(run: RunFile, camera: str) -> Calibration:
+    image = run.image(camera, run.step_of_kind("grid"))
+    source = f"{run.path}: {camera}"
+    try:
+        grid = find_target(image, _target(run), source)
+    except CalibrationError as error:
+        raise CalibrationError(source, error.step, error.expected, error.got, error.remedy) from error
+    return Calibration.fit(grid, image.shape, source)
+
+
+def _target(run: RunFile) -> Target:
+    counts, pitch_mm = run.grid_lines, run.grid_pitch_mm
+    match run.grid_target:
+        case "lines":
+            return LineGridTarget(counts, pitch_mm)
+        case "checkerboard":
+            return CheckerboardTarget(counts, pitch_mm)
+        case "charuco":
+            return CharucoTarget(counts, pitch_mm, run.grid_marker_mm, run.grid_dictionary)
+        case "dots":
+            return DotTarget(counts, pitch_mm)
+    raise CalibrationError(
+        str(run.path),
+        "find target",
+        "lines, checkerboard, charuco or dots",
+        repr(run.grid_target),
+        "process the run with the version of offaxis that recorded it, or a newer one",
+    )
+
+
+def _calibrated_region(calibration: Calibration, shape: tuple[int, ...]) -> Mask:
+    """Return a mask of the calibrated area, in which all points of interest must lie."""
+    height, width = shape
+    x, y = np.meshgrid(np.arange(width), np.arange(height))
+    pixels = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
+    return calibration.inside(pixels).reshape(height, width)
+
+
+class _Turn:
+    """Prediction of the specimen's motion in the image from the angle of the rotation stage."""
+
+    def __init__(self, calibration: Calibration, start_deg: float) -> None:
+        import cv2
+
+        grid = calibration.grid
+        plane, _ = cv2.findHomography(grid.uv_px, grid.xy_mm)
+        self._to_mm: Float = np.asarray(plane, np.float64)
+        self._start_deg = start_deg
+
+    def hint(self, step: RunStep) -> Float | None:
+        """Return the homography of a rotation about the grid's centre; None if the run has no stage angle."""
+        turned = np.radians(step.angle_deg - self._start_deg)
+        if not np.isfinite(turned):
+            return None
+        c, s = np.cos(turned), np.sin(turned)
+        rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        motion: Float = np.linalg.inv(self._to_mm) @ rotation @ self._to_mm
+        return np.asarray(motion / motion[2, 2])

@@ -1,0 +1,68 @@
+"""What the strains of a run are computed with, once its fields are known, and the file that they give."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dic.correlation.settings import CorrelationSettings
+from dic.pipeline.camera_result import CameraResult
+from dic.pipeline.run_corrections import CorrectionSettings, RunCorrector
+from dic.pipeline.run_result_file import RunResultWriter
+from dic.results.job import Job
+from dic.results.provenance import Provenance
+from dic.runfile.reader import RunInfo
+from dic.strain.strain import StrainSettings
+
+
+@dataclass(frozen=True)
+class RunSetUp:
+    """A run, and what its strains are computed with beside its fields.
+
+    Attributes
+    ----------
+    source : str
+        Path of the run file.
+    info : RunInfo
+    settings : CorrelationSettings
+        Settings of the correlation that gave the fields.
+    strain : StrainSettings
+    correcting : CorrectionSettings
+        Settings of the corrections, with the values that the run file declares.
+    plate_mm : float
+        Distance of the specimen's surface behind the grid's lines.
+    """
+
+    source: str
+    info: RunInfo
+    settings: CorrelationSettings
+    strain: StrainSettings
+    correcting: CorrectionSettings
+    plate_mm: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what identifies strain and corrections as values for JSON."""
+        correcting = json.loads(self.correcting.as_text())
+        return {"strain": vars(self.strain), "correcting": correcting, "plate_mm": self.plate_mm}
+
+    def write(self, path: Path, cameras: Sequence[CameraResult], origin: Provenance) -> None:
+        """Correct the strains of all steps one by one, and write the result file."""
+        corrector = RunCorrector(cameras, self.correcting)
+        outlines = []
+        with RunResultWriter(path, cameras, origin, corrector.pair) as writer:
+            for step in corrector.steps():
+                writer.add(step)
+                outlines.append(step.outline)
+            corrections = corrector.corrections(outlines)
+            writer.finish(self.source, self.info, self.settings, self.correcting, corrections)
+
+
+def strain_of_job(job: Job) -> StrainSettings:
+    """Return the settings of the strain with which the result of a run was computed."""
+    return StrainSettings(**json.loads(job.strains)["strain"])
+
+
+def plate_of_job(job: Job) -> float:
+    """Return the distance of the surface behind the grid's lines with which a result was computed, mm."""
+    return float(json.loads(job.strains)["plate_mm"])

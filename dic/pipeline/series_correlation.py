@@ -1,0 +1,118 @@
+"""The correlation of the image files of a series, which keeps finished images beside the result file."""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from dic.correlation.series import Series
+from dic.pipeline.correlated import FileDigests, SeriesImage, correlate_series, series_job
+from dic.pipeline.reuse import fields_on_file, require_replaceable
+from dic.pipeline.series_result_file import SeriesResult, load_series_result
+from dic.pipeline.series_set_up import SeriesSetUp
+from dic.pipeline.series_sources import SeriesSources
+from dic.pipeline.strain_anew import job_of_fields
+from dic.results.job import Outcome, as_text
+from dic.results.place import ResultPlace
+from dic.results.unfinished import FinishedImage, Unfinished, result_place, unfinished
+from dic.typing import Float
+
+
+@dataclass
+class SeriesCorrelation:
+    """The correlation of the image files of a series.
+
+    Attributes
+    ----------
+    series : Series
+    sources : SeriesSources
+    incremental : str
+        The rule for new references.
+    hint : ndarray, shape (3, 3), or None
+        The expected motion of every image.
+    kept : Unfinished or None
+        The folder of finished images, within `keeping`.
+    known : SeriesResult or None
+        A result on file that holds the fields, after `look_up`.
+    """
+
+    series: Series
+    sources: SeriesSources
+    incremental: str
+    hint: Float | None = None
+    kept: Unfinished | None = None
+    known: SeriesResult | None = None
+    _digests: FileDigests = field(default_factory=FileDigests)
+
+    @property
+    def job(self) -> dict[str, Any]:
+        """All that determines the fields beside the images, as values for JSON."""
+        return series_job(self.series, self._digests.of(self.sources.reference), self.incremental)
+
+    def look_up(self, place: ResultPlace, set_up: SeriesSetUp) -> SeriesResult | None:
+        """Look for a result on file that holds the fields; return it if it holds the strains too.
+
+        Raises
+        ------
+        OutputError
+            If there are other results, which must not be replaced.
+        RunFileError
+            If the user named a file whose fields are of another measurement.
+        """
+        self.known = fields_on_file(place, load_series_result, self.job, lambda: {"": self._contents()})
+        if self.known is None or Path(self.known.source) != place.path:
+            require_replaceable(place)
+            return None
+        names = [each.label for each in self.known.outcomes] == [str(path) for path in self.sources.images]
+        if names and job_of_fields(self.known).strains == as_text(set_up.as_dict()):
+            return self.known
+        require_replaceable(place)
+        return None
+
+    @contextmanager
+    def keeping(self, place: ResultPlace | None, written: Iterable[Path | None]) -> Iterator[None]:
+        """Keep every image that is finished, in a folder beside the result file until the block ends.
+
+        Parameters
+        ----------
+        place : ResultPlace or None
+            The result file. Without one, the images are in a temporary folder.
+        written : iterable of Path or None
+            All files that the measurement writes.
+        """
+        others, anew = [path for path in written if path is not None], place is not None and place.anew
+        with (
+            result_place(None if place is None else place.path) as result,
+            unfinished(result, self.job, others, anew=anew) as self.kept,
+        ):
+            yield
+
+    def images(self) -> Iterator[FinishedImage]:
+        """Correlate the images one by one, when the caller asks for the next, or read their fields."""
+        if self.known is not None:
+            return map(self.again, range(len(self.sources.images)))
+        # Without the folder no image is looked for among those that are finished.
+        kept = self.kept
+        given = (self._image(path, digested=kept is not None) for path in self.sources.images)
+        return correlate_series(self.series, given, None if kept is None else kept.series(0))
+
+    def again(self, number: int) -> FinishedImage:
+        """Return an image that was correlated, by its index in the series."""
+        if self.known is not None:
+            return replace(self.known.correlated[number], label=str(self.sources.images[number]))
+        if self.kept is None:
+            raise ValueError("no finished image is kept")
+        return self.kept.series(0).read(number + 1, self.series.shared)
+
+    def stay(self) -> None:
+        """Leave the folder of finished images when the block of `keeping` ends."""
+        if self.kept is not None:
+            self.kept.stays = True
+
+    def _image(self, path: Path, *, digested: bool) -> SeriesImage:
+        return SeriesImage(path, str(path), self.hint, self._digests.of(path) if digested else "")
+
+    def _contents(self) -> list[Outcome]:
+        images = (self._image(path, digested=True) for path in self.sources.images)
+        return [Outcome(image.label, image.content) for image in images]

@@ -1,0 +1,146 @@
+"""The displacement fields of a series in a result file, with all that strain needs from a correlation."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from dic.correlation.field import Field
+from dic.correlation.series import SeriesFields
+from dic.correlation.settings import CorrelationSettings
+from dic.files.lazy import Computed
+from dic.image.point_grid import PointGrid
+from dic.results.job import Outcome
+from dic.results.schema import units_of
+from dic.results.unfinished import FinishedImage
+from dic.typing import Float, Mask
+
+NOT_SMOOTHED: dict[str, Any] = {"smoothing_px": 0.0}
+"""Settings that files of earlier versions lack."""
+
+
+def read_settings(group: Any, settings: type[Any], prefix: str = "") -> dict[str, Any]:
+    """Return the settings of a series, which are attributes of its group, by their names."""
+    names = [field.name for field in fields(settings)]
+    older = {name: NOT_SMOOTHED[name] for name in names if name in NOT_SMOOTHED}
+    stored = [name for name in names if name not in older or prefix + name in group.attrs]
+    return older | {name: plain(group.attrs[prefix + name]) for name in stored}
+
+
+def plain(value: Any) -> Any:
+    """Return a NumPy scalar from an HDF5 file as a Python number; return other values unchanged."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+class StoredFields:
+    """The fields of a series, each of which is read from the open result file when it is used.
+
+    Parameters
+    ----------
+    series : h5py.Group
+        Group of the file that `ResultWriter.add` wrote.
+
+    Attributes
+    ----------
+    settings : CorrelationSettings
+    region : ndarray of bool, shape (height, width), or None
+        The region of interest; None in files of earlier versions.
+    grid : PointGrid or None
+        The points, and the pixels that their subsets used; None in files of earlier versions.
+    """
+
+    def __init__(self, series: Any) -> None:
+        self._series = series
+        self.settings = CorrelationSettings(**read_settings(series, CorrelationSettings))
+        self._x_px, self._y_px = series["x_px"][:], series["y_px"][:]
+        self._active: Mask = series["active"][:].astype(np.bool_)
+        self.region: Mask | None = series["region"][:].astype(np.bool_) if "region" in series else None
+        self.grid = _read_grid(series, self._x_px, self._y_px, self._active) if "usable" in series else None
+
+    def __len__(self) -> int:
+        return len(self._series["label"])
+
+    def __getitem__(self, k: int) -> Field:
+        return self.field(k)
+
+    def field(self, k: int, *, gradients: bool = True) -> Field:
+        """Return a field; without gradients, which need not be read, these are NaN."""
+        series = self._series
+        # Files of earlier versions lack the interpolation bias: images were not smoothed.
+        known = "bias_u_px" in series
+        bias = np.stack([series["bias_u_px"][k], series["bias_v_px"][k]], axis=-1) if known else None
+        std = self._joined(k, "std_u_px", "std_v_px", "std_gradient", gradients=gradients)
+        if "noise_std_px" in series:
+            std[..., [0, 3]] = series["noise_std_px"][k]
+        elif bias is not None:
+            # The standard deviations of displacements contain the bias.
+            std[..., [0, 3]] = np.sqrt(np.maximum(std[..., [0, 3]] ** 2 - bias**2, 0.0))
+        # Files of earlier versions lack this value: the program could not yet take new references.
+        updates = int(series["updates"][k]) if "updates" in series else 0
+        return Field(
+            x_px=self._x_px,
+            y_px=self._y_px,
+            warps=self._joined(k, "u_px", "v_px", "gradient", gradients=gradients),
+            std=std,
+            zncc=series["zncc"][k],
+            iterations=series["iterations"][k].astype(np.int16),
+            status=series["status"][k].astype(np.int8),
+            active=self._active,
+            start=str(series["start"].asstr()[k]),
+            settings=self.settings,
+            updates=updates,
+            smoothing_px=float(series["smoothing_px"][k]) if known else 0.0,
+            greatest_bias_px=_pair(series["greatest_bias_px"][k]) if known else (0.0, 0.0),
+            # The bias of a single field, and that of its gradient, follow from its displacements.
+            stored_bias_px=bias if updates or not gradients else None,
+            region=self.region,
+            grid=self.grid,
+        )
+
+    def images(self, outcomes: Sequence[Outcome]) -> Sequence[FinishedImage]:
+        """Return the correlated images of the series in their order, with the fields of this file.
+
+        Parameters
+        ----------
+        outcomes : sequence of Outcome
+            What became of all images of the series, as `read_outcomes` returns it.
+        """
+        rows = np.cumsum([each.failure is None for each in outcomes]) - 1
+
+        def image(k: int) -> FinishedImage:
+            each = outcomes[k]
+            if each.failure is not None:
+                return FinishedImage(each.label, failure=each.failure, content=each.content)
+            field, digest = self[int(rows[k])], str(self._series["sha256"].asstr()[rows[k]])
+            return FinishedImage(each.label, digest, SeriesFields(field, field), content=each.content)
+
+        return Computed(len(outcomes), image)
+
+    def _joined(self, k: int, u: str, v: str, gradient: str, *, gradients: bool) -> Float:
+        unread = np.full((4, *self._active.shape), np.nan)
+        slopes = np.moveaxis(self._series[gradient][k], -1, 0) if gradients else unread
+        return np.stack([self._series[u][k], *slopes[:2], self._series[v][k], *slopes[2:]], axis=-1)
+
+
+def write_points(group: Any, field: Field) -> None:
+    """Write the points of a series, their region, and the pixels that their subsets use."""
+    group["x_px"], group["y_px"] = field.x_px, field.y_px
+    group["active"] = field.active.astype(np.uint8)
+    masks: Mapping[str, Any] = {} if field.region is None else {"region": field.region}
+    if field.grid is not None:
+        group["subset_pixels"] = field.grid.pixels
+        masks = {**masks, "usable": field.grid.usable, "subset_cut": field.grid.cut}
+    for name, mask in masks.items():
+        group.create_dataset(name, data=mask.astype(np.uint8), compression="gzip")
+    for name in group:
+        group[name].attrs["units"] = units_of(name)
+
+
+def _read_grid(series: Any, x: Any, y: Any, active: Mask) -> PointGrid:
+    cut, usable = (series[name][:].astype(np.bool_) for name in ("subset_cut", "usable"))
+    return PointGrid(x, y, active, series["subset_pixels"][:], cut, usable)
+
+
+def _pair(values: Float) -> tuple[float, float]:
+    return float(values[0]), float(values[1])

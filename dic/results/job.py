@@ -1,0 +1,84 @@
+"""All that determines a result, as texts that can be compared: equal texts and images give the same bits."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from typing import Any
+
+import h5py
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Job:
+    """All that determines a result beside the images, as JSON texts with sorted keys.
+
+    Attributes
+    ----------
+    fields : str
+        What determines the displacement fields: reference, region, settings of the correlation, versions.
+    strains : str
+        What determines strains and corrections, once the fields are known.
+    """
+
+    fields: str
+    strains: str
+
+    @classmethod
+    def of(cls, fields: Mapping[str, Any], strains: Mapping[str, Any]) -> "Job":
+        """Return the job that values for JSON describe."""
+        return cls(as_text(fields), as_text(strains))
+
+
+def as_text(values: Mapping[str, Any]) -> str:
+    """Return values as a JSON text that is the same for equal values."""
+    return json.dumps(values, indent=1, sort_keys=True)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of an image of a series.
+
+    Attributes
+    ----------
+    label : str
+        Name of the image.
+    content : str
+        The result of `content_of`; "" if the image could not be read.
+    failure : str or None
+        The reason why the image could not be correlated; None if it was correlated.
+    """
+
+    label: str
+    content: str
+    failure: str | None = None
+
+
+def content_of(digest: str, guess: Iterable[float] = ()) -> str:
+    """Return a text that identifies an image's content and its first guess; "" without a digest."""
+    if not digest:
+        return ""
+    return sha256(" ".join([digest, *(float(value).hex() for value in guess)]).encode()).hexdigest()
+
+
+def write_outcomes(group: Any, outcomes: Sequence[Outcome]) -> None:
+    """Write what became of all images of a series, in their order, into a new group `images`."""
+    images, text = group.create_group("images"), h5py.string_dtype()
+    for name in ("label", "content"):
+        images.create_dataset(name, data=[getattr(each, name) for each in outcomes], dtype=text)
+    images.create_dataset("failure", data=[each.failure or "" for each in outcomes], dtype=text)
+    failed = np.array([each.failure is not None for each in outcomes], np.uint8)
+    images.create_dataset("failed", data=failed).attrs["units"] = "1"
+
+
+def read_outcomes(group: Any) -> list[Outcome]:
+    """Return what became of the images of a series; nothing from files of earlier versions."""
+    if "images" not in group:
+        return []
+    images = group["images"]
+    columns = [images[name].asstr()[:] for name in ("label", "content", "failure")]
+    return [
+        Outcome(str(label), str(content), str(failure) if failed else None)
+        for label, content, failure, failed in zip(*columns, images["failed"][:], strict=True)
+    ]

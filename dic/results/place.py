@@ -1,0 +1,27 @@
+"""The place of a result file, and what a measurement may do with the results that are there."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class ResultPlace:
+    """The place of a result file, and what may be done with earlier results.
+
+    Attributes
+    ----------
+    path : Path
+        The result file. If it holds the same results already, it stays as it is.
+    replace : bool
+        True if other results there may be replaced.
+    anew : bool
+        True if the finished images of an equal measurement that was interrupted are removed, not used.
+    fields_from : Path, optional
+        A result file whose fields are used instead of a correlation. Default: `path`, if its fields are
+        those of this measurement.
+    """
+
+    path: Path
+    replace: bool = True
+    anew: bool = False
+    fields_from: Path | None = None

@@ -1,0 +1,108 @@
+"""A second measurement does again only what changed; counted in correlated images."""
+
+import shutil
+
+import pytest
+
+from tests.command_line import refusal, run_dic
+from tests.dic.pipeline.rendered_run import slid, write_rendered_run
+from tests.dic.result_values import bits, results
+from tests.image_files import write_image
+
+
+@pytest.fixture
+def images(speckle, tmp_path):
+    """A reference and two images; the second shows something else, so it cannot be correlated."""
+    folder = tmp_path / "images"
+    folder.mkdir()
+    pattern, other = (speckle(seed=seed, shape=(160, 160)) for seed in (21, 99))
+    write_image(folder / "img0.png", pattern.draw())
+    write_image(folder / "img1.png", pattern.draw(lambda x, y: (x - 0.37, y)))
+    write_image(folder / "img2.png", other.draw())
+    return folder
+
+
+def command(images, *options):
+    return ("correlate", images, "--subset", 21, "--step", 20, *options)
+
+
+def test_equal_series_is_read_and_printed_again(images, tmp_path, correlated):
+    result = tmp_path / "r.h5"
+    first = run_dic(*command(images, "-o", result))
+    before, correlated[:] = result.stat().st_mtime_ns, []
+    again = run_dic(*command(images, "-o", result, "--csv", tmp_path / "csv", "--json", tmp_path / "r.json"))
+    assert correlated == []
+    assert (again.status, again.err) == (first.status, first.err)
+    (said,) = set(again.out.splitlines()) - set(first.out.splitlines())
+    assert said == f"{result}: holds these results already: equal input, settings and versions;" + (
+        " nothing is correlated"
+    )
+    assert result.stat().st_mtime_ns == before
+    assert (tmp_path / "csv" / "strain.csv").read_text().count("\n") == 3
+    assert len(again.report["images"]) == len(again.report["failures"]) == 1
+
+
+def test_changed_strain_alone_is_computed_again(images, tmp_path, correlated):
+    result, whole, other = (tmp_path / f"{name}.h5" for name in ("r", "whole", "other"))
+    assert run_dic(*command(images, "-o", result)).status == 2
+    assert run_dic(*command(images, "--strain-window", 5, "-o", whole)).status == 2
+    correlated.clear()
+    changed = command(images, "--strain-window", 5)
+    assert "one that exists; name another place, or replace it with --force" in refusal(
+        *changed, "-o", result
+    )
+    assert run_dic(*changed, "-o", other, "--fields-from", result).status == 2
+    done = run_dic(*changed, "-o", result, "--force")
+    assert f"{result}: its displacement fields are used again; nothing is correlated" in done.out
+    assert correlated == []
+    assert results(result) == results(other) == results(whole)
+
+
+def test_fields_of_another_measurement_are_refused_or_left(images, tmp_path, correlated):
+    result = tmp_path / "r.h5"
+    assert run_dic(*command(images, "-o", result)).status == 2
+    other = command(images, "--min-zncc", 0.7, "--fields-from", result, "-o", tmp_path / "n.h5")
+    assert "got one with other min_zncc; leave out --fields-from" in refusal(*other)
+    write_image(images / "img2.png", 255 - run_image(images / "img1.png"))
+    assert "got one with other images" in refusal(
+        *command(images, "--fields-from", result, "-o", tmp_path / "n.h5")
+    )
+    correlated.clear()
+    assert run_dic(*command(images, "-o", result, "--force")).status == 2
+    assert len(correlated) == 2
+
+
+def run_image(path):
+    from dic import read_image
+
+    return read_image(path).astype("uint8")
+
+
+def test_images_at_another_place_are_known_by_their_content(images, tmp_path, correlated):
+    result, moved = tmp_path / "r.h5", tmp_path / "moved"
+    (images / "img2.png").unlink()
+    assert run_dic(*command(images, "-o", result)).status == 0
+    shutil.copytree(images, moved)
+    correlated.clear()
+    assert "one that exists" in refusal(*command(moved, "-o", result))
+    assert run_dic(*command(moved, "-o", result, "--force", "--json", tmp_path / "r.json")).status == 0
+    assert correlated == []
+    done = run_dic(*command(moved, "-o", result, "--force", "--json", tmp_path / "r.json"))
+    assert [image["file"] for image in done.report["images"]] == [str(moved / "img1.png")]
+
+
+def test_equal_run_is_read_and_changed_strain_is_computed(tmp_path, correlated):
+    run = write_rendered_run(tmp_path / "run.h5", [slid(0.05)])
+    result, whole = tmp_path / "run.results.h5", tmp_path / "whole.h5"
+    words, changed = ("process", run, "--step", 40), ("--strain-window", 5, "--plate-mm", 0.5)
+    first = run_dic(*words)
+    assert run_dic(*words, *changed, "-o", whole).status == first.status == 0
+    before, correlated[:] = bits(result), []
+    again = run_dic(*words)
+    assert "holds these results already" in again.out
+    assert first.out.splitlines()[:4] == again.out.splitlines()[1:5]
+    assert bits(result) == before
+    assert "one that exists" in refusal(*words, *changed)
+    assert run_dic(*words, *changed, "--force").status == 0
+    assert correlated == []
+    assert results(result) == results(whole)

@@ -1,0 +1,29 @@
+"""What result files hold, to compare files with each other."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+
+def bits(path: Path) -> dict[str, bytes]:
+    """Every dataset and attribute of a result file, by its bits."""
+    found: dict[str, bytes] = {}
+
+    def add(name: str, item: h5py.HLObject) -> None:
+        if isinstance(item, h5py.Dataset):
+            values = item[()]
+            found[name] = (
+                repr(values.tolist()).encode() if item.dtype.kind == "O" else np.asarray(values).tobytes()
+            )
+        found.update({f"{name} {key}": repr(value).encode() for key, value in item.attrs.items()})
+
+    with h5py.File(path) as file:
+        file.visititems(add)
+    return found
+
+
+def results(path: Path) -> dict[str, bytes]:
+    """The bits of all results of a file, without the way in which they were made."""
+    ways = ("provenance command", "provenance/file", "provenance/sha256")
+    return {name: value for name, value in bits(path).items() if name not in ways}
