@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     from dic.pictures.settings import MapSettings
     from dic.pipeline.camera_result import CameraResult
     from dic.pipeline.correlated import SeriesImage
+    from dic.pipeline.gauge_record import GaugeCurve, ImageClock, gauge_curve, join_record
     from dic.pipeline.gauge_series import measure_gauges, write_gauge_picture
     from dic.pipeline.images import measure_images, measure_series
     from dic.pipeline.measured import measure
@@ -83,10 +84,13 @@ if TYPE_CHECKING:
     from dic.properties.plot import plot_properties
     from dic.properties.properties import Properties, material_properties
     from dic.properties.settings import PropertySettings
+    from dic.properties.shared_error import with_shared_error
     from dic.properties.value import PropertyValue
     from dic.quality.findings import quality_findings
     from dic.quality.plot import plot_quality
     from dic.quality.quality import Quality, assess_quality
+    from dic.records.joining import JoinedRecord
+    from dic.records.machine import MachineRecord, read_image_times, read_machine_record
     from dic.report.page import write_report
     from dic.results.csv import write_csv
     from dic.results.place import ResultPlace
@@ -133,15 +137,19 @@ __all__ = [
     "Extensometer",
     "Field",
     "Gauge",
+    "GaugeCurve",
     "GaugeError",
     "GaugeImage",
     "GaugeSeries",
     "GridPoints",
+    "ImageClock",
     "ImageError",
+    "JoinedRecord",
     "JointCorrections",
     "KnownCamera",
     "LineCut",
     "LineGridTarget",
+    "MachineRecord",
     "MapSettings",
     "MeanStrain",
     "MeasuredImage",
@@ -188,8 +196,10 @@ __all__ = [
     "draw_target",
     "find_specimen",
     "find_target",
+    "gauge_curve",
     "gauge_table_files",
     "gauge_text",
+    "join_record",
     "list_images",
     "load_alignment",
     "load_calibration",
@@ -210,6 +220,8 @@ __all__ = [
     "read_curve",
     "read_gauges",
     "read_image",
+    "read_image_times",
+    "read_machine_record",
     "read_region",
     "region_files",
     "rigid_motion",
@@ -219,6 +231,7 @@ __all__ = [
     "strain_of_run",
     "strain_of_series",
     "strain_resolution_px",
+    "with_shared_error",
     "write_contact_sheet",
     "write_csv",
     "write_example",
@@ -284,6 +297,7 @@ _NAMES_OF = {
     "dic.pictures.settings": ("MapSettings",),
     "dic.pipeline.camera_result": ("CameraResult",),
     "dic.pipeline.correlated": ("SeriesImage",),
+    "dic.pipeline.gauge_record": ("GaugeCurve", "ImageClock", "gauge_curve", "join_record"),
     "dic.pipeline.gauge_series": ("measure_gauges", "write_gauge_picture"),
     "dic.pipeline.images": ("measure_images", "measure_series"),
     "dic.pipeline.measured": ("measure",),
@@ -300,10 +314,13 @@ _NAMES_OF = {
     "dic.properties.plot": ("plot_properties",),
     "dic.properties.properties": ("Properties", "material_properties"),
     "dic.properties.settings": ("PropertySettings",),
+    "dic.properties.shared_error": ("with_shared_error",),
     "dic.properties.value": ("PropertyValue",),
     "dic.quality.findings": ("quality_findings",),
     "dic.quality.plot": ("plot_quality",),
     "dic.quality.quality": ("Quality", "assess_quality"),
+    "dic.records.joining": ("JoinedRecord",),
+    "dic.records.machine": ("MachineRecord", "read_image_times", "read_machine_record"),
     "dic.report.page": ("write_report",),
     "dic.results.csv": ("write_csv",),
     "dic.results.place": ("ResultPlace",),

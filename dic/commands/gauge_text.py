@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dic import GaugeImage, GaugeSeries
+    from dic import GaugeImage, GaugeSeries, JoinedRecord
 
 _NAME_WIDTH, _CELL_WIDTH, _MOST_WIDTH = 24, 19, 100
 
@@ -29,6 +29,14 @@ def gauge_lines(series: "GaugeSeries") -> Iterator[str]:
             if image.failure is None:
                 cells = " ".join(f"{_cell(image.best(name)[1]):>{_CELL_WIDTH}}" for name in some)
                 yield f"{_cut(label, width):<{width}} {cells}"
+
+
+def joined_line(joined: "JoinedRecord") -> str:
+    """Return how a machine's record was joined to the images."""
+    if joined.offset_s is None:
+        return f"load: joined by {joined.join}"
+    std = "" if joined.offset_std_s is None else f" ± {joined.offset_std_s:.2g} s, found from load and strain"
+    return f"load: joined by time, machine's time minus image's time {joined.offset_s:.6g} s{std}"
 
 
 def gauges_dict(series: "GaugeSeries") -> dict[str, Any]:

@@ -9,6 +9,7 @@ import click
 
 from dic.commands.correlation_options import comma_option
 from dic.commands.option_groups import option_group
+from dic.commands.record_options import RecordOptions, record_options
 from dic.files.writing import write_text
 from dic.shell.console import fail, say
 from dic.shell.output_paths import FORCE, require_places
@@ -48,6 +49,9 @@ class GaugeOutputs:
     help='A gauge, such as "axial=extensometer start=400,200 end=400,800 patch=40". May be repeated.',
 )
 @click.option("--camera", help="Camera of a run. Default: all, if all gauges are in millimetres.")
+@click.option("--load", metavar="COLUMN:UNIT", help="Column of the load in the machine's record.")
+@click.option("--time", metavar="COLUMN:UNIT", help="Column of the time in the machine's record.")
+@record_options
 @option_group(
     "outputs",
     GaugeOutputs,
@@ -63,31 +67,35 @@ def gauges(
     gauges_file: Path | None,
     texts: tuple[str, ...],
     camera: str | None,
+    load: str | None,
+    time: str | None,
+    record: RecordOptions,
     outputs: GaugeOutputs,
 ) -> None:
     """Read extensometers, strain-gauge areas, line cuts and points in all images of RESULTS.
 
     RESULTS is a result file of `dic correlate` or `dic process`. GAUGES is a TOML file that declares gauges
     by name. Nothing is correlated again. For each gauge the best strain is printed: corrected, else
-    calibrated, else raw.
+    calibrated, else raw. With --record, the load of a testing machine stands beside.
 
     Exit status: 0 if every gauge has a reading in every image, 1 if one has none, 2 if the gauges or the
     results cannot be used.
     """
     from dic import measure_gauges, read_gauges, write_gauge_picture, write_gauge_table
-    from dic.commands.gauge_text import gauge_lines
+    from dic.commands.gauge_text import gauge_lines, joined_line
 
     declared = read_gauges(gauges_file, texts)
-    require_places([results, gauges_file], outputs.files(declared), force=outputs.force)
-    found = measure_gauges(results, declared, camera=camera)
+    require_places([results, gauges_file, *record.files], outputs.files(declared), force=outputs.force)
+    found, joined = record.joined(measure_gauges(results, declared, camera=camera), load, time)
     for line in gauge_lines(found):
         say(line)
+    if joined is not None:
+        say(joined_line(joined))
     if outputs.output is not None:
         write_gauge_table(found, outputs.output, decimal_comma=outputs.decimal_comma)
     if outputs.json_file is not None:
-        write_text(
-            outputs.json_file, json.dumps(found.as_dict(), indent=1, ensure_ascii=False, allow_nan=False)
-        )
+        content = found.as_dict() | ({} if joined is None else {"record": joined.as_dict()})
+        write_text(outputs.json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
     if outputs.picture is not None:
         write_gauge_picture(results, declared, outputs.picture, camera=camera)
         say(f"picture: {outputs.picture}")

@@ -7,6 +7,7 @@ from typing import Any
 
 from dic.calibration.calibration import Calibration
 from dic.errors import GaugeError, require_kind
+from dic.files.reading import opened
 from dic.files.writing import write_figure
 from dic.gauges.declared import Gauge
 from dic.gauges.picture import draw_gauges
@@ -20,6 +21,7 @@ from dic.results.loading import Result
 from dic.typing import PathLike
 
 _DPI = 130
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 Results = PathLike | MeasuredSeries | SeriesResult | RunResult
 
@@ -135,6 +137,15 @@ def use_results(path: PathLike, use: Callable[[SeriesResult | RunResult], Result
         If the file is neither, or is damaged.
     """
     return use_series_result(path, use) if is_series_result(path) else use_run_result(path, use)
+
+
+def is_results(path: PathLike) -> bool:
+    """Return True if a file begins as an HDF5 file does, and so is no table."""
+    try:
+        with opened(path) as content:
+            return content[: len(_SIGNATURE)] == _SIGNATURE
+    except OSError:
+        return False
 
 
 def reader_of(

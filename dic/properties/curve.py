@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.errors import CurveError, require_all
-from dic.properties.table import Table, read_table
-from dic.properties.units import FORCE, TIME, ColumnUnit, column_unit, strain_units
+from dic.records.table import Table, read_table
+from dic.records.units import FORCE, TIME, ColumnUnit, column_unit, strain_units
 from dic.typing import Float, PathLike
 
 LEAST_POINTS = 10

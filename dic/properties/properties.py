@@ -1,5 +1,6 @@
 """All material properties of a tensile test, from its curve."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,7 +20,7 @@ from dic.properties.hardening import (
     true_curve,
 )
 from dic.properties.record import Record, record_of
-from dic.properties.settings import PropertySettings
+from dic.properties.settings import STRAIN, PropertySettings
 from dic.properties.strength import (
     A_RULE,
     AG_RULE,
@@ -65,6 +66,9 @@ class Properties:
     laws : dict
         Laws of hardening fitted to the true curve.
     true : TrueCurve or None
+    strain_parts : mapping of str to float, or None
+        The parts of the standard deviations that an error of strain common to all points causes, by the names
+        of the values; None if no such error was given.
     """
 
     record: Record
@@ -75,11 +79,18 @@ class Properties:
     necking: PropertyValue
     laws: dict[str, dict[str, Any]]
     true: TrueCurve | None
+    strain_parts: Mapping[str, float] | None = None
 
     @cached_property
     def flags(self) -> list[str]:
         """What concerns the whole record."""
         return [self.record.end_reason] if self.record.end_reason else []
+
+    @property
+    def not_counted(self) -> list[str]:
+        """Names of the uncertainties that are not known."""
+        names = self.settings.not_counted
+        return [name for name in names if self.strain_parts is None or name != STRAIN]
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything for JSON."""
@@ -88,7 +99,8 @@ class Properties:
             "necking": self.necking.as_dict(),
             "fits": self.laws,
             "area_mm2": self.settings.area_mm2,
-            "not_counted": self.settings.not_counted,
+            "not_counted": self.not_counted,
+            **({} if self.strain_parts is None else {"std_by_strain": dict(self.strain_parts)}),
             "flags": self.flags,
         }
 

@@ -6,6 +6,9 @@ import numpy as np
 
 from dic.errors import Check, CurveError, is_number, require_all
 
+STRAIN = "strain calibration"
+"""Name of the uncertainty of strain that all points share."""
+
 
 @dataclass(frozen=True)
 class PropertySettings:
@@ -85,7 +88,7 @@ class PropertySettings:
         names = {
             "area": self.area_std_mm2,
             "load cell": self.load_std_percent,
-            "strain calibration": self.strain_std_percent,
+            STRAIN: self.strain_std_percent,
         }
         return [name for name, std in names.items() if std is None]
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from dic.errors import CurveError
 from dic.files.reading import read_bytes
-from dic.properties.units import ColumnUnit
+from dic.records.units import ColumnUnit
 from dic.typing import Float, PathLike
 
 MOST_BYTES = 256 * 2**20
@@ -68,6 +68,22 @@ class Table:
             got, remedy = "both", "export the file without thousands separators"
             raise self._wrong(f"column '{column.name}'", "a decimal point or a decimal comma", got, remedy)
         return column.factor * np.array([float(text.replace(",", ".")) if text else np.nan for text in texts])
+
+    def texts(self, column: ColumnUnit) -> list[str]:
+        """Return the text of a column in each line of numbers.
+
+        Raises
+        ------
+        CurveError
+            If the column is missing, or a cell is empty.
+        """
+        at = self._place(column)
+        found = [row[at] for row in self.rows]
+        for text, line in zip(found, self.lines, strict=True):
+            if not text:
+                step, got = f"column '{column.name}'", f"an empty cell in line {line}"
+                raise self._wrong(step, "a name in each line", got, "fill in or delete the line")
+        return found
 
     def time_like(self) -> ColumnUnit | None:
         """Return a column of numbers whose heading says that it is the time; None if there is none.
@@ -128,8 +144,14 @@ class Table:
         return CurveError(self.path, step, expected, got, remedy)
 
 
-def read_table(path: PathLike) -> Table:
+def read_table(path: PathLike, *, with_names: bool = False) -> Table:
     """Read the cells of a record.
+
+    Parameters
+    ----------
+    path : path
+    with_names : bool
+        True if one column may hold names instead of numbers.
 
     The separator is the one that splits the middle of the file into equally many numbers per line. Lines
     before the first line of numbers are headings.
@@ -142,7 +164,8 @@ def read_table(path: PathLike) -> Table:
     texts = _decoded(path).replace("\r\n", "\n").replace("\r", "\n").split("\n")
     numbered = [(k, text) for k, text in enumerate(texts, 1) if text.strip(" \t;,|")]
     middle = max(0, (len(numbered) - _SAMPLE) // 2)
-    separator = _separator([text for _, text in numbered[middle : middle + _SAMPLE]])
+    least = 0.4 if with_names else 0.5
+    separator = _separator([text for _, text in numbered[middle : middle + _SAMPLE]], least)
     if separator is None:
         raise CurveError(
             str(path),
@@ -152,7 +175,7 @@ def read_table(path: PathLike) -> Table:
             "export the record as CSV, with at least a column of load and one of strain",
         )
     cells = [(line, _split(text, separator)) for line, text in numbered]
-    first = next(k for k, (_, row) in enumerate(cells) if _numeric_share(row) > 0.5)
+    first = next(k for k, (_, row) in enumerate(cells) if _numeric_share(row) > least)
     width = Counter(len(row) for _, row in cells[first:]).most_common(1)[0][0]
     for line, row in cells[first:]:
         if len(row) != width:
@@ -187,9 +210,9 @@ def _decoded(path: PathLike) -> str:
         return content.decode("cp1252", errors="replace")
 
 
-def _separator(sample: Sequence[str]) -> str | None:
+def _separator(sample: Sequence[str], least: float) -> str | None:
     """Return the separator that gives the largest share of numbers, with equally many cells in most lines."""
-    best, best_share = None, 0.5
+    best, best_share = None, least
     for separator in _SEPARATORS:
         rows = [_split(text, separator) for text in sample]
         width, count = Counter(map(len, rows)).most_common(1)[0] if rows else (0, 0)

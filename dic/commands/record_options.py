@@ -1,0 +1,127 @@
+"""Options for the record of a testing machine beside the images, for `dic gauges` and `dic properties`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dic.commands.option_groups import option_group
+
+if TYPE_CHECKING:
+    from dic import GaugeSeries, ImageClock, JoinedRecord, MachineRecord
+
+_PATH = click.Path(path_type=Path)
+_FOUND = "auto"
+
+
+@dataclass(frozen=True)
+class RecordOptions:
+    """The machine's record, and how it is joined to the images."""
+
+    record_file: Path | None
+    displacement: str | None
+    join: str | None
+    image_column: str | None
+    image_interval_s: float | None
+    image_times: Path | None
+    image_time: str | None
+    offset_s: str
+
+    @property
+    def files(self) -> list[Path | None]:
+        """The files that are read."""
+        return [self.record_file, self.image_times]
+
+    def joined(
+        self, series: "GaugeSeries", load: str | None, time: str | None, gauge: str | None = None
+    ) -> "tuple[GaugeSeries, JoinedRecord | None]":
+        """Return the series with the machine's load; unchanged without a record.
+
+        Raises
+        ------
+        CurveError
+            If the record cannot be read or does not fit the images, or an option has no effect.
+        """
+        from dic import join_record
+
+        if self.record_file is None:
+            self._require_record(load, time)
+            return series, None
+        record = self._read(load, time)
+        by_time = self.image_interval_s is not None or self.image_times is not None
+        join = self.join or ("time" if by_time else "name" if self.image_column else "row")
+        return join_record(series, record, join, clock=self._clock(), gauge=gauge)
+
+    def _require_record(self, load: str | None, time: str | None) -> None:
+        from dic import CurveError
+
+        given: dict[str, object] = {"--load": load, "--time": time, "--join": self.join}
+        given |= {"--displacement": self.displacement, "--image-column": self.image_column}
+        given |= {"--image-interval-s": self.image_interval_s, "--image-times": self.image_times}
+        for option, value in given.items():
+            if value is not None:
+                remedy = f"name the machine's record with --record, or leave out {option}"
+                raise CurveError("settings", option, "--record beside it", "none", remedy)
+
+    def _read(self, load: str | None, time: str | None) -> "MachineRecord":
+        from dic import CurveError, read_machine_record
+
+        if self.record_file is None or load is None:
+            remedy = "give --load COLUMN:UNIT, such as --load Load:kN"
+            raise CurveError(
+                str(self.record_file), "--load", "the column of the load and its unit", "none", remedy
+            )
+        # In a table of image times, the column of names belongs to that table.
+        image = None if self.image_times is not None else self.image_column
+        return read_machine_record(
+            self.record_file, load=load, displacement=self.displacement, time=time, image=image
+        )
+
+    def _clock(self) -> "ImageClock":
+        from dic import CurveError, ImageClock, read_image_times
+
+        times_s = None
+        if self.image_times is not None:
+            if self.image_column is None or self.image_time is None:
+                expected, remedy = "--image-column and --image-time", "name the columns of names and of times"
+                raise CurveError(str(self.image_times), "--image-times", expected, "not both", remedy)
+            times_s = read_image_times(self.image_times, image=self.image_column, time=self.image_time)
+        return ImageClock(self.image_interval_s, times_s, self._offset_s())
+
+    def _offset_s(self) -> float | None:
+        from dic import CurveError
+
+        if self.offset_s == _FOUND:
+            return None
+        try:
+            return float(self.offset_s)
+        except ValueError as error:
+            expected, remedy = "a number of seconds, or auto", "give --offset-s 0.2"
+            raise CurveError("settings", "--offset-s", expected, repr(self.offset_s), remedy) from error
+
+
+record_options = option_group(
+    "record",
+    RecordOptions,
+    click.option(
+        "--record", "record_file", type=_PATH, help="Table of the testing machine: its load at each image."
+    ),
+    click.option("--displacement", metavar="COLUMN:UNIT", help="Column of the displacement in the record."),
+    click.option(
+        "--join",
+        help="How lines belong to images: name, row or time. Default: time if the images' times are given,"
+        " name with --image-column, otherwise row.",
+    ),
+    click.option("--image-column", metavar="COLUMN", help="Column of the images' names."),
+    click.option("--image-interval-s", type=float, help="Time between two images; the reference is at 0."),
+    click.option("--image-times", type=_PATH, help="Table with the name and the time of each image."),
+    click.option("--image-time", metavar="COLUMN:UNIT", help="Column of the times in that table."),
+    click.option(
+        "--offset-s",
+        default="0",
+        show_default=True,
+        metavar="NUMBER|auto",
+        help="Machine's time minus image's time; auto finds it from load and strain.",
+    ),
+)

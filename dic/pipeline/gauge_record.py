@@ -1,0 +1,214 @@
+"""Gauges beside load: the record of a testing machine joined to images, and the curve of a tensile test."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dic.errors import CurveError, GaugeError, is_number
+from dic.gauges.reading import Reading
+from dic.gauges.series import GaugeSeries
+from dic.properties.curve import Curve
+from dic.records.joining import JOINS, JoinedRecord, join_by_name, join_by_row, join_by_time, times_of
+from dic.records.machine import MachineRecord
+from dic.typing import Float
+
+
+@dataclass(frozen=True)
+class ImageClock:
+    """When the images were taken, and how their clock differs from the machine's.
+
+    Attributes
+    ----------
+    interval_s : float or None
+        Time between two images; the reference image is at 0, the first image after it at `interval_s`.
+    times_s : mapping of str to float, or None
+        Times by the images' names, such as from `read_image_times`.
+    offset_s : float or None
+        Machine's time minus image's time. None to find it from strain and load.
+    """
+
+    interval_s: float | None = None
+    times_s: Mapping[str, float] | None = None
+    offset_s: float | None = 0.0
+
+    def __post_init__(self) -> None:
+        given = self.interval_s
+        if given is not None and not (is_number(given) and 0.0 < given < 1e9):
+            remedy = "give --image-interval-s 0.5"
+            raise CurveError(
+                "settings", "--image-interval-s", "a number of seconds above 0", str(given), remedy
+            )
+
+    def of(self, images: list[str]) -> Float:
+        """Return the times of images, s, shape (images,)."""
+        if self.times_s is not None:
+            return times_of(images, self.times_s, "image times")
+        if self.interval_s is None:
+            remedy = "give --image-interval-s, or --image-times with a table"
+            raise CurveError("settings", "join by time", "the times of the images", "none", remedy)
+        return self.interval_s * np.arange(1.0, len(images) + 1)
+
+
+def join_record(
+    series: GaugeSeries,
+    record: MachineRecord,
+    join: str,
+    *,
+    clock: ImageClock | None = None,
+    gauge: str | None = None,
+) -> tuple[GaugeSeries, JoinedRecord]:
+    """Give each image of a series the load, displacement and time of a testing machine's record.
+
+    Parameters
+    ----------
+    series : GaugeSeries
+        Readings of a series of images. A run file has the load of its steps already.
+    record : MachineRecord
+        From `read_machine_record`.
+    join : str
+        "name" (the record names the images), "row" (its lines belong to the images in order) or "time".
+    clock : ImageClock, optional
+        The images' times; needed for "time".
+    gauge : str, optional
+        The gauge whose strain is compared with the load to find an offset. Default: the first one.
+
+    Returns
+    -------
+    GaugeSeries
+        With load_n, displacement_mm and time_s in `GaugeImage.known`.
+    JoinedRecord
+
+    Raises
+    ------
+    CurveError, GaugeError
+        If the record does not fit the images.
+    """
+    labels = [image.label for image in series.images]
+    _require_joinable(series, record, join)
+    if join == "name":
+        joined = join_by_name(record, labels)
+    elif join == "row":
+        joined = join_by_row(record, labels)
+    else:
+        clock = clock or ImageClock()
+        times_s = clock.of(labels)
+        strain = None
+        if clock.offset_s is None:
+            strain, _ = series.strain(gauge or _first_scalar(series))
+        joined = join_by_time(record, labels, times_s, clock.offset_s, strain)
+    images = tuple(
+        replace(image, known={**image.known, **joined.reading(k)}) for k, image in enumerate(series.images)
+    )
+    return replace(series, images=images), joined
+
+
+@dataclass(frozen=True)
+class GaugeCurve:
+    """The curve of a tensile test from gauges, and the error of its strain that all points share.
+
+    Attributes
+    ----------
+    curve : Curve
+        Load and engineering strain at each image that has a reading.
+    shared_std : ndarray, shape (n,)
+        Standard deviation of the strain by calibration and motion out of the plane; NaN if it is not known.
+    kind : str
+        "raw", "calibrated" or "corrected".
+    left_out : int
+        Number of images without a reading.
+    """
+
+    curve: Curve
+    shared_std: Float
+    kind: str
+    left_out: int
+
+
+def gauge_curve(
+    series: GaugeSeries,
+    gauge: str,
+    transverse: str | None = None,
+    *,
+    kind: str | None = None,
+    camera: str | None = None,
+) -> GaugeCurve:
+    """Return load against the strain of a gauge, for `material_properties`.
+
+    Parameters
+    ----------
+    series : GaugeSeries
+        With the load of each image: from a run file, or from `join_record`.
+    gauge : str
+        Name of the gauge along the specimen.
+    transverse : str, optional
+        Name of the gauge across the specimen.
+    kind : str, optional
+        "raw", "calibrated" or "corrected". Default: the best kind that any image has.
+    camera : str, optional
+        Camera of a run; needed if the series has readings of several.
+
+    Raises
+    ------
+    CurveError, GaugeError
+        If a gauge or a kind is unknown, there is no load, or this is not the curve of a tensile test.
+    """
+    source = series.source or "gauges"
+    series = _of_camera(series, camera)
+    chosen = kind or series.kinds[0] if series.kinds else "raw"
+    strain, _ = series.strain(gauge, chosen)
+    across = None if transverse is None else series.strain(transverse, chosen)[0]
+    known = [image.known for image in series.images]
+    if not any("load_n" in each for each in known):
+        remedy = "give the machine's record with --record"
+        raise CurveError(source, "load", "a load for each image", "none", remedy)
+    load_n = np.array([float(each.get("load_n", np.nan)) for each in known])
+    use = np.isfinite(strain) & np.isfinite(load_n)
+    if across is not None:
+        use &= np.isfinite(across)
+    time_s = np.array([float(each.get("time_s", np.nan)) for each in known])[use]
+    curve = Curve(
+        source,
+        load_n[use],
+        strain[use],
+        None if across is None else across[use],
+        time_s if np.isfinite(time_s).all() else None,
+    )
+    # Nothing is known of the errors of raw strain but those of the images.
+    shared = np.full(len(use), np.nan) if chosen == "raw" else _shared_std(series, gauge, chosen)
+    return GaugeCurve(curve, shared[use], chosen, int(np.count_nonzero(~use)))
+
+
+def _shared_std(series: GaugeSeries, gauge: str, kind: str) -> Float:
+    found = [image.readings.get(gauge, {}).get(kind) for image in series.images]
+    stds = [
+        (one.strain_std, one.strain_std_images) if isinstance(one, Reading) else (np.nan, np.nan)
+        for one in found
+    ]
+    whole, images = np.array(stds).reshape(-1, 2).T
+    return np.asarray(np.sqrt(np.maximum(whole**2 - images**2, 0.0)))
+
+
+def _of_camera(series: GaugeSeries, camera: str | None) -> GaugeSeries:
+    names = sorted({str(image.known["camera"]) for image in series.images if "camera" in image.known})
+    if camera is None and len(names) > 1:
+        expected = f"one of {', '.join(names)}"
+        raise GaugeError(series.source, "choose a camera", expected, "none", f"give --camera {names[0]}")
+    kept = [image for image in series.images if camera is None or image.known.get("camera") == camera]
+    return replace(series, images=tuple(kept))
+
+
+def _require_joinable(series: GaugeSeries, record: MachineRecord, join: str) -> None:
+    if join not in JOINS:
+        raise CurveError("settings", "--join", f"one of {', '.join(JOINS)}", repr(join), "give --join row")
+    if any("step" in image.known for image in series.images):
+        expected, remedy = "results of `dic correlate`", "leave out the record: a run has its own load"
+        raise record.wrong("join to images", expected, "results of a run", remedy)
+    failed = [image.label for image in series.images if image.failure is not None]
+    if join != "name" and failed:
+        expected, got = "images that were all measured", f"{len(failed)} that were not, such as {failed[0]}"
+        raise record.wrong(f"join by {join}", expected, got, "join by name, with --image-column")
+
+
+def _first_scalar(series: GaugeSeries) -> str:
+    return next((gauge.name for gauge in series.gauges if gauge.kind != "cut"), "")

@@ -1,0 +1,50 @@
+"""The effect of an error of strain that all points share: of the calibration, and of motion out of the plane.
+
+Such an error does not average out over the points of a curve. There is none in the reference image, from
+which strain is measured, so the error grows as the test goes on. It is taken to grow in proportion to the
+load up to the end of the elastic window, where it has its stated standard deviation: this is the way that
+changes the elastic slope most.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from dic.properties.properties import Properties, material_properties
+from dic.typing import Float
+
+
+def with_shared_error(found: Properties, shared_std: Float) -> Properties:
+    """Return properties whose standard deviations contain an error of strain that all points share.
+
+    Each property is computed again with strain that has this error, once added and once taken away. Half of
+    the difference is the error of the property.
+
+    Parameters
+    ----------
+    found : Properties
+    shared_std : ndarray, shape (n,)
+        Standard deviation of the error at each point of the curve.
+    """
+    elastic, record = found.elastic, found.record
+    if elastic is None or not np.isfinite(shared_std).all():
+        return found
+    curve, end = record.curve, elastic.line.stop
+    share = np.clip(curve.load_n / max(float(curve.load_n[:end].max()), 1e-12), 0.0, 1.0)
+    error = shared_std * np.maximum.accumulate(share)
+    # Both curves have the same window, so that the choice of a window is no part of the difference.
+    low, high = elastic.window["stress_mpa"]
+    settings = replace(found.settings, window_mpa=(low, high))
+    sides = [
+        material_properties(replace(curve, strain=curve.strain + sign * error), settings).values
+        for sign in (1.0, -1.0)
+    ]
+    values, parts = {}, {}
+    for name, value in found.values.items():
+        ahead, behind = (side[name].value if name in side else None for side in sides)
+        values[name] = value
+        if value.value is None or value.std is None or ahead is None or behind is None:
+            continue
+        parts[name] = 0.5 * abs(ahead - behind)
+        values[name] = replace(value, std=float(np.hypot(value.std, parts[name])))
+    return replace(found, values=values, strain_parts=parts)

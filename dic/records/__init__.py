@@ -1,0 +1,1 @@
+"""Records of testing machines: their tables, units, and how they are joined to images."""

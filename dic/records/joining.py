@@ -1,0 +1,193 @@
+"""Join the record of a testing machine to images: by the images' names, by rows, or by time."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+
+import numpy as np
+
+from dic.errors import CurveError, is_number
+from dic.records.machine import MachineRecord
+from dic.records.offset import find_offset
+from dic.typing import Float
+
+JOINS = ("name", "row", "time")
+
+
+@dataclass(frozen=True)
+class JoinedRecord:
+    """The readings of a testing machine at each image.
+
+    Attributes
+    ----------
+    load_n : ndarray, shape (images,)
+    displacement_mm, time_s : ndarray, shape (images,), or None
+        The time is that of the machine's clock.
+    join : str
+        "name", "row" or "time".
+    offset_s : float or None
+        Machine's time minus image's time; None unless joined by time.
+    offset_std_s : float or None
+        Standard deviation of the offset, if it was found; None if it was given.
+    """
+
+    load_n: Float
+    displacement_mm: Float | None
+    time_s: Float | None
+    join: str
+    offset_s: float | None = None
+    offset_std_s: float | None = None
+
+    def as_dict(self) -> dict[str, object]:
+        """Return how the record was joined, for JSON."""
+        return {"join": self.join, "offset_s": self.offset_s, "offset_std_s": self.offset_std_s}
+
+    def reading(self, k: int) -> dict[str, float]:
+        """Return the readings at the image with the index `k`, by their names in tables."""
+        known = {"load_n": self.load_n, "displacement_mm": self.displacement_mm, "time_s": self.time_s}
+        return {name: float(values[k]) for name, values in known.items() if values is not None}
+
+
+def join_by_name(record: MachineRecord, images: Sequence[str]) -> JoinedRecord:
+    """Give each image the line of the record that names it, with or without folder and ending.
+
+    Raises
+    ------
+    CurveError
+        If the record has no names, or an image has no line or several.
+    """
+    if record.images is None:
+        raise record.wrong(
+            "join by name", "a column of image names", "none", "name it, such as --image-column Image"
+        )
+    places: dict[str, list[int]] = {}
+    for k, name in enumerate(record.images):
+        for key in {_file_name(name), _stem(name)}:
+            places.setdefault(key, []).append(k)
+    rows = []
+    for image in images:
+        found = places.get(_file_name(image)) or places.get(_stem(image)) or []
+        if len(found) != 1:
+            got = f"{len(found)} lines for {_file_name(image)}"
+            remedy = "complete the record, or join by row or time"
+            raise record.wrong("join by name", "one line for each image", got, remedy)
+        rows.append(found[0])
+    return _at_rows(record, rows, "name")
+
+
+def join_by_row(record: MachineRecord, images: Sequence[str]) -> JoinedRecord:
+    """Give the images the lines of the record in order; a first line more belongs to the reference.
+
+    Raises
+    ------
+    CurveError
+        If the record has another number of lines.
+    """
+    more = len(record) - len(images)
+    if more not in (0, 1):
+        expected = f"{len(images)} lines, one for each image, or one more for the reference before them"
+        remedy = "complete the record, or join by name or time"
+        raise record.wrong("join by row", expected, str(len(record)), remedy)
+    return _at_rows(record, list(range(more, len(record))), "row")
+
+
+def join_by_time(
+    record: MachineRecord,
+    images: Sequence[str],
+    image_times_s: Float,
+    offset_s: float | None = 0.0,
+    strain: Float | None = None,
+) -> JoinedRecord:
+    """Interpolate the record at the time of each image.
+
+    Parameters
+    ----------
+    record : MachineRecord
+    images : sequence of str
+        Names of the images, for messages.
+    image_times_s : ndarray, shape (images,)
+        On the camera's clock.
+    offset_s : float or None
+        Machine's time minus image's time. None to find it from the strain.
+    strain : ndarray, shape (images,), optional
+        The strain in each image, needed to find the offset; NaN where there is none.
+
+    Raises
+    ------
+    CurveError
+        If the record has no time, its time or that of the images runs backwards, an image was taken before
+        the record begins or after it ends, or the offset cannot be found.
+    """
+    if record.time_s is None:
+        raise record.wrong("join by time", "a column of time", "none", "name it, such as --time Time:s")
+    times = np.asarray(image_times_s, np.float64)
+    back = np.flatnonzero(~(np.diff(times) >= 0.0))
+    if back.size:
+        k = int(back[0])
+        got = f"{times[k + 1]:g} s of {_file_name(images[k + 1])} after {times[k]:g} s"
+        raise record.wrong("image times", "times that do not run backwards", got, "order the images by time")
+    std_s = None
+    if offset_s is None:
+        if strain is None:
+            raise ValueError("an offset is found from strain")
+        offset_s, std_s = find_offset(record, times, strain)
+    elif not (is_number(offset_s) and np.isfinite(offset_s)):
+        raise CurveError("settings", "--offset-s", "a number of seconds", str(offset_s), "give --offset-s 0")
+    at = times + offset_s
+    first, last = record.time_s[0], record.time_s[-1]
+    outside = np.flatnonzero((at < first) | (at > last))
+    if outside.size:
+        k = int(outside[0])
+        got = f"{_file_name(images[k])} at {at[k]:.6g} s" + (
+            f" and {outside.size - 1} more images outside" if outside.size > 1 else ""
+        )
+        raise record.wrong(
+            "join by time",
+            f"images between {first:.6g} s and {last:.6g} s, where the machine recorded",
+            got,
+            "correct the offset with --offset-s, or leave out the images that the machine did not record",
+        )
+    displacement = record.displacement_mm
+    return JoinedRecord(
+        np.interp(at, record.time_s, record.load_n),
+        None if displacement is None else np.interp(at, record.time_s, displacement),
+        at,
+        "time",
+        float(offset_s),
+        std_s,
+    )
+
+
+def times_of(images: Sequence[str], times_s: Mapping[str, float], source: str) -> Float:
+    """Return the time of each image from times by names, with or without folder and ending.
+
+    Raises
+    ------
+    CurveError
+        If an image has no time.
+    """
+    known = {key: value for name, value in times_s.items() for key in (_stem(name), _file_name(name))}
+    found = []
+    for image in images:
+        time = known.get(_file_name(image), known.get(_stem(image)))
+        if time is None or not np.isfinite(time):
+            got, remedy = f"none for {_file_name(image)}", "add its line"
+            raise CurveError(source, "image times", "a time for each image", got, remedy)
+        found.append(time)
+    return np.array(found)
+
+
+def _at_rows(record: MachineRecord, rows: list[int], join: str) -> JoinedRecord:
+    at = np.array(rows, np.int64)
+    displacement, time = (
+        None if values is None else values[at] for values in (record.displacement_mm, record.time_s)
+    )
+    return JoinedRecord(record.load_n[at], displacement, time, join)
+
+
+def _file_name(name: str) -> str:
+    return PurePath(name.replace("\\", "/")).name
+
+
+def _stem(name: str) -> str:
+    return PurePath(_file_name(name)).stem

@@ -1,0 +1,136 @@
+"""A folder of images and a machine's table become gauges beside load, and material properties."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from tests.command_line import refusal, run_dic
+from tests.image_files import write_image
+
+E_MPA, YIELD_STRAIN, AREA_MM2, IMAGES = 70_000.0, 0.006, 20.0, 20
+AXIAL = "axial=extensometer start=90,35 end=90,125 patch=30"
+WIDTH = "width=area centre=90,80 size=130,100 direction_deg=0"
+
+
+def stress_mpa(strain):
+    return np.minimum(E_MPA * strain, E_MPA * YIELD_STRAIN + 1500.0 * (strain - YIELD_STRAIN))
+
+
+@pytest.fixture(scope="module")
+def folder(speckle, tmp_path_factory):
+    """Images of a tension test, measured, and the table of the machine with decimal commas."""
+    folder = tmp_path_factory.mktemp("test")
+    (folder / "images").mkdir()
+    pattern, strains = speckle(seed=31, noise=1.0), np.linspace(0.0, 0.012, IMAGES + 1)
+    for k, strain in enumerate(strains):
+
+        def back(x, y, strain=strain):
+            return 90 + (x - 90) / (1 - 0.33 * strain), 80 + (y - 80) / (1 + strain)
+
+        write_image(folder / "images" / f"img{k:03d}.png", pattern.draw(back, noise_seed=k))
+    lines = ["Machine 5", "Image;Time;Force;Way", ";s;kN;mm"]
+    for k, strain in enumerate(strains):
+        load_kn = stress_mpa(strain) * AREA_MM2 / 1e3
+        lines.append(f"img{k:03d};{0.5 * k:.2f};{load_kn:.6f};{60 * strain:.5f}".replace(".", ","))
+    (folder / "machine.csv").write_text("\n".join(lines))
+    done = run_dic("correlate", folder / "images", "--subset", 21, "--step", 7, "-o", folder / "r.h5")
+    assert done.status == 0, done
+    return folder
+
+
+JOINS = {
+    "name": ["--image-column", "Image"],
+    "row": [],
+    "time": ["--time", "Time:s", "--image-interval-s", 0.5],
+}
+
+
+@pytest.mark.parametrize("join", JOINS)
+def test_load_stands_beside_the_strain_of_each_image(folder, tmp_path, join):
+    table = tmp_path / "g.csv"
+    record = ["--record", folder / "machine.csv", "--load", "Force:kN", "--displacement", "Way:mm"]
+    written = ["-o", table, "--json", tmp_path / "g.json"]
+    done = run_dic("gauges", folder / "r.h5", "--gauge", AXIAL, *record, *JOINS[join], *written)
+    assert done.status == 0, done
+    assert done.report["record"]["join"] == join
+    rows = list(csv.DictReader(table.read_text().splitlines()))
+    assert len(rows) == IMAGES
+    for k, row in enumerate(rows, 1):
+        strain, std = 0.012 * k / IMAGES, float(row["axial_raw_strain_std"])
+        assert float(row["load_n"]) == pytest.approx(AREA_MM2 * stress_mpa(strain), abs=0.01)
+        assert float(row["displacement_mm"]) == pytest.approx(60 * strain, abs=1e-4)
+        assert float(row["axial_raw_strain"]) == pytest.approx(strain, abs=5 * std)
+
+
+@pytest.fixture(scope="module")
+def found(folder, tmp_path_factory):
+    """The properties from the result file."""
+    path = tmp_path_factory.mktemp("found") / "p.json"
+    done = run_dic(
+        "properties", folder / "r.h5", "--declare", AXIAL, "--declare", WIDTH, "--transverse-gauge", "width",
+        "--record", folder / "machine.csv", "--load", "Force:kN", "--time", "Time:s",
+        "--area-mm2", AREA_MM2, "--json", path,
+    )  # fmt: skip
+    assert done.status == 0, done
+    assert f"raw strain of {IMAGES} images, 0 without a reading" in done.out
+    return json.loads(path.read_text())
+
+
+def test_properties_of_a_result_file_are_the_true_ones(found):
+    for name, truth in (("E_gpa", E_MPA / 1e3), ("nu", 0.33)):
+        value = found[name]
+        assert abs(value["value"] - truth) < 4 * value["std"] + 0.005 * truth
+        assert value["std"] < 0.05 * truth
+    assert found["Rm_mpa"]["value"] == pytest.approx(stress_mpa(0.012), rel=1e-6)
+    assert (found["strain_kind"], found["images"], found["left_out"]) == ("raw", IMAGES, 0)
+
+
+def test_properties_of_a_result_file_are_those_of_its_table(folder, found, tmp_path):
+    table, record = tmp_path / "g.csv", ["--record", folder / "machine.csv", "--load", "Force:kN"]
+    gauges = "--gauge", AXIAL, "--gauge", WIDTH
+    assert run_dic("gauges", folder / "r.h5", *gauges, *record, "-o", table).status == 0
+    columns = "--load", "load_n:N", "--strain", "axial_raw_strain:1", "--transverse", "width_raw_strain:1"
+    done = run_dic("properties", table, *columns, "--area-mm2", AREA_MM2, "--json", tmp_path / "p.json")
+    assert done.status == 0, done
+    for name in ("E_gpa", "nu", "Rp02_mpa", "Rm_mpa"):
+        # The table has nine decimals.
+        assert done.report[name]["value"] == pytest.approx(found[name]["value"], rel=1e-4), name
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--declare", AXIAL], "a load for each image, got none; give the machine's record with --record"),
+        (["--declare", AXIAL, "--strain", "3:%"], "the table of a testing machine, got a result file"),
+        ([], "at least one gauge, got none"),
+        (["--declare", AXIAL, "--gauge", "width"], "choose a gauge: expected one of axial, got 'width'"),
+        (["--declare", AXIAL, "--load", "Force:kN"], "--record beside it"),
+        (["--declare", AXIAL, "--record", "{machine}"], "the column of the load and its unit, got none"),
+        (
+            [*("--declare", AXIAL, "--record", "{machine}", "--load", "Force:kN", "--time", "Time:s"),
+             *("--image-interval-s", "1")],
+            "got img011.png at 11 s and 9 more images outside",
+        ),
+        (
+            [*("--declare", AXIAL, "--record", "{machine}", "--load", "Force:kN", "--time", "Time:s"),
+             *("--image-interval-s", "0.5", "--offset-s", "soon")],
+            "a number of seconds, or auto, got 'soon'",
+        ),
+        (
+            [*("--declare", AXIAL, "--record", "{machine}", "--load", "Force:kN", "--kind", "corrected")],
+            "choose a kind of strain: expected one of raw, got 'corrected'",
+        ),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_is_refused_in_one_sentence(folder, arguments, words):
+    given = [str(one).format(machine=folder / "machine.csv") for one in arguments]
+    assert words in refusal("properties", folder / "r.h5", *given, "--area-mm2", AREA_MM2)
+
+
+def test_a_table_takes_no_gauges(folder):
+    columns = "--load", "Force:kN", "--strain", "Way:%", "--area-mm2", AREA_MM2
+    assert "a result file of `dic correlate`" in refusal(
+        "properties", folder / "machine.csv", *columns, "--gauge", "axial"
+    )
