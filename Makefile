@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 DEMO := demo
 
-.PHONY: help install demo test test-kernel test-long bench docs gallery lint types laws clean
+.PHONY: help install demo test test-kernel test-long bench docs gallery lint types laws compiled clean
 
 help:
 	@echo "make install    the virtual environment in $(VENV)"
@@ -39,10 +39,15 @@ types: $(STAMP)
 laws: $(STAMP)
 	$(BIN)/lint-imports
 
-test: lint types laws
+compiled: $(STAMP)
+	$(BIN)/python -m tests.compile_kernel
+
+test: $(STAMP)
+	$(MAKE) --no-print-directory -j 2 types compiled lint laws
 # Three workers keep two processors busy while some tests wait; threads within a worker would only compete.
 	OMP_NUM_THREADS=1 $(BIN)/pytest -n 3 --dist worksteal -m "not long and not realtime"
-	$(BIN)/pytest -m "realtime and not long"
+# These tests wait most of the time, so two at once do not disturb one another.
+	$(BIN)/pytest -n 2 --dist worksteal -m "realtime and not long"
 
 test-kernel: $(STAMP)
 	$(BIN)/pytest -rA tests/real_cameras/kernel_vm tests/real_cameras/gige

@@ -134,8 +134,11 @@ def _std_factors(pattern: PatternSpectrum, order: int, taps: tuple[float, ...]) 
     slope = slope_transfer(pattern.frequencies, order) ** 2
     noise = np.outer(passed, passed) / np.sum(np.square(taps)) ** 2
     power = pattern.power * pattern.counts * np.outer(passed, passed)
-    factors = []
+    greatest = float(noise.max())
+    squares = []
     for energy in (power * slope, power * slope[:, None]):
-        total = float(energy.sum())
-        factors.append(float(np.sqrt((energy * noise).sum() / total)) if total > 0.0 else 1.0)
-    return factors[0], factors[1]
+        total, smoothed = float(energy.sum()), float((energy * noise).sum())
+        # Where noise hides the pattern, the sums can be negative; then only the bound is known.
+        known = total > 0.0 and smoothed > 0.0
+        squares.append(min(smoothed / total, greatest) if known else greatest)
+    return float(np.sqrt(squares[0])), float(np.sqrt(squares[1]))

@@ -70,6 +70,19 @@ def test_predicted_std_of_smoothed_images_is_that_of_repeated_images(good, shape
     np.testing.assert_allclose(stated, observed, rtol=0.10)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_where_noise_hides_the_pattern_the_standard_deviation_is_still_known(seed):
+    rng = np.random.default_rng(seed)
+    white = rng.uniform(0.0, 255.0, (80, 80)).astype(np.float32)
+    again = white + rng.normal(0.0, 2.0, white.shape).astype(np.float32)
+    settings = CorrelationSettings(21, 12, smoothing_px=0.6)
+    everywhere = np.ones(white.shape, bool)
+    field = Correlator(white, everywhere, settings, clip=False).correlate(again)
+    assert field.converged.all()
+    assert np.isfinite(field.std).all()
+    assert (field.std > 0.0).all()
+
+
 def test_the_filter_keeps_a_uniform_image_and_damps_white_noise_as_stated():
     smoothing = Smoothing(0.8)
     np.testing.assert_allclose(smoothing.apply(np.full((40, 40), 90, np.float32)), 90, rtol=1e-6)
