@@ -14,6 +14,7 @@ _COMMANDS = {
     "properties": "dic.commands.properties:properties",
     "quality": "dic.commands.quality:quality",
     "report": "dic.commands.report:report",
+    "settings": "dic.commands.settings:settings",
     "strain": "dic.commands.strain:strain",
     "target": "dic.commands.target:target",
 }

@@ -6,21 +6,25 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dic.commands.correlation_options import StrainOptions, strain_options
+from dic.commands.correlation_options import (
+    CorrelationOptions,
+    StrainOptions,
+    correlation_options,
+    strain_options,
+)
 from dic.commands.option_groups import all_of
 from dic.commands.series_options import (
-    CorrelationOptions,
     MotionOptions,
     OutputOptions,
     RegionOptions,
     StartOptions,
-    correlation_options,
     motion_options,
     output_options,
     read_set_up,
     region_options,
     start_options,
 )
+from dic.commands.settings_file import settings_option, used_settings_file
 from dic.errors import each_warning_once
 from dic.shell.output_paths import require_places
 
@@ -34,6 +38,7 @@ _FILE = click.Path(path_type=Path)
 @click.argument("reference", type=_FILE)
 @click.argument("deformed", type=_FILE, nargs=-1)
 @click.option("--calibration", "calibration_file", type=_FILE, help="Calibration file, for results in mm.")
+@settings_option
 @correlation_options
 @strain_options
 @region_options
@@ -83,6 +88,7 @@ def correlate(
     sources = SeriesSources.of(reference, deformed or None)
     files = outputs.files(sources.images, gauges)
     known_files = [calibration_file, *region.files(), motion.alignment_file, outputs.gauges_file]
+    known_files.append(used_settings_file())
     written = [outputs.json_file, motion.save_alignment, *region.outputs(), *files.all()]
     _require_places([*sources.files, *known_files], written, outputs)
     set_up = read_set_up(calibration_file, how, known)

@@ -9,7 +9,7 @@ import click
 from dic.commands.option_groups import option_group
 
 if TYPE_CHECKING:
-    from dic import StrainSettings
+    from dic import CorrelationSettings, StrainSettings
 
 subset_option = click.option("--subset", default=41, show_default=True, help="Width of the subsets, odd, px.")
 step_option = click.option("--step", default=10, show_default=True, help="Spacing of the points, px.")
@@ -109,6 +109,47 @@ def smoothing_px(text: str) -> float | str:
         return float(text)
     except ValueError:
         return text
+
+
+@dataclass(frozen=True)
+class CorrelationOptions:
+    """Options of the correlation."""
+
+    subset: int
+    step: int
+    spline: int
+    shape: str
+    min_zncc: float
+    smoothing: str
+
+    def settings(self) -> "CorrelationSettings":
+        """Return the options as `CorrelationSettings`."""
+        from dic import CorrelationSettings
+
+        return CorrelationSettings(
+            subset_px=self.subset,
+            step_px=self.step,
+            shape=self.shape,
+            order=self.spline,
+            min_zncc=self.min_zncc,
+            smoothing_px=smoothing_px(self.smoothing),
+        )
+
+
+correlation_options = option_group(
+    "correlation",
+    CorrelationOptions,
+    subset_option,
+    step_option,
+    click.option(
+        "--spline", default=5, show_default=True, help="Degree of the interpolating spline, 3 or 5."
+    ),
+    shape_option,
+    click.option(
+        "--min-zncc", default=0.8, show_default=True, help="Smallest correlation (ZNCC) of a good point."
+    ),
+    smoothing_option,
+)
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,10 @@ import click
 
 from dic.commands.correlation_options import (
     COMMA_NEEDS,
+    CorrelationOptions,
     StrainOptions,
     comma_option,
+    correlation_options,
     csv_option,
     fields_from_option,
     gauges_option,
@@ -18,50 +20,18 @@ from dic.commands.correlation_options import (
     hinge_option,
     incremental_option,
     poisson_option,
-    shape_option,
     shift_option,
-    smoothing_option,
-    smoothing_px,
-    step_option,
     strain_options,
-    subset_option,
 )
 from dic.commands.option_groups import all_of, option_group
 from dic.commands.run_output import OutputOptions, end_run, read_alignment, save_alignments
+from dic.commands.settings_file import settings_option, used_settings_file
 from dic.shell.output_paths import FORCE
 
 if TYPE_CHECKING:
-    from dic import CorrectionSettings, CorrelationSettings
+    from dic import CorrectionSettings
 
 _FILE = click.Path(path_type=Path)
-
-
-@dataclass(frozen=True)
-class CorrelationOptions:
-    """Correlation options of `dic process`."""
-
-    subset: int
-    step: int
-    shape: str
-    incremental: str
-    smoothing: str
-
-    def settings(self) -> "CorrelationSettings":
-        """Return the options as `CorrelationSettings`."""
-        from dic import CorrelationSettings
-
-        return CorrelationSettings(
-            subset_px=self.subset,
-            step_px=self.step,
-            shape=self.shape,
-            smoothing_px=smoothing_px(self.smoothing),
-        )
-
-    def check(self) -> None:
-        """Raise an error if the value of `--incremental` is unknown."""
-        from dic import Series
-
-        Series.require_incremental(self.incremental)
 
 
 @dataclass(frozen=True)
@@ -88,21 +58,15 @@ class MotionOptions:
 
 @click.command()
 @click.argument("run", type=_FILE)
+@settings_option
 @click.option(
     "--plate-mm",
     type=float,
     help="Distance of the specimen's surface behind the grid's lines, such as the thickness of the grid's"
     " plate. Default: the value in the run file, otherwise 0.",
 )
-@option_group(
-    "correlation",
-    CorrelationOptions,
-    subset_option,
-    step_option,
-    shape_option,
-    incremental_option,
-    smoothing_option,
-)
+@correlation_options
+@incremental_option
 @strain_options
 @option_group(
     "motion",
@@ -138,6 +102,7 @@ def process(
     run: Path,
     plate_mm: float | None,
     correlation: CorrelationOptions,
+    incremental: str,
     strain: StrainOptions,
     motion: MotionOptions,
     outputs: OutputOptions,
@@ -150,16 +115,25 @@ def process(
     Exit status: 0 if all steps are measured well, 1 if a step is measured poorly, 2 if a step cannot be
     measured.
     """
-    from dic import process_run
+    from dic import Series, process_run
     from dic.commands.run_table import table
     from dic.shell.console import say
     from dic.shell.progress import progress
 
     settings, _, how, correcting, gauges = all_of(
-        correlation.settings, correlation.check, strain.settings, motion.settings, outputs.gauges
+        correlation.settings,
+        partial(Series.require_incremental, incremental),
+        strain.settings,
+        motion.settings,
+        outputs.gauges,
     )
     output = outputs.output or run.with_suffix(".results.h5")
-    read = [run, outputs.gauges_file, outputs.fields_from if outputs.fields_from != output else None]
+    read = [
+        run,
+        used_settings_file(),
+        outputs.gauges_file,
+        outputs.fields_from if outputs.fields_from != output else None,
+    ]
     outputs.require_places(read, output, motion.save_alignment, result_may_stand=True)
     with progress("correlating") as bar:
         result = process_run(
@@ -167,7 +141,7 @@ def process(
             settings,
             how,
             correcting=correcting,
-            incremental=correlation.incremental,
+            incremental=incremental,
             plate_mm=plate_mm,
             on_image=bar.advance,
             on_count=bar.expect,

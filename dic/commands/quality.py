@@ -15,6 +15,7 @@ from dic.commands.correlation_options import (
     write_mask_option,
 )
 from dic.commands.option_groups import all_of, option_group
+from dic.commands.settings_file import settings_option
 from dic.errors import each_warning_once
 from dic.files.writing import write_text
 from dic.shell.output_paths import FORCE, require_places
@@ -59,6 +60,7 @@ class PlannedOptions:
 @click.argument("images", metavar="IMAGE...", type=_FILE, nargs=-1, required=True)
 @click.option("--roi", type=_FILE, help="Mask image, white in the region to check. Default: the specimen.")
 @click.option("--second", type=_FILE, help="Second image of the specimen at rest, for a better noise value.")
+@settings_option
 @option_group(
     "planned",
     PlannedOptions,

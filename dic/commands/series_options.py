@@ -17,12 +17,7 @@ from dic.commands.correlation_options import (
     hinge_option,
     incremental_option,
     poisson_option,
-    shape_option,
     shift_option,
-    smoothing_option,
-    smoothing_px,
-    step_option,
-    subset_option,
     write_mask_option,
 )
 from dic.commands.map_options import MapOptions, map_group
@@ -30,53 +25,12 @@ from dic.commands.option_groups import all_of, option_group
 from dic.shell.output_paths import FORCE
 
 if TYPE_CHECKING:
-    from dic import Alignment, CorrelationSettings, Gauge, Motion, ResultPlace, StrainSettings
+    from dic import Alignment, Gauge, Motion, ResultPlace, StrainSettings
     from dic.pipeline.series_files import SeriesFiles
     from dic.pipeline.series_set_up import SeriesSetUp
     from dic.typing import Float, Mask
 
 _FILE = click.Path(path_type=Path)
-
-
-@dataclass(frozen=True)
-class CorrelationOptions:
-    """Correlation options of `dic correlate`."""
-
-    subset: int
-    step: int
-    spline: int
-    shape: str
-    min_zncc: float
-    smoothing: str
-
-    def settings(self) -> "CorrelationSettings":
-        """Return the options as `CorrelationSettings`."""
-        from dic import CorrelationSettings
-
-        return CorrelationSettings(
-            subset_px=self.subset,
-            step_px=self.step,
-            shape=self.shape,
-            order=self.spline,
-            min_zncc=self.min_zncc,
-            smoothing_px=smoothing_px(self.smoothing),
-        )
-
-
-correlation_options = option_group(
-    "correlation",
-    CorrelationOptions,
-    subset_option,
-    step_option,
-    click.option(
-        "--spline", default=5, show_default=True, help="Degree of the interpolating spline, 3 or 5."
-    ),
-    shape_option,
-    click.option(
-        "--min-zncc", default=0.8, show_default=True, help="Smallest correlation (ZNCC) of a good point."
-    ),
-    smoothing_option,
-)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from dic.commands.correlation_options import (
     COMMA_NEEDS,
@@ -21,6 +22,7 @@ from dic.commands.correlation_options import (
 from dic.commands.option_groups import all_of, as_in_results, option_group
 from dic.commands.run_output import OutputOptions as RunOutputs
 from dic.commands.run_output import end_run, read_alignment
+from dic.commands.settings_file import settings_option, used_settings_file
 from dic.shell.output_paths import FORCE, require_places
 
 if TYPE_CHECKING:
@@ -64,11 +66,12 @@ class AnewOptions:
         """Raise an error for an option that serves the other kind of results only."""
         from dic import CorrelationError
 
-        idle = {"--plate-mm": self.plate_mm} if series else {
-            "--calibration": self.calibration_file, "--motion": self.motion,
-        }  # fmt: skip
-        for option, value in idle.items():
-            if value is not None:
+        idle = {"--plate-mm": "plate_mm"}
+        if not series:
+            idle = {"--calibration": "calibration_file", "--motion": "motion"}
+        for option, name in idle.items():
+            # A settings file may hold values for both kinds.
+            if click.get_current_context().get_parameter_source(name) is ParameterSource.COMMANDLINE:
                 other, kind = ("a run", "a series of images") if series else ("a series of images", "a run")
                 expected, remedy = f"the results of {other}", f"leave out {option}"
                 raise CorrelationError(source, f"apply {option}", expected, f"those of {kind}", remedy)
@@ -95,6 +98,7 @@ class OutputOptions:
 
 @click.command()
 @click.argument("results", type=_FILE)
+@settings_option
 @strain_options
 @option_group(
     "anew",
@@ -145,7 +149,7 @@ def strain(results: Path, strain: StrainOptions, anew: AnewOptions, outputs: Out
     series = is_series_result(results)
     anew.require(str(results), series=series)
     alignments = [Path(text.rpartition("=")[2]) for text in anew.alignments]
-    read = [results, anew.calibration_file, *alignments]
+    read = [results, anew.calibration_file, *alignments, used_settings_file()]
     if series:
         _of_series(results, strain, anew, outputs, read)
     else:

@@ -1,0 +1,94 @@
+"""The command `dic settings`, which writes a settings file with every default explained."""
+
+import json
+import textwrap
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from dic.commands.settings_file import SETTINGS, Setting, toml_text
+
+if TYPE_CHECKING:
+    from dic.results.job import Job
+
+_WIDTH = 98
+_USERS = ("correlate", "process", "strain")
+_HEAD = """\
+# Settings of a measurement: dic correlate, dic process, dic strain --settings FILE.
+# Options on the command line win over this file. A key that is left out has its default.
+"""
+
+
+@click.command()
+@click.argument("results", type=click.Path(path_type=Path), required=False)
+def settings(results: Path | None) -> None:
+    """Write a settings file with every default explained, to standard output.
+
+    With RESULTS, a result file of `dic correlate`, `dic process` or `dic strain`, the file has the settings
+    with which RESULTS was made. Use it as: dic settings > settings.toml
+    """
+    from dic.shell.console import say
+
+    say(settings_text({} if results is None else settings_of(_job_of(results))))
+
+
+def settings_text(values: Mapping[str, Any]) -> str:
+    """Return a settings file as text: the given values by table and key, and defaults for all others.
+
+    Parameters
+    ----------
+    values : mapping
+        Values by "table.key".
+    """
+    lines, table = [_HEAD.rstrip()], ""
+    for setting in SETTINGS:
+        if setting.table != table:
+            table = setting.table
+            lines.append(f"\n[{table}]")
+        option, commands = _option(setting)
+        about = f"{option.help} Used by {', '.join(f'dic {name}' for name in commands)}."
+        lines += [f"# {line}" for line in textwrap.wrap(about, _WIDTH)]
+        value = values.get(f"{table}.{setting.key}", option.default)
+        # A setting without a default is shown as a comment.
+        known = isinstance(value, str | int | float | list | tuple)
+        text = toml_text(value) if known else setting.example
+        lines.append(f"{'' if known else '# '}{setting.key} = {text}")
+    return "\n".join(lines)
+
+
+def settings_of(job: "Job") -> dict[str, Any]:
+    """Return the settings with which a result was computed, by table and key."""
+    fields, strains = json.loads(job.fields), json.loads(job.strains)
+    tables = {"correlation": fields, "strain": strains["strain"]}
+    tables["correction"] = strains.get("correcting") or strains["motion"]
+    if "kind" in tables["correction"]:
+        tables["correction"]["motion"] = tables["correction"]["kind"]
+    tables["correction"]["plate_mm"] = strains.get("plate_mm")
+    found = {f"{each.table}.{each.key}": tables[each.table].get(each.key) for each in SETTINGS}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _option(setting: Setting) -> tuple[click.Option, list[str]]:
+    """Return the option of a setting, from the first command that has it, and the commands that have it."""
+    found = {}
+    for name in _USERS:
+        command: click.Command = getattr(import_module(f"dic.commands.{name}"), name)
+        for parameter in command.params:
+            if isinstance(parameter, click.Option) and parameter.name == setting.parameter:
+                found[name] = parameter
+    return next(iter(found.values())), list(found)
+
+
+def _job_of(results: Path) -> "Job":
+    from dic import RunFileError, load_run_result, load_series_result
+    from dic.pipeline.series_result_file import is_series_result
+
+    load = load_series_result if is_series_result(results) else load_run_result
+    origin = load(results).provenance
+    if origin is None or origin.job is None:
+        expected, got = "a result file with its settings", "one of an earlier version"
+        raise RunFileError(str(results), "read settings", expected, got, "measure the images again")
+    return origin.job
