@@ -20,6 +20,7 @@ import pytest
 
 from tests.command_line import run_both
 from tests.conftest import SpecklePattern
+from tests.fuzz.good_files import CURVE
 from tests.image_files import write_image
 from tests.places import EXAMPLES, ROOT, example
 from tests.screens import terminal
@@ -37,6 +38,8 @@ COMMANDS = {
     "calibrate": "dic calibrate grid.png -o cal.h5 --force",
     "correlate": "dic correlate ref.png img1.png img2.png img10.png other.png none.png --subset 21",
     "correlate-calibrated": "dic correlate reference.png loaded.png --calibration cal.h5 --step 40",
+    "gauges": "dic gauges results.h5 gauges.toml",
+    "properties": "dic properties curve.csv --load Load:kN --strain Strain:% --area-mm2 20",
     "refusal": "dic correlate ref.png img1.png --subset 20",
     "usage": "dic correlate ref.png img1.png --subsets 21",
     "plan": "rig plan rotation.toml --rig rig.toml",
@@ -54,6 +57,27 @@ COMMANDS = {
 }
 DRAWING = ("correlate", "quality-of-a-series", "run", "jog")
 """Commands that draw on the terminal; with the others, the terminal alone decides where a line is broken."""
+
+GAUGES = """
+[[gauge]]
+name = "axial"
+kind = "extensometer"
+start = [40, 80]
+end = [140, 80]
+patch = 30
+[[gauge]]
+name = "across"
+kind = "transverse"
+start = [90, 40]
+end = [90, 120]
+patch = 20
+spread = 80
+[[gauge]]
+name = "middle"
+kind = "cut"
+start = [40, 40]
+end = [140, 120]
+"""
 
 VARYING = {"devices", "usage"}
 """Commands whose screen depends on the machine, or on the name of the program."""
@@ -74,6 +98,10 @@ def make_files(folder: Path) -> None:
     small = (CAMERA, f"{CAMERA}\nwidth_px = 32\nheight_px = 24")
     (folder / "rig.toml").write_text(example("rig-virtual-rotation-30", small))
     (folder / "tension-rig.toml").write_text(example("rig-virtual-tension", small))
+    (folder / "gauges.toml").write_text(GAUGES)
+    (folder / "curve.csv").write_text(CURVE)
+    series = "dic correlate ref.png img1.png img2.png --subset 21 -o results.h5"
+    assert run_both(*series.split(), out=io.StringIO(), err=io.StringIO()) == 0
     for name in ("calibrate", "run"):
         assert piped(name)[0] == 0
 

@@ -40,7 +40,7 @@ class GaugeOutputs:
 
 @click.command()
 @click.argument("results", type=_PATH)
-@click.argument("gauges_file", type=_PATH, metavar="GAUGES", required=False)
+@click.argument("gauges_file", type=_PATH, metavar="[GAUGES]", required=False)
 @click.option(
     "--gauge",
     "texts",

@@ -21,6 +21,7 @@ from simulators.scene.pose import Pose
 from tests.command_line import refusal, run_dic
 from tests.dic.out_of_plane.exact_views import State
 from tests.dic.pipeline.exact_runs import run_of
+from tests.dic.pipeline.rendered_run import slid, write_rendered_run
 from tests.image_files import write_image
 
 F = np.array([[0.9991, 0.0004], [0.0004, 1.003]])
@@ -196,3 +197,33 @@ def test_measurement_with_gauges_off_its_points_ends_with_one_sentence(folder, t
     images = folder / "img0.png", folder / "img1.png"
     said = refusal("correlate", *images, "--subset", 21, "--gauges", tmp_path / "off.toml")
     assert "at least 3 measured points, got 0" in said
+
+
+def test_run_gives_the_same_readings_while_it_is_processed_and_afterwards(tmp_path):
+    run = write_rendered_run(tmp_path / "run.h5", [slid(0.05)])
+    gauges = tmp_path / "gauges.toml"
+    gauges.write_text(
+        'unit = "mm"\n[[gauge]]\nname = "axial"\nkind = "extensometer"\n'
+        "start = [0, -0.8]\nend = [0, 0.8]\npatch = 0.6\n"
+        '[[gauge]]\nname = "foil"\nkind = "area"\ncentre = [0, 0]\nsize = [1.5, 1.5]\ndirection_deg = 90\n'
+    )
+    places = "--csv", tmp_path / "csv", "--json", tmp_path / "r.json"
+    done = run_dic("process", run, "--subset", 31, "--step", 15, "--gauges", gauges, *places)
+    assert done.status in (0, 1), done
+    assert "foil: area, " in done.out
+    again = run_dic("gauges", tmp_path / "run.results.h5", gauges, "--json", tmp_path / "g.json")
+    assert again.status == 0, again
+    during = done.report["gauge_readings"]
+    assert json.dumps(during) == json.dumps(again.report["images"])
+    # The specimen slid without strain.
+    read = during[0]["gauges"]["axial"]["calibrated"]
+    assert abs(read["strain"]) < 4 * read["strain_std"]
+    assert during[0]["load_n"] == 1000.0
+    assert (tmp_path / "csv" / "gauges.csv").read_text().startswith("image,camera,step,load_n")
+    # A gauge that lies elsewhere takes no other result away.
+    off = tmp_path / "off.toml"
+    off.write_text('[[gauge]]\nname = "a"\nkind = "point"\nat = [1, 1]\nwidth = 2\n')
+    other = tmp_path / "other.json"
+    said = refusal("process", run, "--subset", 31, "--step", 15, "--gauges", off, "--json", other)
+    assert "at least 3 measured points, got 0" in said
+    assert json.loads(other.read_text())["cameras"]
