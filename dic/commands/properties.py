@@ -67,11 +67,12 @@ class FieldOptions:
 
         given = {"--gauges": self.gauges_file, "--declare": self.texts, "--gauge": self.gauge}
         given |= {"--transverse-gauge": self.transverse_gauge, "--kind": self.strain_kind}
-        given |= {"--camera": self.camera, "--record": record.record_file}
+        given |= {"--camera": self.camera}
         idle = [option for option, value in given.items() if value]
         if idle:
             expected, remedy = "a result file of `dic correlate` or `dic process`", f"leave out {idle[0]}"
             raise CurveError(str(path), idle[0], expected, "another file", remedy)
+        record.require_none("a result file of `dic correlate` beside it")
 
     def read(
         self, path: Path, columns: ColumnOptions, record: RecordOptions

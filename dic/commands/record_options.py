@@ -54,15 +54,19 @@ class RecordOptions:
         return join_record(series, record, join, clock=self._clock(), gauge=gauge)
 
     def _require_record(self, load: str | None, time: str | None) -> None:
+        self.require_none("--record beside it", load=load, time=time)
+
+    def require_none(self, expected: str, **others: object) -> None:
+        """Raise an error if one of these options, or of the others, is given; "0" is the usual offset."""
         from dic import CurveError
 
-        given: dict[str, object] = {"--load": load, "--time": time, "--join": self.join}
-        given |= {"--displacement": self.displacement, "--image-column": self.image_column}
-        given |= {"--image-interval-s": self.image_interval_s, "--image-times": self.image_times}
-        for option, value in given.items():
+        usual = {"offset_s": "0", "record_file": None}
+        given = others | {name: value for name, value in vars(self).items() if value != usual.get(name)}
+        for name, value in given.items():
             if value is not None:
+                option = "--record" if name == "record_file" else f"--{name.replace('_', '-')}"
                 remedy = f"name the machine's record with --record, or leave out {option}"
-                raise CurveError("settings", option, "--record beside it", "none", remedy)
+                raise CurveError("settings", option, expected, "none", remedy)
 
     def _read(self, load: str | None, time: str | None) -> "MachineRecord":
         from dic import CurveError, read_machine_record

@@ -7,7 +7,7 @@ import numpy as np
 from dic.gauges.declared import LineCut
 from dic.gauges.field import GaugeField
 from dic.gauges.fits import GRADIENT, LEAST_POINTS, LEAST_SHARE, MOVED, without_points
-from dic.gauges.planes import FLAT, lie_on_one_line, sums_at
+from dic.gauges.planes import flat_sets, lie_on_one_line, sums_at, sums_at_places
 from dic.gauges.points import GridPlaces
 from dic.gauges.reading import Profile
 from dic.gauges.sums import correlations
@@ -74,7 +74,7 @@ class PlacedCut:
         counts, declared = valid.sum(axis=1), self.member.sum(axis=1)
         values = {name: np.full(len(counts), np.nan) for each in _NAMES for name in (each, f"{each}_std")}
         good = counts >= np.maximum(LEAST_POINTS, LEAST_SHARE * declared)
-        good &= ~_flat(displacement.position[self.rows, self.columns], valid) & self.place.any(axis=1)
+        good &= ~flat_sets(displacement.position[self.rows, self.columns], valid) & self.place.any(axis=1)
         size = max(1, _IN_MEMORY // self.rows.shape[1] ** 2)
         for first in range(0, int(good.sum()), size):
             some = np.flatnonzero(good)[first : first + size]
@@ -96,7 +96,7 @@ class PlacedCut:
         displacement, at = field.displacement, (self.rows[some], self.columns[some])
         whole = displacement.position[at]
         places = np.einsum("pm,pmi->pi", self.place[some], np.where(self.member[some][..., None], whole, 0.0))
-        sums = _sums(np.where(valid[..., None], whole, 0.0), valid, places)
+        sums = sums_at_places(np.where(valid[..., None], whole, 0.0), valid, places)
         vector = np.where(valid[..., None], displacement.vector[at], 0.0)
         moved = np.einsum("pm,pmi->ip", sums[:, 0], vector)
         gradient = np.einsum("pjm,pmi->pij", sums[:, 1:], vector)
@@ -113,16 +113,6 @@ class PlacedCut:
         return {name: each for label, a, b in named for name, each in ((label, a), (f"{label}_std", b))}
 
 
-def _sums(position: Float, valid: Mask, places: Float) -> Float:
-    """Return the weights of `sums_at` for many places, shape (places, 3, m); 0 where not `valid`."""
-    share = valid / np.sum(valid, axis=1, keepdims=True)
-    middle = np.einsum("pm,pmi->pi", share, position)
-    centred = np.where(valid[..., None], position - middle[:, None], 0.0)
-    slopes = np.linalg.solve(np.swapaxes(centred, 1, 2) @ centred, np.swapaxes(centred, 1, 2))
-    mean = share + np.einsum("pi,pim->pm", places - middle, slopes)
-    return np.concatenate([mean[:, None], slopes], axis=1)
-
-
 def _covariances(noise: Noise, rows: Indices, columns: Indices, sums: Float) -> Float:
     """Return the covariance of the six sums of each place, shape (places, 6, 6)."""
     count, most = rows.shape
@@ -136,12 +126,3 @@ def _covariances(noise: Noise, rows: Indices, columns: Indices, sums: Float) -> 
         error = np.einsum("pmia,pmiq->pqa", bias, weights)
         covariance += error @ np.swapaxes(error, 1, 2)
     return np.asarray(covariance)
-
-
-def _flat(position: Float, valid: Mask) -> Mask:
-    """Return for each place whether its valid points lie on one line, shape (places,)."""
-    share = valid / np.maximum(1, valid.sum(axis=1, keepdims=True))
-    known = np.where(valid[..., None], position, 0.0)
-    centred = np.where(valid[..., None], known - np.einsum("pm,pmi->pi", share, known)[:, None], 0.0)
-    least, largest = np.linalg.eigvalsh(np.swapaxes(centred, 1, 2) @ centred).T
-    return np.asarray(least <= FLAT**2 * largest)

@@ -7,7 +7,7 @@ import numpy as np
 from dic.errors import GaugeError
 from dic.gauges.declared import LEAST_LINES, Extensometer, TransverseExtensometer
 from dic.gauges.field import GaugeField
-from dic.gauges.planes import lie_on_one_line, sums_at
+from dic.gauges.planes import flat_sets, lie_on_one_line, sums_at, sums_at_places
 from dic.gauges.points import GridPlaces
 from dic.gauges.reading import Reading
 from dic.gauges.strains import along, engineering
@@ -27,14 +27,20 @@ class PlacedLines:
     gauge : Extensometer or TransverseExtensometer
     rows, columns : ndarray of int, shape (n,)
         Places of all points of the patches in the grid of points.
-    patches : ndarray of bool, shape (2, lines, n)
-        True for the points in the patch at the start and at the end of each line.
+    members : ndarray of int, shape (2, lines, m)
+        Indices of the points in the patch at the start and at the end of each line.
+    patches : ndarray of bool, shape (2, lines, m)
+        False where a patch has fewer than m points.
+    place : ndarray, shape (2, lines, m)
+        Weights of the points' positions whose sum is the middle of the patch, in any unit.
     """
 
     gauge: Extensometer | TransverseExtensometer
     rows: Indices
     columns: Indices
+    members: Indices
     patches: Mask
+    place: Float
 
     @classmethod
     def of(cls, gauge: Extensometer | TransverseExtensometer, places: GridPlaces) -> "PlacedLines":
@@ -51,17 +57,22 @@ class PlacedLines:
         offsets = np.zeros(1)
         if isinstance(gauge, TransverseExtensometer):
             offsets = np.linspace(-0.5 * gauge.spread, 0.5 * gauge.spread, gauge.lines)
-        found = [
-            [places.in_square(at + offset * across, direction, gauge.patch) for offset in offsets]
-            for at in (start, end)
-        ]
+        middles = np.array([[at + offset * across for offset in offsets] for at in (start, end)])
+        found = [[places.in_square(at, direction, gauge.patch) for at in side] for side in middles]
         whole = sum(all(points.size for points in both) for both in zip(*found, strict=True))
         if whole < (LEAST_LINES if len(offsets) > 1 else 1):
             ends = [name for side, name in zip(found, ("start", "end"), strict=True) if not side[0].size]
             raise _without_points(gauge, whole, ends, places)
         every = np.unique(np.concatenate([points for side in found for points in side]))
-        patches = np.array([[np.isin(every, points) for points in side] for side in found])
-        return cls(gauge, places.rows[every], places.columns[every], patches)
+        shape = (2, len(offsets), max(len(points) for side in found for points in side))
+        members, patches, place = np.zeros(shape, np.int64), np.zeros(shape, np.bool_), np.zeros(shape)
+        for side, line in np.ndindex(shape[:2]):
+            points, own = found[side][line], slice(0, len(found[side][line]))
+            members[side, line, own], patches[side, line, own] = np.searchsorted(every, points), True
+            place[side, line, own] = 1.0 / max(1, len(points))
+            if not lie_on_one_line(places.position[points]):
+                place[side, line, own] = sums_at(places.position[points], middles[side, line])[0]
+        return cls(gauge, places.rows[every], places.columns[every], members, patches, place)
 
     def read(self, field: GaugeField) -> Reading:
         """Return the reading in one field.
@@ -73,7 +84,7 @@ class PlacedLines:
         at = self.rows, self.columns
         valid = displacement.valid[at]
         declared = len(self.rows)
-        counts = (self.patches & valid).sum(axis=2)
+        counts = (self.patches & valid[self.members]).sum(axis=2)
         good = (counts >= np.maximum(1.0, _LEAST_SHARE * self.patches.sum(axis=2))).all(axis=0)
         single = not isinstance(self.gauge, TransverseExtensometer)
         lines = None if single else int(good.sum())
@@ -85,7 +96,7 @@ class PlacedLines:
                 lines=lines,
                 reason=self._reason(counts, good),
             )
-        mean = np.subtract(*(self._sums(patches[good], valid, field) for patches in self.patches[::-1]))
+        mean = self._sums(1, good, valid, field) - self._sums(0, good, valid, field)
         position = np.where(valid[:, None], displacement.position[at], 0.0)
         vector = np.where(valid[:, None], displacement.vector[at], 0.0)
         before = mean @ position
@@ -121,20 +132,22 @@ class PlacedLines:
             lines=lines,
         )
 
-    def _sums(self, patches: Mask, valid: Mask, field: GaugeField) -> Float:
+    def _sums(self, side: int, good: Mask, valid: Mask, field: GaugeField) -> Float:
         """Return the weights, shape (lines, n), that give the displacement in the middle of each patch.
 
-        Where points are lost, a plane through the others gives the displacement at the mean place of all
-        points. If the others lie on one line, their mean is used.
+        A plane through the points gives it. If the points lie on one line, their mean is used.
         """
-        used = patches & valid
+        members, patches = self.members[side, good], self.patches[side, good]
+        position = field.displacement.position[self.rows, self.columns][members]
+        used = patches & valid[members]
+        known = np.where(used[..., None], position, 0.0)
         sums = used / used.sum(axis=1, keepdims=True)
-        position = field.displacement.position[self.rows, self.columns]
-        for line in np.flatnonzero((used != patches).any(axis=1)):
-            own, whole = used[line], position[patches[line]]
-            if np.isfinite(whole).all() and not lie_on_one_line(position[own]):
-                sums[line, own] = sums_at(position[own], whole.mean(axis=0))[0]
-        return np.asarray(sums)
+        middles = np.einsum("lm,lmi->li", self.place[side, good], np.where(patches[..., None], position, 0.0))
+        full = ~flat_sets(known, used)
+        sums[full] = sums_at_places(known[full], used[full], middles[full])[:, 0]
+        weights = np.zeros((len(sums), len(self.rows)))
+        np.add.at(weights, (np.arange(len(sums))[:, None], members), np.where(used, sums, 0.0))
+        return weights
 
     def _reason(self, counts: Indices, good: Mask) -> str:
         if len(good) > 1:

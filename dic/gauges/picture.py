@@ -43,11 +43,12 @@ def draw_gauges(placed: PlacedGauges, measurement: Measurement, reference: Grey)
         _draw(axes, f"{gauge.name} ({gauge.kind})", lines, kept, _COLOURS[number % len(_COLOURS)])
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="x, px", ylabel="y, px")
     axes.set_title("gauges and their points in the reference image", fontsize=11)
+    figure.legend(loc="outside lower center", ncols=3, fontsize=9)
     return figure
 
 
 def _draw(axes: Any, name: str, lines: list[Float], points: Float, colour: str) -> None:
-    """Draw the lines and points of one gauge, and its name at its first place."""
+    """Draw the lines and points of one gauge, and enter its name into the legend."""
     from matplotlib import patheffects
 
     edge = [patheffects.withStroke(linewidth=3.0, foreground="black")]
@@ -57,11 +58,8 @@ def _draw(axes: Any, name: str, lines: list[Float], points: Float, colour: str) 
         width, effects = (0.7, None) if thin else (1.8, edge)
         marker = "+" if len(line) == 1 else None
         axes.plot(*line.T, color=colour, linewidth=width, path_effects=effects, marker=marker, markersize=12)
-    box = {"facecolor": colour, "alpha": 0.9, "edgecolor": "black", "pad": 1.5}
-    x, y = lines[0][0]
-    axes.annotate(
-        name, (x, y), xytext=(6, 6), textcoords="offset points", color="black", fontsize=9, bbox=box
-    )
+    # Names at the gauges would cover each other, because gauges often share a place.
+    axes.plot([], [], color=colour, linewidth=4.0, label=name)
 
 
 def _in_px(line: Float, unit: str, homography: Float) -> Float:

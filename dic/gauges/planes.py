@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from dic.typing import Float
+from dic.typing import Float, Mask
 
-FLAT = 1e-6
+_FLAT = 1e-6
 """Points count as lying on one line if they reach less far across it than this fraction of their extent."""
 
 
@@ -32,4 +32,32 @@ def lie_on_one_line(position: Float) -> bool:
     if len(position) < 3:
         return True
     extent = np.linalg.svd(position - position.mean(axis=0), compute_uv=False)
-    return bool(extent[1] <= FLAT * extent[0])
+    return bool(extent[1] <= _FLAT * extent[0])
+
+
+def sums_at_places(position: Float, valid: Mask, places: Float) -> Float:
+    """Return the weights of `sums_at` for many places at once, shape (places, 3, m).
+
+    Parameters
+    ----------
+    position : ndarray, shape (places, m, 2)
+        Points around each place; those that are `valid` do not lie on one line.
+    valid : ndarray of bool, shape (places, m)
+        The weights of other points are 0.
+    places : ndarray, shape (places, 2)
+    """
+    share = valid / np.sum(valid, axis=1, keepdims=True)
+    middle = np.einsum("pm,pmi->pi", share, position)
+    centred = np.where(valid[..., None], position - middle[:, None], 0.0)
+    slopes = np.linalg.solve(np.swapaxes(centred, 1, 2) @ centred, np.swapaxes(centred, 1, 2))
+    mean = share + np.einsum("pi,pim->pm", places - middle, slopes)
+    return np.concatenate([mean[:, None], slopes], axis=1)
+
+
+def flat_sets(position: Float, valid: Mask) -> Mask:
+    """Return for sets of points (sets, m, 2) whether those that are `valid` (sets, m) lie on one line."""
+    share = valid / np.maximum(1, valid.sum(axis=1, keepdims=True))
+    known = np.where(valid[..., None], position, 0.0)
+    centred = np.where(valid[..., None], known - np.einsum("pm,pmi->pi", share, known)[:, None], 0.0)
+    least, largest = np.linalg.eigvalsh(np.swapaxes(centred, 1, 2) @ centred).T
+    return np.asarray(least <= _FLAT**2 * largest)

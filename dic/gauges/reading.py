@@ -28,8 +28,8 @@ class Reading:
     extension, extension_std : float
         Change of length of an extensometer, and its standard deviation; NaN for other gauges.
     length : float
-        Gauge length in the reference, between the mean places of the points that were used. For an area, the
-        distance between its outermost points along its direction.
+        Gauge length in the reference, between the middles of the two patches. For an area, the distance
+        between its outermost points along its direction.
     points : int
         Number of points with a displacement that were used.
     declared : int

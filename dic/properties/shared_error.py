@@ -30,8 +30,8 @@ def with_shared_error(found: Properties, shared_std: Float) -> Properties:
     if elastic is None or not np.isfinite(shared_std).all():
         return found
     curve, end = record.curve, elastic.line.stop
-    share = np.clip(curve.load_n / max(float(curve.load_n[:end].max()), 1e-12), 0.0, 1.0)
-    error = shared_std * np.maximum.accumulate(share)
+    error = np.array(shared_std, np.float64)
+    error[:end] = error[end - 1] * curve.load_n[:end] / curve.load_n[end - 1]
     # Both curves have the same window, so that the choice of a window is no part of the difference.
     low, high = elastic.window["stress_mpa"]
     settings = replace(found.settings, window_mpa=(low, high))

@@ -21,6 +21,13 @@ COMMANDS: dict[str, list[str]] = {
         *("dic", "properties", "{curve}", "--load", "Load:kN", "--strain", "Strain:%", "--area-mm2", "20"),
         *("--json", "{new}.json"),
     ],
+    "gauges beside a record": [
+        *("dic", "gauges", "{results}", "{gauges}", "--record", "{curve}", "--load", "Load:kN"),
+        *("--time", "Time:s", "--image-interval-s", "1"),
+    ],
+    "properties of results": [
+        *("dic", "properties", "{results}", "--gauges", "{gauges}", "--area-mm2", "20", "--gauge", "area"),
+    ],
     "report": ["dic", "report", "{results}", "-o", "{new}.html"],
     "plan": ["rig", "plan", "{protocol}"],
     "plan a tension": ["rig", "plan", "{tension}", "--rig", "{rig}"],

@@ -42,6 +42,8 @@ def drawn(seed, *, tilting):
         mounted_deg, gap_mm, slopes_deg = np.zeros(2), 0.0, np.zeros(2)
     state = State(Pose.sloped(*(mounted_deg + slopes_deg), gap_mm), F)
     reference, calibration = State(Pose.sloped(*mounted_deg, gap_mm)), view.calibration()
+    if not tilting:
+        calibration = calibration.using("pinhole")
     (measurement,) = view.measurements([state], calibration, reference)
     correction = correct_tilt(measurement, calibration, NU, Shift(0.0))
     measurement = stated(measurement, correction)

@@ -62,15 +62,23 @@ def test_strain_is_that_of_the_material_line_in_spite_of_a_rotation(angle_deg):
         assert read[name].strain == pytest.approx(elongation(STRETCH, line), abs=1e-12), name
 
 
-def test_extensometer_states_the_length_between_the_mean_places_of_its_points():
+def test_extensometer_states_the_length_that_it_has():
     read = readings(stretched(STRETCH))["axial"]
     # Points lie at 20, 30, … px: the patches reach from 40 to 80 and from 320 to 360.
     assert read.length == pytest.approx(280.0)
     assert (read.points, read.declared) == (50, 50)
     assert read.extension == pytest.approx(280.0 * elongation(STRETCH, (0, 1)))
     narrow = Extensometer(name="narrow", start=(152, 63), end=(152, 338), patch=12)
-    # Rows 60 and 340, column 150: the gauge length is between these points, not between the declared places.
+    # One point in each patch, in rows 60 and 340: the gauge length is between these, not the declared places.
     assert readings(stretched(STRETCH), [narrow])["narrow"].length == pytest.approx(280.0)
+
+
+def test_gauge_lies_exactly_where_it_is_declared_between_the_points():
+    # The middles of the patches are not those of their points.
+    gauge = Extensometer(name="between", start=(143.7, 66.2), end=(158.1, 331.9), patch=37)
+    read = readings(stretched(STRETCH), [gauge])["between"]
+    assert read.length == pytest.approx(np.hypot(14.4, 265.7), abs=1e-9)
+    assert read.strain == pytest.approx(elongation(STRETCH, (14.4, -265.7)), abs=1e-12)
 
 
 def test_transverse_extensometer_averages_over_its_lines():

@@ -1,0 +1,61 @@
+"""An error of strain that all points share changes a property as a whole, and does not average out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dic import Curve, PropertySettings, material_properties, with_shared_error
+from tests.dic.properties.synthetic import strain_of_stress
+
+E_MPA, AREA_MM2 = 200_000.0, 10.0
+
+
+def record(points=400):
+    """Steel without noise, by the law of Ramberg and Osgood."""
+    stress = np.linspace(0.0, 420.0, points)
+    strain = strain_of_stress(stress, E_MPA, 400.0, 25)
+    return Curve("made", AREA_MM2 * stress, strain, -0.3 * strain)
+
+
+def test_slope_gets_the_share_of_the_error_at_the_end_of_its_window():
+    curve = record()
+    found = material_properties(curve, PropertySettings(AREA_MM2))
+    share = 0.02
+    judged = with_shared_error(found, share * curve.strain)
+    # Strain larger by a share p gives a slope that is smaller by the factor 1 / (1 + p).
+    e_gpa = found.values["E_gpa"].value
+    expected = 0.5 * e_gpa * (1 / (1 - share) - 1 / (1 + share))
+    assert judged.strain_parts["E_gpa"] == pytest.approx(expected, rel=0.02)
+    assert judged.values["E_gpa"].std == pytest.approx(
+        np.hypot(expected, found.values["E_gpa"].std), rel=0.02
+    )
+    assert judged.values["E_gpa"].value == e_gpa
+    # A share of strain does the same to both strains whose ratio is ν only if both have it: here one has.
+    assert judged.strain_parts["nu"] == pytest.approx(share * 0.3, rel=0.03)
+    # Load alone gives Rm.
+    assert judged.strain_parts["Rm_mpa"] == 0.0
+    assert "strain calibration" not in judged.as_dict()["not_counted"]
+    assert judged.as_dict()["std_by_strain"]["E_gpa"] == judged.strain_parts["E_gpa"]
+
+
+def test_error_that_is_declared_as_a_share_gives_the_same_deviation():
+    curve, share = record(), 0.01
+    declared = material_properties(curve, PropertySettings(AREA_MM2, strain_std_percent=100 * share))
+    plain = material_properties(curve, PropertySettings(AREA_MM2))
+    judged = with_shared_error(plain, share * curve.strain)
+    for name in ("E_gpa", "Rp02_mpa"):
+        assert judged.values[name].std == pytest.approx(declared.values[name].std, rel=0.1), name
+
+
+def test_unknown_error_is_not_counted():
+    found = material_properties(record(), PropertySettings(AREA_MM2))
+    judged = with_shared_error(found, np.full(400, np.nan))
+    assert judged is found
+    assert "strain calibration" in judged.as_dict()["not_counted"]
+
+
+def test_record_without_elastic_line_stays_as_it_is():
+    settings = PropertySettings(AREA_MM2, window_mpa=(900.0, 950.0))
+    found = material_properties(replace(record()), settings)
+    assert with_shared_error(found, np.full(400, 1e-5)) is found
