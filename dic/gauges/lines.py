@@ -1,6 +1,6 @@
 """Extensometers: the change of the distance between two patches, for one line or averaged over many."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -80,56 +80,45 @@ class PlacedLines:
         The strain is the change of the distance between the middles of the two patches over this distance.
         A rigid motion does not change it. With many lines the strains are averaged.
         """
-        displacement = field.displacement
-        at = self.rows, self.columns
-        valid = displacement.valid[at]
-        declared = len(self.rows)
+        valid = field.displacement.valid[self.rows, self.columns]
         counts = (self.patches & valid[self.members]).sum(axis=2)
         good = (counts >= np.maximum(1.0, _LEAST_SHARE * self.patches.sum(axis=2))).all(axis=0)
         single = not isinstance(self.gauge, TransverseExtensometer)
+        read = Reading(field.displacement.unit, reason=self._reason(counts, good))
+        if int(good.sum()) >= (1 if single else LEAST_LINES):
+            read = self._read(field, good, valid)
         lines = None if single else int(good.sum())
-        if int(good.sum()) < (1 if single else LEAST_LINES):
-            return Reading(
-                displacement.unit,
-                points=int(valid.sum()),
-                declared=declared,
-                lines=lines,
-                reason=self._reason(counts, good),
-            )
+        return replace(read, points=int(valid.sum()), declared=len(valid), lines=lines)
+
+    def _read(self, field: GaugeField, good: Mask, valid: Mask) -> Reading:
+        """Return the reading of the lines that are `good`, from the points that are `valid`."""
+        displacement, at = field.displacement, (self.rows, self.columns)
         mean = self._sums(1, good, valid, field) - self._sums(0, good, valid, field)
-        position = np.where(valid[:, None], displacement.position[at], 0.0)
-        vector = np.where(valid[:, None], displacement.vector[at], 0.0)
-        before = mean @ position
-        after = before + mean @ vector
+        before = mean @ np.where(valid[:, None], displacement.position[at], 0.0)
+        after = before + mean @ np.where(valid[:, None], displacement.vector[at], 0.0)
         lengths, longer = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
         # The derivative of a length by the displacement of its end is its direction.
         ends = after / longer[:, None] / len(lengths)
         weights = np.stack([mean.T @ (ends / lengths[:, None]), mean.T @ ends], axis=-1)
-        strain, extension = float(np.mean(longer / lengths - 1.0)), float(np.mean(longer - lengths))
         images = np.full(2, np.nan)
         if displacement.noise is not None:
-            points = (weights != 0.0).any(axis=(1, 2))
-            covariance = covariance_at_points(
-                self.rows[points], self.columns[points], weights[points], displacement.noise
-            )
-            images = np.diag(covariance)
+            used = (weights != 0.0).any(axis=(1, 2))
+            places = self.rows[used], self.columns[used]
+            images = np.diag(covariance_at_points(*places, weights[used], displacement.noise))
+        strain, length = float(np.mean(longer / lengths - 1.0)), float(lengths.mean())
         direction = before.mean(axis=0) / np.linalg.norm(before.mean(axis=0))
         common, shared = (
             along(part, direction) * engineering(1.0 + strain, field.measure) ** 2
             for part in (field.common_noise, field.shared)
         )
-        length = float(lengths.mean())
         return Reading(
             displacement.unit,
             strain=strain,
             strain_std=float(np.sqrt(images[0] + common + shared)),
             strain_std_images=float(np.sqrt(images[0] + common)),
-            extension=extension,
+            extension=float(np.mean(longer - lengths)),
             extension_std=float(np.sqrt(images[1] + (common + shared) * length**2)),
             length=length,
-            points=int(valid.sum()),
-            declared=declared,
-            lines=lines,
         )
 
     def _sums(self, side: int, good: Mask, valid: Mask, field: GaugeField) -> Float:
