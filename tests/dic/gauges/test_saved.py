@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -72,6 +73,13 @@ def test_saved_run_gives_the_readings_of_the_run_in_memory(tension, tmp_path):
     ]
     assert set(saved.kinds) == {"raw", "calibrated", "corrected"}
     assert_equal(live.as_dict()["images"], saved.as_dict()["images"])
+    # Files of earlier versions have the standard deviations alone, which are enough along the axes.
+    with h5py.File(tmp_path / "results.h5", "a") as file:
+        del file["cameras/aside/series/calibrated_mean/shared_covariance"]
+    older = measure_gauges(tmp_path / "results.h5", IN_MM, camera="aside").images[0].readings
+    for name in ("axial", "width", "foil"):
+        stds = [read[name]["calibrated"].strain_std for read in (older, live.images[0].readings)]
+        assert stds[0] == pytest.approx(stds[1], rel=1e-6)
 
 
 def test_corrected_gauges_of_a_tilted_specimen_read_the_true_strain(tension):
