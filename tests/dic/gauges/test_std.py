@@ -1,5 +1,7 @@
 """The standard deviations of gauges are those that theory gives, and those that repeated images show."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -57,6 +59,41 @@ def test_lines_whose_subsets_share_pixels_have_the_noise_of_the_sum_over_pixels(
     independent = np.sqrt(2.0) * STD_PX / 200.0 / np.sqrt(32)
     assert theory > 1.3 * independent
     assert read.strain_std == pytest.approx(theory, rel=1e-5)
+
+
+def test_32_lines_on_images_have_the_noise_that_the_pattern_allows():
+    """Theory: least squares over the exact grey levels of each subset, and the sum over shared pixels."""
+    noise, subset_px = 3.0, 21
+    pattern = SpecklePattern(seed=8, shape=(351, 150), noise=noise)
+    exact = replace(pattern, noise=0.0)
+    images = pattern.draw(noise_seed=1), pattern.draw(noise_seed=2)
+    region = np.ones((351, 150), bool)
+    settings = CorrelationSettings(subset_px=subset_px, step_px=10, shape="affine", smoothing_px=0.0)
+    series = measure_images(*images, settings=settings, region=region)
+    field = series.images[0].measurement.field
+    left, right = (int(field.x_px[np.abs(field.x_px - x).argmin()]) for x in (30, 120))
+    rows = field.y_px[:32]
+    gauge = TransverseExtensometer(
+        name="width", start=(left, rows.mean()), end=(right, rows.mean()), patch=5,
+        spread=float(np.ptp(rows)), lines=32,
+    )  # fmt: skip
+    read = reading(series, gauge)
+    assert (read.lines, read.points) == (32, 64)
+    right_of, left_of = (exact.draw(lambda x, y, d=d: (x + d, y)).astype(float) for d in (0.25, -0.25))
+    below, above = (exact.draw(lambda x, y, d=d: (x, y + d)).astype(float) for d in (0.25, -0.25))
+    across, down, grey = (right_of - left_of) / 0.5, (below - above) / 0.5, exact.draw().astype(float)
+    half, weights = subset_px // 2, np.zeros(region.shape)
+    dy, dx = np.mgrid[-half : half + 1, -half : half + 1]
+    for column, sign in ((left, -1.0), (right, 1.0)):
+        for row in rows:
+            part = slice(row - half, row + half + 1), slice(column - half, column + half + 1)
+            # An affine warp of six parameters, and the brightness and contrast of the subset.
+            terms = [g * d for g in (across[part], down[part]) for d in (np.ones_like(dx), dx, dy)]
+            design = np.stack([*terms, np.ones_like(grey[part]), grey[part]], axis=-1).reshape(-1, 8)
+            weights[part] += sign * np.linalg.pinv(design)[0].reshape(dx.shape)
+    # Both images have noise, and a displacement is a least-squares solution to first order in it.
+    theory = np.sqrt(2.0) * noise * np.linalg.norm(weights) / 32 / (right - left)
+    assert read.strain_std == pytest.approx(theory, rel=0.1)
 
 
 def test_few_points_and_many_have_the_same_covariance(monkeypatch):
