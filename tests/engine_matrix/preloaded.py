@@ -1,12 +1,14 @@
-"""What each process of the matrix begins with: the modules of a run, and numba ready to call functions."""
+"""What each process of the matrix begins with: the modules of a run, and compiled code that has run once."""
 
 from importlib import import_module
 
-import numpy as np
-
 from simulators.scene.optics import PinholeCamera
+from simulators.scene.render import render
+from simulators.scene.scene import Surface
+from simulators.scene.texture import LineGrid, Speckle
 
 for _module in ("tests.engine_matrix.cells", "simulators.rig.virtual_rig", "simulators.rig.operator"):
     import_module(_module)
-# the first call of a compiled function loads a great part of numba
-PinholeCamera(2, 2).ray(np.zeros((1, 2)))
+# The first call of each compiled function loads its machine code. A line that is silent meanwhile would fail.
+for _texture in (LineGrid(), Speckle.sprayed(1)):
+    render(PinholeCamera(2, 2), Surface(_texture))
