@@ -17,8 +17,8 @@ from tests.places import DOCS
 DOCUMENT = DOCS / "engine-matrix.md"
 HEADING = "## The table\n"
 AT_A_TIME = 8
-"""Runs at a time: most of a run with a silent line is waiting for answers, in real time. With more runs on two
-processors, answers may come too late."""
+"""Runs at a time: most of a run with a silent line is waiting for answers, in real time. With more runs on
+two processors, answers may come too late."""
 
 Place = tuple[int, int]
 """Numbers of a fault and of a moment."""
