@@ -46,7 +46,7 @@ test: $(STAMP)
 	$(MAKE) --no-print-directory -j 2 types compiled lint laws
 # Three workers keep two processors busy while some tests wait; threads within a worker would only compete.
 	OMP_NUM_THREADS=1 $(BIN)/pytest -n 3 --dist worksteal -m "not long and not realtime"
-	$(BIN)/pytest -m "realtime and not long"
+	$(BIN)/pytest -n 2 --dist worksteal -m "realtime and not long"
 
 test-kernel: $(STAMP)
 	$(BIN)/pytest -rA tests/real_cameras/kernel_vm tests/real_cameras/gige

@@ -121,43 +121,59 @@ class GuardedStage(ABC, Generic[P]):
         """Send the stop command at once, and repeat the command until the device reports standstill.
 
         Requests of other threads do not delay the stop. A motion command that is not yet sent is cancelled.
-        If the link is lost, the port is opened once more, for the stop only.
+        If the link is lost, the port is opened again, for the stop only, until the deadline of the stop.
 
         Raises
         ------
         DeviceTimeout
             If the device does not report standstill before the deadline of the stop.
         LinkLost
-            If the stage was closed, or the port cannot be opened again.
+            If the stage was closed, or no new link could be used before the deadline of the stop.
         """
         with self._stop_lock:
             self._stops += 1
             self._break_off_search()
         with calling_for_the_emergency_stop(self._name):
             try:
-                self._stop_on(self._port, lambda: "")
+                self._stop_on(self._port, lambda: "", self._stop_deadline())
             except LinkLost:
                 if self._closed:
                     raise
-                self._stop_on_new_link()
+                self._stop_on_new_links()
 
     def _opened_port(self, timeout_s: float) -> P:
         channel = open_device(self._name, self._url, self._baud, timeout_s, self._relay)
         return self._open_port(self._name, channel, timeout_s)
 
-    def _stop_on_new_link(self) -> None:
-        """Stop the stage over a new connection after the link was lost; all other requests still fail."""
+    def _stop_on_new_links(self) -> None:
+        """Stop the stage over a new link after the link was lost; all other requests still fail.
+
+        A new link can be lost too. For example, the relay of a guardian that was killed may still accept a
+        connection, which then breaks.
+        """
         with self._new_link_lock:
             self._port.close()
-            timeout_s = min(self._reply_timeout_s, self._stop_times.answer_s)
-            port = self._opened_port(timeout_s)
-            try:
-                self._stop_on(port, lambda: self._stranger(port))
-            finally:
-                port.close()
+            deadline = self._stop_deadline()
+            while True:
+                try:
+                    self._stop_on_new_link(deadline)
+                    return
+                except LinkLost:
+                    if deadline.passed:
+                        raise
+                self._clock.sleep(self._stop_times.poll_s)
 
-    def _stop_on(self, port: P, stranger: Callable[[], str]) -> None:
-        deadline = StopDeadline(self._clock, self._stop_times.deadline_s)
+    def _stop_on_new_link(self, deadline: StopDeadline) -> None:
+        port = self._opened_port(min(self._reply_timeout_s, self._stop_times.answer_s))
+        try:
+            self._stop_on(port, lambda: self._stranger(port), deadline)
+        finally:
+            port.close()
+
+    def _stop_deadline(self) -> StopDeadline:
+        return StopDeadline(self._clock, self._stop_times.deadline_s)
+
+    def _stop_on(self, port: P, stranger: Callable[[], str], deadline: StopDeadline) -> None:
         got = "silence"
         while not deadline.passed:
             try:

@@ -1,12 +1,16 @@
 """What stage drivers inherit from `GuardedStage`: motions sent once, stops confirmed, lost links told."""
 
+import socket
+import struct
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import pytest
 
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.lines.stop_deadline import StopTimes
 from simulators.stage.zaber_settings import ZaberDeviceSettings
+from simulators.wire.ports import LOCALHOST
 from tests.drivers.stages.esp301.esp301_line import ESP301
 from tests.drivers.stages.stage_kit import arrive, stops_end_soon
 from tests.drivers.stages.zaber.zaber_line import ZABER
@@ -123,6 +127,37 @@ def test_a_stage_whose_cable_is_back_is_stopped(homed, line, device, clock):
     line.faults.clear()
     homed.stop()
     assert not device.moving
+
+
+def test_a_stop_is_repeated_while_new_links_break_too(kit, device, clock, context):
+    """The relay of a guardian that was just killed still accepts connections, which then break."""
+    wire = kit.tcp_server(device, clock)
+    with socket.socket() as relay, ThreadPoolExecutor(1) as pool:
+        relay.bind((LOCALHOST, 0))
+        address = "{}:{}".format(*relay.getsockname())
+        stage = kit.open(replace(context, relay=address), f"socket://{wire.address}")
+        stage.home()
+        arrive(stage, clock)
+        stage.move_to(90.0)
+        clock.sleep(1.0)
+        relay.settimeout(10.0)
+        relay.listen()
+        broken = pool.submit(break_links, relay, 3)
+        wire.drop_clients()
+        stage.stop()
+        broken.result(30.0)
+    assert not device.moving
+    stage.close()
+    wire.close()
+
+
+def break_links(relay: socket.socket, number: int) -> None:
+    for _ in range(number):
+        link, _ = relay.accept()
+        # closed with a reset, as by a process that was killed
+        link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        link.close()
+    relay.close()
 
 
 @for_each(
