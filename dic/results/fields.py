@@ -11,6 +11,7 @@ from dic.correlation.series import SeriesFields
 from dic.correlation.settings import CorrelationSettings
 from dic.files.lazy import Computed
 from dic.image.point_grid import PointGrid
+from dic.results.columns import Columns
 from dic.results.job import Outcome
 from dic.results.schema import units_of
 from dic.results.unfinished import FinishedImage
@@ -51,7 +52,7 @@ class StoredFields:
     """
 
     def __init__(self, series: Any) -> None:
-        self._series = series
+        self._columns, self._count = Columns(series), len(series["label"])
         self.settings = CorrelationSettings(**read_settings(series, CorrelationSettings))
         self._x_px, self._y_px = series["x_px"][:], series["y_px"][:]
         self._active: Mask = series["active"][:].astype(np.bool_)
@@ -59,14 +60,14 @@ class StoredFields:
         self.grid = _read_grid(series, self._x_px, self._y_px, self._active) if "usable" in series else None
 
     def __len__(self) -> int:
-        return len(self._series["label"])
+        return self._count
 
     def __getitem__(self, k: int) -> Field:
         return self.field(k)
 
     def field(self, k: int, *, gradients: bool = True) -> Field:
         """Return a field; without gradients, which need not be read, these are NaN."""
-        series = self._series
+        series = self._columns
         # Files of earlier versions lack the interpolation bias: images were not smoothed.
         known = "bias_u_px" in series
         bias = np.stack([series["bias_u_px"][k], series["bias_v_px"][k]], axis=-1) if known else None
@@ -87,7 +88,7 @@ class StoredFields:
             iterations=series["iterations"][k].astype(np.int16),
             status=series["status"][k].astype(np.int8),
             active=self._active,
-            start=str(series["start"].asstr()[k]),
+            start=str(series["start"][k]),
             settings=self.settings,
             updates=updates,
             smoothing_px=float(series["smoothing_px"][k]) if known else 0.0,
@@ -112,15 +113,16 @@ class StoredFields:
             each = outcomes[k]
             if each.failure is not None:
                 return FinishedImage(each.label, failure=each.failure, content=each.content)
-            field, digest = self[int(rows[k])], str(self._series["sha256"].asstr()[rows[k]])
+            field, digest = self[int(rows[k])], str(self._columns["sha256"][rows[k]])
             return FinishedImage(each.label, digest, SeriesFields(field, field), content=each.content)
 
         return Computed(len(outcomes), image)
 
     def _joined(self, k: int, u: str, v: str, gradient: str, *, gradients: bool) -> Float:
+        series = self._columns
         unread = np.full((4, *self._active.shape), np.nan)
-        slopes = np.moveaxis(self._series[gradient][k], -1, 0) if gradients else unread
-        return np.stack([self._series[u][k], *slopes[:2], self._series[v][k], *slopes[2:]], axis=-1)
+        slopes = np.moveaxis(series[gradient][k], -1, 0) if gradients else unread
+        return np.stack([series[u][k], *slopes[:2], series[v][k], *slopes[2:]], axis=-1)
 
 
 def write_points(group: Any, field: Field) -> None:

@@ -17,6 +17,7 @@ from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.strain_parts import UNCERTAINTY_KEYS
 from dic.out_of_plane.two_cameras import TwoCameraStep
+from dic.results.columns import Columns
 from dic.results.fields import StoredFields, plain, read_settings
 from dic.results.job import Job
 from dic.results.provenance import Provenance
@@ -63,16 +64,22 @@ def read_measurements(
     """
     stored, strain = StoredFields(series), read_strain_settings(series)
 
-    means = {name: _Columns(series[name]) for name in ("raw_mean", "calibrated_mean") if name in series}
+    columns, gauge_px, gauge_mm = Columns(series), *_gauges(series)
 
     def read(k: int) -> Measurement:
         field = stored.field(k, gradients=local_strain)
-        found = _read_measurement(series, k, field, strain, calibration, means)
-        if not local_strain:
-            return replace(found, raw=raw_displacement(field, gradients=False))
-        return replace(found, raw=raw_displacement(field), stored_strain=_read_strain(series, k))
+        found = _read_measurement(columns, k, field, strain, calibration)
+        raw = raw_displacement(field, gradients=local_strain)
+        local = _read_strain(columns, k) if local_strain else None
+        return replace(found, raw=raw, stored_strain=local, gauge_px=gauge_px, gauge_mm=gauge_mm)
 
     return Computed(len(series["label"]), read)
+
+
+def _gauges(series: Any) -> tuple[int, float | None]:
+    """Return the gauge of the local strains in px, and in mm for calibrated images."""
+    gauge_mm = float(series.attrs["strain_gauge_mm"]) if "calibrated_mean" in series else None
+    return int(series.attrs["strain_gauge_px"]), gauge_mm
 
 
 def read_strain_settings(series: Any) -> StrainSettings:
@@ -97,9 +104,10 @@ def read_corrections(
         The same corrections, computed again. Give these corrections if the file is of an earlier version that
         lacks values.
     """
+    columns = Columns(group)
     return Computed(
         len(measurements),
-        lambda k: _read_correction(group, k, measurements[k], None if anew is None else anew[k]),
+        lambda k: _read_correction(columns, k, measurements[k], None if anew is None else anew[k]),
     )
 
 
@@ -129,70 +137,54 @@ def read_two_cameras(
         found = Computed(len(indices), lambda k: measurements[camera][indices[k]])
         return read_corrections(group[camera], found) if indices else []
 
-    ones, others = of_camera(first), of_camera(second)
+    ones, others, columns = of_camera(first), of_camera(second), Columns(group)
 
     def read(k: int) -> TwoCameraStep:
-        both, declined = (ones[k], others[k]), _read_reason(group, k)
+        both, declined = (ones[k], others[k]), _read_reason(columns, k)
         if declined is not None:
             return TwoCameraStep(both, declined=declined)
-        heights = group["heights_mm"][k], group["heights_std_mm"][k]
-        return TwoCameraStep(both, _read_mean(group["mean"], k), *heights)
+        heights = columns["heights_mm"][k], columns["heights_std_mm"][k]
+        return TwoCameraStep(both, _read_mean(columns["mean"], k), *heights)
 
     return (first, second), ComputedMapping(indices, Computed(len(indices), read))
 
 
-class _Columns:
-    """The datasets of a group with one value per image, each of which is read at once when it is needed."""
-
-    def __init__(self, group: Any) -> None:
-        self._group, self._known = group, dict[str, Any]()
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._known or name in self._group
-
-    def __getitem__(self, name: str) -> Any:
-        if name not in self._known:
-            self._known[name] = self._group[name][:]
-        return self._known[name]
-
-
 def _read_measurement(
-    series: Any,
+    series: Columns,
     k: int,
     field: Field,
     strain: StrainSettings,
     calibration: Calibration | None,
-    means: Mapping[str, "_Columns"],
 ) -> Measurement:
-    label, anew = str(series["label"].asstr()[k]), None
-    if "points" not in means["raw_mean"]:
+    """Return a measurement without its gauges, raw displacements and local strains."""
+    label, anew = str(series["label"][k]), None
+    if "points" not in series["raw_mean"]:
         anew = measure(field, calibration, strain, label=label)
-    raw_mean = _read_mean(means["raw_mean"], k, None if anew is None else anew.raw_mean)
-    calibrated, calibrated_mean, by_images, gauge_mm, shared = None, None, None, None, None
-    if "calibrated_mean" in means:
+    raw_mean = _read_mean(series["raw_mean"], k, None if anew is None else anew.raw_mean)
+    calibrated, calibrated_mean, by_images, shared = None, None, None, None
+    if "calibrated_mean" in series:
         calibrated = _read_displacement(series, k)
         mean = None if anew is None else anew.calibrated_mean
-        calibrated_mean = _read_mean(means["calibrated_mean"], k, mean)
-        by_images = _read_by_images(means["calibrated_mean"], k, calibrated_mean)
-        gauge_mm = float(series.attrs["strain_gauge_mm"])
-        shared = _read_shared(means["calibrated_mean"], k)
+        calibrated_mean = _read_mean(series["calibrated_mean"], k, mean)
+        by_images = _read_by_images(series["calibrated_mean"], k, calibrated_mean)
+        shared = _read_shared(series["calibrated_mean"], k)
     return Measurement(
         label=label,
         field=field,
         raw=NOWHERE,
         calibrated=calibrated,
         strain_settings=strain,
-        gauge_px=int(series.attrs["strain_gauge_px"]),
-        gauge_mm=gauge_mm,
+        gauge_px=0,
+        gauge_mm=None,
         raw_mean=raw_mean,
         calibrated_mean=calibrated_mean,
         by_images=by_images,
         shared=shared,
-        digest=str(series["sha256"].asstr()[k]) if "sha256" in series else "",
+        digest=str(series["sha256"][k]) if "sha256" in series else "",
     )
 
 
-def _read_by_images(group: Any, k: int, mean: MeanStrain) -> MeanStrain | None:
+def _read_by_images(group: Columns, k: int, mean: MeanStrain) -> MeanStrain | None:
     """Return the mean strain with the standard deviations of the images; None if the file has no others."""
     if IMAGES_KEYS[0] not in group:
         return None
@@ -202,7 +194,7 @@ def _read_by_images(group: Any, k: int, mean: MeanStrain) -> MeanStrain | None:
     return replace(mean, **unknown | parts)
 
 
-def _read_correction(group: Any, k: int, measurement: Measurement, anew: Correction | None) -> Correction:
+def _read_correction(group: Columns, k: int, measurement: Measurement, anew: Correction | None) -> Correction:
     table, declined = group["corrected_mean"], _read_reason(group["corrected_mean"], k)
     displacement, strain = measurement.calibrated, measurement.stored_strain
     if declined is None and anew is not None:
@@ -214,7 +206,7 @@ def _read_correction(group: Any, k: int, measurement: Measurement, anew: Correct
         raise KeyError("calibrated displacement")
     after, after_std = _read_plane(table, k)
     return Correction(
-        method=str(table["method"].asstr()[k]),
+        method=str(table["method"][k]),
         mean=_read_mean(table, k, None if anew is None else anew.mean),
         displacement=displacement,
         strain_settings=measurement.strain_settings,
@@ -227,35 +219,35 @@ def _read_correction(group: Any, k: int, measurement: Measurement, anew: Correct
     )
 
 
-def _read_shared(table: Any, k: int) -> Float | None:
+def _read_shared(table: Columns, k: int) -> Float | None:
     """Return the covariance of the errors that all points share; None for files of earlier versions."""
     return np.asarray(table[SHARED_KEY][k], np.float64) if SHARED_KEY in table else None
 
 
-def _read_uncertainty(table: Any, k: int) -> dict[str, float] | None:
+def _read_uncertainty(table: Columns, k: int) -> dict[str, float] | None:
     """Return the parts of the standard deviations of a step; None if the file has none."""
     values = {name: float(table[name][k]) for name in UNCERTAINTY_KEYS if name in table}
     return {name: value for name, value in values.items() if np.isfinite(value)} or None
 
 
-def _read_displacement(group: Any, k: int) -> Displacement:
+def _read_displacement(group: Columns, k: int) -> Displacement:
     position = np.stack([group["X_mm"][:], group["Y_mm"][:]], axis=-1)
     vector = np.stack([group["U_mm"][k], group["V_mm"][k]], axis=-1)
     return Displacement(position, vector, group["valid"][k].astype(np.bool_), "mm")
 
 
-def _read_strain(group: Any, k: int) -> StrainField:
+def _read_strain(group: Columns, k: int) -> StrainField:
     # Files of earlier versions lack the parts of the standard deviations, and so do raw strains.
     parts = {name: group[name][k] for name in IMAGES_KEYS if name in group}
     return StrainField(**{name: group[name][k] for name in STRAIN_KEYS}, **parts)
 
 
-def _read_mean(group: Any, k: int, anew: MeanStrain | None = None) -> MeanStrain:
+def _read_mean(group: Columns, k: int, anew: MeanStrain | None = None) -> MeanStrain:
     values: dict[str, Any] = {} if anew is None else dict(vars(anew))
     return MeanStrain(**(values | {name: plain(group[name][k]) for name in MEAN_KEYS if name in group}))
 
 
-def _read_plane(table: Any, k: int) -> tuple[Plane | None, Float | None]:
+def _read_plane(table: Columns, k: int) -> tuple[Plane | None, Float | None]:
     slopes_deg = np.array([table["slope_x_deg"][k], table["slope_y_deg"][k]])
     if np.isnan(slopes_deg).any():
         return None, None
@@ -265,5 +257,5 @@ def _read_plane(table: Any, k: int) -> tuple[Plane | None, Float | None]:
     return Plane(slope_x, slope_y, float(table["shift_mm"][k])), std
 
 
-def _read_reason(group: Any, k: int) -> str | None:
-    return None if group["applied"][k] else str(group["reason"].asstr()[k])
+def _read_reason(group: Columns, k: int) -> str | None:
+    return None if group["applied"][k] else str(group["reason"][k])

@@ -19,6 +19,7 @@ from dic.out_of_plane.strain_parts import UNCERTAINTY_KEYS
 from dic.out_of_plane.two_cameras import TwoCameraStep
 from dic.results.fields import write_points
 from dic.results.provenance import Provenance
+from dic.results.rows import Rows
 from dic.results.schema import FORMAT, MEAN_KEYS, PLANE_KEYS, SHARED_KEY, VERSION, units_of
 from dic.strain.displacement import Displacement
 from dic.strain.measurement import Measurement
@@ -26,7 +27,7 @@ from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, MeanStrain, StrainField
 
 
 class ResultWriter:
-    """A writer that appends measurements to a file one by one. Its memory does not grow with their number.
+    """A writer that appends measurements to a file one by one. It keeps no fields in memory.
 
     Parameters
     ----------
@@ -39,7 +40,8 @@ class ResultWriter:
     def __init__(self, path: Path, origin: Provenance) -> None:
         import h5py
 
-        self._origin = origin
+        self._origin, self._rows = origin, Rows()
+        self._counts: dict[str, int] = {}
         self._place = ExitStack()
         try:
             self._partial = self._place.enter_context(replacing(path))
@@ -64,6 +66,7 @@ class ResultWriter:
         empty = len(self._file) == 0
         try:
             if not empty:
+                self._rows.finish()
                 _write_provenance(self._file.create_group("provenance"), self._origin)
             self._file.close()
         except BaseException as closing:
@@ -101,23 +104,47 @@ class ResultWriter:
         group = self._file.get(place)
         if group is None:
             group = _create_series(self._file.create_group(place), measurement)
-        n = len(group["label"]) if "label" in group else 0
-        _append(group, n, _measured_rows(measurement))
+        n = self._next(place)
+        self._rows.append(group, n, _measured_rows(measurement))
         if correction is not None:
-            _append_correction(group, n, correction, elsewhere=elsewhere)
+            self._add_correction(group, n, correction, elsewhere=elsewhere)
 
     def add_two_cameras(self, place: str, cameras: tuple[str, str], index: int, found: TwoCameraStep) -> None:
         """Append the results that two cameras give together for a step; `index` is the step's number."""
         group = self.group(place)
         group.attrs["cameras"] = list(cameras)
-        n = len(group["step"]) if "step" in group else 0
-        _append(group, n, {"step": np.int64(index)} | _reason_rows(found.declined))
-        _append(group, n, _mean_rows(found.mean, "mean/"))
+        n = self._next(place)
+        rows = {"step": np.int64(index)} | _reason_rows(found.declined) | _mean_rows(found.mean, "mean/")
         for name in ("heights_mm", "heights_std_mm"):
             if getattr(found, name) is not None:
-                _append(group, n, {name: getattr(found, name)})
+                rows[name] = getattr(found, name)
+        self._rows.append(group, n, rows)
         for camera, correction in zip(cameras, found.corrections, strict=True):
-            _append_correction(group.require_group(camera), n, correction)
+            self._add_correction(group.require_group(camera), n, correction)
+
+    def _next(self, place: str) -> int:
+        """Return the number of the next row of the series at `place`, from 0."""
+        n = self._counts.get(place, 0)
+        self._counts[place] = n + 1
+        return n
+
+    def _add_correction(self, group: Any, n: int, correction: Correction, *, elsewhere: bool = False) -> None:
+        """Write the correction of the image with the index `n` of a series."""
+        summary, means = correction.as_dict(), group.require_group("corrected_mean")
+        table = (
+            _mean_rows(correction.mean) | _reason_rows(correction.declined) | {"method": correction.method}
+        )
+        table |= _known_rows({name: summary.get(name) for name in PLANE_KEYS})
+        table[SHARED_KEY] = correction.shared_errors
+        # The parts that no image of the series has are left out.
+        parts = [name for name in UNCERTAINTY_KEYS if name in summary or self._rows.holds(means, name)]
+        self._rows.append(means, n, table | _known_rows({name: summary.get(name) for name in parts}))
+        if correction.declined is None:
+            if "corrected" not in group:
+                # All images of a series have the same points, so their reference positions are stored once.
+                _write_position(group.create_group("corrected"), correction.displacement)
+            rows = _displacement_rows(correction.displacement) | _strain_rows(correction.strain)
+            self._rows.append(group["corrected"], n, rows, write=not elsewhere)
 
 
 def _write_provenance(group: Any, origin: Provenance) -> None:
@@ -176,23 +203,6 @@ def _measured_rows(measurement: Measurement) -> dict[str, Any]:
     return rows
 
 
-def _append_correction(group: Any, n: int, correction: Correction, *, elsewhere: bool = False) -> None:
-    """Write the correction of the image with the index `n` of a series."""
-    summary, means = correction.as_dict(), group.require_group("corrected_mean")
-    table = _mean_rows(correction.mean) | _reason_rows(correction.declined) | {"method": correction.method}
-    table |= _known_rows({name: summary.get(name) for name in PLANE_KEYS})
-    table[SHARED_KEY] = correction.shared_errors
-    # The parts that no image of the series has are left out.
-    parts = [name for name in UNCERTAINTY_KEYS if name in summary or name in means]
-    _append(means, n, table | _known_rows({name: summary.get(name) for name in parts}))
-    if correction.declined is None:
-        if "corrected" not in group:
-            # All images of a series have the same points, so their reference positions are stored once.
-            _write_position(group.create_group("corrected"), correction.displacement)
-        rows = _displacement_rows(correction.displacement) | _strain_rows(correction.strain)
-        _append(group["corrected"], n, rows, write=not elsewhere)
-
-
 def _strain_rows(strain: StrainField) -> dict[str, Any]:
     parts = {name: getattr(strain, name) for name in IMAGES_KEYS}
     known = {name: part for name, part in parts.items() if part is not None}
@@ -220,37 +230,6 @@ def _displacement_rows(displacement: Displacement) -> dict[str, Any]:
 def _write_position(group: Any, displacement: Displacement) -> None:
     for k, axis in enumerate("XY"):
         _write(group, f"{axis}_mm", displacement.position[..., k])
-
-
-def _append(group: Any, n: int, rows: Mapping[str, Any], *, write: bool = True) -> None:
-    """Write the row `n` of datasets, which are created where they are missing.
-
-    Rows that are not written are NaN, 0 or "", and take no space in the file.
-    """
-    for name, value in rows.items():
-        dataset = group[name] if name in group else _create_rows(group, name, value)
-        dataset.resize(n + 1, axis=0)
-        if write:
-            dataset[n] = value
-
-
-def _create_rows(group: Any, name: str, value: Any) -> Any:
-    """Create a dataset without rows, to which rows like `value` can be added."""
-    import h5py
-
-    text = isinstance(value, str)
-    dtype, shape = (h5py.string_dtype(), ()) if text else (np.asarray(value).dtype, np.shape(value))
-    dataset = group.create_dataset(
-        name,
-        (0, *shape),
-        dtype,
-        maxshape=(None, *shape),
-        chunks=(1 if shape else 256, *shape),
-        fillvalue=np.nan if not text and dtype.kind == "f" else None,
-    )
-    if not text:
-        dataset.attrs["units"] = units_of(name)
-    return dataset
 
 
 def _write(group: Any, name: str, data: Any) -> None:

@@ -1,0 +1,120 @@
+"""Datasets of a result file that grow by one row for each image."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.results.schema import units_of
+
+Array = NDArray[Any]
+
+PENDING_MAX = 64
+"""Rows of single values that are kept in memory. Their number limits the memory, not the speed."""
+
+
+class Rows:
+    """The growing datasets of an open result file.
+
+    Arrays are written to the file at once. Single values, of which there are about a hundred for each image,
+    are written for many images together; writing each of them alone would take longer than all arrays.
+    """
+
+    def __init__(self) -> None:
+        self._groups: dict[str, _Group] = {}
+
+    def append(self, group: Any, n: int, values: Mapping[str, Any], *, write: bool = True) -> None:
+        """Write the row `n` of datasets of a group, which are created where they are missing.
+
+        Rows that are not written are NaN, 0 or "", and take no space in the file.
+        """
+        place: str = group.name
+        known = self._groups.get(place)
+        if known is None:
+            known = self._groups[place] = _Group(group)
+        known.append(n, values, write)
+
+    def holds(self, group: Any, name: str) -> bool:
+        """Return True if a row of the dataset `name` of a group has been appended."""
+        known = self._groups.get(group.name)
+        return known is not None and (name in known.pending or name in known.datasets)
+
+    def finish(self) -> None:
+        """Write the single values that are still in memory; no row can be appended afterwards."""
+        for known in self._groups.values():
+            known.write_pending(last=True)
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Datasets of one group of the file, and single values that are not yet written, by name and row."""
+
+    group: Any
+    datasets: dict[str, Any] = field(default_factory=dict)
+    pending: dict[str, dict[int, Any]] = field(default_factory=dict)
+
+    def append(self, n: int, values: Mapping[str, Any], write: bool) -> None:
+        full = False
+        for name, value in values.items():
+            if isinstance(value, str) or np.ndim(value) == 0:
+                column = self.pending.setdefault(name, {})
+                column[n] = value
+                full |= len(column) == PENDING_MAX
+                continue
+            dataset = self._dataset(name, value)
+            dataset.resize(n + 1, axis=0)
+            if write:
+                dataset[n] = value
+        if full:
+            self.write_pending()
+
+    def write_pending(self, *, last: bool = False) -> None:
+        for name, values in self.pending.items():
+            # a dataset that never grows is smaller and is written faster
+            if last and name not in self.datasets:
+                _create(self.group, name, _column(values, 0))
+                continue
+            first = min(values)
+            dataset = self._dataset(name, values[first])
+            dataset.resize(max(values) + 1, axis=0)
+            dataset[first:] = _column(values, first)
+        self.pending.clear()
+
+    def _dataset(self, name: str, row: Any) -> Any:
+        """Return the dataset of this name, which is created without rows if it is missing."""
+        if name not in self.datasets:
+            shape = np.shape(row)
+            empty = np.empty((0, *shape), np.asarray(row).dtype)
+            chunks = (1 if shape else 4 * PENDING_MAX, *shape)
+            self.datasets[name] = _create(self.group, name, empty, maxshape=(None, *shape), chunks=chunks)
+        return self.datasets[name]
+
+
+def _column(values: Mapping[int, Any], first: int) -> Array:
+    """Return the values of the rows from `first` on; missing ones are NaN, 0 or ""."""
+    some = np.asarray(next(iter(values.values())))
+    kind = object if some.dtype.kind == "U" else some.dtype
+    column = np.full(max(values) + 1 - first, _fill(some.dtype), kind)
+    for n, value in values.items():
+        column[n - first] = value
+    return column
+
+
+def _fill(dtype: "np.dtype[Any]") -> Any:
+    return {"f": np.nan, "U": ""}.get(dtype.kind, 0)
+
+
+def _create(group: Any, name: str, data: Array, **growing: Any) -> Any:
+    import h5py
+
+    text = data.dtype.kind in "OU"
+    dtype = h5py.string_dtype() if text else data.dtype
+    fill = np.nan if data.dtype.kind == "f" else None
+    dataset = group.create_dataset(
+        name, data=data.astype(object) if text else data, dtype=dtype, fillvalue=fill, **growing
+    )
+    if not text:
+        dataset.attrs["units"] = units_of(name)
+    return dataset
