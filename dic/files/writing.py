@@ -39,6 +39,11 @@ def replacing(path: str | Path) -> Iterator[Path]:
             # Without `fsync`, a power failure after the renaming could leave an empty file.
             os.fsync(file.fileno())
         partial.replace(place)
+    except OSError as error:
+        if error.filename is None:
+            # A write to an open file fails without the name of the file.
+            error.filename = str(path)
+        raise
     finally:
         partial.unlink(missing_ok=True)
 

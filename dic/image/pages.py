@@ -4,12 +4,14 @@ import glob
 import os
 import re
 import struct
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
-from dic.errors import ImageError
+from dic.errors import ImageError, ImageWarning
 from dic.files.reading import opened
 from dic.image.container import Damage
+from dic.image.numbering import missing_numbers
 from dic.image.tiff_directory import SIGNATURES as TIFFS
 from dic.image.tiff_directory import pages_of_file
 from dic.typing import PathLike
@@ -18,6 +20,8 @@ ENDINGS = (".png", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".pnm", ".jpg", ".jp
 """Endings of the names that a folder's images have, in small or capital letters."""
 
 _PAGE = re.compile(r"(.+)#([1-9]\d{0,6})", re.DOTALL)
+_MOST_SHOWN = 8
+"""Largest number of gaps that a warning names."""
 _PARTS = re.compile(r"(\d+)")
 
 
@@ -61,6 +65,11 @@ def list_images(*sources: PathLike) -> list[Path]:
     ------
     ImageError
         If a folder holds no image, or if no file matches a pattern.
+
+    Warns
+    -----
+    ImageWarning
+        If numbers are missing among the names of a folder or pattern.
     """
     given = [Path(source) for source in sources]
     if given == sorted(given, key=str) or given == sorted(given, key=lambda path: str(path).casefold()):
@@ -80,6 +89,10 @@ def _files(source: Path) -> Sequence[Path]:
         return [source]
     if not files:
         raise ImageError(str(source), "list images", expected, "none", "name the images, or another place")
+    missing = missing_numbers(files)
+    if missing:
+        shown = ", ".join([*missing[:_MOST_SHOWN], *(["…"] if len(missing) > _MOST_SHOWN else [])])
+        warnings.warn(f"{source}: {shown} missing; the other images are used", ImageWarning, stacklevel=4)
     return sorted(files, key=natural_key)
 
 

@@ -20,7 +20,7 @@ from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
 from dic.results.alignment import read_alignment, write_alignment
 from dic.results.fields import StoredFields
 from dic.results.job import Outcome, read_outcomes, write_outcomes
-from dic.results.loading import Result, load_result, use_result
+from dic.results.loading import Result, load_result, require_version, use_result
 from dic.results.provenance import Provenance
 from dic.results.reader import read_corrections, read_measurements, read_provenance
 from dic.results.schema import FORMAT, VERSION
@@ -151,11 +151,12 @@ def use_series_result(path: PathLike, use: Callable[[SeriesResult], Result]) -> 
 
 
 def _read(path: Path, file: Any, *, local_strain: bool = True) -> SeriesResult:
-    origin, group = read_provenance(file), file.get(_SERIES)
+    if file.attrs.get("file_format") == FORMAT:
+        require_version(path, file)
+    group = file.get(_SERIES)
     if file.attrs.get("file_format") != FORMAT or group is None:
         raise _refusal(path, "an HDF5 file of another kind")
-    if file.attrs["file_format_version"] != VERSION:
-        raise _refusal(path, f"version {file.attrs['file_format_version']}, newer than this program")
+    origin = read_provenance(file)
     if origin is None or "reference" not in group:
         raise _refusal(path, "a file of an earlier version, which holds no reference image")
     calibration = read_calibration(file["calibration"]) if "calibration" in file else None

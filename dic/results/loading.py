@@ -1,13 +1,18 @@
 """Read a result file that stays open, and refuse a damaged file in one sentence."""
 
+import re
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
-from dic.errors import MeasurementError
+from dic.errors import MeasurementError, RunFileError
 from dic.hdf5.open import NotReadable, open_hdf5
+from dic.results.schema import VERSION
 
 Result = TypeVar("Result")
+
+_WRITER = re.compile(r"\boffaxis [\w.+!]+")
 
 
 def use_result(path: Path, use: Callable[[Any], Result], refusal: Callable[[Path, str], Exception]) -> Result:
@@ -42,3 +47,27 @@ def load_result(
     except Exception as error:
         # A damaged file can cause any exception here. Everything in this block only reads the file.
         raise refusal(path, f"a result file that lacks some of its data ({type(error).__name__})") from error
+
+
+def require_version(path: Path, file: Any) -> None:
+    """Raise an error if the open result file has a format that this program does not know.
+
+    Raises
+    ------
+    RunFileError
+        Names the version of offaxis that wrote the file.
+    """
+    found = file.attrs["file_format_version"]
+    if found == VERSION:
+        return
+    origin = file.get("provenance")
+    said = _WRITER.search("" if origin is None else str(origin.attrs.get("versions", "")))
+    writer = said[0] if said else "an unknown version of offaxis"
+    raise RunFileError(
+        str(path),
+        "read results",
+        f"format {VERSION} of result files, which offaxis {version('offaxis')} reads",
+        f"format {found}, written by {writer}",
+        f"read it with {said[0] if said else 'that version'} or a newer one, or measure again into another"
+        " file",
+    )

@@ -3,17 +3,17 @@
 `docs/results.md` describes the layout of the file.
 """
 
-import os
-from collections.abc import Mapping
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
 
-from dic.errors import RunFileError
-from dic.files.writing import replacing
+from dic.errors import OutputError, RunFileError
+from dic.files.writing import reason, replacing
+from dic.hdf5.writing import NewFile
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.strain_parts import UNCERTAINTY_KEYS
 from dic.out_of_plane.two_cameras import TwoCameraStep
@@ -38,23 +38,16 @@ class ResultWriter:
     """
 
     def __init__(self, path: Path, origin: Provenance) -> None:
-        import h5py
-
-        self._origin, self._rows = origin, Rows()
+        self._path, self._origin, self._rows = path, origin, Rows()
         self._counts: dict[str, int] = {}
         self._place = ExitStack()
         try:
             self._partial = self._place.enter_context(replacing(path))
-            self._file = h5py.File(self._partial, "w")
+            self._new = NewFile(self._partial)
         except OSError as error:
-            raise RunFileError(
-                str(path),
-                "create results",
-                "a folder that can be written to",
-                error.strerror
-                or (os.strerror(error.errno) if error.errno else "an error of the file system"),
-                "name another file",
-            ) from error
+            expected, remedy = "a folder that can be written to", "name another file"
+            raise RunFileError(str(path), "create results", expected, reason(error), remedy) from error
+        self._file = self._new.hdf5
         self._file.attrs.update({"file_format": FORMAT, "file_format_version": VERSION})
 
     def __enter__(self) -> Self:
@@ -68,13 +61,24 @@ class ResultWriter:
             if not empty:
                 self._rows.finish()
                 _write_provenance(self._file.create_group("provenance"), self._origin)
-            self._file.close()
+            with self._room():
+                self._new.close()
         except BaseException as closing:
             self._place.__exit__(type(closing), closing, closing.__traceback__)
             raise
         if empty:
             self._partial.unlink()
         self._place.__exit__(kind, error, trace)
+
+    @contextmanager
+    def _room(self) -> Iterator[None]:
+        """Raise an error in one sentence if the disk is full."""
+        try:
+            yield
+            self._new.require_written()
+        except OSError as error:
+            expected, remedy = "a disk with room for them", "make room, and give the same command again"
+            raise OutputError(str(self._path), "write results", expected, reason(error), remedy) from error
 
     def group(self, name: str) -> Any:
         """Return the group `name` of the open file; create the group if it does not exist."""
@@ -101,13 +105,14 @@ class ResultWriter:
             True if the corrected displacements and strains are stored in another group of the file. They are
             not stored twice, because they take most of the space in the file.
         """
-        group = self._file.get(place)
-        if group is None:
-            group = _create_series(self._file.create_group(place), measurement)
-        n = self._next(place)
-        self._rows.append(group, n, _measured_rows(measurement))
-        if correction is not None:
-            self._add_correction(group, n, correction, elsewhere=elsewhere)
+        with self._room():
+            group = self._file.get(place)
+            if group is None:
+                group = _create_series(self._file.create_group(place), measurement)
+            n = self._next(place)
+            self._rows.append(group, n, _measured_rows(measurement))
+            if correction is not None:
+                self._add_correction(group, n, correction, elsewhere=elsewhere)
 
     def add_two_cameras(self, place: str, cameras: tuple[str, str], index: int, found: TwoCameraStep) -> None:
         """Append the results that two cameras give together for a step; `index` is the step's number."""

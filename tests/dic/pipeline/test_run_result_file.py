@@ -298,7 +298,10 @@ def test_file_of_a_newer_version_is_refused_in_one_sentence(files: dict[str, Pat
     path.write_bytes(files["tension"].read_bytes())
     with h5py.File(path, "r+") as file:
         file.attrs["file_format_version"] = 2
-    with pytest.raises(RunFileError, match="version 2, newer than this program"):
+    with pytest.raises(
+        RunFileError,
+        match=r"format 1 .*, which offaxis [\d.]+ reads, got format 2, written by .*; read it with",
+    ):
         load_run_result(path)
 
 

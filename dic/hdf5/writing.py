@@ -1,0 +1,132 @@
+"""A new file for HDF5 whose errors are raised after a write, and never within HDF5.
+
+If a write fails, for example because the disk is full, HDF5 cannot close the file: it reports every buffered
+object, and then ends the program with a crash. So HDF5 writes to `NewFile`, which keeps in memory what no
+longer fits on the disk. HDF5 then closes the file as usual, and the writer asks `NewFile` for the error.
+"""
+
+from io import SEEK_CUR, SEEK_END, SEEK_SET, RawIOBase
+from pathlib import Path
+from typing import Any
+
+
+class NewFile:
+    """A new HDF5 file, and the first error of writing it.
+
+    Parameters
+    ----------
+    path : Path
+        The file is created, or emptied if it exists.
+
+    Attributes
+    ----------
+    hdf5 : h5py.File
+        The open file.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be created.
+    """
+
+    def __init__(self, path: Path) -> None:
+        import h5py
+
+        self._bytes = _Bytes(path)
+        try:
+            # Rows are written once and whole. A cache would keep a megabyte of them for each dataset.
+            self.hdf5: Any = h5py.File(self._bytes, "w", rdcc_nbytes=0)
+        except BaseException:
+            self._bytes.close()
+            raise
+
+    def require_written(self) -> None:
+        """Raise the first error of writing, if there was one.
+
+        Raises
+        ------
+        OSError
+        """
+        if self._bytes.error is not None:
+            raise self._bytes.error
+
+    def close(self) -> None:
+        """Close the file.
+
+        Raises
+        ------
+        OSError
+            If the file is not complete.
+        """
+        try:
+            self.hdf5.close()
+        finally:
+            self._bytes.close()
+        self.require_written()
+
+
+class _Bytes(RawIOBase):
+    """The bytes of a file, for h5py's driver of file objects; after an error new bytes stay in memory."""
+
+    def __init__(self, path: Path) -> None:
+        self.error: OSError | None = None
+        self._path, self._file = path, path.open("w+b", buffering=0)
+        self._at = self._size = 0
+        self._kept: list[tuple[int, bytes]] = []
+
+    def seek(self, offset: int, whence: int = SEEK_SET, /) -> int:
+        self._at = offset + {SEEK_SET: 0, SEEK_CUR: self._at, SEEK_END: self._size}[whence]
+        return self._at
+
+    def tell(self) -> int:
+        return self._at
+
+    def readinto(self, buffer: Any, /) -> int:
+        wanted = memoryview(buffer).cast("B")
+        count = max(0, min(len(wanted), self._size - self._at))
+        wanted[:count] = bytes(count)
+        self._file.seek(self._at)
+        done = 0
+        while done < count and (more := self._file.readinto(wanted[done:count])):
+            done += more
+        for start, data in self._kept:
+            first, last = max(start, self._at), min(start + len(data), self._at + count)
+            if first < last:
+                wanted[first - self._at : last - self._at] = data[first - start : last - start]
+        self._at += count
+        return count
+
+    def write(self, data: Any, /) -> int:
+        given = memoryview(data).cast("B")
+        if self.error is None:
+            try:
+                self._write(given)
+            except OSError as error:
+                self.error = error
+                error.filename = str(self._path)
+        if self.error is not None:
+            self._kept.append((self._at, bytes(given)))
+        self._at += len(given)
+        self._size = max(self._size, self._at)
+        return len(given)
+
+    def truncate(self, size: int | None = None, /) -> int:
+        self._size = self._at if size is None else size
+        if self.error is None:
+            try:
+                self._file.truncate(self._size)
+            except OSError as error:
+                self.error = error
+                error.filename = str(self._path)
+        return self._size
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
+
+    def _write(self, data: memoryview) -> None:
+        self._file.seek(self._at)
+        done = 0
+        while done < len(data):
+            # A disk that is nearly full takes a part, and refuses the rest with the reason.
+            done += self._file.write(data[done:]) or 0

@@ -1,0 +1,67 @@
+"""A disk that fills while HDF5 writes: one error, no crash, and never a file that seems complete."""
+
+import resource
+
+import h5py
+import numpy as np
+import pytest
+
+from dic.hdf5.writing import NewFile
+
+ROWS, DATASETS = 20, 4
+
+
+def fill(file):
+    for k in range(DATASETS):
+        file.create_dataset(f"d{k}", (0, 30, 30), "f8", maxshape=(None, 30, 30), chunks=(1, 30, 30))
+    for n in range(ROWS):
+        for k in range(DATASETS):
+            dataset = file[f"d{k}"]
+            dataset.resize(n + 1, axis=0)
+            dataset[n] = n + k
+
+
+def write(path, most_bytes):
+    """Write a file that may have `most_bytes`; return the error."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, before[1]))
+    try:
+        file = NewFile(path)
+        fill(file.hdf5)
+        file.close()
+    except OSError as error:
+        return error
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    return None
+
+
+def test_file_has_the_bytes_that_hdf5_writes_by_itself(tmp_path):
+    with h5py.File(tmp_path / "plain.h5", "w", rdcc_nbytes=0) as plain:
+        fill(plain)
+    file = NewFile(tmp_path / "new.h5")
+    fill(file.hdf5)
+    file.close()
+    assert (tmp_path / "new.h5").read_bytes() == (tmp_path / "plain.h5").read_bytes()
+    with h5py.File(tmp_path / "new.h5") as read:
+        for k in range(DATASETS):
+            expected = np.broadcast_to((np.arange(ROWS) + k)[:, None, None], (ROWS, 30, 30))
+            np.testing.assert_array_equal(read[f"d{k}"][:], expected)
+
+
+def test_every_full_disk_raises_one_error_that_names_the_file(tmp_path):
+    path = tmp_path / "new.h5"
+    assert write(path, resource.RLIM_INFINITY) is None
+    size = path.stat().st_size
+    assert write(path, size) is None
+    some = np.random.default_rng(2).integers(1, size, 12).tolist()
+    for most_bytes in (0, 7, *some, size - 1):
+        error = write(path, most_bytes)
+        assert error is not None, most_bytes
+        assert error.filename == str(path)
+        assert error.strerror == "File too large"
+
+
+def test_file_that_cannot_be_created_is_refused(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        NewFile(tmp_path / "missing" / "new.h5")
