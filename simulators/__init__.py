@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from simulators.rig.camera import CameraSettings, SimulatedCamera
     from simulators.rig.simulation import Simulation
     from simulators.rig.virtual_rig import VirtualRig, VirtualRigSettings
+    from simulators.scene.exact_properties import exact_properties
     from simulators.scene.optics import PinholeCamera
     from simulators.scene.scene import Misalignment, Scene, Surface
     from simulators.scene.specimen import Specimen, SpecimenSettings, SpecimenState
@@ -57,6 +58,7 @@ __all__ = [
     "VirtualRig",
     "VirtualRigSettings",
     "ZaberServer",
+    "exact_properties",
 ]
 
 _NAMES_OF = {
@@ -66,6 +68,7 @@ _NAMES_OF = {
     "simulators.rig.camera": ("CameraSettings", "SimulatedCamera"),
     "simulators.rig.simulation": ("Simulation",),
     "simulators.rig.virtual_rig": ("VirtualRig", "VirtualRigSettings"),
+    "simulators.scene.exact_properties": ("exact_properties",),
     "simulators.scene.optics": ("PinholeCamera",),
     "simulators.scene.scene": ("Misalignment", "Scene", "Surface"),
     "simulators.scene.specimen": ("Specimen", "SpecimenSettings", "SpecimenState"),

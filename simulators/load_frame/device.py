@@ -12,10 +12,9 @@ import numpy as np
 
 from drivers.clock import Clock
 from simulators.load_frame.crosshead import CONTROL_PERIOD_S, Control, Crosshead, LoadString
-from simulators.load_frame.load_cell import Lie
+from simulators.load_frame.load_cell import Lie, LoadCell, LoadCellSettings
 from simulators.load_frame.state import FaultCode, MachineLimits, Readings, Refusal, RefusedError
 
-LOAD_NOISE_N = 2.0
 DISPLACEMENT_NOISE_MM = 0.2e-3
 
 
@@ -32,7 +31,7 @@ class LoadFrameDevice:
         The machine's ratings, which are the widest limits that can be set. If load or displacement exceeds a
         rating, relative to the machine's own zero, the machine stops with a fault.
     rng : numpy.random.Generator, optional
-        Source of the measurement noise (2 N and 0.2 µm). Without a source, the readings have no noise.
+        Source of the noise of load cell and displacement (0.2 µm). Without a source, there is no noise.
 
     Attributes
     ----------
@@ -68,6 +67,7 @@ class LoadFrameDevice:
         self._clock = clock
         self._rng = rng
         self._lock = threading.RLock()
+        self._load_noise_n = LoadCellSettings().noise_n
         self._crosshead = Crosshead(load_string)
         self._estop = False
         self._cell_broken = False
@@ -88,6 +88,12 @@ class LoadFrameDevice:
         self._beat_tick = 0
         self._noise_tick = -1
         self._noise = (0.0, 0.0)
+
+    def mount_load_cell(self, settings: LoadCellSettings) -> None:
+        """Mount a load cell with this noise and error; the zero is that of the unloaded cell."""
+        with self._lock:
+            self._load_noise_n = settings.noise_n
+            self._crosshead.cell = LoadCell(settings.error_percent)
 
     def load_n(self) -> float:
         """The present real load in N, relative to the zero set by `tare`."""
@@ -319,4 +325,4 @@ class LoadFrameDevice:
         load, displacement = self._rng.standard_normal(2)
         if self._crosshead.cell.is_stuck:
             load = 0.0
-        return LOAD_NOISE_N * float(load), DISPLACEMENT_NOISE_MM * float(displacement)
+        return self._load_noise_n * float(load), DISPLACEMENT_NOISE_MM * float(displacement)

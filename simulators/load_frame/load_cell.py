@@ -2,6 +2,10 @@
 
 from enum import Enum
 
+from pydantic import Field
+
+from drivers.settings import Settings
+
 
 class Lie(Enum):
     """The kind of wrong reading of a load cell; the machine's own controller uses the wrong reading too."""
@@ -14,8 +18,20 @@ class Lie(Enum):
     DRIFTING = "drifting"
 
 
+class LoadCellSettings(Settings):
+    """Noise and error of a load cell. A load cell of class 1 after ISO 7500-1 has an error of at most 1 %."""
+
+    noise_n: float = Field(default=2.0, ge=0, description="standard deviation of a reading")
+    error_percent: float = Field(default=0.0, ge=-5, le=5, description="error of the reading, % of the load")
+
+
 class LoadCell:
-    """A load cell that shows the real force, or a wrong force.
+    """A load cell that shows the real force with the error of its class, or a wrong force.
+
+    Parameters
+    ----------
+    error_percent : float
+        Error of each reading, % of the force. The machine's controller uses the reading too.
 
     Attributes
     ----------
@@ -23,7 +39,8 @@ class LoadCell:
         The present fault of the load cell.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, error_percent: float = 0.0) -> None:
+        self._gain = 1.0 + error_percent / 100.0
         self.lie = Lie.NONE
         self._zero_n = 0.0
         self._stuck_n = 0.0
@@ -64,6 +81,7 @@ class LoadCell:
         self._zero_n = 0.0
 
     def _distorted(self, force_n: float, now_s: float) -> float:
+        force_n *= self._gain
         match self.lie:
             case Lie.ZERO:
                 return 0.0

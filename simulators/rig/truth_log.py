@@ -15,9 +15,10 @@ from simulators.rig.virtual_rig import VirtualRig
 class TruthLog:
     """A log file with one line, a JSON object, for each sample, command, frame and fault.
 
-    Every line has the key ``what`` (``sample``, ``command``, ``frame`` or ``fault``), the time ``time_s`` of
-    the rig's clock, and the date ``utc``. A sample has the values of `VirtualRig.truth`. A frame has the pose
-    and the deformation gradient of the rendered surface in the middle of the exposure.
+    Every line has the key ``what`` (``specimen``, ``sample``, ``command``, ``frame`` or ``fault``), the time
+    ``time_s`` of the rig's clock, and the date ``utc``. The first line has the exact material properties of
+    the specimen. A sample has the values of `VirtualRig.truth`. A frame has the pose and the deformation
+    gradient of the rendered surface in the middle of the exposure.
 
     Parameters
     ----------
@@ -37,6 +38,7 @@ class TruthLog:
         self._clock: Clock = rig.clock
         self._lock = threading.Lock()
         self._told = {"stage": 0, "load_frame": 0}
+        self.write("specimen", **rig.exact_properties)
 
     def sample(self) -> None:
         """Write the current true state, and the commands to the devices since the last sample."""

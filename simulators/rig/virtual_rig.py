@@ -16,9 +16,11 @@ from simulators.interlock.module import InputModule, InputModuleServer
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.faults import load_frame_faults
 from simulators.load_frame.layout import LAYOUTS
+from simulators.load_frame.load_cell import LoadCellSettings
 from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameServer
 from simulators.rig.picture_faults import PictureFaults
 from simulators.rig.places import Link, Places
+from simulators.scene.exact_properties import exact_properties
 from simulators.scene.scene import Misalignment, Scene
 from simulators.scene.specimen import Specimen, SpecimenSettings
 from simulators.stage.device import StageDevice
@@ -46,7 +48,12 @@ class VirtualRigSettings(Settings):
         "this computer busy while simulated time stands still; 0 for tests of missing answers",
     )
     misalignment: Misalignment = Misalignment()
+    load_cell: LoadCellSettings = LoadCellSettings()
     specimen: SpecimenSettings = SpecimenSettings()
+
+    def exact_properties(self) -> dict[str, Any]:
+        """Return the exact material properties of the specimen, which no measurement reads."""
+        return exact_properties(self.specimen)
 
 
 class VirtualRig:
@@ -78,6 +85,8 @@ class VirtualRig:
     patience_s : float
         Additional real time of a driver for each call, and for each answer while a device is opened. 0 in
         real time, in which a late answer is a fault.
+    exact_properties : dict
+        The exact material properties of the specimen, which no measurement reads.
     faults : RigFaults
         Faults that can be switched on while the rig runs.
     picture_faults : PictureFaults
@@ -98,9 +107,11 @@ class VirtualRig:
         settings = settings or VirtualRigSettings()
         self.clock: Clock = clock or (SystemClock() if settings.real_time else VirtualClock())
         self.patience_s = settings.patience_s if isinstance(self.clock, VirtualClock) else 0.0
+        self.exact_properties = settings.exact_properties()
         specimen = Specimen(settings.specimen)
         self.stage = StageDevice(self.clock)
         self.load_frame = LoadFrameDevice(self.clock, specimen, rng=np.random.default_rng(settings.seed))
+        self.load_frame.mount_load_cell(settings.load_cell)
         self.interlocks = InputModule()
         self.scene = Scene(
             seed=settings.seed,
@@ -167,6 +178,7 @@ class VirtualRig:
             "load_n": load_n,
             "axial_strain": state.axial_strain,
             "transverse_strain": state.transverse_strain,
+            "thickness_strain": state.thickness_strain,
             "broken": state.broken,
             "grid_attached": self.scene.grid_attached,
         }

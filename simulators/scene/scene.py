@@ -168,7 +168,7 @@ class Scene:
         """Return the surface that the cameras see now: the specimen, or the grid attached to the specimen."""
         self._load_n()
         state = self.specimen.state
-        motion = self.misalignment.loaded(state.load_n)
+        motion = self.misalignment.loaded(state.load_n).after(self._recession())
         motion = motion.after(self.misalignment.turned(self._angle_deg()))
         mounted = self.misalignment.mounted()
         pose = mounted.after(motion)
@@ -176,6 +176,12 @@ class Scene:
             return Surface(self._grid, pose.after(mounted.inverse()))
         travel_mm = self.specimen.settings.centre_travel * state.displacement_mm
         return Surface(self._speckle, pose, state.deformation_gradient(), np.array([0.0, travel_mm]))
+
+    def _recession(self) -> Pose:
+        """Return the motion of the surface away from the camera because the sheet becomes thinner."""
+        settings = self.specimen.settings
+        change_mm = settings.thickness_mm * self.specimen.state.thickness_strain
+        return Pose(translation_mm=np.array([0.0, 0.0, settings.resting_depth * change_mm]))
 
 
 def scene_of(context: OpenContext) -> Scene:

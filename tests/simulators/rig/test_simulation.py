@@ -47,6 +47,12 @@ def test_its_cameras_show_what_is_there_now(simulation, rig):
     assert np.any(with_grid.image != frame.image)
 
 
+def test_the_log_begins_with_the_exact_properties(simulation, log):
+    first = json.loads(log.read_text(encoding="utf-8").splitlines()[0])
+    assert first["what"] == "specimen"
+    assert (first["E_gpa"], first["Rp02_mpa"]) == (73.1, 345.0)
+
+
 def test_a_frame_is_exposed_after_it_was_asked_for(rig):
     asked_s = rig.clock.now_s()
     frame = rig.cameras["front"].grab(5.0)

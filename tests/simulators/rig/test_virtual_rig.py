@@ -128,3 +128,27 @@ def test_the_examples_are_rigs(path):
     assert (rig.stage is None) != (rig.load_frame is None)
     assert rig.simulation is not None
     assert isinstance(rig.simulation.settings, VirtualRigSettings)
+
+
+def test_a_load_cell_shows_its_error_and_the_truth_does_not(open_rig):
+    rig = open_rig(load_cell={"error_percent": 1.0, "noise_n": 0.0})
+    rig.load_frame.go_to_displacement(1.0, 1.0)
+    rig.clock.sleep(2.0)
+    true_n = rig.truth()["load_n"]
+    assert true_n > 1000.0
+    assert rig.load_frame.read().load_n == pytest.approx(1.01 * true_n, rel=1e-12)
+
+
+def test_the_surface_recedes_as_the_sheet_becomes_thinner(open_rig):
+    rig = open_rig(specimen={"thickness_mm": 2.0, "resting_depth": 0.5})
+    assert rig.scene.surface().pose.translation_mm[2] == 0.0
+    rig.load_frame.go_to_displacement(4.0, 1.0)
+    rig.clock.sleep(6.0)
+    lost_mm = -2.0 * rig.truth()["thickness_strain"]
+    assert lost_mm > 0.03
+    assert rig.scene.surface().pose.translation_mm[2] == pytest.approx(-0.5 * lost_mm, rel=1e-12)
+
+
+def test_the_exact_properties_are_those_of_the_settings(open_rig):
+    rig = open_rig(specimen={"youngs_modulus_mpa": 70_000.0, "strain_ratio": 0.8})
+    assert (rig.exact_properties["E_gpa"], rig.exact_properties["r"]) == (70.0, 0.8)
