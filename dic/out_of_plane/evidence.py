@@ -4,7 +4,8 @@ All models have the same linear equations, y = A θ + noise of unit variance. Th
 prior standard deviations of the parameters; a parameter with the prior standard deviation 0 is absent. The
 posterior probability of a model is its prior probability times its evidence. The evidence is the probability
 density of y under the model, integrated over all parameters (MacKay, *Bayesian interpolation*, 1992). A model
-with more freedom spreads its density over more data, so it wins only if a simpler model does not explain y.
+with more freedom spreads its density over more possible values of y, so its evidence is the largest only if
+no simpler model explains y.
 The estimates of the models are averaged with these probabilities (Hoeting et al., *Bayesian model averaging*,
 1999). So the uncertainty contains the disagreement of the models that the data do not exclude.
 """

@@ -34,8 +34,9 @@ _MISFIT, _CONTRAST = 2.0, 0.3
 _MISFIT_OF_CONTRAST = 0.02
 # Misfit, as a fraction of the contrast, above which regions are not ellipses. Squares reach 0.2.
 _NOT_ROUND = 0.1
-# Share of saturated pixels near a dot's edge above which the light there is not known well enough, and above
-# how many times the usual share: a background that is saturated everywhere does no harm.
+# A reflection disturbs a dot if the share of saturated pixels near the dot's edge is above the first number,
+# and above the second number times the median share of all dots. A background that is saturated everywhere
+# does no harm.
 _SATURATED, _OF_USUAL_SATURATION = 0.01, 2.0
 # A dot is divided into this number of rings and spokes, over which the shift by perspective is integrated.
 _RINGS, _SPOKES = 6, 24

@@ -21,7 +21,7 @@ _LEAST_PX = 10_000
 """Smallest number of pixel pairs for a sharpness; in smaller images the sharpness depends too much on
 chance."""
 _BASE_PX = 2
-"""Distance in px of the pixels whose grey levels are compared; direct neighbours would show mostly noise."""
+"""Distance in px between the two pixels of a pair; direct neighbours would differ mostly by noise."""
 
 
 @dataclass(frozen=True)

@@ -72,8 +72,8 @@ class ProtocolStep:
     index : int
         Number of the step in the plan, from 0.
     kind : str
-        "grid" or "reference"; a motion, "load", "displacement" or "rotation"; or a hold at a constant load,
-        "creep", at a constant displacement, "relaxation", or with no device at work, "rest".
+        Images of the undeformed state: "grid" or "reference". Motions: "load", "displacement" or "rotation".
+        Holds: "creep" at a constant load, "relaxation" at a constant displacement, "rest" without a device.
     target, tolerance : float
         Target and settle tolerance, in N, mm or degrees depending on `kind`; NaN for a step without a target.
     rate : float

@@ -251,7 +251,7 @@ def _clearance_px(
 
 
 def _eccentricity(shape: LatticeShape, axis: int, index: Float, width: float) -> Float:
-    """Return the distance, in the image, from a line's centre to the middle between the line's two edges.
+    """Return how far perspective moves the middle between a line's two edges away from the line's centre.
 
     In perspective the near half of a line looks wider than the far half. The function projects both edges of
     the line into the image and intersects them with the normal of the line. The edges are at ± `width`/2 from
