@@ -76,7 +76,8 @@ def gauges(
 
     RESULTS is a result file of `dic correlate` or `dic process`. GAUGES is a TOML file that declares gauges
     by name. Nothing is correlated again. For each gauge the best strain is printed: corrected, else
-    calibrated, else raw. With --record, the load of a testing machine stands beside.
+    calibrated, else raw. With --record, the CSV table and the JSON file have the load of a testing machine
+    too.
 
     Exit status: 0 if every gauge has a reading in every image, 1 if one has none, 2 if the gauges or the
     results cannot be used.

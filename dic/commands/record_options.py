@@ -114,8 +114,8 @@ record_options = option_group(
     click.option("--displacement", metavar="COLUMN:UNIT", help="Column of the displacement in the record."),
     click.option(
         "--join",
-        help="How lines belong to images: name, row or time. Default: time if the images' times are given,"
-        " name with --image-column, otherwise row.",
+        help="How lines are assigned to images: name, row or time. Default: time if the times of the"
+        " images are given, name with --image-column, otherwise row.",
     ),
     click.option("--image-column", metavar="COLUMN", help="Column of the images' names."),
     click.option("--image-interval-s", type=float, help="Time between two images; the reference is at 0."),

@@ -33,7 +33,7 @@ _FILE = click.Path(path_type=Path)
 
 @dataclass(frozen=True)
 class AnewOptions:
-    """Options for what strain is computed with beside the fields; None for the value in RESULTS."""
+    """Options for calibration, plate, motion and corrections; None for the value in RESULTS."""
 
     calibration_file: Path | None
     plate_mm: float | None
@@ -63,7 +63,7 @@ class AnewOptions:
         return replace(known, **values) if values else None
 
     def require(self, source: str, *, series: bool) -> None:
-        """Raise an error for an option that serves the other kind of results only."""
+        """Raise an error for an option that only the other kind of results can use."""
         from dic import CorrelationError
 
         idle = {"--plate-mm": "plate_mm"}
@@ -137,9 +137,9 @@ class OutputOptions:
 def strain(results: Path, strain: StrainOptions, anew: AnewOptions, outputs: OutputOptions) -> None:
     """Compute strain anew from the displacement fields in RESULTS, without images and without correlation.
 
-    RESULTS is the result file of `dic correlate` or `dic process`. What no option changes stays as it was in
-    RESULTS: strain window, calibration, assumed motion. The results are those of a whole measurement with the
-    same settings.
+    RESULTS is the result file of `dic correlate` or `dic process`. Settings without an option stay as they
+    were in RESULTS: strain window, calibration, assumed motion. The results are those of a whole measurement
+    with the same settings.
 
     Exit status: 0 if all images are measured well, 1 if an image is measured poorly, 2 if an image could not
     be measured.

@@ -32,7 +32,7 @@ class PlacedCut:
     member : ndarray of bool, shape (places, m)
         False where a place has fewer than m points.
     place : ndarray, shape (places, m)
-        Weights of the points' positions whose sum is the place, in any unit.
+        Weights of the points. The weighted sum of the points' positions is the place, in any unit.
     """
 
     gauge: LineCut

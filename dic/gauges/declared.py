@@ -26,7 +26,7 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Gauge:
-    """What all gauges have.
+    """The name and the unit that every gauge has.
 
     Attributes
     ----------

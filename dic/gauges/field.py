@@ -23,9 +23,11 @@ class GaugeField:
     displacement : Displacement
         With the errors that the images cause, unless they are not known.
     common_noise : ndarray, shape (3, 3)
-        Covariance of exx, eyy, exy that the noise of this image gives all points alike, by the correction.
+        Covariance of the errors of exx, eyy, exy that all points share because the noise of this image
+        changes the correction.
     shared : ndarray, shape (3, 3)
-        Covariance of exx, eyy, exy that other causes than this image's noise give all points.
+        Covariance of the errors of exx, eyy, exy that all points share from other causes: the calibration,
+        and motion out of the grid's plane.
     measure : str
         The strain measure.
     """
@@ -41,9 +43,10 @@ def fields_of(
 ) -> dict[str, GaugeField]:
     """Return the fields of an image by their kinds, "raw", "calibrated" and "corrected", where it has them.
 
-    Result files hold no errors of calibrated displacements. The errors follow from those of the field, and
-    from the calibration. Corrected displacements have the errors of the calibrated ones: motion out of the
-    plane changes the scale of the image by less than these errors are known.
+    Result files hold no errors of calibrated displacements. These errors are computed from the errors of the
+    field in pixels, and from the calibration. Corrected displacements take the errors of the calibrated ones.
+    Motion out of the plane changes the scale of the image, and so these errors, by less than the uncertainty
+    of the errors.
 
     Parameters
     ----------
@@ -82,9 +85,10 @@ def _shared(measurement: Measurement) -> Float:
 
 
 def _common_noise(correction: Correction, by_images: MeanStrain | None) -> Float:
-    """Return the covariance that all points get from this image's noise, because it gives the correction.
+    """Return the covariance of the errors that all points share because noise changes the correction.
 
-    The noise part of the corrected mean strain contains that of the field and that of the correction.
+    The noise part of the corrected mean strain contains the noise of the field and the noise of the
+    correction.
     """
     known = correction.uncertainty or {}
     if by_images is None or "exx_std_images" not in known:

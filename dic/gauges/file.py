@@ -30,7 +30,7 @@ def read_gauges(path: PathLike | None = None, texts: Sequence[str] = ()) -> tupl
     Raises
     ------
     GaugeError
-        If there is no gauge, the file cannot be read, or there are unknown keys, doubled names or impossible
+        If there is no gauge, the file cannot be read, or there are unknown keys, repeated names or impossible
         values. The message names all mistakes of the file, or of the texts, together.
     """
     gauges = (*(() if path is None else _gauges_in(path)), *_gauges_of(texts))
@@ -136,7 +136,7 @@ def _doubled(names: Sequence[str]) -> list[MeasurementError]:
 
 
 def _typed_value(text: str) -> Any:
-    """Return a number, a pair, or a list of pairs, as TOML would have it; other text unchanged."""
+    """Return a number, a pair, or a list of pairs, as TOML would give it; other text unchanged."""
     if ";" in text:
         return [_typed_value(part) for part in text.split(";") if part]
     if "," in text:

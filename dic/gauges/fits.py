@@ -31,8 +31,8 @@ class PlacedFit:
     rows, columns : ndarray of int, shape (n,)
         Places of the points in the grid of points.
     place : ndarray, shape (n,), or None
-        Weights of the points' positions whose sum is the place of the reading, in any unit; None for the mean
-        place of the points that have a displacement.
+        Weights of the points. The weighted sum of the points' positions is the place of the reading, in any
+        unit. None for the mean place of the points that have a displacement.
     direction : ndarray, shape (2,)
         Unit vector of the engineering strain.
     """

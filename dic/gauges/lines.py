@@ -32,7 +32,8 @@ class PlacedLines:
     patches : ndarray of bool, shape (2, lines, m)
         False where a patch has fewer than m points.
     place : ndarray, shape (2, lines, m)
-        Weights of the points' positions whose sum is the middle of the patch, in any unit.
+        Weights of the points. The weighted sum of the points' positions is the middle of the patch, in any
+        unit.
     """
 
     gauge: Extensometer | TransverseExtensometer
@@ -77,8 +78,8 @@ class PlacedLines:
     def read(self, field: GaugeField) -> Reading:
         """Return the reading in one field.
 
-        The strain is the change of the distance between the middles of the two patches over this distance.
-        A rigid motion does not change it. With many lines the strains are averaged.
+        The strain is the change of the distance between the middles of the two patches, divided by this
+        distance. A rigid motion does not change it. With many lines the strains are averaged.
         """
         valid = field.displacement.valid[self.rows, self.columns]
         counts = (self.patches & valid[self.members]).sum(axis=2)
@@ -97,7 +98,8 @@ class PlacedLines:
         before = mean @ np.where(valid[:, None], displacement.position[at], 0.0)
         after = before + mean @ np.where(valid[:, None], displacement.vector[at], 0.0)
         lengths, longer = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
-        # The derivative of a length by the displacement of its end is its direction.
+        # The derivative of a length with respect to the displacement of its end is the unit vector along the
+        # length.
         ends = after / longer[:, None] / len(lengths)
         weights = np.stack([mean.T @ (ends / lengths[:, None]), mean.T @ ends], axis=-1)
         images = np.full(2, np.nan)
@@ -124,7 +126,8 @@ class PlacedLines:
     def _sums(self, side: int, good: Mask, valid: Mask, field: GaugeField) -> Float:
         """Return the weights, shape (lines, n), that give the displacement in the middle of each patch.
 
-        A plane through the points gives it. If the points lie on one line, their mean is used.
+        The displacement is that of a plane fitted to the points' displacements. If the points lie on one
+        line, it is the mean of their displacements.
         """
         members, patches = self.members[side, good], self.patches[side, good]
         position = field.displacement.position[self.rows, self.columns][members]

@@ -1,15 +1,16 @@
-"""Planes fitted to values at points by least squares, as weights of these values."""
+"""Least squares planes through values at points, computed as weighted sums of these values."""
 
 import numpy as np
 
 from dic.typing import Float, Mask
 
 _FLAT = 1e-6
-"""Points count as lying on one line if they reach less far across it than this fraction of their extent."""
+"""Points count as lying on one line if their extent across the line is below this fraction of their
+extent along it."""
 
 
 def sums_at(position: Float, at: Float) -> Float:
-    """Return the weights with which values at points give a fitted plane at a place, and its two slopes.
+    """Return the weights of values at points that give a fitted plane's value at a place, and its slopes.
 
     Parameters
     ----------
@@ -55,7 +56,7 @@ def sums_at_places(position: Float, valid: Mask, places: Float) -> Float:
 
 
 def flat_sets(position: Float, valid: Mask) -> Mask:
-    """Return for sets of points (sets, m, 2) whether those that are `valid` (sets, m) lie on one line."""
+    """Return True for each set of points (sets, m, 2) whose `valid` points (sets, m) lie on one line."""
     share = valid / np.maximum(1, valid.sum(axis=1, keepdims=True))
     known = np.where(valid[..., None], position, 0.0)
     centred = np.where(valid[..., None], known - np.einsum("pm,pmi->pi", share, known)[:, None], 0.0)

@@ -20,7 +20,7 @@ class Reading:
     unit : str
         Unit of lengths and displacements, "px" or "mm".
     strain : float
-        Engineering strain along the gauge: change of length over length. NaN if there is no reading.
+        Engineering strain along the gauge: change of length divided by length. NaN if there is no reading.
     strain_std : float
         Standard deviation of `strain`; NaN if it is not known.
     strain_std_images : float
@@ -35,11 +35,11 @@ class Reading:
     declared : int
         Number of points in the reference at the gauge's place.
     lines : int or None
-        Number of lines that were used, of a transverse extensometer.
+        Number of lines that a transverse extensometer used; None for other gauges.
     values : mapping of str to float
         For an area or a point: exx, eyy, exy, e1, e2, direction_deg and rotation_deg, the displacements u and
-        v in the middle (x to the right, y up), and their standard deviations. Those of u and v are the part
-        that the images cause.
+        v in the middle (x to the right, y up), and their standard deviations. The standard deviations of u
+        and v contain only the part that the images cause.
     reason : str
         The reason why there is no reading; "" if there is one.
     """
@@ -58,7 +58,7 @@ class Reading:
     reason: str = ""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the reading for JSON, with None instead of NaN and without what the gauge never has."""
+        """Return the reading for JSON, with None instead of NaN."""
         plain = {name: _plain(value) for name, value in self.numbers().items()}
         counts = {"points": self.points, "points_declared": self.declared}
         lines = {} if self.lines is None else {"lines": self.lines}
@@ -85,9 +85,9 @@ class Profile:
         Distance of each place from the start of the cut, in the unit of the gauge.
     distance_unit : str
     values : mapping of str to ndarray, shape (places,)
-        As `Reading.values`, without e1, e2 and directions; NaN where a place has no value.
+        u, v, exx, eyy and exy, and their standard deviations; NaN where a place has no value.
     points, declared : ndarray of int, shape (places,)
-        Number of points that were used at each place, and in the reference.
+        Number of points that were used at each place, and number of points there in the reference.
     reason : str
         The reason why no place has a value; "" otherwise.
     """

@@ -12,13 +12,13 @@ def along(covariance: Float, direction: Float) -> float:
     """
     c, s = direction
     weights = np.array([c * c, s * s, 2.0 * c * s])
-    # A strain that does not count may have an unknown error.
+    # A component with the weight 0 may have an unknown error, NaN.
     used = weights != 0.0
     return float(weights[used] @ covariance[np.ix_(used, used)] @ weights[used])
 
 
 def engineering(stretch: float, measure: str) -> float:
-    """Return the derivative of engineering strain by a strain of another measure, at a stretch λ.
+    """Return the derivative of engineering strain with respect to another measure of strain, at a stretch λ.
 
     The Green-Lagrange strain is (λ² - 1)/2, the Hencky strain is ln λ.
     """
@@ -26,12 +26,13 @@ def engineering(stretch: float, measure: str) -> float:
 
 
 def elongation(gradient: Float, direction: Float) -> tuple[float, Float]:
-    """Return the engineering strain along a unit vector (2,), and its derivative (4,) by the gradient.
+    """Return the engineering strain along a unit vector (2,), and its derivatives (4,).
 
     Parameters
     ----------
     gradient : ndarray, shape (2, 2)
-        Displacement gradient, ∂u_i/∂x_j at [i, j]. The derivative is by its elements xx, xy, yx, yy.
+        Displacement gradient, ∂u_i/∂x_j at [i, j]. The derivatives are with respect to its elements xx, xy,
+        yx, yy.
     direction : ndarray, shape (2,)
     """
     turned = direction + gradient @ direction

@@ -34,7 +34,7 @@ def write_gauge_table(series: GaugeSeries, path: PathLike, *, decimal_comma: boo
     """Write one line for each image with the readings of all gauges, and a table of each line cut.
 
     `docs/gauges.md` describes the columns. Columns in which no image has a value are left out. The table of a
-    cut is written beside it; the name of the cut stands before the ending of its name.
+    cut is a file beside it, with the name of the cut before the ending of the file name.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from dic.typing import Float
 
 @dataclass(frozen=True)
 class ImageClock:
-    """When the images were taken, and how their clock differs from the machine's.
+    """The times of the images, and the offset between the camera's clock and the machine's clock.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ def join_record(
     Parameters
     ----------
     series : GaugeSeries
-        Readings of a series of images. A run file has the load of its steps already.
+        Readings of a series of images. A run is refused, because its steps have a load already.
     record : MachineRecord
         From `read_machine_record`.
     join : str
@@ -174,7 +174,7 @@ def gauge_curve(
         None if across is None else across[use],
         time_s if np.isfinite(time_s).all() else None,
     )
-    # Nothing is known of the errors of raw strain but those of the images.
+    # Of the errors of raw strain, only those that the images cause are known.
     shared = np.full(len(use), np.nan) if chosen == "raw" else _shared_std(series, gauge, chosen)
     return GaugeCurve(curve, shared[use], chosen, int(np.count_nonzero(~use)))
 

@@ -129,7 +129,7 @@ def write_gauge_picture(
 
 
 def use_results(path: PathLike, use: Callable[[SeriesResult | RunResult], Result]) -> Result:
-    """Return what `use` makes of the displacements in a result file of `dic correlate` or `dic process`.
+    """Return what `use` returns for a result file of `dic correlate` or `dic process`.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def use_results(path: PathLike, use: Callable[[SeriesResult | RunResult], Result
 
 
 def is_results(path: PathLike) -> bool:
-    """Return True if a file begins as an HDF5 file does, and so is no table."""
+    """Return True if a file begins with the signature of HDF5, so that it is not a table."""
     try:
         with opened(path) as content:
             return content[: len(_SIGNATURE)] == _SIGNATURE
@@ -151,7 +151,7 @@ def is_results(path: PathLike) -> bool:
 def reader_of(
     results: MeasuredSeries | SeriesResult | RunResult, gauges: Sequence[Gauge], camera: str | None
 ) -> Iterator[tuple[str, MeasuredSeries, GaugeReader, list[dict[str, Any]]]]:
-    """Yield each camera's name and series with a reader of the gauges, and what is known of each image."""
+    """Yield for each camera its name, its series, a gauge reader, and the known values of each image."""
     if isinstance(results, MeasuredSeries):
         yield "", results, GaugeReader(gauges, None, results.reference.shape), []
     elif isinstance(results, SeriesResult):

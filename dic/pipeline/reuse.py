@@ -1,4 +1,4 @@
-"""Results on file that a new measurement can use: their fields, or all of them."""
+"""Result files that a new measurement can use again: the whole results, or only the displacement fields."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence

@@ -29,7 +29,7 @@ from dic.typing import PathLike
 
 
 def job_of_fields(result: SeriesResult | RunResult) -> Job:
-    """Return the job of a result whose fields have all that strain needs.
+    """Return the job of a result, if its fields have all that strain needs.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def job_of_fields(result: SeriesResult | RunResult) -> Job:
 
 
 def origin_anew(result: SeriesResult | RunResult, inputs: Iterable[Path | None], job: Job) -> Provenance:
-    """Return the provenance of strain anew: what `result` comes from, its file, and the further inputs."""
+    """Return the provenance of strain anew: the inputs of `result`, and the further `inputs`."""
     origin = Provenance.of(inputs, job)
     earlier = {} if result.provenance is None else dict(result.provenance.inputs)
     return replace(origin, inputs=earlier | dict(origin.inputs))

@@ -13,7 +13,7 @@ from dic.properties.yielding import Plateau, offset_strength
 USUAL_BAND, USUAL_DIFFERENCE = (0.1, 0.4), 0.02
 """Band of the elastic slope in ISO 6892-1, as shares of the yield strength; and the largest difference."""
 UPPER_BAND, STEEPER, LESS_STEEP = (0.4, 0.6), 0.02, -0.06
-"""Above the usual band a sound record is never steeper, and before yielding not much less steep."""
+"""Band above the usual one. There the slope of a sound record is hardly larger, and only a little smaller."""
 LEAST_POINTS = 5
 
 

@@ -28,7 +28,8 @@ class Elastic:
     line : Line
         Stress in MPa against strain.
     std_mpa : float
-        Standard deviation of the slope by noise and choice of the window, without what all points share.
+        Standard deviation of the slope by noise and choice of the window, without the errors that all points
+        share.
     centre : tuple of float
         Mean strain and mean stress of the window, through which every such line passes.
     window : dict
@@ -46,7 +47,7 @@ class Elastic:
 
     @property
     def foot(self) -> float:
-        """Strain at which the elastic line has no stress: the corrected zero of strain."""
+        """Strain at which the elastic line has the stress 0: the corrected zero of strain."""
         return -self.line.intercept / self.line.slope
 
     def turned(self, by_mpa: float) -> tuple[float, float]:
@@ -130,18 +131,18 @@ def _elastic(
 
 
 def _noise_of_slope(record: Record, line: Line, x: Float, y: Float) -> tuple[float, float]:
-    """Return the standard deviation of a slope by noise, and by how much noise of strain lowers the slope."""
+    """Return the standard deviation of a slope by noise, and by how much noise of strain lowers it."""
     rest = y - line.slope * x - line.intercept
     across = float(((x - x.mean()) ** 2).sum())
     std = float(np.sqrt(rest @ rest / max(len(x) - 2, 1) / across))
-    # Neighbouring errors that are alike, as those of a filtered signal, count less than independent ones.
+    # Correlated errors of neighbouring points, as in a filtered signal, tell less than independent errors.
     alike = float(np.clip((rest[1:] @ rest[:-1]) / max(float(rest @ rest), 1e-300), 0.0, 0.98))
     std *= np.sqrt((1.0 + alike) / (1.0 - alike))
     return std, line.slope * record.noise(x) ** 2 * len(x) / across
 
 
 def _course_flags(record: Record, line: Line, points: int) -> list[str]:
-    """Say what the course of the test has against the slope: toe, slack, steps, loops, few points."""
+    """Return the flags of the test that speak against the slope: few points, toe, hysteresis, ladder."""
     flags = []
     if points < FEW_POINTS:
         flags.append(f"few points: {points} in the window; ISO 6892-1 asks for {FEW_POINTS}")

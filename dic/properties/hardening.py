@@ -65,7 +65,7 @@ def hardening_range(
 
 
 def hardening_exponent(curve: TrueCurve, part: slice, window: dict[str, Any]) -> PropertyValue:
-    """Return n; stresses that are wrong by a common share do not change it."""
+    """Return n; a common relative error of all stresses does not change it."""
     plastic, stress = curve.plastic[part], curve.stress[part]
     if (plastic <= 0.0).any() or len(plastic) < LEAST_POINTS:
         return missing("1", N_RULE, "the plastic strain is not positive throughout the range")

@@ -14,7 +14,8 @@ from dic.typing import Float
 
 RULE = "objective window, rule of ASTM E3076-18"
 FIRST_SHARE, CUT_SHARE, RAISED_SHARE = 0.05, 0.15, 0.05
-"""Of the largest stress: the tangent begins at the first, raised by the second, later by the third."""
+"""Shares of the largest stress. The tangent begins at the first, is raised by the second, and at each further
+attempt by the third."""
 LEAST_SHARE, LEAST_POINTS = 0.2, 10
 """Smallest window: share of the points up to the cut, and number of points."""
 NOISE_LIMIT, RESOLUTION, RESOLUTION_BINS, BIN_SHARE = 0.005, 2.0**-12, 3, 0.25
@@ -22,14 +23,15 @@ QUARTER_LIMIT, QUARTER_POINTS, RANGE_LIMIT = 0.05, 5, 0.4
 STEEP_SHARE = 0.5
 """Slopes below this share of the steepest slope of all attempts are not elastic."""
 NEARLY_AS_GOOD = 2.0
-"""Windows with up to this multiple of the least residual tell how much the choice of the window matters."""
+"""The scatter of the slopes of all windows with up to this multiple of the least residual is the standard
+deviation by the choice of the window."""
 MOST_POINTS = 1500
 """Longer records are averaged over blocks of consecutive points before the windows are compared."""
 
 
 @dataclass(frozen=True)
 class ObjectiveSlope:
-    """The straightest window of a record and what speaks against it.
+    """The slope of the straightest window of a record, and the checks that it failed.
 
     Attributes
     ----------

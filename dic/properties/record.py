@@ -1,4 +1,4 @@
-"""Stress and strain of a test, and what its course tells: extensometer taken off, break, steps, loops."""
+"""Stress and strain of a test, and its events: extensometer taken off, break, steps, loops."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,9 +9,11 @@ from dic.properties.curve import Curve
 from dic.typing import Float
 
 STILL_STRAIN, STILL_LOAD_SHARE, STILL_POINTS = 2e-5, 0.02, 20
-"""Strain that changes less than the first while the load changes by more than the second stands still."""
+"""Strain stands still if it changes by less than the first over so many points, while the load changes by
+more than the second."""
 JUMP_STRAIN, JUMP_TIMES, JUMP_LOAD_SHARE = 2e-3, 50.0, 0.05
-"""A step of strain larger than these, without a step of load, is the removal of the extensometer."""
+"""A step of strain above the first, and above so many usual steps, with a smaller step of load than the
+third, is the removal of the extensometer."""
 BROKEN_SHARE, LOOP_SHARE = 0.1, 0.02
 LADDER_TIMES, LADDER_SHARE, LADDER_STEPS = 5.0, 0.7, 4
 
@@ -76,7 +78,7 @@ class Record:
         return float(1.4826 * np.median(np.abs(np.diff(values, n=3))) / np.sqrt(20.0))
 
     def loops(self, stop: int) -> list[tuple[float, float]]:
-        """Return from which to which stress the specimen was unloaded and loaded again, before a point."""
+        """Return the highest and the lowest stress of each loop of unloading and loading before a point."""
         stress, strain = self.stress[:stop], self.strain[:stop]
         least = LOOP_SHARE * float(self.stress[self.top])
         found: list[tuple[float, float]] = []

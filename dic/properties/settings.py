@@ -20,7 +20,8 @@ class PropertySettings:
         Original area of the cross-section, mm².
     area_std_mm2, load_std_percent, strain_std_percent : float or None
         Standard deviations of the area, and of load and strain as a share of the reading. These errors are
-        common to all points. None if unknown: then the standard deviations of the results leave it out.
+        common to all points. None if unknown: then the standard deviations of the results do not contain this
+        error.
     offsets_percent : tuple of float
         Plastic strains of the offset yield strengths Rp, %.
     window_mpa : tuple of float, or None
@@ -73,13 +74,13 @@ class PropertySettings:
 
     @property
     def stress_share(self) -> float:
-        """Standard deviation of all stresses together, as a share of the stress."""
+        """Standard deviation of the relative error that all stresses share."""
         load = (self.load_std_percent or 0.0) / 100.0
         return float(np.hypot(load, (self.area_std_mm2 or 0.0) / self.area_mm2))
 
     @property
     def strain_share(self) -> float:
-        """Standard deviation of all strains together, as a share of the strain."""
+        """Standard deviation of the relative error that all strains share."""
         return (self.strain_std_percent or 0.0) / 100.0
 
     @property

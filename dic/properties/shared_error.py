@@ -1,9 +1,9 @@
 """The effect of an error of strain that all points share: of the calibration, and of motion out of the plane.
 
-Such an error does not average out over the points of a curve. There is none in the reference image, from
-which strain is measured, so the error grows as the test goes on. It is taken to grow in proportion to the
-load up to the end of the elastic window, where it has its stated standard deviation: this is the way that
-changes the elastic slope most.
+Such an error does not average out over the points of a curve. In the reference image the strain is exactly
+zero and has no error, so the error grows during the test. This module assumes that the error grows in
+proportion to the load up to the end of the elastic window, where it reaches its stated standard deviation. No
+other growth changes the elastic slope more.
 """
 
 from dataclasses import replace
@@ -32,7 +32,8 @@ def with_shared_error(found: Properties, shared_std: Float) -> Properties:
     curve, end = record.curve, elastic.line.stop
     error = np.array(shared_std, np.float64)
     error[:end] = error[end - 1] * curve.load_n[:end] / curve.load_n[end - 1]
-    # Both curves have the same window, so that the choice of a window is no part of the difference.
+    # Both curves are fitted between the same stresses, so that the choice of a window does not change the
+    # result.
     low, high = elastic.window["stress_mpa"]
     settings = replace(found.settings, window_mpa=(low, high))
     sides = [

@@ -17,7 +17,7 @@ A_RULE = "strain at the break minus stress over the elastic slope, after correct
 
 
 def strength_point(record: Record, plateau: Plateau | None) -> int:
-    """Return the point of the largest stress; after discontinuous yielding the one after the plateau."""
+    """Return the point of the largest stress; if there is a plateau, of the largest stress after it."""
     begin = plateau.last if plateau is not None else 0
     return begin + int(np.argmax(record.stress[begin:]))
 
@@ -77,6 +77,7 @@ def _without_elastic(
     window: Mapping[str, object],
 ) -> PropertyValue:
     part = stress / elastic.line.slope
-    # A share of all stresses changes the slope alike, and leaves the elastic strain.
+    # A common relative error of all stresses changes stress and slope alike, so the elastic strain stays the
+    # same.
     std = root_sum(std, part * elastic.std_mpa / elastic.line.slope)
     return PropertyValue(100 * (total - part), 100 * std, "%", rule, dict(window))

@@ -1,4 +1,4 @@
-"""A material property with its uncertainty, its rule, its window, and what speaks against it."""
+"""A material property with its uncertainty, its rule, its window, and its flags."""
 
 from dataclasses import dataclass, field
 from typing import Any

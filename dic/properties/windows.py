@@ -57,7 +57,7 @@ def straightest(x: Float, y: Float, least: int) -> Line | None:
     Returns
     -------
     Line or None
-        Of equal windows the one that begins first, and then the longest. None if x or y does not change in
+        Of equal windows, the one that begins first; of these, the longest. None if x or y does not change in
         any window.
     """
     candidates: list[tuple[float, int, int]] = []
@@ -99,7 +99,7 @@ def spread_of_slopes(x: Float, y: Float, line: Line, least: int, factor: float) 
 
 
 def _all_windows(x: Float, y: Float, least: int) -> Iterator[tuple[int, Float, Float]]:
-    """Yield for each first point the normalised residuals and slopes of the windows of `least` points up."""
+    """Yield for each first point the residuals and slopes of the windows with at least `least` points."""
     dx, dy = x - x.mean(), y - y.mean()
     sums = [np.concatenate([[0.0], np.cumsum(part)]) for part in (dx, dy, dx * dx, dx * dy, dy * dy)]
     for first in range(len(x) - least + 1):

@@ -15,7 +15,7 @@ from dic.properties.windows import fit_line
 from dic.typing import Float
 
 DROP_SHARE, QUIET_STRAIN = 0.005, 5e-4
-"""An upper yield strength is followed by a drop by the first, and is not reached again within the second."""
+"""After an upper yield strength the stress falls by this share, and is lower for at least this strain."""
 YIELD_STRAIN = 0.02
 """An upper yield strength lies below this plastic strain; later drops are serrations or necking."""
 REBOUND_SHARE = 0.001
@@ -63,7 +63,7 @@ def offset_strength(
     turned = [_crossing(strain, stress, elastic, offset, by * elastic.std_mpa) for by in (-1.0, 1.0)]
     sides = [side[0] for side in turned if side is not None]
     by_line = max((abs(side - at[0]) for side in sides), default=0.0)
-    # Strain larger by a share p lowers slope and offset alike: the crossing moves to the offset (1 + p).
+    # If all measured strains are too large by the share p, the true offset is at the measured offset (1 + p).
     shifted = _crossing(strain, stress, elastic, offset * (1.0 + settings.strain_share), 0.0)
     by_strain = abs(shifted[0] - at[0]) if shifted is not None else 0.0
     std = root_sum(at[0] * settings.stress_share, by_line, by_strain, _local_noise(record))
@@ -83,7 +83,7 @@ def _crossing(
     slope, foot = elastic.turned(turn_mpa)
     above = stress - slope * (strain - foot - offset)
     below = np.flatnonzero(above[elastic.line.stop :] < 0.0) + elastic.line.stop
-    # Noise of one point does not end the elastic part.
+    # One point below the line may be noise, so three in a row are required.
     for k in below:
         if (above[k : k + 3] < 0.0).all() and k > 0:
             share = above[k - 1] / (above[k - 1] - above[k]) if above[k - 1] > 0.0 else 1.0
@@ -126,7 +126,7 @@ def _minima(record: Record, upper: int, again: int) -> Plateau:
     tail = len(stress) - int(np.argmax(back > np.minimum.accumulate(back) + rebound))
     last = tail + int(np.argmin(stress[tail:]))
     whole = upper + int(np.argmin(stress[upper:]))
-    # A single minimum between ReH and hardening is no transient: nothing else is left.
+    # A single minimum between ReH and hardening is ReL itself, and no transient.
     lower = (
         whole if end_of_transient == upper else end_of_transient + int(np.argmin(stress[end_of_transient:]))
     )
@@ -157,7 +157,7 @@ def lower_yield(
 def yield_extension(
     record: Record, elastic: Elastic, settings: PropertySettings, plateau: Plateau
 ) -> PropertyValue:
-    """Return Ae, the strain from the upper yield strength to the begin of uniform hardening."""
+    """Return Ae, the strain from the upper yield strength to the beginning of uniform hardening."""
     stress, strain = record.strained_stress, record.strain
     best = None
     for first in range(plateau.last, len(stress) - 1):
@@ -197,6 +197,6 @@ def _local_noise(record: Record) -> float:
 
 
 def _doubt(elastic: Elastic) -> list[str]:
-    """Pass on that the elastic line is doubtful."""
+    """Return one flag that names the flags of the elastic line."""
     words = sorted({flag.partition(":")[0] for flag in elastic.flags})
     return [f"elastic line: {', '.join(words)}"] if words else []

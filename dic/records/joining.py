@@ -76,12 +76,12 @@ def join_by_name(record: MachineRecord, images: Sequence[str]) -> JoinedRecord:
 
 
 def join_by_row(record: MachineRecord, images: Sequence[str]) -> JoinedRecord:
-    """Give the images the lines of the record in order; a first line more belongs to the reference.
+    """Give each image one line of the record, in order; one line more at the top is the reference's.
 
     Raises
     ------
     CurveError
-        If the record has another number of lines.
+        If the record has any other number of lines.
     """
     more = len(record) - len(images)
     if more not in (0, 1):

@@ -66,8 +66,8 @@ def read_machine_record(
 ) -> MachineRecord:
     """Read the table of a testing machine.
 
-    Separator, decimal mark, encoding and heading lines are found. A column is named by its heading, or by its
-    number from 1, and by its unit: ``"Load:kN"``, ``"3:mm"``.
+    Separator, decimal mark, encoding and heading lines are detected. A column is named by its heading, or by
+    its number from 1, and by its unit: ``"Load:kN"``, ``"3:mm"``.
 
     Parameters
     ----------

@@ -2,9 +2,9 @@
 
 At the beginning of a tensile test, strain is proportional to load. At the right offset, the strain of the
 images up to a quarter of the largest load is therefore a linear function of the load, with the least
-residual. The standard deviation of the offset follows from this residual, and from how much a later load
-differs from every linear function of the load: a test in which the load only grows evenly determines no
-offset, because every offset gives a line. Images of the specimen at rest before the test make the difference.
+residual. The standard deviation of the offset follows from this residual, and from how strongly a wrong
+offset bends this line. If the load grows evenly from the first image to the last, no offset bends the line,
+so the offset cannot be found. Images of the specimen at rest before the test make the offset visible.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from dic.records.machine import MachineRecord
 from dic.typing import Float, Mask
 
 _TOP_SHARE, _RISEN_SHARE = 0.25, 0.02
-"""The part of the largest load in which strain is linear, and above which the load has risen."""
+"""Shares of the largest load. Up to the first, strain is linear; above the second, the load has risen."""
 _LEAST_RISEN, _LEAST_IMAGES = 5, 8
 _TRIALS_PER_IMAGE = 4
 _MOST_TRIALS = 20_000
@@ -74,9 +74,10 @@ class _Start:
         self._end_s = float(time_s[reached[0]]) if reached.size else float(time_s[-1])
 
     def variance(self, offset_s: float) -> float:
-        """Return the residual variance of the strain as one of the load; infinity if too few images show it.
+        """Return the residual variance of the strain divided by the slope squared; infinity if unknown.
 
-        Strain of a specimen at rest has a small residual at any load, but a smaller slope still.
+        Strain of a specimen at rest has a small residual at any offset, but a slope that is smaller still.
+        Without the division, an offset at which the specimen is at rest would have the least residual.
         """
         use = self._images(offset_s)
         if use is None:

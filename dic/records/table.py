@@ -147,14 +147,15 @@ class Table:
 def read_table(path: PathLike, *, with_names: bool = False) -> Table:
     """Read the cells of a record.
 
+    The separator is the character that splits the lines in the middle of the file into equally many numbers.
+    Lines before the first line of numbers are headings.
+
     Parameters
     ----------
     path : path
     with_names : bool
         True if one column may hold names instead of numbers.
 
-    The separator is the one that splits the middle of the file into equally many numbers per line. Lines
-    before the first line of numbers are headings.
 
     Raises
     ------
@@ -206,7 +207,7 @@ def _decoded(path: PathLike) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        # Machines of the last decades write the encoding of western Windows.
+        # Many testing machines write the encoding of western Windows.
         return content.decode("cp1252", errors="replace")
 
 
@@ -227,7 +228,7 @@ def _separator(sample: Sequence[str], least: float) -> str | None:
 def _split(text: str, separator: str) -> list[str]:
     if separator == " ":
         return text.split()
-    # A quote within a line of numbers is never open beyond its end.
+    # In a record, a quoted cell never continues on the next line, so each line is split alone.
     return [cell.strip() for cell in next(csv.reader([text], delimiter=separator))]
 
 
