@@ -59,9 +59,9 @@ def correlate(
 ) -> None:
     """Correlate DEFORMED images with the REFERENCE image.
 
-    DEFORMED are image files, folders, quoted patterns such as "img*.tif", and TIFF files, whose pages are all
-    measured. Names are taken in natural order: img2 before img10. Without DEFORMED, the first image of a
-    folder, pattern or TIFF file is the reference of the others.
+    DEFORMED are image files, folders, quoted patterns such as "img*.tif", and TIFF files and videos, whose
+    pages and frames are all measured. Names are taken in natural order: img2 before img10. Without DEFORMED,
+    the first image of a folder, pattern, TIFF file or video is the reference of the others.
 
     If an image cannot be measured, the command reports the image and continues with the next. Ctrl-C ends
     the series after the current image and keeps its results. Exit status: 0 if all images are measured well,

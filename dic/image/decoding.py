@@ -4,7 +4,7 @@ import os
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, BinaryIO
 
@@ -43,7 +43,7 @@ def decode(container: Container) -> NDArray[Any]:
     import cv2
 
     of_jpeg = container.content.startswith(b"\xff\xd8")
-    with _opencv_silent(), _messages_of_libjpeg(of_jpeg) as messages:
+    with opencv_silent(), messages_of_decoder(_is_of_libjpeg, of_jpeg) as messages:
         try:
             image: NDArray[Any] | None = cv2.imdecode(
                 np.frombuffer(container.content, np.uint8),
@@ -72,7 +72,7 @@ def to_grey(stored: NDArray[Any]) -> NDArray[np.float32]:
 
 
 @contextmanager
-def _opencv_silent() -> Iterator[None]:
+def opencv_silent() -> Iterator[None]:
     """Keep OpenCV's log off the terminal, because the raised error already reports the problem."""
     import cv2
 
@@ -83,12 +83,23 @@ def _opencv_silent() -> Iterator[None]:
         cv2.utils.logging.setLogLevel(before)
 
 
-@contextmanager
-def _messages_of_libjpeg(wanted: bool) -> Iterator[list[str]]:
-    """Collect the messages that libjpeg writes to standard error in a list, at the end of the `with` block.
+def _is_of_libjpeg(line: bytes) -> bool:
+    return line.startswith(_JPEG_MESSAGES)
 
-    libjpeg fills damaged pixels with grey, and reports this only by a message that it writes to standard
-    error. Messages that other threads write meanwhile are passed on.
+
+@contextmanager
+def messages_of_decoder(is_message: Callable[[bytes], bool], wanted: bool = True) -> Iterator[list[str]]:
+    """Collect the messages that a decoder writes to standard error in a list, at the end of the `with` block.
+
+    Decoders such as libjpeg fill damaged pixels with grey, and report this only by a message that they write
+    to standard error. Messages that other threads write meanwhile are passed on.
+
+    Parameters
+    ----------
+    is_message : callable
+        Function that returns True for a line that the decoder writes.
+    wanted : bool
+        False if nothing is to be collected.
     """
     messages: list[str] = []
     if not wanted:
@@ -99,7 +110,7 @@ def _messages_of_libjpeg(wanted: bool) -> Iterator[list[str]]:
             yield messages
         taken.seek(0)
         for line in taken.read().splitlines(keepends=True):
-            if line.startswith(_JPEG_MESSAGES):
+            if is_message(line):
                 messages.append(line.decode(errors="replace").strip())
             else:
                 # nobody may read the standard error any more, which says nothing about the image

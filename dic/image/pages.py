@@ -1,4 +1,4 @@
-"""The names of image files: pages of a TIFF file, files of a folder or a pattern, and their natural order."""
+"""The names of images: files of folders and patterns in natural order, pages of TIFF files, video frames."""
 
 import glob
 import os
@@ -14,6 +14,7 @@ from dic.image.container import Damage
 from dic.image.numbering import missing_numbers
 from dic.image.tiff_directory import SIGNATURES as TIFFS
 from dic.image.tiff_directory import pages_of_file
+from dic.image.video import is_video, read_video
 from dic.typing import PathLike
 
 ENDINGS = (".png", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".pnm", ".jpg", ".jpeg")
@@ -54,7 +55,8 @@ def list_images(*sources: PathLike) -> list[Path]:
 
     A folder means its image files, and a pattern such as ``img*.tif`` the files that match, each in the
     natural order of their names (img2 before img10). A TIFF file of several pages means all its pages, as
-    ``stack.tif#1``, ``stack.tif#2`` and so on, without smaller copies of pages. Names in the alphabetical
+    ``stack.tif#1``, ``stack.tif#2`` and so on, without smaller copies of pages. A video means all its frames,
+    as ``test.avi#1`` and so on. Names in the alphabetical
     order in which a shell lists them (img1, img10, img2) are put in natural order too.
 
     Parameters
@@ -69,7 +71,7 @@ def list_images(*sources: PathLike) -> list[Path]:
     Warns
     -----
     ImageWarning
-        If numbers are missing among the names of a folder or pattern.
+        If numbers are missing among the names of a folder or pattern, or frames of a video cannot be read.
     """
     given = [Path(source) for source in sources]
     if given == sorted(given, key=str) or given == sorted(given, key=lambda path: str(path).casefold()):
@@ -101,10 +103,21 @@ def _is_shown(path: Path) -> bool:
 
 
 def _pages(file: Path) -> Sequence[Path]:
-    """Return the names of the pages of a file; a file that cannot be read keeps its name."""
+    """Return the names of the pages or frames of a file; a file that cannot be read keeps its name."""
     try:
-        with opened(file) as content:
-            number = len(pages_of_file(content)) if content[:4] in TIFFS else 1
+        number = _frames(file) if is_video(file) else _pages_of_tiff(file)
     except (OSError, struct.error, Damage):
         number = 1
     return [file] if number == 1 else [page_name(file, page) for page in range(1, number + 1)]
+
+
+def _pages_of_tiff(file: Path) -> int:
+    with opened(file) as content:
+        return len(pages_of_file(content)) if content[:4] in TIFFS else 1
+
+
+def _frames(file: Path) -> int:
+    video = read_video(file)
+    if video.problem:
+        warnings.warn(f"{file}: {video.problem}", ImageWarning, stacklevel=5)
+    return len(video)

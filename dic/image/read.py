@@ -21,6 +21,7 @@ from dic.image.png import SIGNATURE as PNG
 from dic.image.png import read_png
 from dic.image.tiff import read_tiff
 from dic.image.tiff_directory import SIGNATURES as TIFFS
+from dic.image.video import is_video, read_frame, read_video
 
 MINIMUM_SIDE_PX = 32
 GREY_MAX = 1e9
@@ -30,8 +31,8 @@ No camera gives larger grey levels.
 """
 
 _LOSSY = (
-    "is compressed as JPEG, which changes the grey levels of speckles and can add errors to displacements"
-    " that their standard deviations do not contain; let the camera save PNG or TIFF"
+    "is compressed as {codec}, which changes the grey levels of speckles and can add errors to displacements"
+    " that their standard deviations do not contain; let the camera save {better}"
 )
 
 # For each orientation tag, the turn that makes the stored image upright (TIFF 6.0, section 8).
@@ -54,7 +55,8 @@ def read_image(path: str | Path) -> NDArray[np.float32]:
     ----------
     path : path
         A grey or colour image of at most 160 megapixels, with 8 bit, 16 bit or floating-point values. A page
-        of a TIFF file has the page's number behind its name: ``stack.tif#3`` is the third page.
+        of a TIFF file has the page's number behind its name: ``stack.tif#3`` is the third page, and
+        ``test.avi#3`` the third frame of a video.
 
     Returns
     -------
@@ -73,29 +75,47 @@ def read_image(path: str | Path) -> NDArray[np.float32]:
     ImageWarning
         If a TIFF file holds more than one page and the path names none of them, so that the first is read; if
         the image is turned or mirrored because of the orientation tag in the file; or if the image was
-        compressed as JPEG.
+        compressed as JPEG or by a lossy codec.
     """
     require_kind("path", path, str | Path, "name an image file; arrays need no reading")
     path = Path(path)
     file, page = split_page(path)
     try:
-        container = _contained(file, page or 1)
-        stored = decode(container)
+        stored, orientation, notes = _frame(file, page) if is_video(file) else _picture(file, page)
     except OSError as error:
         raise _refusal(path, error.strerror or str(error), "name an image file that exists") from error
     except Damage as damage:
         raise _refusal(path, str(damage), damage.remedy) from damage
-    for note in _notes(container, file, page):
+    for note in notes:
         warn_of_image(path, note)
     if stored.dtype.kind == "f" and not np.isfinite(stored).all():
         raise _refusal(path, "pixels that are NaN or infinite", "save it with finite grey levels")
     if max(float(stored.max()), -float(stored.min())) > GREY_MAX:
         raise _refusal(path, f"grey levels beyond {GREY_MAX:.0e}", "save it as the camera gave it")
-    grey = np.ascontiguousarray(_TURNS[container.orientation](to_grey(stored)))
+    grey = np.ascontiguousarray(_TURNS[orientation](to_grey(stored)))
     if min(grey.shape) < MINIMUM_SIDE_PX:
         got = f"{grey.shape[1]} × {grey.shape[0]} px"
         raise _refusal(path, got, f"use images of at least {MINIMUM_SIDE_PX} px on each side")
     return grey
+
+
+def _picture(file: Path, page: int | None) -> tuple[NDArray[Any], int, list[str]]:
+    """Return the decoded pixels of an image file, the value of its orientation tag, and warnings."""
+    container = _contained(file, page or 1)
+    return decode(container), container.orientation, list(_notes(container, file, page))
+
+
+def _frame(file: Path, page: int | None) -> tuple[NDArray[Any], int, list[str]]:
+    """Return a decoded frame of a video, which is upright, and warnings."""
+    video, notes = read_video(file), []
+    if page is None and len(video) > 1:
+        last = page_name(file, len(video)).name
+        notes.append(
+            f"holds {len(video)} frames, and only the first one is read; the last one is named {last}"
+        )
+    if video.lossy:
+        notes.append(_LOSSY.format(codec=video.codec, better="images, or a video with the codec FFV1"))
+    return read_frame(file, page or 1), 1, notes
 
 
 def require_same_size(images: Sequence[NDArray[Any]], names: Sequence[str]) -> None:
@@ -133,7 +153,7 @@ def _notes(container: Container, file: Path, page: int | None) -> Iterator[str]:
     if container.orientation != 1:
         yield f"was turned as its tag of orientation says ({container.orientation})"
     if container.lossy:
-        yield _LOSSY
+        yield _LOSSY.format(codec="JPEG", better="PNG or TIFF")
 
 
 def _contained(file: Path, page: int) -> Container:
@@ -172,4 +192,7 @@ def _inspect(content: bytes) -> Container:
 
 
 def _refusal(path: Path, got: str, remedy: str) -> ImageError:
-    return ImageError(str(path), "read image", "a whole PNG, TIFF, BMP, PGM or JPEG image", got, remedy)
+    kind = (
+        "a frame of a video" if is_video(split_page(path)[0]) else "a whole PNG, TIFF, BMP, PGM or JPEG image"
+    )
+    return ImageError(str(path), "read image", kind, got, remedy)

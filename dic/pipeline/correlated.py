@@ -43,8 +43,10 @@ class SeriesImage:
     @property
     def content(self) -> str:
         """Text that identifies the content of the image, and the expected motion; see `content_of`."""
-        known = self.digest != UNREADABLE
-        return content_of(self.digest if known else "", () if self.hint is None else self.hint.ravel())
+        known = self.digest if self.digest != UNREADABLE else ""
+        if known and isinstance(self.image, str | Path):
+            known = of_page(known, Path(self.image))
+        return content_of(known, () if self.hint is None else self.hint.ravel())
 
     def read(self) -> ImageLike:
         """Return the image, or its path."""
@@ -96,6 +98,12 @@ def _correlated(series: Series, image: SeriesImage) -> FinishedImage:
     return FinishedImage(image.label, image.digest, fields)
 
 
+def of_page(digest: str, image: Path) -> str:
+    """Return a text that identifies an image by the digest of its file, and by its page if it has one."""
+    page = split_page(image)[1]
+    return digest if page is None else f"{digest}#{page}"
+
+
 def series_job(series: Series, reference: str, incremental: str) -> dict[str, Any]:
     """Return all that determines the fields of a series beside its images, for `unfinished`.
 
@@ -103,7 +111,7 @@ def series_job(series: Series, reference: str, incremental: str) -> dict[str, An
     ----------
     series : Series
     reference : str
-        SHA-256 of the reference's file.
+        SHA-256 of the reference's file, and its page; see `of_page`.
     incremental : str
         The rule for new references.
     """
@@ -123,7 +131,7 @@ class FileDigests:
         self._known: dict[Path, str] = {}
 
     def of(self, image: Path) -> str:
-        """Return the digest of the file of an image, or of a page; `UNREADABLE` if it has none."""
+        """Return the digest of the file that holds an image; `UNREADABLE` if it has none."""
         file, page = split_page(image)
         if page is None or file not in self._known:
             try:

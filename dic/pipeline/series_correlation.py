@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dic.correlation.series import Series
-from dic.pipeline.correlated import FileDigests, SeriesImage, correlate_series, series_job
+from dic.pipeline.correlated import FileDigests, SeriesImage, correlate_series, of_page, series_job
 from dic.pipeline.reuse import fields_on_file, require_replaceable
 from dic.pipeline.series_result_file import SeriesResult, load_series_result
 from dic.pipeline.series_set_up import SeriesSetUp
@@ -48,7 +48,9 @@ class SeriesCorrelation:
     @property
     def job(self) -> dict[str, Any]:
         """All that determines the fields beside the images, as values for JSON."""
-        return series_job(self.series, self._digests.of(self.sources.reference), self.incremental)
+        reference = self.sources.reference
+        known = of_page(self._digests.of(reference), reference)
+        return series_job(self.series, known, self.incremental)
 
     def look_up(self, place: ResultPlace, set_up: SeriesSetUp) -> SeriesResult | None:
         """Look for a result on file that holds the fields; return it if it holds the strains too.

@@ -11,6 +11,7 @@ from dic.gauges.declared import Gauge
 from dic.gauges.series import GaugeImage, GaugeSeries
 from dic.gauges.table import gauge_table_files, write_gauge_table
 from dic.image.pages import split_page
+from dic.image.video import is_video
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction
 from dic.pipeline.gauge_series import GaugeReader
@@ -147,6 +148,7 @@ class SeriesOutputs:
 
 
 def _stem(path: Path) -> str:
-    """Return the name of an image without its ending; of a page of a file with the page's number."""
+    """Return the name of an image without its ending; of a page or frame of a file with its number."""
     file, page = split_page(path)
-    return file.stem if page is None else f"{file.stem}_page{page}"
+    kind = "frame" if is_video(file) else "page"
+    return file.stem if page is None else f"{file.stem}_{kind}{page}"

@@ -8,6 +8,7 @@ from typing import Any
 
 from dic.errors import CorrelationError
 from dic.image.pages import list_images, split_page
+from dic.image.read import read_image
 from dic.typing import PathLike
 
 
@@ -43,10 +44,10 @@ class SeriesSources:
         Parameters
         ----------
         reference : path
-            A file; or a TIFF file of several pages, a folder or a pattern. Of these the first image is the
-            reference.
+            A file; or a TIFF file of several pages, a video, a folder or a pattern. Of these the first image
+            is the reference.
         images : sequence of path, optional
-            Files, TIFF files of several pages, folders and patterns. Default: the other images of
+            Files, TIFF files of several pages, videos, folders and patterns. Default: the other images of
             `reference`.
         in_order : bool
             True if the images keep the order in which they are given. By default single files are put into
@@ -63,7 +64,9 @@ class SeriesSources:
             if others or not split_page(first)[0].exists():
                 # Reading refuses a reference that does not exist.
                 return cls(first, others, notes)
-            expected, remedy = "images of the deformed specimen", "name them, or a folder or stack"
+            # A damaged stack or video keeps its name; reading it gives the reason.
+            read_image(first)
+            expected, remedy = "images of the deformed specimen", "name them, or a folder, stack or video"
             raise CorrelationError(str(reference), "list images", expected, "none", remedy)
         listed = list(expanded(images)) if in_order else list_images(*images)
         given = [Path(image) for image in images]

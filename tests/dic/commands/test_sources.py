@@ -5,6 +5,7 @@ import shutil
 import warnings
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -25,6 +26,7 @@ def made(speckle, tmp_path_factory):
     folder = tmp_path_factory.mktemp("sources")
     pattern = speckle(seed=21)
     drawn = [pattern.draw(lambda x, y, s=s: (x / (1 + s), y)) for s in STRETCHES]
+    (folder / "none.avi").write_text("none")
     for kind in ("series", "photos"):
         (folder / kind).mkdir()
     for number, image in zip(NUMBERS, drawn, strict=True):
@@ -81,6 +83,22 @@ def test_every_image_of_a_stack_a_folder_and_a_pattern_is_measured_in_its_order(
     assert err == ""
 
 
+def test_every_frame_of_a_video_is_measured_as_its_image_is(folder, tmp_path):
+    images = [dic.read_image(f"series/img{number}.png").astype(np.uint8) for number in NUMBERS]
+    writer = cv2.VideoWriter(
+        str(tmp_path / "test.avi"), cv2.VideoWriter_fourcc(*"FFV1"), 25.0, images[0].shape[::-1], False
+    )
+    for image in images:
+        writer.write(image)
+    writer.release()
+    strains, out, err = measured(tmp_path / "test.avi", "--csv", tmp_path / "csv", folder=folder)
+    assert list(strains) == ["test.avi#2", "test.avi#3", "test.avi#4"]
+    assert list(strains.values()) == list(measured("series", folder=folder)[0].values())
+    assert f"the reference is {tmp_path}/test.avi#1\n" in out
+    assert err == ""
+    assert (tmp_path / "csv" / "test_frame4.csv").is_file()
+
+
 def test_pages_have_files_of_their_own(folder, tmp_path):
     measured("stack.tif#1", "stack.tif#3", "--csv", tmp_path, folder=folder)
     assert (tmp_path / "stack_page3.csv").is_file()
@@ -100,6 +118,10 @@ def test_warning_about_jpeg_comes_once_for_a_series_and_its_strain_is_measured(f
         (["series/img0.png"], "expected images of the deformed specimen, got none"),
         (["series/img0.png", "x*.png"], "x*.png: list images: expected a pattern that files match, got none"),
         (["missing.tif"], "missing.tif: read image: "),
+        (
+            ["none.avi"],
+            "none.avi: read image: expected a frame of a video, got a video that OpenCV cannot read",
+        ),
         (["stack.tif#1", "stack.tif#9"], "got a TIFF with 4 pages; name a page from 1 to 4"),
     ],
 )

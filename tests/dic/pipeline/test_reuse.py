@@ -2,7 +2,9 @@
 
 import shutil
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from tests.command_line import refusal, run_dic
 from tests.dic.pipeline.rendered_run import slid, write_rendered_run
@@ -89,6 +91,21 @@ def test_images_at_another_place_are_known_by_their_content(images, tmp_path, co
     assert correlated == []
     done = run_dic(*command(moved, "-o", result, "--force", "--json", tmp_path / "r.json"))
     assert [image["file"] for image in done.report["images"]] == [str(moved / "img1.png")]
+
+
+def test_pages_of_one_file_are_not_taken_for_each_other(images, tmp_path, correlated):
+    (images / "img2.png").unlink()
+    write_image(images / "img3.png", np.roll(run_image(images / "img1.png"), 2, axis=1))
+    first, *others = (Image.open(path) for path in sorted(images.glob("*.png")))
+    stack, result = tmp_path / "stack.tif", tmp_path / "r.h5"
+    first.save(stack, save_all=True, append_images=others)
+    words = ("correlate", f"{stack}#1", f"{stack}#2", "--subset", 21, "--step", 20, "-o", result)
+    assert run_dic(*words).status == 0
+    correlated.clear()
+    for reference, image in ((1, 3), (2, 3)):
+        other = ("correlate", f"{stack}#{reference}", f"{stack}#{image}", *words[3:])
+        assert run_dic(*other, "--force").status == 0
+    assert len(correlated) == 2
 
 
 def test_equal_run_is_read_and_changed_strain_is_computed(tmp_path, correlated):
