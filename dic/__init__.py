@@ -67,6 +67,8 @@ if TYPE_CHECKING:
     from dic.pictures.settings import MapSettings
     from dic.pipeline.camera_result import CameraResult
     from dic.pipeline.correlated import SeriesImage
+    from dic.pipeline.export import Export, export_results
+    from dic.pipeline.export_tables import to_pandas, to_xarray
     from dic.pipeline.gauge_record import GaugeCurve, ImageClock, gauge_curve, join_record
     from dic.pipeline.gauge_series import measure_gauges, write_gauge_picture
     from dic.pipeline.images import measure_images, measure_series
@@ -134,6 +136,7 @@ __all__ = [
     "CurveError",
     "Displacement",
     "DotTarget",
+    "Export",
     "Extensometer",
     "Field",
     "Gauge",
@@ -194,6 +197,7 @@ __all__ = [
     "calibrate_images",
     "corrected_rotation",
     "draw_target",
+    "export_results",
     "find_specimen",
     "find_target",
     "gauge_curve",
@@ -231,6 +235,8 @@ __all__ = [
     "strain_of_run",
     "strain_of_series",
     "strain_resolution_px",
+    "to_pandas",
+    "to_xarray",
     "with_shared_error",
     "write_contact_sheet",
     "write_csv",
@@ -297,6 +303,8 @@ _NAMES_OF = {
     "dic.pictures.settings": ("MapSettings",),
     "dic.pipeline.camera_result": ("CameraResult",),
     "dic.pipeline.correlated": ("SeriesImage",),
+    "dic.pipeline.export": ("Export", "export_results"),
+    "dic.pipeline.export_tables": ("to_pandas", "to_xarray"),
     "dic.pipeline.gauge_record": ("GaugeCurve", "ImageClock", "gauge_curve", "join_record"),
     "dic.pipeline.gauge_series": ("measure_gauges", "write_gauge_picture"),
     "dic.pipeline.images": ("measure_images", "measure_series"),

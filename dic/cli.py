@@ -9,6 +9,7 @@ _COMMANDS = {
     "calibrate": "dic.commands.calibrate:calibrate",
     "correlate": "dic.commands.correlate:correlate",
     "example": "dic.commands.example:example",
+    "export": "dic.commands.export:export",
     "gauges": "dic.commands.gauges:gauges",
     "process": "dic.commands.process:process",
     "properties": "dic.commands.properties:properties",

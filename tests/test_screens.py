@@ -38,6 +38,7 @@ COMMANDS = {
     "calibrate": "dic calibrate grid.png -o cal.h5 --force",
     "correlate": "dic correlate ref.png img1.png img2.png img10.png other.png none.png --subset 21",
     "correlate-calibrated": "dic correlate reference.png loaded.png --calibration cal.h5 --step 40",
+    "export": "dic export results.h5 csv vtk netcdf -o exports --force",
     "gauges": "dic gauges results.h5 gauges.toml",
     "properties": "dic properties curve.csv --load Load:kN --strain Strain:% --area-mm2 20",
     "refusal": "dic correlate ref.png img1.png --subset 20",

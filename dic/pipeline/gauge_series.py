@@ -128,15 +128,21 @@ def write_gauge_picture(
     write_figure(draw_gauges(reader.placed, image.measurement, series.reference), path, _DPI)
 
 
-def use_results(path: PathLike, use: Callable[[SeriesResult | RunResult], Result]) -> Result:
+def use_results(
+    path: PathLike, use: Callable[[SeriesResult | RunResult], Result], *, local_strain: bool = False
+) -> Result:
     """Return what `use` returns for a result file of `dic correlate` or `dic process`.
+
+    Without `local_strain`, the local strains are not read, and must not be used.
 
     Raises
     ------
     RunFileError
         If the file is neither, or is damaged.
     """
-    return use_series_result(path, use) if is_series_result(path) else use_run_result(path, use)
+    if is_series_result(path):
+        return use_series_result(path, use, local_strain=local_strain)
+    return use_run_result(path, use, local_strain=local_strain)
 
 
 def is_results(path: PathLike) -> bool:

@@ -176,10 +176,12 @@ def load_run_result(path: PathLike) -> RunResult:
     return load_result(path, read, _refusal)
 
 
-def use_run_result(path: PathLike, use: Callable[[RunResult], Result]) -> Result:
-    """Return what `use` makes of the displacements of a run, and close the file.
+def use_run_result(
+    path: PathLike, use: Callable[[RunResult], Result], *, local_strain: bool = False
+) -> Result:
+    """Return what `use` makes of the results of a run, and close the file.
 
-    The local strains are not read, and must not be used.
+    Without `local_strain`, the local strains are not read, and must not be used.
 
     Raises
     ------
@@ -187,7 +189,7 @@ def use_run_result(path: PathLike, use: Callable[[RunResult], Result]) -> Result
         As for `load_run_result`.
     """
     path = Path(path)
-    return use_result(path, lambda file: use(_read_run(path, file, local_strain=False)), _refusal)
+    return use_result(path, lambda file: use(_read_run(path, file, local_strain=local_strain)), _refusal)
 
 
 def _write_texts(group: Any, name: str, texts: list[str]) -> None:

@@ -1,17 +1,15 @@
 """The output files of `dic correlate`. Each kind of file is written only if the user names a place for it."""
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
 from dic.calibration.calibration import Calibration
 from dic.correlation.settings import CorrelationSettings
+from dic.exports.image import stem_of, unique_names
 from dic.gauges.declared import Gauge
 from dic.gauges.series import GaugeImage, GaugeSeries
 from dic.gauges.table import gauge_table_files, write_gauge_table
-from dic.image.pages import split_page
-from dic.image.video import is_video
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction
 from dic.pipeline.gauge_series import GaugeReader
@@ -49,12 +47,12 @@ class SeriesFiles:
         for folder in (csv_folder, maps_folder):
             if folder is not None:
                 folder.mkdir(parents=True, exist_ok=True)
-        stems = list(map(_stem, deformed))
+        stems = list(map(stem_of, deformed))
         tables = [] if csv_folder is None else gauge_table_files(csv_folder / GAUGE_FILE, gauges)
         self.gauges, self.gauge_tables = tuple(gauges), tables if gauges else []
         # The tables of strains and gauges are beside the tables of points.
-        counts = Counter([*stems, Path(STRAIN_FILE).stem, *(path.stem for path in self.gauge_tables)])
-        names = [f"{number:04d}_{stem}" if counts[stem] > 1 else stem for number, stem in enumerate(stems, 1)]
+        taken = [Path(STRAIN_FILE).stem, *(path.stem for path in self.gauge_tables)]
+        names = unique_names(stems, taken)
         self.output = output
         self.strains = None if csv_folder is None else csv_folder / STRAIN_FILE
         self.csv = [] if csv_folder is None else [csv_folder / f"{name}.csv" for name in names]
@@ -145,10 +143,3 @@ class SeriesOutputs:
         if self._files.gauge_tables and self.gauge_images:
             path, comma = self._files.gauge_tables[0], self._decimal_comma
             write_gauge_table(self.gauge_series, path, decimal_comma=comma)
-
-
-def _stem(path: Path) -> str:
-    """Return the name of an image without its ending; of a page or frame of a file with its number."""
-    file, page = split_page(path)
-    kind = "frame" if is_video(file) else "page"
-    return file.stem if page is None else f"{file.stem}_{kind}{page}"

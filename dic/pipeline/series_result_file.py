@@ -136,10 +136,12 @@ def load_series_result(path: PathLike) -> SeriesResult:
     return load_result(path, read, _refusal)
 
 
-def use_series_result(path: PathLike, use: Callable[[SeriesResult], Result]) -> Result:
-    """Return what `use` makes of the displacements of a series, and close the file.
+def use_series_result(
+    path: PathLike, use: Callable[[SeriesResult], Result], *, local_strain: bool = False
+) -> Result:
+    """Return what `use` makes of the results of a series, and close the file.
 
-    The local strains are not read, and must not be used.
+    Without `local_strain`, the local strains are not read, and must not be used.
 
     Raises
     ------
@@ -147,7 +149,7 @@ def use_series_result(path: PathLike, use: Callable[[SeriesResult], Result]) -> 
         As for `load_series_result`.
     """
     path = Path(path)
-    return use_result(path, lambda file: use(_read(path, file, local_strain=False)), _refusal)
+    return use_result(path, lambda file: use(_read(path, file, local_strain=local_strain)), _refusal)
 
 
 def _read(path: Path, file: Any, *, local_strain: bool = True) -> SeriesResult:

@@ -11,12 +11,14 @@ from dic.correlation.status import Status
 from dic.errors import MEASURE_FIRST, require_kind
 from dic.files.writing import replacing
 from dic.out_of_plane.correction import Correction
+from dic.results.points import CORRECTED, PointValues
 from dic.strain.measurement import Measurement
-from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, StrainField
-from dic.typing import Float, PathLike
+from dic.typing import PathLike
 
 _PIXELS = ["x_px", "y_px", "u_px", "v_px", "zncc", "status"]
-_MILLIMETRES = ["X_mm", "Y_mm", "U_mm", "V_mm", "calibration"]
+_MILLIMETRES = ["X_mm", "Y_mm", "U_mm", "V_mm"]
+_OTHERS = {*_PIXELS, *_MILLIMETRES, "std_u_px", "std_v_px", "valid"}
+"""Values that are no strains."""
 
 
 class Table:
@@ -72,8 +74,9 @@ def write_csv(
     and the standard deviations of the strains and of the direction. For calibrated strain, exx_std_images …
     are the parts of the standard deviations that the images cause. The column local_strain is empty if the
     point has a local strain, and holds the reason otherwise. If the strain was corrected, columns with the
-    corrected local strains follow. If the correlation of a point failed, the status of the point gives the
-    reason, and the results of the point are empty.
+    corrected local strains follow. The last columns are the standard deviations of u_px and v_px and, if the
+    strain was corrected, places and displacements in the specimen's own plane. If the correlation of a point
+    failed, the status of the point gives the reason, and the results of the point are empty.
 
     Parameters
     ----------
@@ -86,34 +89,39 @@ def write_csv(
     """
     require_kind("measurement", measurement, Measurement, MEASURE_FIRST)
     require_kind("correction", correction, Correction | None, "give image.correction of a measured series")
-    field, calibrated = measurement.field, measurement.calibrated
-    applied = correction if correction is not None and correction.declined is None else None
-    names, strains = _flat(measurement.strain)
-    corrected_names, corrected = ([], None) if applied is None else _flat(applied.strain)
-    columns = [*_PIXELS, *(_MILLIMETRES if calibrated else []), *names, "local_strain"]
-    columns += [f"corrected_{name}" for name in corrected_names]
-    reasons = measurement.strain_reasons.ravel()
-    points, u, v = field.points, field.u_px.ravel(), field.v_px.ravel()
-    zncc, status = field.zncc.ravel(), field.status.ravel()
+    write_points(PointValues.of(measurement, correction), path, decimal_comma=decimal_comma)
+
+
+def write_points(points: PointValues, path: PathLike, *, decimal_comma: bool = False) -> None:
+    """Write the points of interest of an image as `write_csv` describes."""
+    values = {name: value.ravel() for name, value in points.values.items()}
+    calibrated = "X_mm" in values
+    strains = [name for name in values if name not in _OTHERS and not name.startswith(CORRECTED)]
+    corrected = [name for name in values if name.startswith(CORRECTED)]
+    corrected_strains = [name for name in corrected if name.removeprefix(CORRECTED) not in _OTHERS]
+    last = ["std_u_px", "std_v_px", *(f"{CORRECTED}{name}" for name in _MILLIMETRES if corrected)]
+    digits = {name: _digits(name) for name in values}
+    columns = [*_PIXELS, *([*_MILLIMETRES, "calibration"] if calibrated else []), *strains, "local_strain"]
+    x, y = (along.ravel() for along in np.meshgrid(points.x_px, points.y_px))
+    status, reasons = values["status"], points.strain_reasons.ravel()
     with new_table(path, decimal_comma=decimal_comma) as table:
-        table.write(columns)
-        if calibrated:
-            position, vector = calibrated.position.reshape(-1, 2), calibrated.vector.reshape(-1, 2)
-            valid = calibrated.valid.ravel()
-        for k in np.flatnonzero(field.active):
-            line = [table.number(value, 0) for value in points[k]]
-            line += [table.number(value, 6) for value in (u[k], v[k], zncc[k])]
+        table.write([*columns, *corrected_strains, *last])
+
+        def cells(names: Iterable[str], k: int) -> list[str]:
+            return [table.number(values[name][k], digits[name]) for name in names]
+
+        for k in np.flatnonzero(points.active).tolist():
+            line = [table.number(value, 0) for value in (x[k], y[k])] + cells(("u_px", "v_px", "zncc"), k)
             line.append(Status(status[k]).text)
             if calibrated:
-                line += [table.number(value, 7) for value in (*position[k], *vector[k])]
-                line.append("inside" if valid[k] else "outside" if status[k] == Status.CONVERGED else "")
-            line += [*(table.number(value, 9) for value in strains[k]), reasons[k]]
-            if corrected is not None:
-                line += [table.number(value, 9) for value in corrected[k]]
-            table.write(line)
+                line += cells(_MILLIMETRES, k)
+                outside = "outside" if status[k] == Status.CONVERGED else ""
+                line.append("inside" if values["valid"][k] else outside)
+            table.write([*line, *cells(strains, k), reasons[k], *cells([*corrected_strains, *last], k)])
 
 
-def _flat(strain: StrainField) -> tuple[list[str], Float]:
-    """Return the names of the known strains and their values at all points, shape (points, names)."""
-    names = [*STRAIN_KEYS, *(name for name in IMAGES_KEYS if getattr(strain, name) is not None)]
-    return names, np.stack([getattr(strain, name).ravel() for name in names], axis=-1)
+def _digits(name: str) -> int:
+    """Return the decimals of a value: far below the standard deviation of a good measurement."""
+    if name.endswith("_mm"):
+        return 7
+    return 6 if name in _OTHERS else 9

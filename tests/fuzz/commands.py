@@ -16,6 +16,7 @@ COMMANDS: dict[str, list[str]] = {
     "quality of two": ["dic", "quality", "{image}", "--second", "{deformed}", "--roi", "{mask}"],
     "process": ["dic", "process", "{run}", "-o", "{new}.h5"],
     "gauges": ["dic", "gauges", "{results}", "{gauges}"],
+    "export": ["dic", "export", "{results}", "csv", "vtk", "mat", "-o", "{new}"],
     "correlate with gauges": ["dic", "correlate", "{image}", "{deformed}", "--gauges", "{gauges}"],
     "properties": [
         *("dic", "properties", "{curve}", "--load", "Load:kN", "--strain", "Strain:%", "--area-mm2", "20"),

@@ -71,7 +71,8 @@ def rows(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 def test_columns_of_strain_follow_those_of_the_displacements(rows: list[dict[str, str]]) -> None:
     names = list(rows[0])
     assert names[:6] == BEFORE
-    assert names[6:] in ([*STRAIN_KEYS, "local_strain"], [*CALIBRATED, *STRAIN_KEYS, "local_strain"])
+    strains = [*STRAIN_KEYS, "local_strain", "std_u_px", "std_v_px"]
+    assert names[6:] in (strains, [*CALIBRATED, *strains])
     assert len(rows) == 49
 
 
@@ -99,6 +100,7 @@ def test_local_strain_has_the_standard_deviation_of_a_plane_fitted_to_its_window
         "eyy_std": slope_std * np.hypot(F[0, 1], F[1, 1]),
         "exy_std": slope_std * np.linalg.norm(F) / 2,
     }
+    assert float(middle["std_u_px"]) == float(middle["std_v_px"]) == STD_PX
     # Nine digits behind the point; the bicubic map is exact to rounding, its derivative nearly so.
     assert {name: float(middle[name]) for name in truth} == pytest.approx(truth, rel=1e-5, abs=1e-9)
 
@@ -135,5 +137,7 @@ def test_corrected_local_strain_stands_beside_the_calibrated_one(tmp_path: Path)
         middle = next(row for row in csv.DictReader(file) if row["x_px"] == row["y_px"] == "60")
     found = [float(middle[f"corrected_{name}"]) for name in ("exx", "eyy", "exy")]
     assert found == pytest.approx([expected[0, 0], expected[1, 1], expected[0, 1]], abs=2e-9)
+    assert float(middle["corrected_U_mm"]) == pytest.approx(float(middle["U_mm"]) / 2, abs=1e-7)
+    assert float(middle["corrected_X_mm"]) == float(middle["X_mm"])
     write_csv(measured, tmp_path / "points.csv", correction=replace(correction, declined="too little"))
     assert "corrected" not in (tmp_path / "points.csv").read_text(encoding="utf-8")

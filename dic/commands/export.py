@@ -1,0 +1,66 @@
+"""The command `dic export`, which writes the fields of results in the formats of other programs."""
+
+import json
+from pathlib import Path
+
+import click
+
+from dic.commands.correlation_options import comma_option
+from dic.files.writing import write_text
+from dic.shell.console import fail, say
+from dic.shell.output_paths import FORCE, require_places
+
+_PATH = click.Path(path_type=Path)
+
+
+@click.command()
+@click.argument("results", type=_PATH)
+@click.argument("formats", metavar="FORMAT...", nargs=-1, required=True)
+@click.option("-o", "--output", type=_PATH, required=True, help="Folder; each format gets a folder in it.")
+@click.option("--camera", help="Camera of a run. Default: all cameras.")
+@comma_option
+@click.option("--json", "json_file", type=_PATH, help="JSON file of what was written.")
+@FORCE
+def export(
+    results: Path,
+    formats: tuple[str, ...],
+    output: Path,
+    camera: str | None,
+    decimal_comma: bool,
+    json_file: Path | None,
+    force: bool,
+) -> None:
+    """Write the fields of all images in RESULTS for other programs: ParaView, MATLAB, a spreadsheet, Python.
+
+    RESULTS is a result file of `dic correlate` or `dic process`. Each image is read, written in each FORMAT,
+    and forgotten: csv (tables), tiff (one picture of floating point per value and image), vtk (ParaView), mat
+    (MATLAB), npz (NumPy), netcdf (xarray), dice (text in the columns of DICe).
+
+    Exit status: 0 if everything is written, 2 if not.
+    """
+    from dic import export_results
+    from dic.shell.progress import progress
+
+    require_places([results], [json_file], force=force)
+    with progress("exporting") as bar:
+
+        def count(total: int) -> None:
+            bar.expect(total)
+            bar.advance()
+
+        done = export_results(
+            results,
+            output,
+            formats,
+            camera=camera,
+            decimal_comma=decimal_comma,
+            replace=force,
+            on_image=count,
+        )
+    for name, folder in done.folders.items():
+        images = f"{len(done.images)} image{'s' if len(done.images) > 1 else ''}"
+        say(f"{name}: {folder}, {images}")
+    if json_file is not None:
+        write_text(json_file, json.dumps(done.as_dict(), indent=1))
+    for sentence in done.failures:
+        fail(f"not exported, because it was not measured: {sentence}")

@@ -1,0 +1,145 @@
+"""What an export writes: a series of images one by one, each with its values, units and readings."""
+
+import re
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dic.image.pages import split_page
+from dic.image.video import is_video
+from dic.results.points import PointValues
+from dic.results.schema import units_of
+
+FIXED = ("X_mm", "Y_mm")
+"""Places of the points in the reference: the same in all images of a series."""
+LONG_NAMES = {
+    "u_px": "displacement to the right", "v_px": "displacement downwards",
+    "std_u_px": "standard deviation of u_px", "std_v_px": "standard deviation of v_px",
+    "zncc": "zero-normalised cross-correlation coefficient", "status": "0 converged, else the reason",
+    "X_mm": "place in the grid's axes, to the right", "Y_mm": "place in the grid's axes, upwards",
+    "U_mm": "displacement to the right", "V_mm": "displacement upwards",
+    "valid": "1 within the calibrated area", "e1": "first principal strain", "e2": "second principal strain",
+    "exx": "normal strain to the right", "eyy": "normal strain upwards", "exy": "shear strain",
+    "direction_deg": "direction of e1 from x towards y",
+}  # fmt: skip
+_READINGS = {"load_n": "N", "displacement_mm": "mm", "angle_deg": "deg", "time_s": "s"}
+
+
+@dataclass(frozen=True)
+class ExportSeries:
+    """What all images of an export share.
+
+    Attributes
+    ----------
+    camera : str
+        Name of the camera of a run; "" for a series of images.
+    about : mapping of str to str or float
+        Where the results come from and how they were made.
+    count : int
+        Number of images.
+    """
+
+    camera: str
+    about: Mapping[str, str | float]
+    count: int
+
+    @property
+    def name(self) -> str:
+        """Name of a file that holds the whole series."""
+        return file_name(self.camera) or "series"
+
+
+@dataclass(frozen=True)
+class ExportImage:
+    """An image of an export.
+
+    Attributes
+    ----------
+    number : int
+        Its number in the series, from 1; images that could not be measured are counted.
+    name : str
+        Name of its files, without an ending.
+    points : PointValues
+    known : mapping
+        The readings of a run's step that are known: load_n, displacement_mm, angle_deg, time_s.
+    row : mapping
+        The image's line of the table of mean strains, as `write_strain_table` takes it.
+    """
+
+    number: int
+    name: str
+    points: PointValues
+    known: Mapping[str, float]
+    row: Mapping[str, Any]
+
+
+class Exporter(ABC):
+    """Writes a series of images in one format; it keeps nothing of an image but its mean strains.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder of the format, which exists.
+    series : ExportSeries
+    """
+
+    def __init__(self, folder: Path, series: ExportSeries) -> None:
+        self.folder, self.series = folder, series
+
+    @abstractmethod
+    def add(self, image: ExportImage) -> None:
+        """Write an image."""
+
+    def finish(self) -> None:  # noqa: B027 - most formats have no more to write
+        """Write what belongs to the series as a whole, after the last image."""
+
+    def abandon(self) -> None:  # noqa: B027 - most formats write each file whole
+        """Remove what is not complete, after an error."""
+
+
+def readings_of(known: Mapping[str, Any]) -> dict[str, float]:
+    """Return the readings that a step has."""
+    numbers = {name: float(known[name]) for name in _READINGS if known.get(name) is not None}
+    return {name: value for name, value in numbers.items() if value == value}
+
+
+def long_name(name: str) -> str:
+    """Return what a value is, in words."""
+    bare = name.removeprefix("corrected_")
+    text = LONG_NAMES.get(bare, bare)
+    for ending, what in (("_std_images", "part that the images cause"), ("_std", "standard deviation")):
+        if bare.endswith(ending):
+            text = f"{what} of {bare.removesuffix(ending)}"
+            break
+    return f"{text}, corrected" if bare != name else text
+
+
+def units(names: Iterable[str]) -> dict[str, str]:
+    """Return the unit of each value by its name."""
+    return {name: unit_of(name) for name in names}
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a value or a reading: "px", "mm", "deg", "N", "s", or "1" for none."""
+    return _READINGS.get(name, units_of(name))
+
+
+def file_name(text: str) -> str:
+    """Return a text as the name of a file: letters, digits and a few signs."""
+    return re.sub(r"[^\w.+-]+", "_", text)
+
+
+def unique_names(stems: Sequence[str], taken: Iterable[str] = ()) -> list[str]:
+    """Return the names of the files of images; where two would be equal, the image's number comes first."""
+    counts = Counter([*stems, *taken])
+    return [f"{number:04d}_{stem}" if counts[stem] > 1 else stem for number, stem in enumerate(stems, 1)]
+
+
+def stem_of(label: str | Path) -> str:
+    """Return the name of an image without its ending; of a page or frame of a file with its number."""
+    file, page = split_page(Path(label))
+    kind = "frame" if is_video(file) else "page"
+    return file.stem if page is None else f"{file.stem}_{kind}{page}"

@@ -1,0 +1,287 @@
+"""Exports of results: each image is read from the result file, written in all formats, and forgotten."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from dic.errors import OutputError, RunFileError, require_kind
+from dic.exports.formats import FORMATS, exporter_of
+from dic.exports.image import (
+    Exporter,
+    ExportImage,
+    ExportSeries,
+    readings_of,
+    stem_of,
+    unique_names,
+)
+from dic.exports.tables import CsvExporter
+from dic.files.writing import reason
+from dic.pipeline.gauge_series import use_results
+from dic.pipeline.run_result import RunResult
+from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
+from dic.pipeline.series_result_file import SeriesResult
+from dic.results.points import PointValues
+from dic.results.provenance import versions
+from dic.results.strain_table import STRAIN_FILE
+from dic.strain.measurement import Measurement
+from dic.typing import PathLike
+
+Results = PathLike | MeasuredSeries | SeriesResult | RunResult
+_KINDS = MeasuredSeries | SeriesResult | RunResult
+
+
+@dataclass(frozen=True)
+class Export:
+    """What an export has written.
+
+    Attributes
+    ----------
+    folders : mapping of str to Path
+        The folder of each format.
+    images : list of str
+        The images that were written.
+    failures : list of str
+        One sentence for each image that could not be measured, and is not written.
+    """
+
+    folders: Mapping[str, Path]
+    images: list[str] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the export as a dict for JSON."""
+        folders = {name: str(folder) for name, folder in self.folders.items()}
+        return {"folders": folders, "images": self.images, "failures": self.failures}
+
+
+@dataclass(frozen=True)
+class ExportSource:
+    """A series of images to export.
+
+    Attributes
+    ----------
+    camera : str
+        Name of the camera of a run; "" for a series of images.
+    images : sequence of MeasuredImage
+    names : list of str
+        Name of the files of each image.
+    known : list of mapping
+        For each step of a run what is known of it; empty for a series.
+    about : mapping of str to str or float
+    """
+
+    camera: str
+    images: Sequence[MeasuredImage]
+    names: list[str]
+    known: list[dict[str, Any]]
+    about: Mapping[str, str | float]
+
+    def exported(self, failed: Callable[[MeasuredImage], None] = lambda image: None) -> Iterator[ExportImage]:
+        """Yield the images that could be measured, each read when it is asked for; tell of the others."""
+        for k, image in enumerate(self.images):
+            if image.measurement is None:
+                failed(image)
+                continue
+            points = PointValues.of(image.measurement, image.correction)
+            known = self.known[k] if k < len(self.known) else {}
+            yield ExportImage(k + 1, self.names[k], points, readings_of(known), image.row() | known)
+
+    def series(self, first: Measurement) -> ExportSeries:
+        """Return what all images share, of which the first measurement knows the settings."""
+        settings: dict[str, str | float] = {
+            "subset_px": first.settings.subset_px,
+            "step_px": first.settings.step_px,
+            "strain_measure": first.strain_settings.measure,
+            "strain_window_points": first.strain_settings.window_points,
+            "strain_source": first.strain_settings.source,
+            "strain_gauge_px": first.gauge_px,
+            "strain_kind": "raw" if first.calibrated is None else "calibrated",
+        }
+        if first.gauge_mm is not None:
+            settings["strain_gauge_mm"] = first.gauge_mm
+        return ExportSeries(self.camera, {**self.about, **settings}, len(self.images))
+
+
+def export_results(
+    results: Results,
+    folder: PathLike,
+    formats: Sequence[str] = ("csv",),
+    *,
+    camera: str | None = None,
+    decimal_comma: bool = False,
+    replace: bool = False,
+    on_image: Callable[[int], None] = lambda total: None,
+) -> Export:
+    """Write the fields of results in the formats of other programs. `docs/exports.md` describes the files.
+
+    Memory does not depend on the number of images.
+
+    Parameters
+    ----------
+    results : path, MeasuredSeries, SeriesResult or RunResult
+        A result file of `dic correlate` or `dic process`, or what `dic` has read from one.
+    folder : path
+        Each format gets a folder of its own in this folder.
+    formats : sequence of str
+        Some of "csv", "tiff", "vtk", "mat", "npz", "netcdf", "dice".
+    camera : str, optional
+        Camera of a run. Default: all cameras.
+    decimal_comma : bool
+        True for tables (csv) with a decimal comma and semicolons between cells.
+    replace : bool
+        True if files of an earlier export may be replaced.
+    on_image : callable, optional
+        Called with the number of all images, after each image.
+
+    Raises
+    ------
+    OutputError
+        If a format is unknown, or the folder cannot be used.
+    RunFileError
+        If the results cannot be read, or a run has no such camera.
+    """
+    for name in formats:
+        if name not in FORMATS:
+            expected, remedy = f"some of {', '.join(FORMATS)}", "give for example csv"
+            raise OutputError("settings", "format of the export", expected, str(name), remedy)
+    if decimal_comma and "csv" not in formats:
+        expected, remedy = "the format csv beside it", "give csv, or leave out --decimal-comma"
+        raise OutputError("settings", "--decimal-comma", expected, ", ".join(formats), remedy)
+    folders = {name: Path(folder) / name for name in dict.fromkeys(formats)}
+    _require_free(folders, replace=replace)
+    work = partial(_export, folders=folders, camera=camera, comma=decimal_comma, on_image=on_image)
+    if isinstance(results, str | Path):
+        return use_results(results, work, local_strain=True)
+    return work(results)
+
+
+def sources_of(results: MeasuredSeries | SeriesResult | RunResult, camera: str | None) -> list[ExportSource]:
+    """Return the series of results, one for each camera of a run.
+
+    Raises
+    ------
+    RunFileError
+        If there is no such camera.
+    """
+    require_kind("results", results, _KINDS, "give a result file, or dic.load_series_result(path)")
+    if isinstance(results, RunResult):
+        chosen = [one.camera for one in results.cameras] if camera is None else [camera]
+        return [_of_camera(results, name) for name in chosen]
+    if camera is not None:
+        remedy = "leave the camera out"
+        raise RunFileError("results", "choose a camera", "results of a run", "those of a series", remedy)
+    series = results if isinstance(results, MeasuredSeries) else results.series
+    outcomes = [] if isinstance(results, MeasuredSeries) else results.outcomes
+    labels = [each.label for each in outcomes] or [image.label for image in series.images]
+    names = unique_names([stem_of(label) for label in labels], [Path(STRAIN_FILE).stem])
+    about = {"source": "", "command": "", "versions": versions()}
+    if isinstance(results, SeriesResult):
+        origin = results.provenance
+        about = {"source": results.source, "command": origin.command, "versions": origin.versions}
+    return [ExportSource("", series.images, names, [], about)]
+
+
+def _of_camera(result: RunResult, camera: str) -> ExportSource:
+    series = result.series(camera)
+    steps = next(one.steps for one in result.cameras if one.camera == camera)
+    names = [f"{camera}_{step.kind}_{step.index}" for step in steps]
+    known = [vars(step) | {"camera": camera, "step": f"{step.kind} {step.index}"} for step in steps]
+    origin = result.provenance
+    about = {
+        "source": result.file or result.source,
+        "command": "" if origin is None else origin.command,
+        "versions": versions() if origin is None else origin.versions,
+        "camera": camera,
+    }
+    return ExportSource(camera, series.images, names, known, about)
+
+
+@dataclass
+class _Work:
+    """The export of one series: its exporters are made when the first image is known."""
+
+    folders: Mapping[str, Path]
+    comma: bool
+    export: Export
+    rows: list[Mapping[str, Any]]
+    exporters: list[Exporter] = field(default_factory=list)
+
+    def add(self, image: ExportImage, source: ExportSource) -> None:
+        if not self.exporters:
+            series = source.series(image.points.measurement)
+            self.exporters = [self._exporter(name, series) for name in self.folders]
+        self.rows.append(image.row)
+        for exporter in self.exporters:
+            exporter.add(image)
+        self.export.images.append(image.points.label)
+
+    def failed(self, image: MeasuredImage, camera: str) -> None:
+        own = {"file": "", "camera": camera} if camera else {}
+        self.rows.append(image.row() | own)
+        self.export.failures.append(f"{image.label}: {image.failure}")
+
+    def _exporter(self, name: str, series: ExportSeries) -> Exporter:
+        folder = self.folders[name]
+        folder.mkdir(parents=True, exist_ok=True)
+        if name == "csv":
+            # The table of mean strains has the images of all cameras.
+            return CsvExporter(folder, series, self.rows, decimal_comma=self.comma)
+        return exporter_of(name)(folder, series)
+
+
+def _export(
+    results: MeasuredSeries | SeriesResult | RunResult,
+    folders: Mapping[str, Path],
+    camera: str | None,
+    comma: bool,
+    on_image: Callable[[int], None],
+) -> Export:
+    export, rows = Export(folders), list[Mapping[str, Any]]()
+    sources = sources_of(results, camera)
+    total = sum(len(source.images) for source in sources)
+    for source in sources:
+        work = _Work(folders, comma, export, rows)
+        try:
+            with _as_output_error(folders):
+                for image in source.exported(partial(work.failed, camera=source.camera)):
+                    work.add(image, source)
+                    on_image(total)
+                for exporter in work.exporters:
+                    exporter.finish()
+        except BaseException:
+            for exporter in work.exporters:
+                exporter.abandon()
+            raise
+    if not export.images:
+        got = f"none ({export.failures[0]})" if export.failures else "none"
+        expected, remedy = "at least one image that could be measured", "measure the images again"
+        raise RunFileError("results", "export", expected, got, remedy)
+    return export
+
+
+@contextmanager
+def _as_output_error(folders: Mapping[str, Path]) -> Iterator[None]:
+    """Turn an error of the file system into one sentence; a result file that is read gives other errors."""
+    try:
+        yield
+    except OSError as error:
+        place = str(error.filename or next(iter(folders.values())).parent)
+        expected, remedy = "a folder with room for the export", "name another folder"
+        raise OutputError(place, "write export", expected, reason(error), remedy) from error
+
+
+def _require_free(folders: Mapping[str, Path], *, replace: bool) -> None:
+    """Raise an error if a folder cannot be used, or holds files that may not be replaced."""
+    with _as_output_error(folders):
+        for folder in folders.values():
+            for place in (folder.parent, folder):
+                if place.exists() and not place.is_dir():
+                    expected, remedy = "a folder", "name another folder"
+                    raise OutputError(str(place), "write export", expected, "a file", remedy)
+            if not replace and folder.is_dir() and any(folder.iterdir()):
+                expected, got = "a folder that is empty or new", "one with files"
+                remedy = "name another folder, or replace its files with --force"
+                raise OutputError(str(folder), "write export", expected, got, remedy)

@@ -1,0 +1,147 @@
+"""Results as a table of pandas or a dataset of xarray, for users of Python."""
+
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.errors import OutputError, RunFileError
+from dic.exports.image import FIXED, ExportImage, long_name, unit_of, units
+from dic.pipeline.export import ExportSource, Results, sources_of
+from dic.pipeline.gauge_series import use_results
+from dic.pipeline.run_result import RunResult
+from dic.pipeline.series_result import MeasuredSeries
+from dic.pipeline.series_result_file import SeriesResult
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+_GRID = ("y_px", "x_px")
+
+
+def to_pandas(results: Results, *, camera: str | None = None) -> "pandas.DataFrame":
+    """Return a table of pandas with one line for each point of the region in each image.
+
+    Parameters
+    ----------
+    results : path, MeasuredSeries, SeriesResult or RunResult
+        A result file of `dic correlate` or `dic process`, or what `dic` has read from one.
+    camera : str, optional
+        Camera of a run. Default: all cameras.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns image (number, from 1), label, camera of a run, x_px, y_px, and the values that
+        `docs/exports.md` describes. `attrs["units"]` maps the names of the values to their units.
+
+    Raises
+    ------
+    OutputError
+        If pandas is not installed.
+    RunFileError
+        If the results cannot be read, or a run has no such camera.
+    """
+    pandas = _package("pandas", "to_pandas")
+    frames, names = [], dict[str, None]()
+    for source, image in _images(results, camera):
+        points = image.points
+        rows, columns = np.nonzero(points.active)
+        own: dict[str, Any] = {"image": image.number, "label": points.label}
+        own |= {"camera": source.camera} if source.camera else {}
+        places = {"x_px": points.x_px[columns], "y_px": points.y_px[rows]}
+        values = {name: value[points.active] for name, value in points.values.items()}
+        frames.append(pandas.DataFrame({**own, **image.known, **places, **values}))
+        names |= dict.fromkeys(frames[-1].columns)
+    table = pandas.concat(frames, ignore_index=True)[list(names)]
+    table.attrs["units"] = units(name for name in names if name not in ("image", "label", "camera"))
+    return table
+
+
+def to_xarray(results: Results, *, camera: str | None = None) -> "xarray.Dataset":
+    """Return a dataset of xarray with the dimensions image, y_px and x_px.
+
+    All images are in memory. For a long series write a file with `export_results(…, ["netcdf"])`, and open it
+    with `xarray.open_dataset`, which reads what is used.
+
+    Parameters
+    ----------
+    results, camera
+        As for `to_pandas`. Of a run with several cameras, one must be chosen.
+
+    Returns
+    -------
+    xarray.Dataset
+        The values that `docs/exports.md` describes, with the attributes units and long_name.
+
+    Raises
+    ------
+    OutputError
+        If xarray is not installed.
+    RunFileError
+        As for `to_pandas`, and if the camera must be chosen.
+    """
+    package = _package("xarray", "to_xarray")
+    found = _images(results, camera, of_one_camera=True)
+    first = found[0][1].points
+    names = dict.fromkeys(name for _, image in found for name in image.points.values)
+    known = dict.fromkeys(name for _, image in found for name in image.known)
+    fields: dict[str, Any] = {"active": (_GRID, first.active)}
+    for name in names:
+        if name in FIXED:
+            known_places = (image.points.values.get(name) for _, image in found)
+            fields[name] = _GRID, next(places for places in known_places if places is not None)
+        else:
+            values = [_masked(image, name, first.active.shape) for _, image in found]
+            fields[name] = ("image", *_GRID), np.stack(values)
+    for name in known:
+        fields[name] = ("image",), np.array([image.known.get(name, np.nan) for _, image in found])
+    fields["label"] = ("image",), [image.points.label for _, image in found]
+    along = {"image": [image.number for _, image in found], "x_px": first.x_px, "y_px": first.y_px}
+    about = found[0][0].series(first.measurement).about
+    dataset: xarray.Dataset = package.Dataset(fields, along, dict(about))
+    for name in (*names, *known, *_GRID):
+        dataset[name].attrs.update({"units": unit_of(name), "long_name": long_name(name)})
+    return dataset
+
+
+_Found = list[tuple[ExportSource, ExportImage]]
+
+
+def _images(results: Results, camera: str | None, *, of_one_camera: bool = False) -> _Found:
+    """Return all images that could be measured, with the series to which each belongs."""
+
+    def collect(loaded: MeasuredSeries | SeriesResult | RunResult) -> _Found:
+        sources = sources_of(loaded, camera)
+        if of_one_camera and len(sources) > 1:
+            names = [source.camera for source in sources]
+            expected, remedy = f"one of {', '.join(names)}", f"give camera={names[0]!r}"
+            raise RunFileError("results", "choose a camera", expected, "none", remedy)
+        found = [(source, image) for source in sources for image in source.exported()]
+        if not found:
+            remedy = "measure the images again"
+            raise RunFileError("results", "read images", "at least one that was measured", "none", remedy)
+        return found
+
+    if isinstance(results, str | Path):
+        return use_results(results, collect, local_strain=True)
+    return collect(results)
+
+
+def _masked(image: ExportImage, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    """Return a value at all points; NaN where the image has none, and off the region."""
+    values = image.points.values.get(name)
+    if values is None:
+        return np.full(shape, np.nan)
+    return np.where(image.points.active, values, np.nan) if values.dtype.kind == "f" else values
+
+
+def _package(name: str, function: str) -> Any:
+    try:
+        return import_module(name)
+    except ImportError as error:
+        expected, remedy = f"the package {name}", f"install it: pip install {name}"
+        raise OutputError(function, "import", expected, "none", remedy) from error

@@ -1,0 +1,96 @@
+"""All that is known at the points of an image: the columns of tables, and the fields of exports."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.correlation.status import Status
+from dic.out_of_plane.correction import Correction
+from dic.strain.measurement import Measurement
+from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, StrainField
+from dic.typing import Mask
+
+CORRECTED = "corrected_"
+"""Beginning of the names of corrected values."""
+
+
+@dataclass(frozen=True)
+class PointValues:
+    """All that is known at the points of an image, by the names that files have for it.
+
+    Attributes
+    ----------
+    label : str
+        The path of the image file, or the run's step to which the image belongs.
+    x_px : ndarray of int, shape (columns,)
+    y_px : ndarray of int, shape (rows,)
+    active : ndarray of bool, shape (rows, columns)
+        True for the points of the region.
+    values : mapping of str to ndarray, shape (rows, columns)
+        Numbers at the points, NaN where there is none. The ending of a name tells the unit: `_px`, `_mm`,
+        `_deg`; other values have none. `status` has the numbers of `Status`. `valid` is 1 where a calibrated
+        displacement is not extrapolated. `docs/results.md` explains the names.
+    strain_kind : str
+        "raw" or "calibrated": what `exx` … are.
+    measurement : Measurement
+        The measurement, for what only some files have.
+    """
+
+    label: str
+    x_px: NDArray[Any]
+    y_px: NDArray[Any]
+    active: Mask
+    values: Mapping[str, NDArray[Any]]
+    strain_kind: str
+    measurement: Measurement
+
+    @classmethod
+    def of(cls, measurement: Measurement, correction: Correction | None = None) -> "PointValues":
+        """Return the values at the points of a measurement; those of a correction only if it was applied."""
+        field = measurement.field
+        values = dict(_values(measurement))
+        if correction is not None and correction.declined is None:
+            position, vector = correction.displacement.position, correction.displacement.vector
+            for k, axis in enumerate("XY"):
+                values[f"{CORRECTED}{axis}_mm"] = position[..., k]
+            for k, axis in enumerate("UV"):
+                values[f"{CORRECTED}{axis}_mm"] = vector[..., k]
+            values[f"{CORRECTED}valid"] = correction.displacement.valid.astype(np.uint8)
+            values |= {
+                f"{CORRECTED}{name}": value for name, value in strain_values(correction.strain).items()
+            }
+        kind = "raw" if measurement.calibrated is None else "calibrated"
+        return cls(measurement.label, field.x_px, field.y_px, field.active, values, kind, measurement)
+
+    @property
+    def converged(self) -> Mask:
+        """True for the points with a displacement, shape (rows, columns)."""
+        return np.asarray(self.values["status"] == Status.CONVERGED) & self.active
+
+    @cached_property
+    def strain_reasons(self) -> NDArray[np.str_]:
+        """The reason why a point has no local strain, shape (rows, columns); empty where it has one."""
+        return self.measurement.strain_reasons
+
+
+def strain_values(strain: StrainField) -> dict[str, NDArray[Any]]:
+    """Return the known local strains and their standard deviations by their names."""
+    names = [*STRAIN_KEYS, *(name for name in IMAGES_KEYS if getattr(strain, name) is not None)]
+    return {name: getattr(strain, name) for name in names}
+
+
+def _values(measurement: Measurement) -> Iterator[tuple[str, NDArray[Any]]]:
+    field, calibrated = measurement.field, measurement.calibrated
+    for name in ("u_px", "v_px", "std_u_px", "std_v_px", "zncc"):
+        yield name, getattr(field, name)
+    yield "status", field.status
+    if calibrated is not None:
+        for pair, numbers in (("XY", calibrated.position), ("UV", calibrated.vector)):
+            for k, axis in enumerate(pair):
+                yield f"{axis}_mm", numbers[..., k]
+        yield "valid", calibrated.valid.astype(np.uint8)
+    yield from strain_values(measurement.strain).items()

@@ -1,0 +1,239 @@
+"""Every export, read by an independent reader, has the values and the units of the result file."""
+
+import csv
+import json
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dic
+from dic.runfile.reader import RunStep
+from simulators.scene.pose import Pose
+from tests.command_line import refusal, run_dic
+from tests.conftest import SpecklePattern
+from tests.dic.exports.exported import READERS, of_dataset, truth
+from tests.dic.out_of_plane.exact_views import State
+from tests.dic.pipeline.exact_runs import run_of
+from tests.image_files import write_image
+from tests.peers import interpreter
+
+FORMATS = ("csv", "tiff", "vtk", "mat", "npz", "netcdf", "dice")
+SERIES = [("", 1, "img1"), ("", 3, "img2")]
+RUN = [(camera, k + 1, f"{camera}_load_{k + 2}") for camera in ("aside", "straight") for k in range(2)]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A series without a calibration whose second image failed, and a run with two cameras, exported."""
+    made = tmp_path_factory.mktemp("exports")
+    pattern = SpecklePattern(seed=21)
+    for name, stretch in (("ref", 0.0), ("img1", 0.001), ("img2", 0.002)):
+        write_image(made / f"{name}.png", pattern.draw(lambda x, y, s=stretch: (x / (1 + s), y)))
+    write_image(made / "other.png", np.full((20, 30), 9.0))
+    files = [made / f"{name}.png" for name in ("ref", "img1", "other", "img2")]
+    assert run_dic("correlate", *files, "--subset", 21, "--step", 12, "-o", made / "series.h5").status == 2
+    F = np.array([[0.9991, 0.0004], [0.0004, 1.003]])
+    states = [State(Pose.sloped(0.05, -0.15, 0.005), F), State(Pose.sloped(0.1, 0.1, 0.02), F)]
+    steps = [RunStep(2 + k, "load", 1000.0, 1001.0 + k, 0.1, np.nan, 9.0 * k) for k in range(2)]
+    run = run_of(steps, states, [states[0], State(F=np.diag([1.02, 1.0]))])
+    dic.save_run_result(run, made / "run.h5")
+    for name in ("series", "run"):
+        places = "-o", made / name, "--json", made / f"{name}.json"
+        assert run_dic("export", made / f"{name}.h5", *FORMATS, *places).status == 0
+    return made
+
+
+def results_of(folder: Path, camera: str) -> str:
+    return "run" if camera else "series"
+
+
+def assert_equal(found, expected, rounding=None):
+    """Equal values and units where the region has points; `rounding` allows for decimals or 32 bits."""
+    active = expected["active"][0]
+    for name, (values, unit) in expected.items():
+        if name == "active":
+            continue
+        there, their_unit = found[name]
+        assert their_unit == unit, name
+        allowed = {} if rounding is None else rounding(name)
+        np.testing.assert_allclose(
+            np.asarray(there, float)[active],
+            values[active].astype(float),
+            err_msg=name,
+            **({"rtol": 0} | allowed),
+        )
+
+
+def without_places(expected):
+    """A grid of ParaView has the places of its points instead."""
+    return {key: value for key, value in expected.items() if key not in ("X_mm", "Y_mm")}
+
+
+def half_a_decimal(name: str) -> dict[str, float]:
+    """The tables have 6 decimals of px, 7 of mm, 9 of strain."""
+    digits = 7 if name.endswith("_mm") else 6 if "_px" in name or name == "zncc" else 9
+    return {"atol": 0.51 * 10.0**-digits}
+
+
+def single(name: str) -> dict[str, float]:
+    return {"rtol": 6e-8}
+
+
+@pytest.mark.parametrize("kind", READERS)
+@pytest.mark.parametrize(("camera", "number", "name"), [*SERIES, *RUN], ids=lambda value: str(value))
+def test_export_has_the_values_and_units_of_the_result_file(folder, kind, camera, number, name):
+    index = SERIES.index((camera, number, name)) if not camera else number - 1
+    expected = truth(folder / f"{results_of(folder, camera)}.h5", camera, index)
+    assert ("X_mm" in expected) == bool(camera)
+    found = READERS[kind](
+        folder / results_of(folder, camera), camera, number, name, expected["active"][0].shape
+    )
+    if kind == "csv":
+        # A table has the status and the calibrated area as text, and has no rows beside the region.
+        expected = {key: value for key, value in expected.items() if not key.endswith(("status", "valid"))}
+        inside = np.ix_(*(expected["active"][0].any(axis=1 - axis) for axis in (0, 1)))
+        expected = {key: (values[inside], unit) for key, (values, unit) in expected.items()}
+    if kind == "vtk":
+        expected = without_places(expected)
+    assert_equal(found, expected, {"csv": half_a_decimal, "tiff": single}.get(kind))
+
+
+def test_run_exports_the_correction_of_both_cameras_together(folder):
+    assert "corrected_exx" in truth(folder / "run.h5", "aside", 0)
+    with (folder / "run" / "csv" / "strain.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    # Each camera's two steps, and the step that it failed to measure.
+    assert [row["camera"] for row in rows] == ["aside"] * 3 + ["straight"] * 3
+    assert rows[0]["correction"] == "two cameras"
+    assert float(rows[0]["load_n"]) == 1001.0
+    assert [row["problem"] for row in rows if not row["image"]] == [
+        f"{name}: step 9 failed" for name in ("aside", "straight")
+    ]
+
+
+@pytest.mark.parametrize(("camera", "number"), [(camera, number) for camera, number, _ in [*SERIES, *RUN]])
+def test_python_gives_the_same_values_as_the_result_file(folder, camera, number):
+    pytest.importorskip("xarray", reason="the extra [tables] is not installed")
+    path = folder / f"{results_of(folder, camera)}.h5"
+    index = [1, 3].index(number) if not camera else number - 1
+    expected = truth(path, camera, index)
+    dataset = dic.to_xarray(path, camera=camera or None)
+    assert_equal(of_dataset(dataset, number), expected)
+    table = dic.to_pandas(path)
+    lines = table[table["image"] == number]
+    if camera:
+        lines = lines[lines["camera"] == camera]
+        assert set(lines["load_n"]) == {1000.0 + number}
+    active = expected.pop("active")[0]
+    for name, (values, unit) in expected.items():
+        np.testing.assert_array_equal(lines[name], values[active].astype(float), err_msg=name)
+        assert table.attrs["units"][name] == unit
+
+
+@pytest.mark.parametrize(("camera", "number", "name"), [SERIES[1], RUN[0]], ids=["series", "run"])
+def test_dice_text_has_the_points_with_a_displacement_in_axes_with_y_downwards(folder, camera, number, name):
+    results = results_of(folder, camera)
+    path = folder / results / "dice" / camera / f"DICe_solution_{number}.txt"
+    lines = path.read_text().splitlines()
+    table = np.genfromtxt([line for line in lines if not line.startswith("***")], delimiter=",", names=True)
+    expected = truth(folder / f"{results}.h5", camera, 1 if not camera else number - 1)
+    converged = (expected["status"][0] == 0) & expected["active"][0]
+    names = {
+        "DISPLACEMENT_X": "u_px",
+        "DISPLACEMENT_Y": "v_px",
+        "VSG_STRAIN_XX": "exx",
+        "VSG_STRAIN_YY": "eyy",
+    }
+    for column, own in names.items():
+        np.testing.assert_allclose(table[column], expected[own][0][converged], rtol=1e-10)
+    np.testing.assert_allclose(table["VSG_STRAIN_XY"], -expected["exy"][0][converged], rtol=1e-10)
+    np.testing.assert_allclose(table["GAMMA"], 2 - 2 * expected["zncc"][0][converged], atol=1e-9)
+    assert np.isfinite(table["SIGMA"]).all()
+
+
+def test_grids_of_paraview_lie_upright_and_hide_points_without_a_displacement(folder):
+    """In a series, y_px points downwards and ParaView's y upwards; a run is drawn in mm, at its times."""
+    expected = truth(folder / "series.h5", "", 1)
+    found = READERS["vtk"](folder / "series", "", 3, "img2", expected["active"][0].shape)
+    lost = (expected["status"][0] != 0) | ~expected["active"][0]
+    np.testing.assert_array_equal(found["vtkGhostType"][0] == 2, lost)
+    np.testing.assert_array_equal(found["displacement_px"][0][~lost][:, 1], -expected["v_px"][0][~lost])
+    order = (folder / "run" / "vtk" / "aside.pvd").read_text()
+    assert 'timestep="0.0" part="0" file="aside_load_2.vts"' in order
+    assert 'timestep="9.0" part="0" file="aside_load_3.vts"' in order
+
+
+def test_json_names_the_folders_the_images_and_the_failures(folder):
+    report = json.loads((folder / "series.json").read_text())
+    assert set(report["folders"]) == set(FORMATS)
+    assert [Path(image).name for image in report["images"]] == ["img1.png", "img2.png"]
+    (failure,) = report["failures"]
+    assert "other.png" in failure
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["csv"], "expected a folder that is empty or new, got one with files"),
+        (["npz", "--camera", "left"], "results of a run, got those of a series"),
+        (["npz", "--decimal-comma"], "give csv, or leave out --decimal-comma"),
+        (["xlsx"], "format of the export: expected some of csv, tiff, vtk, mat, npz, netcdf, dice, got xlsx"),
+    ],
+)
+def test_bad_request_ends_with_one_sentence_and_leaves_the_files(folder, arguments, words, tmp_path):
+    out = folder / "series" if arguments == ["csv"] else tmp_path / "new"
+    before = (folder / "series" / "csv" / "img1.csv").read_bytes()
+    assert words in refusal("export", folder / "series.h5", *arguments, "-o", out)
+    assert (folder / "series" / "csv" / "img1.csv").read_bytes() == before
+    assert not (tmp_path / "new").exists()
+
+
+def test_places_and_files_that_cannot_be_used_end_with_one_sentence(folder, tmp_path):
+    (tmp_path / "file").write_text("")
+    assert "expected a folder, got a file" in refusal(
+        "export", folder / "series.h5", "npz", "-o", tmp_path / "file"
+    )
+    assert "a result file of version" in refusal("export", folder / "img1.png", "npz", "-o", tmp_path / "new")
+    assert "choose a camera: expected aside or straight, got left" in refusal(
+        "export", folder / "run.h5", "npz", "-o", tmp_path / "new", "--camera", "left"
+    )
+
+
+def test_force_replaces_files_and_one_camera_is_exported_alone(folder, tmp_path):
+    for force in ([], ["--force"]):
+        places = "-o", tmp_path / "out", "--camera", "aside"
+        assert run_dic("export", folder / "run.h5", "csv", "netcdf", *places, *force).status == 0
+    assert [path.name for path in (tmp_path / "out" / "netcdf").iterdir()] == ["aside.nc"]
+    assert not list((tmp_path / "out" / "csv").glob("straight*"))
+
+
+def test_full_disk_ends_with_one_sentence_and_no_half_file(folder, tmp_path, monkeypatch):
+    def full(*arguments, **named):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("numpy.savez_compressed", full)
+    said = refusal("export", folder / "series.h5", "netcdf", "npz", "-o", tmp_path / "out")
+    assert "write export: expected a folder with room for the export, got No space left on device" in said
+    assert [path for path in (tmp_path / "out").rglob("*") if path.is_file()] == []
+
+
+@pytest.mark.long
+def test_vtk_and_netcdf_c_read_the_same_values(folder):
+    """The libraries of ParaView and of most programs for netCDF; too large to install for each test."""
+    python = interpreter("vtk", "vtk>=9.3", "netCDF4>=1.6")
+    script = Path(__file__).with_name("read_with_vtk.py")
+    for camera, number, name in (*SERIES, *RUN):
+        made = folder / results_of(folder, camera)
+        index = [1, 3].index(number) if not camera else number - 1
+        expected = truth(made.with_suffix(".h5"), camera, index)
+        shape = expected["active"][0].shape
+        files = made / "vtk" / f"{name}.vts", made / "netcdf" / f"{camera or 'series'}.nc"
+        subprocess.run([python, script, *files, str(number), folder / "read.npz"], check=True)
+        with np.load(folder / "read.npz") as read:
+            units = json.loads(str(read["units"]))
+            found = {key: (read[key].reshape(shape), unit) for key, unit in units.items()}
+        for library in ("vtk", "nc4"):
+            own = {key[4:]: value for key, value in found.items() if key.startswith(library)}
+            assert_equal(own, without_places(expected) if library == "vtk" else expected)
