@@ -48,7 +48,7 @@ def strain_ratio(
     stress = record.strained_stress[part]
     along = record.strain[part] - elastic.foot
     nu = poisson_ratio(record, elastic).value or 0.3
-    # The transverse strain has a zero of its own, which follows from its line in the elastic window.
+    # The zero of the transverse strain is the value at stress 0 of a line fitted in the elastic window.
     inside = slice(elastic.line.first, elastic.line.stop)
     zero = fit_line(
         record.stress[inside], record.curve.transverse[inside], 0, elastic.line.stop - elastic.line.first

@@ -79,7 +79,7 @@ def offset_strength(
 def _crossing(
     strain: Float, stress: Float, elastic: Elastic, offset: float, turn_mpa: float
 ) -> tuple[float, int] | None:
-    """Return the stress of the intersection with a shifted elastic line and the point before it."""
+    """Return the stress where the record crosses a shifted elastic line, and the first point below it."""
     slope, foot = elastic.turned(turn_mpa)
     above = stress - slope * (strain - foot - offset)
     below = np.flatnonzero(above[elastic.line.stop :] < 0.0) + elastic.line.stop

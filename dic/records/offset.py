@@ -13,7 +13,7 @@ from dic.records.machine import MachineRecord
 from dic.typing import Float, Mask
 
 _TOP_SHARE, _RISEN_SHARE = 0.25, 0.02
-"""Shares of the largest load. Up to the first, strain is linear; above the second, the load has risen."""
+"""Shares of the largest load: strain is linear up to the first, and the load has risen above the second."""
 _LEAST_RISEN, _LEAST_IMAGES = 5, 8
 _TRIALS_PER_IMAGE = 4
 _MOST_TRIALS = 20_000
