@@ -93,7 +93,7 @@ def _known(series: CameraSeries) -> list[str]:
 def _shift_text(run: Run, per_um: float) -> str:
     text = (
         f"a shift by w towards the camera strains all directions by w/Cz, {per_um:.1f} µε per µm, "
-        "which one camera cannot tell from strain: no band of its own contains it."
+        f"which one camera cannot tell from strain. {_assumed_shift(run)}"
     )
     if run.pair is None or not np.isfinite(run.pair.shift_um).any():
         return text
@@ -103,6 +103,12 @@ def _shift_text(run: Run, per_um: float) -> str:
         f"{text} The joint solution measured the shift: at most {fixed(shift, 2)} ± {fixed(std, 2)} µm, "
         f"which makes {micro(per_um * shift)} ± {micro(per_um * std)} µε of this camera's corrected strain."
     )
+
+
+def _assumed_shift(run: Run) -> str:
+    if run.result.corrections.motion == "rigid":
+        return "Corrected strain assumes no shift, because the specimen turns about a fixed axis."
+    return f"The standard deviations assume this shift: {run.result.correcting.shift.text}."
 
 
 def _sentence(text: str) -> str:
