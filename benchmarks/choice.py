@@ -1,6 +1,8 @@
 """What each combination of settings costs and gives: the table "Choice of settings" of docs/correlation.md.
 
-    python -m benchmarks.choice [--star FOLDER] [--json FILE]
+    OMP_NUM_THREADS=1 python -m benchmarks.choice [--star FOLDER] [--json FILE]
+
+With more threads, idle threads of linear algebra would count as processor time.
 
 The noise of local strain falls, and its resolution grows, with wider subsets and windows. Their product σ R²
 tells how good a combination is: σ is the scatter of local strain, and R is the period of a wave of strain of
