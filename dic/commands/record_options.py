@@ -115,7 +115,8 @@ record_options = option_group(
     click.option(
         "--join",
         help="How lines are assigned to images: name, row or time. Default: time if the times of the"
-        " images are given, name with --image-column, otherwise row.",
+        " images are given, name with --image-column, otherwise row. --join time without given times uses"
+        " those of the image files.",
     ),
     click.option("--image-column", metavar="COLUMN", help="Column of the images' names."),
     click.option("--image-interval-s", type=float, help="Time between two images; the reference is at 0."),

@@ -47,6 +47,7 @@ class SeriesRecord:
         measurement = image.measurement
         if measurement is None:
             self.fail(number, image.label, f"{image.failure}")
+            self.rows.put(number, image.row())
             return
         self.measured.append(number)
         summary = image.row()

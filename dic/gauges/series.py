@@ -28,7 +28,8 @@ class GaugeImage:
         By the gauge's name, and then by "raw", "calibrated" and "corrected". Empty if the image could not be
         measured.
     known : mapping of str to (str or float)
-        What else is known of the image in a run: camera, step, load_n, displacement_mm, angle_deg, time_s.
+        What else is known of the image: time_s and time_source; in a run camera, step, load_n,
+        displacement_mm, angle_deg, time_s.
     failure : str or None
         The reason why the image could not be measured.
     """
@@ -55,11 +56,15 @@ class GaugeSeries:
         The result file, or "" for a series in memory.
     gauges : tuple of Gauge
     images : tuple of GaugeImage
+    in_order : bool
+        False if images that could not be measured may stand at a wrong place: result files of earlier
+        versions list them at the end.
     """
 
     source: str
     gauges: tuple[Gauge, ...]
     images: tuple[GaugeImage, ...]
+    in_order: bool = True
 
     def __repr__(self) -> str:
         return f"GaugeSeries({', '.join(gauge.name for gauge in self.gauges)}; {len(self.images)} images)"

@@ -13,7 +13,7 @@ from dic.gauges.series import GaugeImage, GaugeSeries
 from dic.results.csv import new_table
 from dic.typing import PathLike
 
-_KNOWN = ("camera", "step", "load_n", "displacement_mm", "angle_deg", "time_s")
+_KNOWN = ("camera", "step", "load_n", "displacement_mm", "angle_deg", "time_s", "time_source")
 _ORDER = ("raw", "calibrated", "corrected")
 _LENGTHS = ("extension", "extension_std", "length", "u", "u_std", "v", "v_std")
 _DIGITS = 9

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ from dic.correlation.series import Series
 from dic.errors import MeasurementError
 from dic.image.given import name_of
 from dic.image.pages import split_page
+from dic.image.times import ImageTime
 from dic.results.job import content_of
 from dic.results.provenance import file_digest, versions
 from dic.results.unfinished import FinishedImage, FinishedImages
@@ -33,12 +34,15 @@ class SeriesImage:
         Expected homography from the reference image to this image, for example from `rigid_motion`.
     digest : str
         SHA-256 of the image's file or frames; "" if it is not known.
+    time : ImageTime
+        When the image was taken.
     """
 
     image: ImageLike | Callable[[], ImageLike]
     label: str
     hint: Float | None = None
     digest: str = ""
+    time: ImageTime = field(default_factory=ImageTime)
 
     @property
     def content(self) -> str:
@@ -81,13 +85,13 @@ def correlate_series(
             if found is not None:
                 if found.fields is not None:
                     series.accept(image.read, found.fields)
-                yield replace(found, content=image.content)
+                yield replace(found, content=image.content, time=image.time)
                 continue
             going_on = False
         outcome = _correlated(series, image)
         if finished is not None:
             finished.write(number, key, outcome)
-        yield replace(outcome, content=image.content)
+        yield replace(outcome, content=image.content, time=image.time)
 
 
 def _correlated(series: Series, image: SeriesImage) -> FinishedImage:

@@ -1,13 +1,13 @@
 """Gauges beside load: the record of a testing machine joined to images, and the curve of a tensile test."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dic.errors import CurveError, GaugeError, is_number
 from dic.gauges.reading import Reading
-from dic.gauges.series import GaugeSeries
+from dic.gauges.series import GaugeImage, GaugeSeries
 from dic.properties.curve import Curve
 from dic.records.joining import JOINS, JoinedRecord, join_by_name, join_by_row, join_by_time, times_of
 from dic.records.machine import MachineRecord
@@ -17,6 +17,8 @@ from dic.typing import Float
 @dataclass(frozen=True)
 class ImageClock:
     """The times of the images, and the offset between the camera's clock and the machine's clock.
+
+    Without times and interval, the times are those of the image files.
 
     Attributes
     ----------
@@ -40,14 +42,28 @@ class ImageClock:
                 "settings", "--image-interval-s", "a number of seconds above 0", str(given), remedy
             )
 
-    def of(self, images: list[str]) -> Float:
-        """Return the times of images, s, shape (images,)."""
+    def of(self, images: Sequence[GaugeImage]) -> tuple[Float, str]:
+        """Return the times of images, s, shape (images,), and where they come from.
+
+        The sources are tried in this order: "table" (`times_s`), "interval" (`interval_s`), and the times
+        that the images have themselves, "video", "exif" or "file".
+
+        Raises
+        ------
+        CurveError
+            If an image has no time, or the images' own times come from different sources.
+        """
         if self.times_s is not None:
-            return times_of(images, self.times_s, "image times")
-        if self.interval_s is None:
+            return times_of([image.label for image in images], self.times_s, "image times"), "table"
+        if self.interval_s is not None:
+            return self.interval_s * np.arange(1.0, len(images) + 1), "interval"
+        sources = {str(image.known.get("time_source", "")) for image in images}
+        if len(sources) != 1 or "" in sources:
+            named = [f"times from {name}" if name else "images without" for name in sorted(sources)]
+            got = "none" if sources <= {""} else " and ".join(named)
             remedy = "give --image-interval-s, or --image-times with a table"
-            raise CurveError("settings", "join by time", "the times of the images", "none", remedy)
-        return self.interval_s * np.arange(1.0, len(images) + 1)
+            raise CurveError("settings", "join by time", "times of all images from one source", got, remedy)
+        return np.array([float(image.known["time_s"]) for image in images]), sources.pop()
 
 
 def join_record(
@@ -92,13 +108,16 @@ def join_record(
         joined = join_by_row(record, labels)
     else:
         clock = clock or ImageClock()
-        times_s = clock.of(labels)
+        times_s, source = clock.of(series.images)
         strain = None
         if clock.offset_s is None:
             strain, _ = series.strain(gauge or _first_scalar(series))
-        joined = join_by_time(record, labels, times_s, clock.offset_s, strain)
+        joined = replace(join_by_time(record, labels, times_s, clock.offset_s, strain), image_times=source)
+    # The machine's time replaces that of the image.
+    own = {"time_s", "time_source"} if joined.time_s is not None else set()
     images = tuple(
-        replace(image, known={**image.known, **joined.reading(k)}) for k, image in enumerate(series.images)
+        replace(image, known={name: image.known[name] for name in image.known if name not in own} | reading)
+        for image, reading in zip(series.images, map(joined.reading, range(len(labels))), strict=True)
     )
     return replace(series, images=images), joined
 
@@ -205,9 +224,10 @@ def _require_joinable(series: GaugeSeries, record: MachineRecord, join: str) -> 
         expected, remedy = "results of `dic correlate`", "leave out the record: a run has its own load"
         raise record.wrong("join to images", expected, "results of a run", remedy)
     failed = [image.label for image in series.images if image.failure is not None]
-    if join != "name" and failed:
+    if join != "name" and failed and not series.in_order:
         expected, got = "images that were all measured", f"{len(failed)} that were not, such as {failed[0]}"
-        raise record.wrong(f"join by {join}", expected, got, "join by name, with --image-column")
+        remedy = "join by name, with --image-column, or correlate again with this version"
+        raise record.wrong(f"join by {join}", expected, got, remedy)
 
 
 def _first_scalar(series: GaugeSeries) -> str:

@@ -54,6 +54,7 @@ class GaugeReader:
         GaugeError
             At the first image that could be measured, if a gauge lies off the measured points.
         """
+        known = image.time.as_dict() | known
         measurement = image.measurement
         if measurement is None:
             return GaugeImage(image.label, known=known, failure=image.failure)
@@ -92,7 +93,9 @@ def measure_gauges(results: Results, gauges: Sequence[Gauge], *, camera: str | N
         remedy = "leave the camera out"
         raise GaugeError("results", "choose a camera", "results of a run", "those of a series", remedy)
     images = tuple(_images(results, gauges, camera))
-    return GaugeSeries("" if isinstance(results, MeasuredSeries) else results.source, gauges, images)
+    source = "" if isinstance(results, MeasuredSeries) else results.source
+    in_order = not isinstance(results, SeriesResult) or bool(results.outcomes)
+    return GaugeSeries(source, gauges, images, in_order)
 
 
 def write_gauge_picture(

@@ -11,6 +11,7 @@ from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError, each_warning_once, require_kind
 from dic.image.given import grey_image, one_by_one
 from dic.image.pages import list_images
+from dic.image.times import SeriesTimes
 from dic.out_of_plane.correct import Motion
 from dic.out_of_plane.diagnosis import Sensitivity
 from dic.pipeline.correlated import SeriesImage, correlate_series
@@ -77,7 +78,8 @@ def measure_images(
     with each_warning_once():
         grey = grey_image(reference, "reference image")
         series = Series(grey, region, settings, incremental=incremental)
-        found: Sequence[MeasuredImage] = list(measure_series(series, several, calibration, strain, motion))
+        timed = _timed(reference, several)
+        found: Sequence[MeasuredImage] = list(measure_series(series, timed, calibration, strain, motion))
     if calibration is None:
         return MeasuredSeries(grey, tuple(found))
     alignment = motion.alignment
@@ -102,6 +104,18 @@ def _sources(
         remedy = "give images, or the path of a folder or stack as the reference"
         raise CorrelationError("arguments", "images", "images of the deformed specimen", "None", remedy)
     return reference, expanded(several)
+
+
+def _timed(
+    reference: ImageLike, images: Iterable[ImageLike | SeriesImage]
+) -> Iterator[ImageLike | SeriesImage]:
+    """Yield images; those that are given by paths, as the reference is, with their times."""
+    times = SeriesTimes(reference) if isinstance(reference, str | Path) else None
+    for image in images:
+        if times is None or not isinstance(image, str | Path):
+            yield image
+        else:
+            yield SeriesImage(image, str(image), time=times.of(image))
 
 
 def measure_series(
@@ -154,10 +168,9 @@ def measured(
 ) -> MeasuredImage:
     """Return the measurement of a correlated image, with its correction where one image is enough for it."""
     if found.fields is None:
-        return MeasuredImage(found.label, failure=found.failure)
-    return corrected(
-        MeasuredImage(found.label, measurement_of(found, calibration, strain)), calibration, motion
-    )
+        return MeasuredImage(found.label, failure=found.failure, time=found.time)
+    measurement = measurement_of(found, calibration, strain)
+    return corrected(MeasuredImage(found.label, measurement, time=found.time), calibration, motion)
 
 
 def measurement_of(

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dic.correlation.series import Series
+from dic.image.times import SeriesTimes
 from dic.pipeline.correlated import FileDigests, SeriesImage, correlate_series, of_page, series_job
 from dic.pipeline.reuse import fields_on_file, require_replaceable
 from dic.pipeline.series_result_file import SeriesResult, load_series_result
@@ -44,6 +45,9 @@ class SeriesCorrelation:
     kept: Unfinished | None = None
     known: SeriesResult | None = None
     _digests: FileDigests = field(default_factory=FileDigests)
+
+    def __post_init__(self) -> None:
+        self._times = SeriesTimes(self.sources.reference)
 
     @property
     def job(self) -> dict[str, Any]:
@@ -102,6 +106,7 @@ class SeriesCorrelation:
     def again(self, number: int) -> FinishedImage:
         """Return an image that was correlated, by its index in the series."""
         if self.known is not None:
+            # The file knows the times from before; copying an image changes that of its file.
             return replace(self.known.correlated[number], label=str(self.sources.images[number]))
         if self.kept is None:
             raise ValueError("no finished image is kept")
@@ -113,7 +118,8 @@ class SeriesCorrelation:
             self.kept.stays = True
 
     def _image(self, path: Path, *, digested: bool) -> SeriesImage:
-        return SeriesImage(path, str(path), self.hint, self._digests.of(path) if digested else "")
+        digest = self._digests.of(path) if digested else ""
+        return SeriesImage(path, str(path), self.hint, digest, self._times.of(path))
 
     def _contents(self) -> list[Outcome]:
         images = (self._image(path, digested=True) for path in self.sources.images)

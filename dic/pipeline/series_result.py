@@ -1,10 +1,11 @@
 """The results of a series of images."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from dic.errors import CorrelationError
+from dic.image.times import ImageTime
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.diagnosis import Sensitivity
@@ -27,12 +28,15 @@ class MeasuredImage:
         Correction of the calibrated strain for motion out of the calibration grid's plane.
     failure : str or None
         The reason why the image could not be measured, as one sentence.
+    time : ImageTime
+        When the image was taken, relative to the reference. The steps of a run have a time of their own.
     """
 
     label: str
     measurement: Measurement | None = None
     correction: Correction | None = None
     failure: str | None = None
+    time: ImageTime = field(default_factory=ImageTime)
 
     def __repr__(self) -> str:
         found = self.failure if self.measurement is None else f"{self.mean}"
@@ -63,9 +67,10 @@ class MeasuredImage:
     def row(self) -> dict[str, Any]:
         """Return the results as a dict for `write_strain_table`; `docs/results.md` explains the values."""
         if self.measurement is None:
-            return {"file": self.label, "error": self.failure}
+            return {"file": self.label, "error": self.failure} | self.time.as_dict()
         corrected = {} if self.correction is None else {"corrected": self.correction.as_dict()}
-        return self.measurement.summary() | corrected | {"error": self.measurement.objection}
+        times = self.time.as_dict()
+        return self.measurement.summary() | times | corrected | {"error": self.measurement.objection}
 
     @property
     def _corrected(self) -> Correction | None:

@@ -13,6 +13,7 @@ from dic.calibration.file import read_calibration, write_calibration
 from dic.errors import RunFileError
 from dic.files.lazy import Computed
 from dic.hdf5.open import NotReadable, open_hdf5
+from dic.image.times import ImageTime
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.diagnosis import Sensitivity
@@ -172,8 +173,9 @@ def _read(path: Path, file: Any, *, local_strain: bool = True) -> SeriesResult:
     def image(k: int) -> MeasuredImage:
         row = places[k]
         if isinstance(row, Outcome):
-            return MeasuredImage(row.label, failure=row.failure)
-        return MeasuredImage(measurements[row].label, measurements[row], corrections[row])
+            return MeasuredImage(row.label, failure=row.failure, time=row.time)
+        time = outcomes[k].time if outcomes else ImageTime()
+        return MeasuredImage(measurements[row].label, measurements[row], corrections[row], time=time)
 
     images = Computed(len(places), image)
     sensitivity = None if calibration is None else Sensitivity.of(calibration)

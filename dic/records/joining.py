@@ -29,6 +29,9 @@ class JoinedRecord:
         Machine's time minus image's time; None unless joined by time.
     offset_std_s : float or None
         Standard deviation of the offset, if it was found; None if it was given.
+    image_times : str
+        Where the images' times come from: "table", "interval", "video", "exif" or "file"; "" unless joined by
+        time.
     """
 
     load_n: Float
@@ -37,10 +40,12 @@ class JoinedRecord:
     join: str
     offset_s: float | None = None
     offset_std_s: float | None = None
+    image_times: str = ""
 
     def as_dict(self) -> dict[str, object]:
         """Return how the record was joined, for JSON."""
-        return {"join": self.join, "offset_s": self.offset_s, "offset_std_s": self.offset_std_s}
+        offset = {"offset_s": self.offset_s, "offset_std_s": self.offset_std_s}
+        return {"join": self.join, **offset, "image_times": self.image_times or None}
 
     def reading(self, k: int) -> dict[str, float]:
         """Return the readings at the image with the index `k`, by their names in tables."""

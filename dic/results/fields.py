@@ -112,9 +112,10 @@ class StoredFields:
         def image(k: int) -> FinishedImage:
             each = outcomes[k]
             if each.failure is not None:
-                return FinishedImage(each.label, failure=each.failure, content=each.content)
+                return FinishedImage(each.label, failure=each.failure, content=each.content, time=each.time)
             field, digest = self[int(rows[k])], str(self._columns["sha256"][rows[k]])
-            return FinishedImage(each.label, digest, SeriesFields(field, field), content=each.content)
+            fields = SeriesFields(field, field)
+            return FinishedImage(each.label, digest, fields, content=each.content, time=each.time)
 
         return Computed(len(outcomes), image)
 

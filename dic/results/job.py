@@ -2,12 +2,14 @@
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from hashlib import sha256
 from typing import Any
 
 import h5py
 import numpy as np
+
+from dic.image.times import ImageTime
 
 
 @dataclass(frozen=True)
@@ -48,11 +50,14 @@ class Outcome:
         The result of `content_of`; "" if the image could not be read.
     failure : str or None
         The reason why the image could not be correlated; None if it was correlated.
+    time : ImageTime
+        When the image was taken; not known for the steps of a run, which have a time of their own.
     """
 
     label: str
     content: str
     failure: str | None = None
+    time: ImageTime = field(default_factory=ImageTime)
 
 
 def content_of(digest: str, guess: Iterable[float] = ()) -> str:
@@ -70,6 +75,10 @@ def write_outcomes(group: Any, outcomes: Sequence[Outcome]) -> None:
     images.create_dataset("failure", data=[each.failure or "" for each in outcomes], dtype=text)
     failed = np.array([each.failure is not None for each in outcomes], np.uint8)
     images.create_dataset("failed", data=failed).attrs["units"] = "1"
+    times = [each.time for each in outcomes]
+    if any(time.source for time in times):
+        images.create_dataset("time_s", data=[time.time_s for time in times]).attrs["units"] = "s"
+        images.create_dataset("time_source", data=[time.source for time in times], dtype=text)
 
 
 def read_outcomes(group: Any) -> list[Outcome]:
@@ -78,7 +87,11 @@ def read_outcomes(group: Any) -> list[Outcome]:
         return []
     images = group["images"]
     columns = [images[name].asstr()[:] for name in ("label", "content", "failure")]
+    times = [ImageTime()] * len(columns[0])
+    if "time_s" in images:
+        sources = images["time_source"].asstr()[:]
+        times = [ImageTime(float(s), str(by)) for s, by in zip(images["time_s"][:], sources, strict=True)]
     return [
-        Outcome(str(label), str(content), str(failure) if failed else None)
-        for label, content, failure, failed in zip(*columns, images["failed"][:], strict=True)
+        Outcome(str(label), str(content), str(failure) if failed else None, time)
+        for label, content, failure, failed, time in zip(*columns, images["failed"][:], times, strict=True)
     ]

@@ -34,8 +34,8 @@ def write_strain_table(
     ----------
     rows : sequence of mapping
         For each image the result of `Measurement.summary`; with a correction, its `Correction.as_dict` under
-        the key "corrected"; and, if known, "camera", "step", "load_n", "displacement_mm", "angle_deg" and
-        "time_s". Of an image that was not measured, the keys "file" and "error".
+        the key "corrected"; and, if known, "camera", "step", "load_n", "displacement_mm", "angle_deg",
+        "time_s" and "time_source". Of an image that was not measured, the keys "file" and "error".
     path : path
     decimal_comma : bool
         True for numbers with a decimal comma and semicolons between cells.
@@ -58,6 +58,7 @@ _COLUMNS = (
     "camera",
     "step",
     *_READINGS,
+    "time_source",
     "points",
     "converged",
     "converged_percent",
@@ -71,7 +72,9 @@ _COLUMNS = (
 def _values(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return the known values of an image by the names of their columns."""
     values = {"image": row["file"], "problem": row.get("error")}
-    values |= {name: row.get(name) for name in ("camera", "step", *_READINGS, "points", "converged")}
+    values |= {
+        name: row.get(name) for name in ("camera", "step", *_READINGS, "time_source", "points", "converged")
+    }
     if row.get("points"):
         values["converged_percent"] = 100.0 * row["converged"] / row["points"]
     corrected = row.get("corrected", {})

@@ -15,6 +15,7 @@ import zipfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
+from dataclasses import field as dataclass_field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -27,6 +28,7 @@ from dic.errors import OutputError
 from dic.files.lock import lock_file
 from dic.files.reading import read_text
 from dic.files.writing import reason, replacing, write_text
+from dic.image.times import ImageTime
 from dic.results.job import Outcome, as_text
 from dic.typing import Float, PathLike
 
@@ -55,6 +57,8 @@ class FinishedImage:
         The reason why the image could not be correlated.
     content : str
         The result of `dic.results.job.content_of`; "" if it is not known.
+    time : ImageTime
+        When the image was taken. It is not written to the folder of finished images.
     """
 
     label: str
@@ -62,11 +66,12 @@ class FinishedImage:
     fields: SeriesFields | None = None
     failure: str | None = None
     content: str = ""
+    time: ImageTime = dataclass_field(default_factory=ImageTime)
 
     @property
     def outcome(self) -> Outcome:
         """What a result file says of the image beside its fields."""
-        return Outcome(self.label, self.content, self.failure)
+        return Outcome(self.label, self.content, self.failure, self.time)
 
     @property
     def field(self) -> Field:

@@ -5,8 +5,10 @@ import json
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from tests.command_line import refusal, run_dic
+from tests.exif_files import save_taken, set_changed
 from tests.image_files import write_image
 
 E_MPA, YIELD_STRAIN, AREA_MM2, IMAGES = 70_000.0, 0.006, 20.0, 20
@@ -62,6 +64,54 @@ def test_load_stands_beside_the_strain_of_each_image(folder, tmp_path, join):
         assert float(row["load_n"]) == pytest.approx(AREA_MM2 * stress_mpa(strain), abs=0.01)
         assert float(row["displacement_mm"]) == pytest.approx(60 * strain, abs=1e-4)
         assert float(row["axial_raw_strain"]) == pytest.approx(strain, abs=5 * std)
+
+
+RATE_N_PER_S, LATE_S = 40.0, 2.5
+TIMES_S = (0.0, 1.0, 1.75, 4.25, 4.5, 6.0, 9.0)
+"""Times of the images since the reference; the third one is damaged."""
+
+
+def write_timed_series(speckle, folder, source):
+    """Write images of a rising strain and the machine's table; the machine's clock is `LATE_S` ahead."""
+    images, pattern = folder / "images", speckle(seed=31, noise=1.0)
+    images.mkdir()
+    for k, time_s in enumerate(TIMES_S):
+        path = images / f"img{k}.tif"
+        drawn = pattern.draw(lambda x, y, by=1e-3 * time_s: (x, 80 + (y - 80) / (1 + by)), noise_seed=k)
+        taken = f"2026:07:01 10:00:{int(time_s):02d}" if source == "exif" else None
+        save_taken(Image.fromarray(np.rint(drawn).astype(np.uint8)), path, taken, f"{time_s % 1:.2f}"[2:])
+        if k == 2:
+            path.write_bytes(path.read_bytes()[:5000])
+        set_changed(path, 1_700_000_000 + (time_s if source == "file" else 0))
+    at = np.arange(0.0, 15.0, 0.1)
+    lines = ["t;F", "s;N", *(f"{t + LATE_S:.2f};{RATE_N_PER_S * t:.3f}" for t in at)]
+    (folder / "clock.csv").write_text("\n".join(lines))
+    loads = [f"{RATE_N_PER_S * time_s:.3f};0" for time_s in TIMES_S[1:]]
+    (folder / "rows.csv").write_text("\n".join(["F;x", "N;", *loads]))
+    return images
+
+
+@pytest.mark.parametrize("source", ["exif", "file"])
+def test_load_is_that_at_the_time_of_each_image_also_after_one_that_failed(speckle, tmp_path, source):
+    images, result = write_timed_series(speckle, tmp_path, source), tmp_path / "r.h5"
+    done = run_dic("correlate", images, "--subset", 21, "--step", 7, "-o", result, "--csv", tmp_path / "csv")
+    assert done.status == 2
+    strains = list(csv.DictReader((tmp_path / "csv" / "strain.csv").read_text().splitlines()))
+    assert [float(row["time_s"]) for row in strains] == pytest.approx(TIMES_S[1:])
+    assert {row["time_source"] for row in strains} == {source}
+    words = ("gauges", result, "--gauge", AXIAL, "--load", "F:N", "--json", tmp_path / "g.json", "--force")
+    by_time = (tmp_path / "clock.csv", "--time", "t:s", "--join", "time", "--offset-s", LATE_S)
+    joins = {"row": (tmp_path / "rows.csv",), "time": by_time}
+    for join, (record, *others) in joins.items():
+        done = run_dic(*words, "--record", record, *others)
+        assert done.report["record"]["join"] == join
+        images_read = done.report["images"]
+        assert [image["load_n"] for image in images_read] == pytest.approx(
+            [RATE_N_PER_S * time_s for time_s in TIMES_S[1:]], abs=1e-2
+        )
+        assert [image["error"] is None for image in images_read] == [k != 2 for k in range(1, len(TIMES_S))]
+    assert done.report["record"]["image_times"] == source
+    assert (source == "file") == ("of the image files' last change, which is late" in done.out)
 
 
 @pytest.fixture(scope="module")

@@ -119,7 +119,8 @@ def test_lines_are_found_by_the_names_of_images_with_or_without_folder_and_endin
     record = MachineRecord("m.csv", np.array([30.0, 10.0, 20.0]), images=tuple(names))
     series, joined = join_record(series_of([0.0, 0.1, 0.2]), record, "name")
     assert loads(series).tolist() == [10.0, 20.0, 30.0]
-    assert joined.as_dict() == {"join": "name", "offset_s": None, "offset_std_s": None}
+    expected = {"join": "name", "offset_s": None, "offset_std_s": None, "image_times": None}
+    assert joined.as_dict() == expected
 
 
 def test_rows_belong_to_images_in_order_and_one_more_to_the_reference():
@@ -140,7 +141,7 @@ def test_rows_belong_to_images_in_order_and_one_more_to_the_reference():
             "2 lines for img000",
         ),
         (MachineRecord("m.csv", np.zeros(1), images=("img000",)), "name", "0 lines for img001"),
-        (MachineRecord("m.csv", np.zeros(3)), "time", "the times of the images, got none"),
+        (MachineRecord("m.csv", np.zeros(3)), "time", "times of all images from one source, got none"),
         (MachineRecord("m.csv", np.zeros(3)), "place", "one of name, row, time, got 'place'"),
     ],
 )
@@ -216,7 +217,19 @@ def test_a_run_has_a_load_of_its_own():
         join_record(run, MachineRecord("m.csv", np.zeros(1)), "row")
 
 
-def test_rows_cannot_be_counted_where_images_failed():
-    failed = GaugeSeries("r.h5", (POINT,), (GaugeImage("img0.tif", failure="dark"),))
+def test_rows_cannot_be_counted_where_the_places_of_failed_images_are_not_known():
+    failed = GaugeSeries("r.h5", (POINT,), (GaugeImage("img0.tif", failure="dark"),), in_order=False)
     with pytest.raises(CurveError, match="images that were all measured, got 1 that were not, such as img0"):
         join_record(failed, MachineRecord("m.csv", np.zeros(1)), "row")
+
+
+@pytest.mark.parametrize(
+    ("sources", "got"),
+    [(["", ""], "none"), (["exif", ""], "images without and times from exif"),
+     (["file", "exif"], "times from exif and times from file")],
+)  # fmt: skip
+def test_images_without_times_of_one_source_are_not_joined_by_time(sources, got):
+    known = [{"time_s": 1.0, "time_source": source} if source else {} for source in sources]
+    images = tuple(GaugeImage(f"img{k}.tif", known=known[k]) for k in range(2))
+    with pytest.raises(CurveError, match=f"times of all images from one source, got {got}; give"):
+        join_record(GaugeSeries("r.h5", (POINT,), images), MachineRecord("m.csv", np.zeros(1)), "time")

@@ -1,0 +1,79 @@
+"""When the images of a series were taken, relative to the reference image, and how this is known."""
+
+from dataclasses import dataclass
+from math import isfinite, nan
+from pathlib import Path
+from typing import Any
+
+from dic.image.container import Damage
+from dic.image.exif import taken_s
+from dic.image.pages import split_page
+from dic.image.video import is_video, read_video
+from dic.typing import PathLike
+
+
+@dataclass(frozen=True)
+class ImageTime:
+    """When an image was taken.
+
+    Attributes
+    ----------
+    time_s : float
+        Time since the reference image; of a video whose reference is no frame of it, since its first frame.
+        NaN if the time is not known.
+    source : str
+        "video" (the time that the file gives each frame), "exif" (DateTimeOriginal), "file" (last change of
+        the file, which is late by the time of writing), or "" if the time is not known.
+    """
+
+    time_s: float = nan
+    source: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return `time_s` and `time_source` for tables and JSON; nothing if the time is not known."""
+        return {"time_s": self.time_s, "time_source": self.source} if isfinite(self.time_s) else {}
+
+
+class SeriesTimes:
+    """The times of images, relative to their reference.
+
+    Parameters
+    ----------
+    reference : path
+        The reference image, or a page of a file.
+    """
+
+    def __init__(self, reference: PathLike) -> None:
+        self._reference = Path(reference)
+        self._file, self._page = split_page(reference)
+        self._taken_s = None if is_video(self._file) else taken_s(self._file, self._page or 1)
+
+    def of(self, image: PathLike) -> ImageTime:
+        """Return the time of an image from the best source that the image shares with the reference.
+
+        A file that cannot be read has no time; reading the image gives the reason.
+        """
+        file, page = split_page(image)
+        try:
+            if is_video(file):
+                return self._of_frame(file, page or 1)
+            if is_video(self._file):
+                return ImageTime()
+            taken = None if self._taken_s is None else taken_s(file, page or 1)
+            if taken is not None and self._taken_s is not None:
+                return ImageTime(taken - self._taken_s, "exif")
+            if page is None and self._page is None:
+                changed_ns = file.stat().st_mtime_ns - self._file.stat().st_mtime_ns
+                return ImageTime(changed_ns / 1e9, "file")
+        except (OSError, Damage):
+            pass
+        # All pages of a file have the same time of last change.
+        return ImageTime()
+
+    def _of_frame(self, file: Path, frame: int) -> ImageTime:
+        times_s = read_video(file).times_s
+        if frame > len(times_s):
+            return ImageTime()
+        first = (self._page or 1) if file == self._file else 1
+        start_s = times_s[first - 1] if first <= len(times_s) else nan
+        return ImageTime(times_s[frame - 1] - start_s, "video")
