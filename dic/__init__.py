@@ -82,6 +82,7 @@ if TYPE_CHECKING:
     from dic.pipeline.series_result_file import SeriesResult, load_series_result
     from dic.pipeline.strain_anew import strain_of_run, strain_of_series
     from dic.pipeline.target_images import calibrate_images
+    from dic.pipeline.whole_field import whole_field_gauges
     from dic.properties.curve import Curve, read_curve
     from dic.properties.plot import plot_properties
     from dic.properties.properties import Properties, material_properties
@@ -94,6 +95,7 @@ if TYPE_CHECKING:
     from dic.records.joining import JoinedRecord
     from dic.records.machine import MachineRecord, read_image_times, read_machine_record
     from dic.report.page import write_report
+    from dic.report.tensile_test import TensileTest, tensile_test
     from dic.results.csv import write_csv
     from dic.results.place import ResultPlace
     from dic.results.strain_table import write_strain_table
@@ -189,6 +191,7 @@ __all__ = [
     "StrainGauge",
     "StrainSettings",
     "Target",
+    "TensileTest",
     "TransverseExtensometer",
     "TwoCameraStep",
     "__version__",
@@ -235,8 +238,10 @@ __all__ = [
     "strain_of_run",
     "strain_of_series",
     "strain_resolution_px",
+    "tensile_test",
     "to_pandas",
     "to_xarray",
+    "whole_field_gauges",
     "with_shared_error",
     "write_contact_sheet",
     "write_csv",
@@ -306,6 +311,7 @@ _NAMES_OF = {
     "dic.pipeline.export": ("Export", "export_results"),
     "dic.pipeline.export_tables": ("to_pandas", "to_xarray"),
     "dic.pipeline.gauge_record": ("GaugeCurve", "ImageClock", "gauge_curve", "join_record"),
+    "dic.pipeline.whole_field": ("whole_field_gauges",),
     "dic.pipeline.gauge_series": ("measure_gauges", "write_gauge_picture"),
     "dic.pipeline.images": ("measure_images", "measure_series"),
     "dic.pipeline.measured": ("measure",),
@@ -330,6 +336,7 @@ _NAMES_OF = {
     "dic.records.joining": ("JoinedRecord",),
     "dic.records.machine": ("MachineRecord", "read_image_times", "read_machine_record"),
     "dic.report.page": ("write_report",),
+    "dic.report.tensile_test": ("TensileTest", "tensile_test"),
     "dic.results.csv": ("write_csv",),
     "dic.results.place": ("ResultPlace",),
     "dic.results.strain_table": ("write_strain_table",),

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from simulators.scene.exact_properties import exact_properties
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.render import render
 from simulators.scene.scene import Misalignment, Surface
@@ -28,8 +29,8 @@ from simulators.scene.texture import DARK, LineGrid, Speckle
 Array = NDArray[np.float64]
 
 WIDTH_MM = 10.0
-LOADS_N = (500.0, 1000.0, 1500.0, 2000.0, 2500.0, 3000.0, 3500.0, 3700.0)
-SECONDS_PER_STEP = 30.0
+LOADS_N = (*range(200, 2401, 200), 2800, 3200, 3500, 3700)
+SECONDS_PER_STEP = 20.0
 LOAD_NOISE_N = 2.0
 CAMERA = PinholeCamera(432, 432, 1300.0, 40.0, 0.0, 30.0, 0.0)
 SENSOR = Sensor(bits=8, full_well_e=32_500.0, read_noise_e=20.0, saturation_exposure_us=12_000.0)
@@ -67,7 +68,7 @@ class White:
 
 
 def main() -> None:
-    """Write the images, the mask, the machine's record and the true strains."""
+    """Write the images, the mask, the machine's record, the true strains and properties."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
     rng = np.random.default_rng(7)
     strip = Strip(CoarseSpeckle.sprayed(3))
@@ -86,7 +87,7 @@ def main() -> None:
     for number, load_n in enumerate(LOADS_N, 1):
         while specimen.stretch_to(specimen.state.displacement_mm + 1e-4) < load_n:
             pass
-        state, name = specimen.state, f"step-{number}.png"
+        state, name = specimen.state, f"step-{number:02}.png"
         gradient = state.deformation_gradient()
         expose(name, Surface(strip, misalignment.loaded(state.load_n), gradient))
         shown_n = state.load_n + LOAD_NOISE_N * rng.standard_normal()
@@ -114,6 +115,9 @@ def main() -> None:
         "poisson_ratio": settings.poisson_ratio,
         "images": truth,
     }
+    # The test ends before the largest load, so these are the properties that it can give.
+    exact = {name: exact_properties(settings)[name] for name in ("E_gpa", "nu", "Rp02_mpa")}
+    (folder / "known.json").write_text(json.dumps(exact, indent=1) + "\n", encoding="utf-8")
     (folder / "truth.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
 
 

@@ -40,13 +40,13 @@ def example(folder: Path, force: bool) -> None:
             error.strerror or str(error),
             "name another folder",
         ) from error
-    say(f"{folder}: a tension test of an aluminium sheet in eight steps")
+    say(f"{folder}: a tension test of an aluminium sheet in 16 steps")
     width = max(map(len, FILES))
     for name, meaning in FILES.items():
         if meaning:
             say(f"  {name:<{width}}  {meaning}")
-        elif name == "step-1.png":
-            say(f"  {'step-N.png':<{width}}  the same under load, N = 1 to 8; truth.json has the strains")
+        elif name == "step-01.png":
+            say(f"  {'step-NN.png':<{width}}  the same under load, NN = 01 to 16; truth.json has the strains")
     say("try next:")
     for command in NEXT:
         say(f"  {command.format(shlex.quote(str(folder)))}")

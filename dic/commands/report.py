@@ -1,44 +1,102 @@
 """The command `dic report`, which writes one HTML page from result files."""
 
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+from dic.commands.field_options import FieldOptions, field_options
+from dic.commands.option_groups import option_group
+from dic.commands.record_options import RecordOptions, record_options
+from dic.commands.test_options import TestOptions, test_options
+from dic.files.reading import read_text
+from dic.files.writing import write_text
 from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_places
 
+if TYPE_CHECKING:
+    from dic import TensileTest
+
 _FILE = click.Path(path_type=Path)
+
+
+@dataclass(frozen=True)
+class PropertyOptions:
+    """Options that let the report show material properties."""
+
+    load: str | None
+    time: str | None
+    known_file: Path | None
+
+    @property
+    def is_given(self) -> bool:
+        """True if at least one option is given."""
+        return any(each is not None for each in (self.load, self.time, self.known_file))
+
+    def known(self) -> dict[str, float]:
+        """Return the known values, by the keys of the properties."""
+        from dic import CurveError
+
+        if self.known_file is None:
+            return {}
+        try:
+            content = json.loads(read_text(self.known_file))
+        except ValueError as error:
+            expected, remedy = "a JSON object of values", 'write {"E_gpa": 73.1, "nu": 0.33}'
+            raise CurveError(str(self.known_file), "read", expected, str(error), remedy) from error
+        if not isinstance(content, dict):
+            expected, remedy = "a JSON object of values", 'write {"E_gpa": 73.1, "nu": 0.33}'
+            raise CurveError(str(self.known_file), "read", expected, type(content).__name__, remedy)
+        return content
 
 
 @click.command()
 @click.argument("results", type=_FILE, nargs=-1, required=True)
 @click.option("-o", "--output", type=_FILE, default=Path("report.html"), show_default=True)
+@field_options
+@option_group(
+    "about",
+    PropertyOptions,
+    click.option("--load", metavar="COLUMN:UNIT", help="Column of the load in the machine's record."),
+    click.option("--time", metavar="COLUMN:UNIT", help="Column of the time in the machine's record."),
+    click.option("--known", "known_file", type=_FILE, help="JSON file of true or certified values."),
+)
+@record_options
+@test_options
+@click.option("--json", "json_file", type=_FILE, help="JSON file of all material properties and curves.")
 @FORCE
-def report(results: tuple[Path, ...], output: Path, force: bool) -> None:
+def report(
+    results: tuple[Path, ...],
+    output: Path,
+    field: FieldOptions,
+    about: PropertyOptions,
+    record: RecordOptions,
+    test: TestOptions,
+    json_file: Path | None,
+    force: bool,
+) -> None:
     """Write one self-contained HTML report from RESULTS.
 
     RESULTS are the result files of one or more runs, from `dic process`, or of one or more series of images,
-    from `dic correlate`.
+    from `dic correlate`. With gauges, a machine's record or an area, the report of one tensile test also has
+    its material properties, from each camera without and with the correction. The load comes from the run, or
+    from the machine's table with --record; the area comes from the run, or from --area-mm2. Without declared
+    gauges, the strain of the whole measured field is taken, upwards along the specimen.
     """
-    from dic import MeasurementError, RunFileError, load_run_result, write_report
-    from dic.pipeline.series_result_file import is_series_result, load_series_result
-    from dic.report.series_page import write_series_report
+    from dic import MeasurementError, RunFileError
 
-    require_places(results, [output], force=force)
-    series = [path for path in results if is_series_result(path)]
-    if series and len(series) < len(results):
-        raise RunFileError(
-            str(series[0]),
-            "write report",
-            "runs alone, or series of images alone",
-            "a series beside a run",
-            "write a report of each",
-        )
+    require_places(
+        [*results, field.gauges_file, about.known_file, *record.files], [output, json_file], force=force
+    )
+    tests = _tests(results, field, about, record, test)
+    if json_file is not None and not tests:
+        expected, remedy = "a tensile test", "declare a gauge with --declare, or leave out --json"
+        raise RunFileError(str(json_file), "--json", expected, "none", remedy)
     try:
-        if series:
-            write_series_report([load_series_result(path) for path in series], output)
-        else:
-            write_report([load_run_result(path) for path in results], output)
+        _write(results, tests, output)
     except (MeasurementError, OSError):
         raise
     except Exception as error:
@@ -50,4 +108,66 @@ def report(results: tuple[Path, ...], output: Path, force: bool) -> None:
             f"some that do not ({type(error).__name__}: {' '.join(str(error).split())[:200]})",
             "make them again with `dic process` or `dic correlate`",
         ) from error
+    if json_file is not None:
+        content = {"tests": [each.as_dict() for each in tests]}
+        write_text(json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
     say(f"report: {output}")
+
+
+def _write(results: Sequence[Path], tests: "Sequence[TensileTest]", output: Path) -> None:
+    """Write the page."""
+    from dic import RunFileError, load_run_result, write_report
+    from dic.pipeline.series_result_file import is_series_result, load_series_result
+    from dic.report.series_page import write_series_report
+
+    series = [path for path in results if is_series_result(path)]
+    if series and len(series) < len(results):
+        raise RunFileError(
+            str(series[0]),
+            "write report",
+            "runs alone, or series of images alone",
+            "a series beside a run",
+            "write a report of each",
+        )
+    if series:
+        write_series_report([load_series_result(path) for path in series], output, tests=tests)
+    else:
+        write_report([load_run_result(path) for path in results], output, tests=tests)
+
+
+def _tests(
+    results: Sequence[Path],
+    field: FieldOptions,
+    about: PropertyOptions,
+    record: RecordOptions,
+    test: TestOptions,
+) -> "list[TensileTest]":
+    """Return the tensile test that the options describe; none if no option asks for one."""
+    from dic import RunFileError, tensile_test, whole_field_gauges
+
+    if not (any(field.given.values()) or record.record_file or about.is_given or test.area_mm2 is not None):
+        record.require_none("a test with a machine's record")
+        return []
+    if len(results) > 1:
+        expected, remedy = "one result file beside the options of a test", "write a report of each"
+        raise RunFileError(str(results[1]), "write report", expected, str(len(results)), remedy)
+    settings = test.settings(_area_mm2(results[0]))
+    across = field.transverse_gauge
+    if field.declares:
+        series, gauge, _ = field.read(results[0], record, about.load, about.time)
+    else:
+        gauges = whole_field_gauges(results[0])
+        series, gauge, _ = field.read(results[0], record, about.load, about.time, gauges=gauges)
+        across = across or gauges[1].name
+    return [tensile_test(series, gauge, across, settings, known=about.known())]
+
+
+def _area_mm2(results: Path) -> float | None:
+    """Return the area of a run's specimen; None for a series of images."""
+    from dic import load_run_result
+    from dic.pipeline.series_result_file import is_series_result
+
+    if is_series_result(results):
+        return None
+    info = load_run_result(results).info
+    return info.width_mm * info.thickness_mm

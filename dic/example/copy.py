@@ -9,9 +9,10 @@ from dic.typing import PathLike
 FILES = {
     "grid.png": "calibration grid in the specimen's place: 21 x 21 lines, 0.5 mm apart",
     "reference.png": "the specimen at rest, seen by a camera 30° off-axis",
-    **{f"step-{number}.png": "" for number in range(1, 9)},
+    **{f"step-{number:02}.png": "" for number in range(1, 17)},
     "mask.png": "the region of the specimen, for --roi",
     "machine.csv": "time, load and crosshead displacement at each image",
+    "known.json": "the true modulus, Poisson's ratio and proof strength, for `dic report --known`",
     "truth.json": "the true strains, and the specimen's section and elastic constants",
 }
 """Name and meaning of each file; the steps under load share one meaning."""
@@ -25,7 +26,7 @@ def example_places(folder: PathLike) -> list[Path]:
 def write_example(folder: PathLike) -> list[Path]:
     """Write a small tension test to a folder, for first trials.
 
-    The images show a narrow aluminium specimen that is pulled in eight steps, until it yields. As the grips
+    The images show a narrow aluminium specimen that is pulled in 16 steps, until it yields. As the grips
     straighten it, the specimen tips by up to 0.08°. The camera looks at it 30° off-axis and takes the tilt
     for a strain. The virtual rig has made the images (`examples/draw_series.py`), so the true strains are
     known.

@@ -136,12 +136,15 @@ class GaugeCurve:
         "raw", "calibrated" or "corrected".
     left_out : int
         Number of images without a reading.
+    labels : tuple of str
+        The image or the run's step of each point, shape (n,).
     """
 
     curve: Curve
     shared_std: Float
     kind: str
     left_out: int
+    labels: tuple[str, ...]
 
 
 def gauge_curve(
@@ -195,7 +198,9 @@ def gauge_curve(
     )
     # Of the errors of raw strain, only those that the images cause are known.
     shared = np.full(len(use), np.nan) if chosen == "raw" else _shared_std(series, gauge, chosen)
-    return GaugeCurve(curve, shared[use], chosen, int(np.count_nonzero(~use)))
+    labels = tuple(str(image.known.get("step", image.label)) for image in series.images)
+    kept = tuple(label for label, used in zip(labels, use, strict=True) if used)
+    return GaugeCurve(curve, shared[use], chosen, int(np.count_nonzero(~use)), kept)
 
 
 def _shared_std(series: GaugeSeries, gauge: str, kind: str) -> Float:

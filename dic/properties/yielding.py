@@ -6,6 +6,7 @@ The definitions follow ISO 6892-1:2019 (3.10, 11 to 14 and A.3).
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from dic.properties.elastic import Elastic
 from dic.properties.record import Record
@@ -66,20 +67,23 @@ def offset_strength(
     # If all measured strains are too large by the share p, the true offset is at the measured offset (1 + p).
     shifted = _crossing(strain, stress, elastic, offset * (1.0 + settings.strain_share), 0.0)
     by_strain = abs(shifted[0] - at[0]) if shifted is not None else 0.0
-    std = root_sum(at[0] * settings.stress_share, by_line, by_strain, _local_noise(record))
+    # The curve between points is known to about half of what straight lines between them miss.
+    by_chord = 0.5 * abs(at[0] - at[2])
+    std = root_sum(at[0] * settings.stress_share, by_line, by_strain, by_chord, _local_noise(record))
     flags = [*_doubt(elastic)]
     if plateau is not None and at[1] >= plateau.upper:
         flags.append(
             "plateau: the intersection lies on the yield plateau; ReH and ReL describe this yielding"
         )
-    window = {"strain_percent": 100 * float(strain[at[1]] - elastic.foot), "point": at[1]}
+    window = {"strain_percent": 100 * (offset + at[0] / elastic.line.slope), "point": at[1]}
     return PropertyValue(at[0], std, "MPa", rule, window, tuple(flags))
 
 
 def _crossing(
     strain: Float, stress: Float, elastic: Elastic, offset: float, turn_mpa: float
-) -> tuple[float, int] | None:
-    """Return the stress where the record crosses a shifted elastic line, and the first point below it."""
+) -> tuple[float, int, float] | None:
+    """Return the stress of the intersection with a shifted elastic line, the point after it, and the stress
+    of the intersection if the points are joined by straight lines."""
     slope, foot = elastic.turned(turn_mpa)
     above = stress - slope * (strain - foot - offset)
     below = np.flatnonzero(above[elastic.line.stop :] < 0.0) + elastic.line.stop
@@ -87,8 +91,23 @@ def _crossing(
     for k in below:
         if (above[k : k + 3] < 0.0).all() and k > 0:
             share = above[k - 1] / (above[k - 1] - above[k]) if above[k - 1] > 0.0 else 1.0
-            return float(stress[k - 1] + share * (stress[k] - stress[k - 1])), int(k)
+            straight = float(stress[k - 1] + share * (stress[k] - stress[k - 1]))
+            return _on_curve(strain, stress, above, int(k), straight), int(k), straight
     return None
+
+
+def _on_curve(strain: Float, stress: Float, above: Float, k: int, straight: float) -> float:
+    """Return the stress where a curve through the points around point k meets the line, at ``above = 0``.
+
+    Straight lines between few points lie below a curve that bends. The curve is piecewise cubic and keeps the
+    rise of the points (F. N. Fritsch and R. E. Carlson, SIAM J. Numer. Anal. 17, 238, 1980). If the strain or
+    the distance from the line does not change steadily, because of noise, the points are joined straight.
+    """
+    part = slice(max(k - 3, 0), k + 3)
+    falls, runs = -above[part], strain[part]
+    if len(runs) < 4 or not ((np.diff(runs) > 0.0).all() and (np.diff(falls) > 0.0).all()):
+        return straight
+    return float(PchipInterpolator(falls, stress[part])(0.0))
 
 
 def find_plateau(record: Record, elastic: Elastic) -> Plateau | str:

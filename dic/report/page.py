@@ -18,6 +18,9 @@ from dic.report.setup_figures import harmonics_figure, height_figure, height_ste
 from dic.report.steps import StepTable, camera_tables, pair_table
 from dic.report.style import Kind, plot_style, watermark_uri
 from dic.report.tables import calibration_rows, problems, recommendations, settings_rows
+from dic.report.templating import page_templates
+from dic.report.tensile_page import tensile_view
+from dic.report.tensile_test import TensileTest
 from dic.typing import PathLike
 
 _PROCESS_FIRST = (
@@ -61,7 +64,9 @@ class RunView:
     fields: list[FieldPicture]
 
 
-def write_report(results: RunResult | Sequence[RunResult], path: PathLike) -> None:
+def write_report(
+    results: RunResult | Sequence[RunResult], path: PathLike, *, tests: Sequence[TensileTest] = ()
+) -> None:
     """Write the report of one or several runs as one HTML file with all figures inside.
 
     The figures of the rotation test show all rotation runs together, as in Helm and Deaner's paper. The
@@ -74,6 +79,8 @@ def write_report(results: RunResult | Sequence[RunResult], path: PathLike) -> No
         The results of at least one run.
     path : path
         The file to write. An existing file is replaced.
+    tests : sequence of TensileTest, optional
+        Tensile tests in these runs, from `tensile_test`, whose material properties are shown.
 
     Raises
     ------
@@ -87,7 +94,7 @@ def write_report(results: RunResult | Sequence[RunResult], path: PathLike) -> No
         require_kind("results", result, RunResult, _PROCESS_FIRST)
     if not results:
         raise RunFileError(str(path), "write report", "at least one run", "none", "name a run file")
-    page = _render(number_runs(results))
+    page = _render(number_runs(results), tests)
     try:
         write_text(path, page)
     except OSError as error:
@@ -100,27 +107,21 @@ def write_report(results: RunResult | Sequence[RunResult], path: PathLike) -> No
         ) from error
 
 
-def _render(runs: list[Run]) -> str:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("dic.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+def _render(runs: list[Run], tests: Sequence[TensileTest]) -> str:
+    environment = page_templates()
     environment.filters |= {"micro": micro, "fixed": fixed, "date": date}
     turning = [run for run in runs if run.kind == "rotation"]
     with plot_style():
         views = [_view(run) for run in runs]
         kinds: tuple[Kind, ...] = ("raw", "calibrated", "corrected")
+        tensile = [tensile_view(test) for test in tests]
         turns = {kind: rotation.strain_figure(turning, kind) if turning else "" for kind in kinds}
-    return environment.get_template("report.html.j2").render(
+    page: str = environment.get_template("report.html.j2").render(
         title=runs[0].result.info.title
         if len(runs) == 1
         else f"Off-axis image correlation: {len(runs)} runs",
         views=views,
+        tensile=tensile,
         comparisons=compare(runs),
         turning=turning,
         rotation=turns,
@@ -128,6 +129,7 @@ def _render(runs: list[Run]) -> str:
         simulated=any(run.result.info.simulated for run in runs),
         watermark=watermark_uri("SIMULATED"),
     )
+    return page
 
 
 def _view(run: Run) -> RunView:

@@ -13,6 +13,9 @@ from dic.pipeline.series_result import MeasuredImage
 from dic.pipeline.series_result_file import SeriesResult
 from dic.report.numbers import micro, micro_with_std
 from dic.report.style import PAGE_WIDTH_IN, plot_style, png_uri
+from dic.report.templating import page_templates
+from dic.report.tensile_page import tensile_view
+from dic.report.tensile_test import TensileTest
 from dic.strain.measurement import Measurement
 from dic.strain.strain import gauge_text
 from dic.typing import PathLike
@@ -43,28 +46,23 @@ class SeriesView:
     pictures: list[tuple[str, str]]
 
 
-def write_series_report(results: Sequence[SeriesResult], path: PathLike) -> None:
+def write_series_report(
+    results: Sequence[SeriesResult], path: PathLike, *, tests: Sequence[TensileTest] = ()
+) -> None:
     """Write the report of one or several series as one HTML file with all figures inside.
 
-    An existing file is replaced only after the new report is complete.
+    An existing file is replaced only after the new report is complete. `tests` are tensile tests in these
+    series, from `tensile_test`, whose material properties are shown first.
 
     Raises
     ------
     OSError
         If the file cannot be written.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("dic.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     with plot_style():
         views = [_view(result) for result in results]
-    write_text(path, environment.get_template("series.html.j2").render(views=views))
+        tensile = [tensile_view(test) for test in tests]
+    write_text(path, page_templates().get_template("series.html.j2").render(views=views, tensile=tensile))
 
 
 def _view(result: SeriesResult) -> SeriesView:

@@ -87,15 +87,15 @@ def test_images_are_measured_to_tables_maps_and_result_files(bare, tmp_path):
     assert_good(bare("calibrate", "first/grid.png", *target, cwd=tmp_path))
     outputs = ["--csv", "points", "--maps", "maps", "--json", "r.json", "-o", "r.h5"]
     settings = ["--calibration", "cal.h5", "--motion", "tension", "--step", "20"]
-    images = ["first/reference.png", "first/step-2.png", "first/step-4.png"]
+    images = ["first/reference.png", "first/step-04.png", "first/step-08.png"]
     done = bare("correlate", *images, *settings, *outputs, cwd=tmp_path)
     assert_good(done)
     found = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))["images"][1]
     truth = json.loads((tmp_path / "first" / "truth.json").read_text(encoding="utf-8"))["images"][3]
     assert found["corrected"]["eyy"] == pytest.approx(truth["eyy"], abs=60e-6)
-    with (tmp_path / "points" / "step-4.csv").open(newline="", encoding="utf-8") as file:
+    with (tmp_path / "points" / "step-08.csv").open(newline="", encoding="utf-8") as file:
         assert len(list(csv.DictReader(file))) > 100
-    assert (tmp_path / "maps" / "step-4.png").is_file()
+    assert (tmp_path / "maps" / "step-08.png").is_file()
 
 
 @pytest.mark.long

@@ -46,20 +46,35 @@ def test_first_images(tmp_path, capsys):
     for command in ("example", "quality", "calibrate", "correlate"):
         words = next(words for words in SHOWN if words[:2] == ["dic", command])
         run(*(part for word in words for part in expanded(word)))
-    with (tmp_path / "points" / "step-8.csv").open(newline="") as file:
+    with (tmp_path / "points" / "step-16.csv").open(newline="") as file:
         assert len(list(csv.DictReader(file))) > 300
-    assert {path.name for path in (tmp_path / "maps").iterdir()} == {f"step-{k}.png" for k in range(1, 9)}
+    assert {path.name for path in (tmp_path / "maps").iterdir()} == {f"step-{k:02}.png" for k in range(1, 17)}
     assert (tmp_path / "sheet.png").stat().st_size > 10_000
     assert len(lines(FROM_IMAGES)) <= 6
     scope = {}
     exec(compile(FROM_IMAGES, str(README), "exec"), scope)
     assert capsys.readouterr().out.startswith("mean eyy 0.002")
-    truth = json.loads((tmp_path / "first" / "truth.json").read_text())["images"][3]
+    truth = json.loads((tmp_path / "first" / "truth.json").read_text())["images"][7]
     # nothing has moved the specimen towards the camera, so the error is far below the shift's part of the std
     assert scope["image"].mean.eyy == pytest.approx(truth["eyy"], abs=40e-6)
     assert scope["image"].mean.exx == pytest.approx(truth["exx"], abs=40e-6)
     assert abs(scope["image"].measurement.mean.eyy - truth["eyy"]) > 400e-6
     assert (tmp_path / "map.png").stat().st_size > 10_000
+
+
+def test_images_and_a_machines_table_become_a_test_report(tmp_path):
+    for command in ("example", "calibrate"):
+        run(*next(words for words in SHOWN if words[:2] == ["dic", command]))
+    second = next(words for words in SHOWN if "--shift-std-um" in words)
+    for words in (second, shown("dic", "report")):
+        run(*(part for word in words for part in expanded(word)))
+    (test,) = json.loads((tmp_path / "report.json").read_text())["tests"]
+    uncorrected, corrected = (column["values"] for column in test["columns"])
+    for name, truth in test["known"].items():
+        value = corrected[name]
+        assert abs(value["value"] - truth) < 2.0 * value["std"] < 0.03 * truth, name
+    assert abs(corrected["E_gpa"]["value"] / 73.1 - 1) < 0.01
+    assert uncorrected["E_gpa"]["value"] / 73.1 < 0.9
 
 
 @pytest.mark.long

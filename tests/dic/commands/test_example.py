@@ -20,7 +20,7 @@ def test_the_files_belong_together(tmp_path):
     done = run_dic("example", tmp_path / "first")
     assert done.status == 0, done
     folder = tmp_path / "first"
-    images = ["grid", "reference", "mask", *(f"step-{number}" for number in range(1, 9))]
+    images = ["grid", "reference", "mask", *(f"step-{number:02}" for number in range(1, 17))]
     shapes = {cv2.imread(str(folder / f"{name}.png"), cv2.IMREAD_UNCHANGED).shape for name in images}
     assert len(shapes) == 1
     truth = json.loads((folder / "truth.json").read_text())
@@ -76,5 +76,5 @@ def test_the_files_are_those_that_the_virtual_rig_draws(tmp_path, monkeypatch):
     for path in drawn.glob("*.png"):
         images = [cv2.imread(str(folder / path.name), cv2.IMREAD_UNCHANGED) for folder in (kept, drawn)]
         np.testing.assert_array_equal(*images, err_msg=path.name)
-    for name in ("machine.csv", "truth.json"):
+    for name in ("machine.csv", "truth.json", "known.json"):
         assert (drawn / name).read_text() == (kept / name).read_text()

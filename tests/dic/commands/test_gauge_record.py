@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
@@ -184,3 +185,58 @@ def test_a_table_takes_no_gauges(folder):
     assert "a result file of `dic correlate`" in refusal(
         "properties", folder / "machine.csv", *columns, "--gauge", "axial"
     )
+
+
+def test_images_and_a_table_become_a_test_report(folder, tmp_path):
+    known = tmp_path / "known.json"
+    known.write_text(json.dumps({"E_gpa": E_MPA / 1e3, "nu": 0.33}))
+    page, values = tmp_path / "report.html", tmp_path / "report.json"
+    record = "--record", folder / "machine.csv", "--load", "Force:kN"
+    command = "report", folder / "r.h5", *record, "--area-mm2", AREA_MM2, "-o", page
+    done = run_dic(*command, "--known", known, "--json", values)
+    assert done.status == 0, done
+    (test,) = json.loads(values.read_text())["tests"]
+    (column,) = test["columns"]
+    assert column["strain_kind"] == "raw"
+    assert [gauge["name"] for gauge in test["gauges"]] == ["along", "across"]
+    for name, symbol, truth in (("E_gpa", "E", E_MPA / 1e3), ("nu", "ν", 0.33)):
+        value = column["values"][name]
+        assert value["symbol"] == symbol
+        assert abs(value["value"] - truth) < 4 * value["std"] + 0.005 * truth
+    for k, point in enumerate(column["curve"], 1):
+        assert point["image"].endswith(f"img{k:03d}.png")
+        assert point["load_n"] == pytest.approx(AREA_MM2 * stress_mpa(0.012 * k / IMAGES), abs=0.01)
+    text = page.read_text(encoding="utf-8")
+    cells = re.findall(r"<td[^>]*>(.*?)</td>", text[text.index("<td>E</td>") :])
+    assert cells[:2] == ["E", "GPa"]
+    assert float(cells[2].split(" ± ")[0]) == pytest.approx(column["values"]["E_gpa"]["value"], abs=0.51)
+    assert cells[4] == "70.00"
+    assert text.count("data:image/svg+xml") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (
+            ["--record", "{machine}", "--load", "Force:kN"],
+            "--area-mm2: expected the area of the cross-section",
+        ),
+        (["--area-mm2", "20"], "a load for each image, got none; give the machine's record with --record"),
+        (["--json", "{machine}.json"], "--json: expected a tensile test"),
+        (["--join", "row"], "--record"),
+        (
+            ["--record", "{machine}", "--load", "Force:kN", "--area-mm2", "20", "--known", "{wrong}"],
+            "known values: E: expected numbers named E_gpa",
+        ),
+        (
+            ["--record", "{machine}", "--load", "Force:kN", "--area-mm2", "20", "--known", "{machine}"],
+            "expected a JSON object of values",
+        ),
+    ],
+)
+def test_a_report_of_a_test_refuses_what_does_not_fit(folder, tmp_path, arguments, words):
+    wrong = tmp_path / "wrong.json"
+    wrong.write_text('{"E": 70}')
+    given = [str(one).format(machine=folder / "machine.csv", wrong=wrong) for one in arguments]
+    assert words in refusal("report", folder / "r.h5", *given, "-o", tmp_path / "report.html")
+    assert not (tmp_path / "report.html").exists()

@@ -1,0 +1,84 @@
+"""Options that choose gauges in a result file, for `dic properties` and `dic report`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dic.commands.option_groups import option_group
+from dic.commands.record_options import RecordOptions
+
+if TYPE_CHECKING:
+    from dic import Gauge, GaugeSeries, JoinedRecord
+
+_PATH = click.Path(path_type=Path)
+
+
+@dataclass(frozen=True)
+class FieldOptions:
+    """Options that choose gauges in a result file."""
+
+    gauges_file: Path | None
+    texts: tuple[str, ...]
+    gauge: str | None
+    transverse_gauge: str | None
+
+    @property
+    def declares(self) -> bool:
+        """True if at least one gauge is declared."""
+        return bool(self.gauges_file or self.texts)
+
+    @property
+    def given(self) -> dict[str, object]:
+        """The values of the options by their names."""
+        return {
+            "--gauges": self.gauges_file,
+            "--declare": self.texts,
+            "--gauge": self.gauge,
+            "--transverse-gauge": self.transverse_gauge,
+        }
+
+    def read(
+        self,
+        path: Path,
+        record: RecordOptions,
+        load: str | None,
+        time: str | None,
+        camera: str | None = None,
+        gauges: "Sequence[Gauge] | None" = None,
+    ) -> "tuple[GaugeSeries, str, JoinedRecord | None]":
+        """Read the declared gauges, or else `gauges`, with the load of each image.
+
+        Returns
+        -------
+        GaugeSeries
+        str
+            Name of the gauge along the specimen.
+        JoinedRecord or None
+            The machine's record, if one was joined to the images.
+        """
+        from dic import measure_gauges, read_gauges
+
+        gauges = gauges or read_gauges(self.gauges_file, self.texts)
+        name = self.gauge or gauges[0].name
+        series = measure_gauges(path, gauges, camera=camera)
+        series, joined = record.joined(series, load, time, name)
+        return series, name, joined
+
+
+field_options = option_group(
+    "field",
+    FieldOptions,
+    click.option("--gauges", "gauges_file", type=_PATH, help="TOML file of gauges, for a result file."),
+    click.option(
+        "--declare",
+        "texts",
+        multiple=True,
+        metavar="TEXT",
+        help="A gauge as text, as in `dic gauges --gauge`.",
+    ),
+    click.option("--gauge", help="Name of the gauge along the specimen. Default: the first one."),
+    click.option("--transverse-gauge", help="Name of the gauge across the specimen."),
+)

@@ -1,0 +1,80 @@
+"""Gauges over the whole measured field, for a test in which nobody declared gauges."""
+
+from pathlib import Path
+
+import numpy as np
+
+from dic.errors import GaugeError
+from dic.gauges.declared import StrainGauge
+from dic.pipeline.gauge_series import Results, use_results
+from dic.pipeline.run_result import RunResult
+from dic.pipeline.series_result_file import SeriesResult
+from dic.strain.measurement import Measurement
+from dic.typing import Float
+
+_ROOM = 1e-6
+"""Part of the field's size by which the rectangle is wider than the outermost points."""
+
+
+def whole_field_gauges(results: Results) -> tuple[StrainGauge, StrainGauge]:
+    """Return two gauges over all measured points: "along", upwards in the image, and "across".
+
+    In a run of several cameras, the gauges cover the part of the specimen that all cameras measured, in mm.
+
+    Parameters
+    ----------
+    results : path, MeasuredSeries, SeriesResult or RunResult
+        As for `measure_gauges`.
+
+    Raises
+    ------
+    GaugeError
+        If no image could be measured, or the cameras measured no common part.
+    RunFileError
+        If the result file cannot be read.
+    """
+    if isinstance(results, str | Path):
+        return use_results(results, whole_field_gauges)
+    if isinstance(results, RunResult):
+        unit = "mm"
+        boxes = [_box_mm(camera.measurements[0]) for camera in results.cameras if camera.measurements]
+    else:
+        unit = "px"
+        series = results.series if isinstance(results, SeriesResult) else results
+        found = next((image.measurement for image in series.images if image.measurement is not None), None)
+        boxes = [] if found is None else [_box_px(found)]
+    low = np.max([box[0] for box in boxes], axis=0) if boxes else np.zeros(2)
+    high = np.min([box[1] for box in boxes], axis=0) if boxes else np.zeros(2)
+    if not (high > low).all():
+        expected, remedy = "points that all cameras measured", "declare gauges with --declare"
+        raise GaugeError("gauges", "cover the field", expected, "none", remedy)
+    centre, size = (low + high) / 2.0, (high - low) * (1.0 + _ROOM)
+    along, across = (
+        StrainGauge(
+            name=name,
+            unit=unit,
+            centre=(float(centre[0]), float(centre[1])),
+            size=(float(size[0]), float(size[1])),
+            direction_deg=direction,
+        )
+        for name, direction in (("along", 90.0), ("across", 0.0))
+    )
+    return along, across
+
+
+def _box_px(measurement: Measurement) -> tuple[Float, Float]:
+    points = measurement.raw.position[measurement.field.active]
+    return _box(points * (1.0, -1.0))  # gauges in pixels count y downwards
+
+
+def _box_mm(measurement: Measurement) -> tuple[Float, Float]:
+    calibrated = measurement.calibrated
+    if calibrated is None:
+        expected, remedy = "a calibrated measurement", "measure the run with its grid images"
+        raise GaugeError("gauges", "cover the field", expected, "one in pixels", remedy)
+    return _box(calibrated.position[calibrated.valid])
+
+
+def _box(points: Float) -> tuple[Float, Float]:
+    """Return the lowest and the highest coordinates of points (n, 2)."""
+    return points.min(axis=0), points.max(axis=0)

@@ -1,0 +1,166 @@
+"""The tables and figures of a tensile test in the report."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.properties.plot import draw_properties
+from dic.properties.value import PropertyValue
+from dic.report.numbers import fixed, with_std
+from dic.report.style import OFF_AXIS_COLOURS, legend_below, new_figure, png_uri, svg_uri
+from dic.report.tensile_test import SYMBOLS, TensileTest, TestColumn
+
+_ALWAYS = ("E_gpa", "nu", "Rp02_mpa")
+_DECIMALS = {"GPa": 2, "MPa": 1, "%": 3, "1": 4}
+_DASHES = ("--", "-", ":", "-.")
+
+
+@dataclass(frozen=True)
+class PropertyRow:
+    """A property in the table: symbol, name, unit, one cell per column, the known value, and the rule."""
+
+    symbol: str
+    name: str
+    unit: str
+    cells: list[str]
+    known: str
+    differences: list[str]
+    rule: str
+
+
+@dataclass(frozen=True)
+class Remarks:
+    """What speaks against the values of a column, one sentence each."""
+
+    label: str
+    sentences: list[str]
+
+
+@dataclass(frozen=True)
+class TensileView:
+    """The content of the report on one tensile test, in the form that the page template needs."""
+
+    test: TensileTest
+    headings: list[str]
+    rows: list[PropertyRow]
+    remarks: list[Remarks]
+    about: list[tuple[str, str]]
+    curves: str
+    curve: str
+
+
+def tensile_view(test: TensileTest) -> TensileView:
+    """Return tables and figures of a test; call it within `plot_style`."""
+    return TensileView(
+        test=test,
+        headings=[column.label for column in test.columns],
+        rows=[_row(test, name) for name in SYMBOLS if _is_shown(test, name)],
+        remarks=[Remarks(column.label, _remarks(column)) for column in test.columns],
+        about=_about(test),
+        curves=_curves(test),
+        curve=png_uri(draw_properties(test.main.properties)),
+    )
+
+
+def _is_shown(test: TensileTest, name: str) -> bool:
+    values = [column.properties.values[name].value for column in test.columns]
+    return name in _ALWAYS or any(value is not None for value in values)
+
+
+def _row(test: TensileTest, name: str) -> PropertyRow:
+    values = [column.properties.values[name] for column in test.columns]
+    known = test.known.get(name)
+    unit = values[0].unit
+    digits = _DECIMALS[unit]
+    differences = []
+    for value in values:
+        share = None if known is None or value.value is None else 100.0 * (value.value / known - 1.0)
+        differences.append("" if share is None else f"{'+' if share >= 0 else ''}{fixed(share, 2)} %")
+    return PropertyRow(
+        symbol=SYMBOLS[name][0],
+        name=SYMBOLS[name][1],
+        unit="" if unit == "1" else unit,
+        cells=[_cell(value, digits) for value in values],
+        known="" if known is None else fixed(known, digits),
+        differences=differences,
+        rule=values[-1].rule,
+    )
+
+
+def _cell(value: PropertyValue, digits: int) -> str:
+    if value.value is None:
+        return "–"
+    return fixed(value.value, digits) if not value.std else with_std(value.value, value.std)
+
+
+def _remarks(column: TestColumn) -> list[str]:
+    found, sentences = column.properties, []
+    for name, (symbol, _) in SYMBOLS.items():
+        value = found.values[name]
+        if name in _ALWAYS or value.value is not None:
+            sentences += [f"{symbol}: {flag}" for flag in value.flags]
+    sentences += found.flags
+    if found.not_counted:
+        sentences.append(f"± is without the standard deviation of: {', '.join(found.not_counted)}")
+    if column.read.left_out:
+        sentences.append(f"{column.read.left_out} images have no reading")
+    return sentences
+
+
+def _about(test: TensileTest) -> list[tuple[str, str]]:
+    settings = test.settings
+    area = f"{settings.area_mm2:g} mm²"
+    rows = [("Area S0", area + (f" ± {settings.area_std_mm2:g} mm²" if settings.area_std_mm2 else ""))]
+    if settings.load_std_percent:
+        rows.append(("Load cell, one standard deviation", f"{settings.load_std_percent:g} % of the load"))
+    for gauge in test.series.gauges:
+        use = {test.gauge: "along the specimen", test.transverse: "across the specimen"}.get(gauge.name)
+        if use is None:
+            continue
+        lengths = _lengths(test, gauge.name)
+        text = f"{gauge.kind}, gauge length {lengths}" if lengths else gauge.kind
+        rows.append((f"Gauge “{gauge.name}”, {use}", text))
+    return rows
+
+
+def _lengths(test: TensileTest, name: str) -> str:
+    """Return the precise gauge lengths that were found, of all cameras."""
+    found = set()
+    for image in test.series.images:
+        if name in image.readings:
+            _, reading = image.best(name)
+            if not reading.reason and np.isfinite(reading.length):
+                found.add(f"{fixed(reading.length, 3)} {reading.unit}")
+    return ", ".join(sorted(found))
+
+
+def _curves(test: TensileTest) -> str:
+    """Return a figure of stress against strain of all columns: the whole curve, and its beginning."""
+    figure, axes = new_figure(2, 4.4)
+    ends = []
+    for order, column in enumerate(test.columns):
+        record = column.properties.record
+        strain, stress = 100.0 * record.strain, record.strained_stress
+        style = {"color": OFF_AXIS_COLOURS[order % len(OFF_AXIS_COLOURS)], "marker": ".", "markersize": 4}
+        for axis in axes:
+            axis.plot(strain, stress, _DASHES[order % len(_DASHES)], label=column.label, **style)
+        ends.append(_beginning(column))
+    axes[0].set_title("whole curve")
+    axes[1].set_title("beginning")
+    reach, top = max(end[0] for end in ends), max(end[1] for end in ends)
+    axes[1].set(xlim=(-0.02 * reach, reach), ylim=(0.0, top))
+    for axis in axes:
+        axis.set(xlabel="engineering strain, %", ylabel="stress, MPa")
+    legend_below(figure, columns=4)
+    return svg_uri(figure)
+
+
+def _beginning(column: TestColumn) -> tuple[float, float]:
+    """Return the strain in % and the stress in MPa up to which the beginning of a curve is drawn."""
+    record, elastic = column.properties.record, column.properties.elastic
+    if elastic is None:
+        return 100.0 * float(record.strain.max()), 1.05 * float(record.strained_stress.max())
+    last = min(2 * elastic.line.stop, len(record.strain)) - 1
+    reach = 150.0 * float(record.strain[elastic.line.stop - 1])
+    inside = 100.0 * record.strain[: last + 1] <= reach
+    return reach, 1.08 * float(record.strained_stress[: last + 1][inside].max())

@@ -1,0 +1,180 @@
+"""A tensile test in the report: properties from each camera and kind of strain, beside known values."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dic.errors import CurveError, is_number
+from dic.gauges.series import GaugeSeries, declaration
+from dic.pipeline.gauge_record import GaugeCurve, gauge_curve
+from dic.properties.properties import Properties, material_properties
+from dic.properties.settings import PropertySettings
+from dic.properties.shared_error import with_shared_error
+
+SYMBOLS = {
+    "E_gpa": ("E", "modulus of elasticity"),
+    "nu": ("ν", "Poisson's ratio"),
+    "Rp02_mpa": ("Rp0,2", "proof strength, plastic extension of 0.2 %"),
+    "ReH_mpa": ("ReH", "upper yield strength"),
+    "ReL_mpa": ("ReL", "lower yield strength"),
+    "Ae_percent": ("Ae", "yield point extension"),
+    "Rm_mpa": ("Rm", "tensile strength"),
+    "Ag_percent": ("Ag", "plastic extension at the largest force"),
+    "Agt_percent": ("Agt", "total extension at the largest force"),
+    "A_percent": ("A", "elongation at the break"),
+    "r": ("r", "plastic strain ratio"),
+    "n": ("n", "strain hardening exponent"),
+}
+"""Symbol of ISO 6892-1, ISO 10113 or ISO 10275, and name, of each property."""
+_UNCORRECTED = {"calibrated": "calibrated, uncorrected", "raw": "raw, uncorrected", "corrected": "corrected"}
+
+
+@dataclass(frozen=True)
+class TestColumn:
+    """The properties from one camera and one kind of strain.
+
+    Attributes
+    ----------
+    camera : str
+        "" for a series of images.
+    read : GaugeCurve
+    labels : tuple of str
+        The image or step of each point of the curve.
+    properties : Properties
+    """
+
+    camera: str
+    read: GaugeCurve
+    labels: tuple[str, ...]
+    properties: Properties
+
+    @property
+    def label(self) -> str:
+        """Camera and kind of strain."""
+        return ", ".join(part for part in (self.camera, _UNCORRECTED[self.read.kind]) if part)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return properties and curve for JSON."""
+        curve, found = self.read.curve, self.properties.as_dict()
+        values = {
+            name: found[name] | ({"symbol": SYMBOLS[name][0]} if name in SYMBOLS else {})
+            for name in self.properties.values
+        }
+        across = [None] * len(self.labels) if curve.transverse is None else curve.transverse.tolist()
+        rows = zip(self.labels, curve.load_n.tolist(), curve.strain.tolist(), across, strict=True)
+        names = ("image", "load_n", "strain", "transverse_strain")
+        return {
+            "camera": self.camera or None,
+            "strain_kind": self.read.kind,
+            "left_out": self.read.left_out,
+            "values": values,
+            **{name: found[name] for name in ("necking", "fits", "not_counted", "flags")},
+            "curve": [dict(zip(names, row, strict=True)) for row in rows],
+        }
+
+
+@dataclass(frozen=True)
+class TensileTest:
+    """A tensile test for the report.
+
+    Attributes
+    ----------
+    title : str
+    series : GaugeSeries
+    gauge, transverse : str, str or None
+        Names of the gauges along and across the specimen.
+    settings : PropertySettings
+    columns : tuple of TestColumn
+        From the least to the best strain of each camera.
+    known : mapping of str to float
+        True or certified values, by the keys of the properties; {} if none are known.
+    """
+
+    title: str
+    series: GaugeSeries
+    gauge: str
+    transverse: str | None
+    settings: PropertySettings
+    columns: tuple[TestColumn, ...]
+    known: Mapping[str, float]
+
+    @property
+    def main(self) -> TestColumn:
+        """The column that the figure of the elastic line shows: the best strain of the last camera."""
+        return self.columns[-1]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the test for JSON."""
+        settings = {"area_mm2": self.settings.area_mm2, "area_std_mm2": self.settings.area_std_mm2}
+        settings |= {"load_std_percent": self.settings.load_std_percent}
+        return {
+            "title": self.title,
+            "results": self.series.source,
+            "gauges": [declaration(gauge) for gauge in self.series.gauges],
+            "gauge": self.gauge,
+            "transverse_gauge": self.transverse,
+            "S0_mm2": self.settings.area_mm2,
+            "settings": settings,
+            "known": dict(self.known),
+            "columns": [column.as_dict() for column in self.columns],
+        }
+
+
+def tensile_test(
+    series: GaugeSeries,
+    gauge: str,
+    transverse: str | None,
+    settings: PropertySettings,
+    *,
+    known: Mapping[str, float] | None = None,
+    title: str = "",
+) -> TensileTest:
+    """Compute the material properties of a test from every camera and kind of strain.
+
+    Parameters
+    ----------
+    series : GaugeSeries
+        With the load of each image: from a run, or from `join_record`.
+    gauge, transverse : str, str or None
+        Names of the gauges along and across the specimen.
+    settings : PropertySettings
+    known : mapping of str to float, optional
+        True or certified values, by the keys of the properties; they are shown beside the measured ones.
+    title : str, optional
+        Default: the name of the result file.
+
+    Raises
+    ------
+    CurveError, GaugeError
+        If this is no tensile test, or a name is unknown.
+    """
+    known = dict(known or {})
+    for name, value in known.items():
+        if name not in SYMBOLS or not is_number(value):
+            expected = f"numbers named {', '.join(SYMBOLS)}"
+            remedy = "correct the name or the value, or leave it out"
+            raise CurveError("known values", name, expected, repr(value), remedy)
+    cameras = list(dict.fromkeys(str(image.known.get("camera", "")) for image in series.images))
+    columns = []
+    for camera in cameras:
+        own = tuple(image for image in series.images if str(image.known.get("camera", "")) == camera)
+        part = GaugeSeries(series.source, series.gauges, own)
+        # Raw strain has the scale of the reference and says the same as calibrated strain, but less well.
+        kinds = [kind for kind in reversed(part.kinds) if kind != "raw"] or ["raw"]
+        columns += [_column(part, camera, gauge, transverse, settings, kind) for kind in kinds]
+    name = title or Path(series.source).name
+    return TensileTest(name, series, gauge, transverse, settings, tuple(columns), known)
+
+
+def _column(
+    series: GaugeSeries,
+    camera: str,
+    gauge: str,
+    transverse: str | None,
+    settings: PropertySettings,
+    kind: str,
+) -> TestColumn:
+    read = gauge_curve(series, gauge, transverse, kind=kind)
+    found = with_shared_error(material_properties(read.curve, settings), read.shared_std)
+    return TestColumn(camera, read, read.labels, found)
