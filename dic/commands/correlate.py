@@ -111,6 +111,8 @@ def correlate(
         if correlated.known is not None:
             say(f"{correlated.known.source}: {FIELDS if same is None else SAME}")
         elif place is not None or known.kind == "rigid":
+            if correlated.begun_text:
+                say(correlated.begun_text)
             stack.enter_context(correlated.keeping(place, written))
         if region.write_mask is not None:
             write_region(series.region, image, region.write_mask)

@@ -1,7 +1,7 @@
 """The correlation of a series of images, one by one, which goes on after images that are finished already."""
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -61,6 +61,7 @@ def correlate_series(
     series: Series,
     images: Iterable[ImageLike | SeriesImage],
     finished: FinishedImages | None = None,
+    before: Sequence[FinishedImage] = (),
 ) -> Iterator[FinishedImage]:
     """Correlate the images of a series one by one, when the caller asks for the next result.
 
@@ -73,12 +74,20 @@ def correlate_series(
     finished : FinishedImages, optional
         The images that were finished before. They are not correlated again. Each further image is added. All
         images must have digests.
+    before : sequence of FinishedImage
+        The outcomes of the first images, all of them with the first reference, from a result file.
     """
     going_on = finished is not None
     for number, given in enumerate(images, 1):
         image = given
         if not isinstance(image, SeriesImage):
             image = SeriesImage(image, name_of(image, f"image {number}"))
+        if number <= len(before):
+            known = before[number - 1]
+            if known.fields is not None:
+                series.accept(image.read, known.fields)
+            yield replace(known, content=image.content)
+            continue
         key = FinishedImage(image.label, image.digest).key(image.hint)
         if finished is not None and going_on:
             found = finished.find(number, key, series.shared)

@@ -23,6 +23,8 @@ def fields_on_file(
     load: Callable[[Path], Result],
     fields: Mapping[str, Any],
     images: Callable[[], Mapping[str, Sequence[Outcome]]],
+    *,
+    begun: bool = False,
 ) -> Result | None:
     """Return the result on file whose fields are those of a measurement; None if there is none.
 
@@ -37,6 +39,8 @@ def fields_on_file(
     images : callable
         Function that returns the images of the measurement, by their camera's name ("" for a series of
         images).
+    begun : bool
+        True if a result of the first images of the measurement is wanted too: images were appended since.
 
     Raises
     ------
@@ -46,11 +50,11 @@ def fields_on_file(
     if place.fields_from is None:
         try:
             result = load(place.path)
-            return None if _difference(result, fields, images) else result
+            return None if _difference(result, fields, images, begun) else result
         except RunFileError:
             return None
     result = load(place.fields_from)
-    different = _difference(result, fields, images)
+    different = _difference(result, fields, images, begun)
     if different:
         raise RunFileError(
             str(place.fields_from),
@@ -78,6 +82,7 @@ def _difference(
     result: SeriesResult | RunResult,
     fields: Mapping[str, Any],
     images: Callable[[], Mapping[str, Sequence[Outcome]]],
+    begun: bool,
 ) -> str:
     """Return the names of what differs between a result and a measurement; "" if nothing does."""
     found, wanted = json.loads(job_of_fields(result).fields), json.loads(json.dumps(fields))
@@ -88,7 +93,8 @@ def _difference(
     given = images()
     outcomes = {camera.camera: camera.outcomes for camera in cameras} or {"": getattr(result, "outcomes", [])}
     same = outcomes.keys() == given.keys() and all(
-        len(given[name]) == len(of_file) and all(map(_is_same, of_file, given[name]))
+        (len(given[name]) == len(of_file) or (begun and 0 < len(of_file) < len(given[name])))
+        and all(map(_is_same, of_file, given[name]))
         for name, of_file in outcomes.items()
     )
     return "" if same else "images"

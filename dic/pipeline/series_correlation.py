@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dic.correlation.series import Series
+from dic.files.lazy import Computed
 from dic.image.times import SeriesTimes
 from dic.pipeline.correlated import FileDigests, SeriesImage, correlate_series, of_page, series_job
 from dic.pipeline.reuse import fields_on_file, require_replaceable
@@ -36,6 +37,8 @@ class SeriesCorrelation:
         The folder of finished images, within `keeping`.
     known : SeriesResult or None
         A result on file that holds the fields, after `look_up`.
+    begun : SeriesResult or None
+        A result on file that holds the fields of the first images, after `look_up`: images were appended.
     """
 
     series: Series
@@ -44,6 +47,7 @@ class SeriesCorrelation:
     hint: Float | None = None
     kept: Unfinished | None = None
     known: SeriesResult | None = None
+    begun: SeriesResult | None = None
     _digests: FileDigests = field(default_factory=FileDigests)
 
     def __post_init__(self) -> None:
@@ -59,6 +63,9 @@ class SeriesCorrelation:
     def look_up(self, place: ResultPlace, set_up: SeriesSetUp) -> SeriesResult | None:
         """Look for a result on file that holds the fields; return it if it holds the strains too.
 
+        A result of the first images with equal settings may be replaced, because it becomes a part of the new
+        one.
+
         Raises
         ------
         OutputError
@@ -66,12 +73,21 @@ class SeriesCorrelation:
         RunFileError
             If the user named a file whose fields are of another measurement.
         """
-        self.known = fields_on_file(place, load_series_result, self.job, lambda: {"": self._contents()})
+        images, strains = self.sources.images, as_text(set_up.as_dict())
+        found = fields_on_file(
+            place, load_series_result, self.job, lambda: {"": self._contents()}, begun=True
+        )
+        if found is not None and len(found.outcomes) < len(images):
+            self.begun = found
+            if Path(found.source) != place.path or job_of_fields(found).strains != strains:
+                require_replaceable(place)
+            return None
+        self.known = found
         if self.known is None or Path(self.known.source) != place.path:
             require_replaceable(place)
             return None
-        names = [each.label for each in self.known.outcomes] == [str(path) for path in self.sources.images]
-        if names and job_of_fields(self.known).strains == as_text(set_up.as_dict()):
+        names = [each.label for each in self.known.outcomes] == [str(path) for path in images]
+        if names and job_of_fields(self.known).strains == strains:
             return self.known
         require_replaceable(place)
         return None
@@ -99,18 +115,52 @@ class SeriesCorrelation:
         if self.known is not None:
             return map(self.again, range(len(self.sources.images)))
         # Without the folder no image is looked for among those that are finished.
-        kept = self.kept
+        kept, before = self.kept, range(self.used_again)
         given = (self._image(path, digested=kept is not None) for path in self.sources.images)
-        return correlate_series(self.series, given, None if kept is None else kept.series(0))
+        finished = None if kept is None else kept.series(0)
+        return correlate_series(self.series, given, finished, Computed(len(before), self._before))
 
     def again(self, number: int) -> FinishedImage:
         """Return an image that was correlated, by its index in the series."""
         if self.known is not None:
             # The file knows the times from before; copying an image changes that of its file.
             return replace(self.known.correlated[number], label=str(self.sources.images[number]))
+        if number < self.used_again:
+            return self._before(number)
         if self.kept is None:
             raise ValueError("no finished image is kept")
         return self.kept.series(0).read(number + 1, self.series.shared)
+
+    @property
+    def used_again(self) -> int:
+        """Number of first images whose fields are taken from the result of earlier images.
+
+        A result file does not hold the fields from a later reference. So the first image with a new reference
+        and all later ones are correlated again.
+        """
+        if self.begun is None:
+            return 0
+        rows = iter(self.begun.fields.updates)
+        updates = [0 if each.failure is not None else next(rows, 1) for each in self.begun.outcomes]
+        return next((k for k, number in enumerate(updates) if number), len(updates))
+
+    @property
+    def begun_text(self) -> str:
+        """What is used again of the result of earlier images, as a sentence; "" without such a result."""
+        if self.begun is None:
+            return ""
+        count, held, used = len(self.sources.images), len(self.begun.outcomes), self.used_again
+        which = "their fields" if used == held else f"the fields of {used}, up to the first new reference,"
+        return (
+            f"{self.begun.source}: holds the first {held} of {count} images; {which} are used again, and"
+            f" {count - used} are correlated"
+        )
+
+    def _before(self, number: int) -> FinishedImage:
+        if self.begun is None:
+            raise ValueError("there is no result of earlier images")
+        path = self.sources.images[number]
+        return replace(self.begun.correlated[number], label=str(path), time=self._times.of(path))
 
     def stay(self) -> None:
         """Leave the folder of finished images when the block of `keeping` ends."""

@@ -62,6 +62,11 @@ class StoredFields:
     def __len__(self) -> int:
         return self._count
 
+    @property
+    def updates(self) -> list[int]:
+        """Number of new references since the first reference, of each image; empty in older files."""
+        return [int(number) for number in self._columns["updates"]] if "updates" in self._columns else []
+
     def __getitem__(self, k: int) -> Field:
         return self.field(k)
 
