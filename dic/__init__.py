@@ -106,6 +106,11 @@ if TYPE_CHECKING:
     from dic.strain.measurement import Measurement
     from dic.strain.resolution import strain_resolution_px
     from dic.strain.strain import MeanStrain, StrainField, StrainSettings, gauge_text
+    from dic.study.plot import plot_study
+    from dic.study.result import StudiedSettings, Study
+    from dic.study.study import study_settings
+    from dic.study.sweep import Sweep
+    from dic.study.wave import Wave
     from dic.targets.find import (
         CharucoTarget,
         CheckerboardTarget,
@@ -190,10 +195,14 @@ __all__ = [
     "StrainField",
     "StrainGauge",
     "StrainSettings",
+    "StudiedSettings",
+    "Study",
+    "Sweep",
     "Target",
     "TensileTest",
     "TransverseExtensometer",
     "TwoCameraStep",
+    "Wave",
     "__version__",
     "assess_method",
     "assess_quality",
@@ -222,6 +231,7 @@ __all__ = [
     "plot_calibration",
     "plot_properties",
     "plot_quality",
+    "plot_study",
     "process_run",
     "quality_findings",
     "read_curve",
@@ -238,6 +248,7 @@ __all__ = [
     "strain_of_run",
     "strain_of_series",
     "strain_resolution_px",
+    "study_settings",
     "tensile_test",
     "to_pandas",
     "to_xarray",
@@ -347,6 +358,11 @@ _NAMES_OF = {
     "dic.strain.measurement": ("Measurement",),
     "dic.strain.resolution": ("strain_resolution_px",),
     "dic.strain.strain": ("MeanStrain", "StrainField", "StrainSettings", "gauge_text"),
+    "dic.study.plot": ("plot_study",),
+    "dic.study.result": ("StudiedSettings", "Study"),
+    "dic.study.study": ("study_settings",),
+    "dic.study.sweep": ("Sweep",),
+    "dic.study.wave": ("Wave",),
     "dic.targets.find": (
         "CharucoTarget",
         "CheckerboardTarget",

@@ -17,6 +17,7 @@ _COMMANDS = {
     "report": "dic.commands.report:report",
     "settings": "dic.commands.settings:settings",
     "strain": "dic.commands.strain:strain",
+    "study": "dic.commands.study:study",
     "target": "dic.commands.target:target",
 }
 

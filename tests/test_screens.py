@@ -34,6 +34,7 @@ COMMANDS = {
     "quality": "dic quality reference.png",
     "quality-of-a-series": "dic quality img*.png --subset 21",
     "quality-of-a-bad-image": "dic quality flat.png",
+    "study": "dic study reference.png --subsets 21,31,41 --steps 10 --windows 3,5",
     "example": "dic example small --force",
     "calibrate": "dic calibrate grid.png -o cal.h5 --force",
     "correlate": "dic correlate ref.png img1.png img2.png img10.png other.png none.png --subset 21",

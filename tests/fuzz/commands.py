@@ -14,6 +14,10 @@ COMMANDS: dict[str, list[str]] = {
     "calibrate": ["dic", "calibrate", "{grid}"],
     "quality": ["dic", "quality", "{image}"],
     "quality of two": ["dic", "quality", "{image}", "--second", "{deformed}", "--roi", "{mask}"],
+    "study": [
+        *("dic", "study", "{image}", "{deformed}", "--subsets", "21", "--steps", "10", "--windows", "3"),
+        *("--shapes", "affine", "--roi", "{mask}", "--write", "{new}.toml"),
+    ],
     "process": ["dic", "process", "{run}", "-o", "{new}.h5"],
     "gauges": ["dic", "gauges", "{results}", "{gauges}"],
     "export": ["dic", "export", "{results}", "csv", "vtk", "mat", "-o", "{new}"],

@@ -1,0 +1,1 @@
+"""Compare settings on the user's own images: their noise, resolution and error."""

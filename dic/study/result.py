@@ -1,0 +1,187 @@
+"""The result of a study: noise, systematic error and resolution of every combination of settings."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from dic.correlation.settings import CorrelationSettings
+from dic.specimen.find import Specimen
+from dic.strain.strain import StrainSettings
+from dic.study.parts import Part
+from dic.study.wave import Wave
+from dic.typing import Mask
+
+LOST_SHARE = 0.02
+"""Settings that lose a larger share of the points than this are not recommended."""
+
+
+@dataclass(frozen=True)
+class StudiedSettings:
+    """What one combination of settings gives on the user's images.
+
+    The pairs of numbers belong to u and v, or to exx and eyy.
+
+    Attributes
+    ----------
+    correlation : CorrelationSettings
+    strain : StrainSettings
+    resolution_px : float
+        Period of the wave of strain that keeps 90 % of its amplitude.
+    noise_px, bias_px : tuple of float
+        Standard deviation of the displacement that noise causes, and root mean square of its systematic
+        error, px.
+    strain_noise, strain_bias : tuple of float
+        The same of local strain.
+    lost_share : float
+        Share of the points without a displacement.
+    """
+
+    correlation: CorrelationSettings
+    strain: StrainSettings
+    resolution_px: float
+    noise_px: tuple[float, float]
+    bias_px: tuple[float, float]
+    strain_noise: tuple[float, float]
+    strain_bias: tuple[float, float]
+    lost_share: float
+
+    @property
+    def error_px(self) -> float:
+        """Root mean square error of the displacement, √(bias² + noise²), px."""
+        return _total(self.noise_px, self.bias_px)
+
+    @property
+    def strain_error(self) -> float:
+        """Root mean square error of the local strains exx and eyy, √(bias² + noise²)."""
+        return _total(self.strain_noise, self.strain_bias)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the settings and the values as a dict for JSON."""
+        return {
+            "subset_px": self.correlation.subset_px,
+            "step_px": self.correlation.step_px,
+            "shape": self.correlation.shape,
+            "window_points": self.strain.window_points,
+            "gauge_px": self.strain.gauge_px(self.correlation),
+            "resolution_px": self.resolution_px,
+            "displacement_error_px": self.error_px,
+            "strain_error": self.strain_error,
+            **_by_component("u", "v", "noise_px", self.noise_px),
+            **_by_component("u", "v", "bias_px", self.bias_px),
+            **_by_component("exx", "eyy", "noise", self.strain_noise),
+            **_by_component("exx", "eyy", "bias", self.strain_bias),
+            "lost_share": self.lost_share,
+        }
+
+
+@dataclass(frozen=True)
+class Study:
+    """The result of `study_settings`.
+
+    Attributes
+    ----------
+    settings : tuple of StudiedSettings
+        All combinations with complete strain windows, in the order of the sweep.
+    wave : Wave
+        The assumed strain.
+    wave_from : str
+        Where the assumed strain comes from: "given", or the image from which it was estimated.
+    noise : float
+        Standard deviation of the reference's noise, grey levels.
+    noise_from : str
+        Where the noise of the results comes from: "reference", or the image of the specimen at rest.
+    notes : tuple of str
+        Sentences about each further image: what it was recognised as, and by what.
+    parts : tuple of Part
+        The parts of the reference on which the settings were tried.
+    smoothing_px : float
+        Standard deviation of the smoothing before interpolation.
+    left_out : int
+        Number of combinations that were left out, because their subset is narrower than three speckles, their
+        strain window does not fit into the parts, or the subsets do not find the pattern.
+    region : ndarray of bool, shape (height, width)
+        The region of interest.
+    specimen : Specimen or None
+        The specimen that was found; None if a region was given.
+    """
+
+    settings: tuple[StudiedSettings, ...]
+    wave: Wave
+    wave_from: str
+    noise: float
+    noise_from: str
+    notes: tuple[str, ...]
+    parts: tuple[Part, ...]
+    smoothing_px: float
+    left_out: int
+    region: Mask
+    specimen: Specimen | None
+
+    def __repr__(self) -> str:
+        return f"Study({len(self.settings)} settings, best {self.best[0]!r})"
+
+    @property
+    def best(self) -> tuple[StudiedSettings, ...]:
+        """All settings by their strain error; those that lose more than 2 % of the points come last."""
+        key = lambda each: (each.lost_share > LOST_SHARE, each.strain_error)  # noqa: E731
+        return tuple(sorted(self.settings, key=key))
+
+    @property
+    def recommended(self) -> StudiedSettings:
+        """The settings with the least strain error."""
+        return self.best[0]
+
+    @property
+    def front(self) -> tuple[StudiedSettings, ...]:
+        """The Pareto front: settings of which no other has less noise of strain at a finer resolution."""
+        found: list[StudiedSettings] = []
+        usable = [each for each in self.settings if each.lost_share <= LOST_SHARE]
+        for each in sorted(usable, key=lambda one: (one.resolution_px, root_of(one.strain_noise))):
+            if not found or root_of(each.strain_noise) < root_of(found[-1].strain_noise):
+                found.append(each)
+        return tuple(found)
+
+    def limits_of_sweep(self) -> tuple[str, ...]:
+        """Name the settings whose recommended value is the widest or narrowest of the sweep."""
+        best = self.recommended
+        values = {
+            "subset": (best.correlation.subset_px, {e.correlation.subset_px for e in self.settings}),
+            "window": (best.strain.window_points, {e.strain.window_points for e in self.settings}),
+        }
+        lowest = {"subset": 7, "window": 3}
+        return tuple(
+            f"{'widest' if own == max(tried) else 'narrowest'} {name}"
+            for name, (own, tried) in values.items()
+            if len(tried) > 1 and (own == max(tried) or (own == min(tried) and own > lowest[name]))
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result as a dict for JSON."""
+        return {
+            "period_px": self.wave.period_px,
+            "strain_amplitude": self.wave.strain_amplitude,
+            "wave_from": self.wave_from,
+            "noise": self.noise,
+            "noise_from": self.noise_from,
+            "notes": list(self.notes),
+            "parts": [vars(part) for part in self.parts],
+            "smoothing_px": self.smoothing_px,
+            "left_out": self.left_out,
+            "specimen": None if self.specimen is None else self.specimen.as_dict(),
+            "recommended": self.recommended.as_dict(),
+            "front": [each.as_dict() for each in self.front],
+            "settings": [each.as_dict() for each in self.best],
+        }
+
+
+def root_of(values: tuple[float, float]) -> float:
+    """Return the root mean square of two values."""
+    return math.sqrt((values[0] ** 2 + values[1] ** 2) / 2.0)
+
+
+def _total(noise: tuple[float, float], bias: tuple[float, float]) -> float:
+    return math.hypot(root_of(noise), root_of(bias))
+
+
+def _by_component(x: str, y: str, what: str, values: tuple[float, float]) -> dict[str, float]:
+    return {f"{x}_{what}": values[0], f"{y}_{what}": values[1]}

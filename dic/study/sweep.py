@@ -1,0 +1,106 @@
+"""The combinations of settings that a study compares."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from dic.correlation.settings import SHAPES, CorrelationSettings
+from dic.errors import Check, CorrelationError, MeasurementError, is_whole, joined, require_all
+from dic.strain.strain import StrainSettings
+
+_MOST = 2000
+"""Largest number of combinations, so that a typing error does not start a study of days."""
+_MOST_PARTS = 64
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Values of four settings; a study compares all their combinations.
+
+    Attributes
+    ----------
+    subsets_px, steps_px, windows_points : tuple of int
+        Widths of the subsets, spacings of the points, and widths of the strain windows.
+    shapes : tuple of str
+        Shape functions, "affine" and "quadratic".
+    parts : int
+        Largest number of parts of a large region on which the combinations are tried.
+
+    Raises
+    ------
+    CorrelationError
+        If a value is not allowed, or if there are no or too many combinations.
+    """
+
+    subsets_px: tuple[int, ...] = (15, 21, 31, 41, 51, 61, 81)
+    steps_px: tuple[int, ...] = (5, 10, 15)
+    windows_points: tuple[int, ...] = (3, 5, 7, 9)
+    shapes: tuple[str, ...] = tuple(SHAPES)
+    parts: int = 4
+
+    def __post_init__(self) -> None:
+        checks: list[Check] = [
+            (
+                isinstance(values, tuple) and 0 < len(values) == len(set(values)),
+                name,
+                "one value or several different ones",
+                values,
+                f"give for example {example}",
+            )
+            for name, values, example in (
+                ("subsets", self.subsets_px, "21,31,41"),
+                ("steps", self.steps_px, "5,10"),
+                ("strain windows", self.windows_points, "3,5,7"),
+                ("shape functions", self.shapes, "affine,quadratic"),
+            )
+        ]
+        whole = is_whole(self.parts) and 1 <= self.parts <= _MOST_PARTS
+        checks.append((whole, "parts", f"a whole number from 1 to {_MOST_PARTS}", self.parts, "give 4 parts"))
+        require_all(CorrelationError, "settings", checks)
+        errors = _errors(self)
+        if errors:
+            raise joined(errors)
+        if self.combinations > _MOST:
+            remedy = "give fewer subsets, steps or windows"
+            raise CorrelationError(
+                "settings", "combinations", f"at most {_MOST}", f"{self.combinations}", remedy
+            )
+
+    @property
+    def combinations(self) -> int:
+        """Number of combinations of settings."""
+        return len(self.shapes) * len(self.subsets_px) * len(self.steps_px) * len(self.windows_points)
+
+    def measured_with(self, step_px: int) -> int:
+        """Return the step with which points are measured: the smallest one of the sweep that divides a step.
+
+        The points of the wider step are then some of the measured points, and need no correlation of their
+        own.
+        """
+        return min(step for step in self.steps_px if step_px % step == 0)
+
+    @property
+    def trials(self) -> int:
+        """Number of combinations that are correlated."""
+        return len(self.shapes) * len(self.subsets_px) * len(self.measured_steps_px)
+
+    @property
+    def measured_steps_px(self) -> tuple[int, ...]:
+        """The steps with which points are measured."""
+        return tuple(sorted({self.measured_with(step) for step in self.steps_px}))
+
+
+def _errors(sweep: Sweep) -> Sequence[MeasurementError]:
+    errors: list[MeasurementError] = []
+    tried: list[Callable[[], object]] = [
+        *(partial(CorrelationSettings, subset_px=value) for value in sweep.subsets_px),
+        *(partial(CorrelationSettings, step_px=value) for value in sweep.steps_px),
+        *(partial(CorrelationSettings, shape=value) for value in sweep.shapes),
+        *(partial(StrainSettings, window_points=value) for value in sweep.windows_points),
+    ]
+    for settings in tried:
+        try:
+            settings()
+        except MeasurementError as error:
+            errors.append(error)
+    return errors

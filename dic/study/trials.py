@@ -1,0 +1,215 @@
+"""Try one combination of subset and shape function on parts of the user's image.
+
+The systematic error comes from a pattern without noise and its deformed copy. The noise comes from a pair of
+images at rest, or from the same two pictures with drawn noise: its effect is the difference of the
+displacements with and without noise.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dic.correlation.correlator import Correlator
+from dic.correlation.field import Field
+from dic.correlation.settings import CorrelationSettings
+from dic.strain.measures import strain_of
+from dic.strain.strain import StrainSettings
+from dic.study.parts import Part
+from dic.study.pattern import Pattern
+from dic.study.wave import Wave
+from dic.study.windows import window_strain
+from dic.typing import Float, Grey, Indices, Mask
+
+EDGE_PX = 6
+"""Subsets keep this distance from the edge of a part, where the reflected pattern has a kink."""
+
+_FEWEST_WINDOWS = 16
+"""Complete strain windows that a part must hold for a statement about a setting."""
+
+
+@dataclass(frozen=True)
+class TrialImages:
+    """The images of one part of the region.
+
+    Attributes
+    ----------
+    clean : tuple of ndarray
+        Pattern without noise, before and after the deformation.
+    noisy : tuple of ndarray
+        The same with noise, or two images of the specimen at rest.
+    region : ndarray of bool, shape (height, width)
+        The region within the part.
+    phase : float
+        Phase of the wave in this part.
+    wave : Wave
+    at_rest : bool
+        True if `noisy` are images of the specimen at rest.
+    """
+
+    clean: tuple[Grey, Grey]
+    noisy: tuple[Grey, Grey]
+    region: Mask
+    phase: float
+    wave: Wave
+    at_rest: bool
+
+
+def trial_images(
+    images: tuple[Grey, Grey | None], region: Mask, part: Part, wave: Wave, noise: float, number: int
+) -> TrialImages:
+    """Return the images of a part, with a phase that depends on its number.
+
+    Waves of phases that differ by 90° have every strain equally often, also if a part is smaller than their
+    period.
+
+    Parameters
+    ----------
+    images : tuple
+        The reference image, and an image of the specimen at rest, or None to draw noise.
+    region : ndarray of bool, shape (height, width)
+    part : Part
+    wave : Wave
+    noise : float
+        Standard deviation of the reference's noise, grey levels.
+    number : int
+        Number of the part, which also determines the drawn noise.
+    """
+    phase = np.pi / 2 * (number % 2)
+    grey, second = images
+    own = grey[part.pixels]
+    pattern = Pattern.of(own, noise)
+    y, x = (np.arange(length, dtype=np.float64) for length in own.shape)
+    clean = pattern.draw(y, x), pattern.draw(wave.origin(y, phase), wave.origin(x, phase))
+    if second is None:
+        rng = np.random.default_rng(number)
+        first_noisy, second_noisy = (
+            (each + rng.normal(0.0, noise, each.shape)).astype(np.float32) for each in clean
+        )
+        noisy = first_noisy, second_noisy
+    else:
+        noisy = own, np.ascontiguousarray(second[part.pixels])
+    inside = np.ascontiguousarray(region[part.pixels])
+    return TrialImages(clean, noisy, inside, phase, wave, second is not None)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """The errors of one subset and shape function in one part.
+
+    Attributes
+    ----------
+    x_px, y_px : ndarray of int, shapes (columns,) and (rows,)
+        Points in the part.
+    uv_px : ndarray, shape (2, rows, columns)
+        Displacements that the pattern without noise gives; NaN where a subset is not whole or has failed.
+    noise_px : ndarray, shape (2, rows, columns)
+        Errors of the displacements that noise causes.
+    settings : CorrelationSettings
+    images : TrialImages
+    lost : tuple of int
+        Number of points without a displacement, and of all points with a whole subset.
+    """
+
+    x_px: Indices
+    y_px: Indices
+    uv_px: Float
+    noise_px: Float
+    settings: CorrelationSettings
+    images: TrialImages
+    lost: tuple[int, int]
+
+    def bias_px(self) -> Float:
+        """Return the systematic errors of the displacements, shape (2, n)."""
+        wave, phase = self.images.wave, self.images.phase
+        true = np.stack(
+            np.broadcast_arrays(
+                wave.displacement_px(self.x_px.astype(np.float64), phase)[None, :],
+                wave.displacement_px(self.y_px.astype(np.float64), phase)[:, None],
+            )
+        )
+        return _known(self.uv_px - true)
+
+    def strain_noise(self, step_px: int, strain: StrainSettings) -> Float:
+        """Return the errors of exx and eyy that noise causes, for a multiple of the step, shape (2, n)."""
+        every = step_px // self.settings.step_px
+        u, v = self.noise_px[:, ::every, ::every]
+        # The noise is so small that the strain is linear in it, whatever its measure.
+        return _known(window_strain(u, v, step_px, replace(strain, measure="small")))
+
+    def strain_bias(self, step_px: int, strain: StrainSettings) -> Float:
+        """Return the systematic errors of exx and eyy for a multiple of the step, shape (2, n).
+
+        The result is empty if the part holds too few complete windows.
+        """
+        every = step_px // self.settings.step_px
+        u, v = self.uv_px[:, ::every, ::every]
+        wave, phase = self.images.wave, self.images.phase
+        gradient = np.zeros((*u.shape, 2, 2))
+        gradient[..., 0, 0] = wave.gradient(self.x_px[::every].astype(np.float64), phase)[None, :]
+        gradient[..., 1, 1] = wave.gradient(self.y_px[::every].astype(np.float64), phase)[:, None]
+        true = strain_of(gradient, None, strain.measure)[0][:2]
+        errors = _known(window_strain(u, v, step_px, strain) - true)
+        return errors if errors.shape[1] >= _FEWEST_WINDOWS else errors[:, :0]
+
+
+def tried(images: TrialImages, settings: CorrelationSettings) -> Trial:
+    """Correlate the pattern without noise and the noisy images of a part.
+
+    Raises
+    ------
+    CorrelationError
+        If the part holds no subset, or if the images do not match.
+    """
+    clean, whole = _correlated(images.clean, images.region, settings)
+    noisy, _ = _correlated(images.noisy, images.region, settings)
+    uv_px = _displacements(clean, whole)
+    found = _displacements(noisy, whole)
+    noise_px = _without_plane(found) if images.at_rest else found - uv_px
+    known = np.isfinite(uv_px[0]) & np.isfinite(found[0])
+    lost = int(np.count_nonzero(whole & ~known)), int(np.count_nonzero(whole))
+    return Trial(clean.x_px, clean.y_px, uv_px, noise_px, settings, images, lost)
+
+
+def rms(parts: Sequence[Float]) -> tuple[float, float]:
+    """Return the root mean squares of two components in all parts; NaN if there is no value."""
+    together = np.concatenate([each.reshape(2, -1) for each in parts], axis=1)
+    if not np.isfinite(together).any():
+        return np.nan, np.nan
+    x, y = np.sqrt(np.nanmean(together * together, axis=1))
+    return float(x), float(y)
+
+
+def _correlated(pair: tuple[Grey, Grey], region: Mask, settings: CorrelationSettings) -> tuple[Field, Mask]:
+    """Return the field of two images, and the points whose subset is whole and far from the part's edge."""
+    reference, deformed = pair
+    correlator = Correlator(reference, region, settings)
+    field, grid = correlator.correlate(deformed), correlator.grid
+    whole = grid.active & (grid.pixels == settings.subset_px**2)
+    reach = settings.radius_px + EDGE_PX
+    inside: Callable[[Indices, int], Mask] = lambda at, n: (at >= reach) & (at < n - reach)  # noqa: E731
+    height, width = reference.shape
+    return field, whole & inside(field.y_px, height)[:, None] & inside(field.x_px, width)[None, :]
+
+
+def _displacements(field: Field, whole: Mask) -> Float:
+    return np.where(whole & field.converged, np.stack([field.u_px, field.v_px]), np.nan)
+
+
+def _without_plane(uv_px: Float) -> Float:
+    """Return displacements without a rigid motion and a uniform strain, such as those of a warming camera."""
+    rows, columns = np.mgrid[: uv_px.shape[1], : uv_px.shape[2]].astype(np.float64)
+    known = np.isfinite(uv_px[0])
+    if np.count_nonzero(known) <= 3:
+        return np.full_like(uv_px, np.nan)
+    terms = np.stack([np.ones_like(rows), rows, columns], axis=-1)
+    rest = np.full_like(uv_px, np.nan)
+    for k, values in enumerate(uv_px):
+        plane = np.linalg.lstsq(terms[known], values[known], rcond=None)[0]
+        rest[k] = values - terms @ plane
+    return rest
+
+
+def _known(errors: Float) -> Float:
+    flat = errors.reshape(2, -1)
+    return flat[:, np.isfinite(flat).all(axis=0)]

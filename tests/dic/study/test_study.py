@@ -1,0 +1,110 @@
+"""What a study predicts, against the true errors of images whose deformation is known."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import dic
+from benchmarks.speckle import Speckle, noisy, shift
+from tests.dic.study import image_sets
+from tests.dic.study.image_sets import ImageSet, key_of, predicted
+
+PREDICTION, CHOICE = 0.15, 1.05
+"""Largest relative difference of predicted and true error, and of the recommended settings' and the least."""
+
+DRAWN = ("of_dots", "of_short_waves", "of_coarse_speckles", "of_simulated_camera", "of_measured_field")
+
+
+def studied(images: ImageSet, sweep: dic.Sweep) -> dic.Study:
+    reference = images.pairs[0][0]
+    wave = dic.Wave(**images.told) if images.told else None
+    whole = np.ones(reference.shape, bool)
+    return dic.study_settings(reference, images.images, region=whole, wave=wave, sweep=sweep)
+
+
+def compare(images: ImageSet, sweep: dic.Sweep) -> tuple[np.ndarray, float, dic.Study]:
+    """Return predicted / true strain error of all settings, and the recommended / the least true error."""
+    study, true = studied(images, sweep), images.true_errors(sweep)
+    found = predicted(study, images.components)
+    assert len(found) > sweep.combinations / 2
+    ratios = np.array([found[key][1] / true[key][1] for key in found])
+    best = min(found, key=lambda key: found[key][1])
+    return ratios, true[best][1] / min(true[key][1] for key in found), study
+
+
+def test_predicts_the_errors_of_images_that_it_has_not_seen():
+    sweep = dic.Sweep((21, 31), (10,), (3, 5), ("quadratic",))
+    ratios, choice, study = compare(image_sets.of_dots(2, (240, 250)), sweep)
+    assert study.noise == pytest.approx(2.0, rel=0.05)
+    assert np.abs(ratios - 1.0).max() < PREDICTION
+    assert choice < CHOICE
+
+
+@cache
+def rest_and_load() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    speckle, wave = Speckle(31, (260, 260)), dic.Wave(120.0, 0.006)
+    load = speckle.draw(lambda x, y: (x - wave.origin(x, 0.0), y - wave.origin(y, 0.0)))
+    pictures = speckle.draw(), speckle.draw(shift(0.1, -0.05)), load
+    return tuple(noisy(each, 3.0, seed) for seed, each in enumerate(pictures))
+
+
+SMALL = dic.Sweep((31,), (10,), (3,), ("affine",))
+
+
+def test_recognises_images_at_rest_and_takes_the_strain_of_a_deformed_one():
+    reference, rest, load = rest_and_load()
+    whole = np.ones(reference.shape, bool)
+    study = dic.study_settings(reference, [load, rest], region=whole, sweep=SMALL)
+    assert (study.wave_from, study.noise_from) == ("image 1", "image 2")
+    assert "deformed" in study.notes[0]
+    assert "at rest" in study.notes[1]
+    assert study.wave.period_px == pytest.approx(120.0, rel=0.1)
+    assert study.wave.strain_amplitude == pytest.approx(0.006, rel=0.1)
+
+
+def test_noise_of_a_pair_at_rest_is_that_of_drawn_noise():
+    reference, rest, _ = rest_and_load()
+    whole = np.ones(reference.shape, bool)
+    noises = [
+        dic.study_settings(reference, images, region=whole, sweep=SMALL).recommended.noise_px
+        for images in ((), (rest,))
+    ]
+    assert noises[0] == pytest.approx(noises[1], rel=0.15)
+
+
+def test_image_that_is_said_to_be_at_rest_and_is_not_is_refused():
+    reference, _, load = rest_and_load()
+    whole = np.ones(reference.shape, bool)
+    with pytest.raises(dic.CorrelationError, match="image 1: compare with the reference: expected the spec"):
+        dic.study_settings(reference, static=load, region=whole, sweep=SMALL)
+
+
+def test_region_too_small_for_every_window_is_refused():
+    reference, *_ = rest_and_load()
+    region = np.zeros(reference.shape, bool)
+    region[:70, :70] = True
+    with pytest.raises(dic.CorrelationError, match="try the settings: expected a part that holds complete"):
+        dic.study_settings(reference, region=region, sweep=dic.Sweep((31,), (15,), (5,)))
+
+
+def check(images: ImageSet) -> None:
+    ratios, choice, study = compare(images, dic.Sweep())
+    print(
+        f"\n{images.name}: {len(ratios)} settings, {ratios.min():.3f} to {ratios.max():.3f},"
+        f" root mean square {np.sqrt(np.mean((ratios - 1) ** 2)):.3f}; choice {choice:.3f}"
+        f" {key_of(study.recommended)}; noise {study.noise:.2f}; {study.wave}"
+    )
+    assert np.abs(ratios - 1.0).max() < PREDICTION
+    assert choice < CHOICE
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", DRAWN)
+def test_prediction_and_choice_hold_on_drawn_images(name):
+    check(getattr(image_sets, name)())
+
+
+@pytest.mark.long
+def test_prediction_and_choice_hold_on_the_star_images(real_images):
+    check(image_sets.of_star(real_images / "star2"))
