@@ -112,6 +112,7 @@ if TYPE_CHECKING:
     from dic.study.sweep import Sweep
     from dic.study.wave import Wave
     from dic.targets.find import (
+        AsymmetricDotTarget,
         CharucoTarget,
         CheckerboardTarget,
         DotTarget,
@@ -127,6 +128,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Alignment",
     "Assessment",
+    "AsymmetricDotTarget",
     "BicubicMap",
     "Calibration",
     "CalibrationError",
@@ -364,6 +366,7 @@ _NAMES_OF = {
     "dic.study.sweep": ("Sweep",),
     "dic.study.wave": ("Wave",),
     "dic.targets.find": (
+        "AsymmetricDotTarget",
         "CharucoTarget",
         "CheckerboardTarget",
         "DotTarget",

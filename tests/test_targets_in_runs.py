@@ -7,7 +7,7 @@ from dic.pipeline.run import process_run
 from dic.runfile.reader import RunFile
 from dic.targets.find import CharucoTarget
 from rig.run import run_protocol
-from tests.dic.targets.drawings import charuco, checkerboard, dots
+from tests.dic.targets.drawings import asymmetric_dots, charuco, checkerboard, dots
 from tests.places import example, small_cameras
 
 LINES = "lines_x = 21\nlines_y = 21\npitch_mm = 0.5\n"
@@ -25,10 +25,17 @@ TARGETS = {
         48,
     ),
     "dots": ('target = "dots"\ndots_x = 13\ndots_y = 13\npitch_mm = 0.8\n', dots((13, 13), 0.8, 0.2), 169),
+    "asymmetric-dots": (
+        'target = "asymmetric-dots"\ndots_x = 7\ndots_y = 13\npitch_mm = 1.4\n',
+        asymmetric_dots((7, 13), 1.4, 0.25),
+        91,
+    ),
 }
 
 
-@pytest.mark.parametrize("kind", TARGETS)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=[pytest.mark.long] * (kind == "asymmetric-dots")) for kind in TARGETS]
+)
 def test_the_target_of_the_protocol_calibrates_the_run(tmp_path, monkeypatch, kind):
     table, texture, points = TARGETS[kind]
     # the simulated operator attaches this target instead of the line grid

@@ -14,13 +14,19 @@ if TYPE_CHECKING:
     from dic import Target
 
 _FILE = click.Path(path_type=Path)
-_KINDS = ("lines", "checkerboard", "charuco", "dots")
+_KINDS = ("lines", "checkerboard", "charuco", "dots", "asymmetric-dots")
 
 
 @click.command()
 @click.argument("kind", type=click.Choice(_KINDS))
-@click.option("--count", type=COUNT, required=True, help="Numbers of lines, squares or dots, such as 21x21.")
-@click.option("--pitch-mm", type=float, required=True, help="Spacing of lines, corners or dots.")
+@click.option(
+    "--count",
+    type=COUNT,
+    required=True,
+    help="Numbers of lines, squares or dots along X and Y, such as 21x21; "
+    "for asymmetric-dots, dots in a row and rows.",
+)
+@click.option("--pitch-mm", type=float, required=True, help="Spacing of lines, corners, or dots in a row.")
 @click.option("--marker-mm", type=float, help="Side of a ChArUco board's markers.  [default: 0.75 pitches]")
 @click.option(
     "--dictionary",
@@ -41,7 +47,10 @@ def target(
     dpi: float,
     force: bool,
 ) -> None:
-    """Draw a calibration target of a KIND (lines, checkerboard, charuco or dots) to print at its true size.
+    """Draw a calibration target of a KIND to print at its true size.
+
+    KIND is lines, checkerboard, charuco, dots, or asymmetric-dots (every second row is shifted by half a
+    pitch, as in OpenCV's asymmetric grid of circles).
 
     The sheet has two rulers, by which you check that the printer did not change the size. The command prints
     the options by which `dic calibrate` finds the target.
@@ -65,13 +74,15 @@ def _described(
     kind: str, count: tuple[int, int], pitch_mm: float, marker_mm: float, dictionary: str
 ) -> tuple["Target", str]:
     """Return the target, and the options of `dic calibrate` that describe it."""
-    from dic import CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget
+    from dic import AsymmetricDotTarget, CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget
 
     numbers, pitch = f"{count[0]}x{count[1]}", f"--pitch-mm {pitch_mm:g}"
     if kind == "lines":
         return LineGridTarget(count, pitch_mm), f"--lines {numbers} {pitch}"
     if kind == "dots":
         return DotTarget(count, pitch_mm), f"--dots {numbers} {pitch}"
+    if kind == "asymmetric-dots":
+        return AsymmetricDotTarget(count, pitch_mm), f"--asymmetric-dots {numbers} {pitch}"
     if kind == "checkerboard":
         return CheckerboardTarget(count, pitch_mm), f"--squares {numbers} {pitch}"
     options = f"--squares {numbers} {pitch} --marker-mm {marker_mm:g} --dictionary {dictionary}"

@@ -50,6 +50,7 @@ class TargetOptions:
     lines: tuple[int, int] | None
     squares: tuple[int, int] | None
     dots: tuple[int, int] | None
+    asymmetric_dots: tuple[int, int] | None
     pitch_mm: float
     marker_mm: float | None
     dictionary: str
@@ -65,9 +66,17 @@ class TargetOptions:
         CalibrationError
             If the options name several kinds of target, or if `--marker-mm` is given without `--squares`.
         """
-        from dic import CalibrationError, CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget
+        from dic import (
+            AsymmetricDotTarget,
+            CalibrationError,
+            CharucoTarget,
+            CheckerboardTarget,
+            DotTarget,
+            LineGridTarget,
+        )
 
-        named = [f"--{name}" for name in ("lines", "squares", "dots") if getattr(self, name)]
+        kinds = ("lines", "squares", "dots", "asymmetric_dots")
+        named = [f"--{name.replace('_', '-')}" for name in kinds if getattr(self, name)]
         if len(named) > 1:
             got, remedy = " and ".join(named), f"leave out {named[-1]}"
             raise CalibrationError("settings", "target", "one kind of target", got, remedy)
@@ -80,6 +89,8 @@ class TargetOptions:
             return CheckerboardTarget(self.squares, self.pitch_mm)
         if self.dots is not None:
             return DotTarget(self.dots, self.pitch_mm)
+        if self.asymmetric_dots is not None:
+            return AsymmetricDotTarget(self.asymmetric_dots, self.pitch_mm)
         return LineGridTarget(self.lines or (21, 21), self.pitch_mm)
 
 
@@ -92,7 +103,16 @@ target_options = option_group(
     ),
     click.option("--dots", type=COUNT, help="Numbers of dots of a dot target, if used."),
     click.option(
-        "--pitch-mm", type=float, default=0.5, show_default=True, help="Spacing of lines, corners or dots."
+        "--asymmetric-dots",
+        type=COUNT,
+        help="Dots in a row and rows of an asymmetric grid of dots, such as 4x11, if used.",
+    ),
+    click.option(
+        "--pitch-mm",
+        type=float,
+        default=0.5,
+        show_default=True,
+        help="Spacing of lines, corners, or dots in a row.",
     ),
     click.option("--marker-mm", type=float, help="Side of the markers, only for a ChArUco board."),
     click.option(

@@ -25,7 +25,15 @@ from dic.runfile.reader import RunFile, RunStep
 from dic.specimen.find import SpecimenNotFound
 from dic.strain.measurement import Measurement
 from dic.strain.strain import StrainSettings
-from dic.targets.find import CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget, Target, find_target
+from dic.targets.find import (
+    AsymmetricDotTarget,
+    CharucoTarget,
+    CheckerboardTarget,
+    DotTarget,
+    LineGridTarget,
+    Target,
+    find_target,
+)
 from dic.typing import Float, Grey, Mask
 
 
@@ -157,10 +165,12 @@ def _target(run: RunFile) -> Target:
             return CharucoTarget(counts, pitch_mm, run.grid_marker_mm, run.grid_dictionary)
         case "dots":
             return DotTarget(counts, pitch_mm)
+        case "asymmetric-dots":
+            return AsymmetricDotTarget(counts, pitch_mm)
     raise CalibrationError(
         str(run.path),
         "find target",
-        "lines, checkerboard, charuco or dots",
+        "lines, checkerboard, charuco, dots or asymmetric-dots",
         repr(run.grid_target),
         "process the run with the version of offaxis that recorded it, or a newer one",
     )

@@ -70,8 +70,8 @@ class RunFile:
     continues : dict or None
         The earlier run that this run continues; None for a run that begins anew.
     grid_target : str
-        Kind of the calibration target: "lines", "checkerboard", "charuco" or "dots". For a target without
-        lines, `grid_lines` are the numbers of squares or dots.
+        Kind of the calibration target: "lines", "checkerboard", "charuco", "dots" or "asymmetric-dots". For a
+        target without lines, `grid_lines` are the numbers of squares or dots.
     grid_marker_mm, grid_dictionary : float, str
         Length of a marker's side, and OpenCV's dictionary of the markers, for a ChArUco board.
     mounting : RunMounting

@@ -73,7 +73,7 @@ def find_charuco(
     # From here on, positions on the board are in pitches, with Y up and the lower left corner as the origin.
     index = np.argwhere(np.ones(lines, bool))
     px, along, near = _predicted(place, marker_px, (index + 1).astype(np.float64))
-    px[near] = fit_corners(grey, px[near], along[near], _LENGTH, (1 - marker_side) / 2)
+    px[near], _ = fit_corners(grey, px[near], along[near], _LENGTH, (1 - marker_side) / 2)
     seen = near & np.isfinite(px).all(axis=1)
     if seen.any():
         seen[seen] = _between_squares(image, index[seen], px[seen], marker_side)

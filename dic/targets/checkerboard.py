@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dic.errors import CalibrationError
 from dic.targets.axes import Axes, XAxis, axes_in_image
 from dic.targets.corners import fit_corners
+from dic.targets.dots import dots_seen
 from dic.targets.lattice import fits_lattice
 from dic.targets.not_seen import TargetNotSeen
 from dic.targets.points import GridPoints
@@ -22,6 +23,9 @@ from dic.typing import Float, Grey
 _REACH = 0.45
 # Smallest share of the corners that must be measured.
 _SUFFICIENT = 0.9
+# Difference between the surroundings of a corner and crossing edges above which round dots are looked for.
+# Simulated boards reach 0.02, and dots that nearly touch 0.1. Noise that JPEG has smoothed counts too.
+_NO_EDGES = 0.07
 # Smallest share of neighbouring squares that differ as they should; a reflection may cover the others.
 _ALTERNATING = 0.85
 # A checkerboard of unknown size has at least this number of corners along each direction.
@@ -54,6 +58,9 @@ def find_checkerboard(
     other = _detected(_without(as_bytes(grey), px), lines, thorough=False)
     if other is not None:
         raise two_targets(source, "checkerboard", (px.reshape(-1, 2), other.reshape(-1, 2)))
+    refined, difference = _fitted(grey, px)
+    if _are_gaps_between_dots(grey, difference):
+        raise _refusal(source, squares, "the gaps between round dots", TargetNotSeen)
     vectors = np.stack([(px[-1] - px[0]).mean(axis=0), (px[:, -1] - px[:, 0]).mean(axis=0)])
     vectors /= np.array(lines)[:, None] - 1.0
     spans = (range(lines[0]), range(lines[1]))
@@ -69,11 +76,8 @@ def find_checkerboard(
     axes = axes_in_image(vectors, x_axis, source, possible)
     index = np.argwhere(np.ones(lines, bool))
     column_row = axes.columns_and_rows(index, spans)
-    detected = px[index[:, 0], index[:, 1]]
-    along = np.stack([np.gradient(px, axis=0), np.gradient(px, axis=1)], axis=-2)[index[:, 0], index[:, 1]]
-    refined = fit_corners(grey, detected, along, _REACH)
     # Next to the image's rim there is no room for the measurement: keep the detector's corner.
-    refined = np.where(np.isfinite(refined), refined, detected)
+    refined = np.where(np.isfinite(refined), refined, px.reshape(-1, 2))
     sound = fits_lattice(index.astype(float), refined)
     if np.count_nonzero(sound) < _SUFFICIENT * sound.size:
         got = f"only {np.count_nonzero(sound)} of {sound.size} corners"
@@ -99,6 +103,9 @@ def squares_seen(image: NDArray[np.uint8]) -> tuple[int, int] | None:
     for left, right, top, bottom in sorted(product((0, 1), repeat=4), key=sum):
         part = px[left : columns - right, top : rows - bottom]
         if min(part.shape[:2]) >= min(_FEWEST_CORNERS) and _colours_alternate(image, part):
+            grey = image.astype(np.float32)
+            if _are_gaps_between_dots(grey, _fitted(grey, part)[1]):
+                return None
             return part.shape[0] + 1, part.shape[1] + 1
     return None
 
@@ -131,6 +138,20 @@ def _detected(
             if _colours_alternate(image, px) and not _continues(image, px):
                 return px
     return None
+
+
+def _fitted(grey: Grey, px: Float) -> tuple[Float, float]:
+    """Return the fitted corners (n, 2) for detected ones (columns, rows, 2), px, as `fit_corners` does."""
+    along = np.stack([np.gradient(px, axis=0), np.gradient(px, axis=1)], axis=-2)
+    return fit_corners(grey, px.reshape(-1, 2), along.reshape(-1, 2, 2), _REACH)
+
+
+def _are_gaps_between_dots(grey: Grey, difference: float) -> bool:
+    """Return True if the corners, which differ from crossing edges by `difference`, are no corners.
+
+    The gaps between the dots of an asymmetric grid have the brightness of a checkerboard's squares.
+    """
+    return difference > _NO_EDGES and dots_seen(grey) is not None
 
 
 def _without(image: NDArray[np.uint8], px: Float) -> NDArray[np.uint8]:

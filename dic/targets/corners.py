@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dic.targets.blobs import noise_of
 from dic.typing import Float, Grey, Indices, Mask
 
 _CORNERS_AT_ONCE = 32
@@ -38,8 +39,10 @@ _PARAMETERS, _BLUR = 11, 4
 _SHORT_PX = 0.01
 
 
-def fit_corners(grey: Grey, px: Float, along: Float, reach: float, margin: float = np.inf) -> Float:
-    """Return fitted corners (n, 2), px; NaN where a fit failed, is worse than usual, or leaves the image.
+def fit_corners(
+    grey: Grey, px: Float, along: Float, reach: float, margin: float = np.inf
+) -> tuple[Float, float]:
+    """Return fitted corners, and how much their surroundings differ from crossing edges.
 
     Parameters
     ----------
@@ -53,6 +56,13 @@ def fit_corners(grey: Grey, px: Float, along: Float, reach: float, margin: float
     margin : float
         In the bright squares only pixels up to this distance from an edge are used, as a fraction of the
         vectors. A ChArUco board has its markers farther inside. Default: all pixels.
+
+    Returns
+    -------
+    px : ndarray, shape (n, 2)
+        The corners; NaN where a fit failed, is worse than usual, or leaves the image.
+    difference : float
+        Usual misfit beyond the noise, as a fraction of the contrast; NaN if no corner was fitted.
     """
     result = np.full(px.shape, np.nan)
     misfit, contrast = np.full((2, len(px)), np.nan)
@@ -81,10 +91,12 @@ def fit_corners(grey: Grey, px: Float, along: Float, reach: float, margin: float
         result[some[sound]] = place[sound] + corner[sound]
         misfit[some], contrast[some] = fit.misfit(window), 2 * np.abs(fit.parameters[:, 8])
     seen = np.isfinite(result).all(axis=1)
-    if seen.any():
-        usual = _MISFIT * np.median(misfit[seen]) + _MISFIT_OF_CONTRAST * np.median(contrast[seen])
-        result[seen & ~(misfit < usual)] = np.nan
-    return result
+    if not seen.any():
+        return result, np.nan
+    usual = _MISFIT * np.median(misfit[seen]) + _MISFIT_OF_CONTRAST * np.median(contrast[seen])
+    result[seen & ~(misfit < usual)] = np.nan
+    beyond_noise2 = float(np.median(misfit[seen])) ** 2 - noise_of(grey) ** 2
+    return result, float(np.sqrt(max(beyond_noise2, 0.0)) / np.median(contrast[seen]))
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from dic.targets.seen import SeenTarget
 
 _FEWEST, _FEWEST_WITH_MARKERS = 5, 3
+# Smallest numbers of dots in a row, of rows, and of all dots of an asymmetric grid.
+_FEWEST_SHIFTED = (3, 4, 16)
 _PITCHES_MM = (1e-6, 1e6)
 """Smallest and largest possible pitch. The square of a length outside this range could overflow."""
 
@@ -97,7 +99,36 @@ class DotTarget:
     pitch_mm: float
 
 
-Target = LineGridTarget | CheckerboardTarget | CharucoTarget | DotTarget
+@dataclass(frozen=True)
+class AsymmetricDotTarget:
+    """Round dots in rows, every second row shifted by half a pitch, as OpenCV's asymmetric grid of circles.
+
+    Four dots in each of four rows, ``dots=(4, 4)``::
+
+        ●   ●   ●   ●          ┐ half a pitch
+          ●   ●   ●   ●        ┘
+        ●   ●   ●   ●
+          ●   ●   ●   ●
+        └───┘
+        one pitch
+
+    If the number of rows is odd, the grid shows its X axis, which points along the rows: the top row and the
+    bottom row begin at the left. If the number of rows is even, the grid looks the same after half a turn.
+
+    Attributes
+    ----------
+    dots : tuple of int
+        Number of dots in each row, and number of rows. OpenCV counts them in the same way and order.
+    pitch_mm : float
+        Distance between the centres of neighbouring dots of a row. Neighbouring rows are half a pitch apart.
+        OpenCV's examples call half a pitch the size of a square.
+    """
+
+    dots: tuple[int, int]
+    pitch_mm: float
+
+
+Target = LineGridTarget | CheckerboardTarget | CharucoTarget | DotTarget | AsymmetricDotTarget
 
 
 def find_target(
@@ -191,6 +222,10 @@ def _found_by_kind(
 
         side = spec.marker_mm / spec.pitch_mm
         return find_charuco(grey, spec.squares, spec.pitch_mm, side, spec.dictionary, source)
+    if isinstance(spec, AsymmetricDotTarget):
+        from dic.targets.asymmetric_dots import find_asymmetric_dots
+
+        return find_asymmetric_dots(grey, spec.dots, spec.pitch_mm, source, x_axis)
     from dic.targets.dots import find_dots
 
     return find_dots(grey, spec.dots, spec.pitch_mm, source, x_axis)
@@ -200,7 +235,7 @@ def _rules_out(seen: "SeenTarget | None", spec: CheckerboardTarget) -> bool:
     """Return True if another kind of target was seen, or a checkerboard that is larger than the given one."""
     if seen is None:
         return False
-    if seen.unit != "squares" or seen.dictionary:
+    if seen.option != "squares" or seen.dictionary:
         return True
     counts, wanted = sorted(seen.counts), sorted(spec.squares)
     return counts != wanted and all(has >= asked for has, asked in zip(counts, wanted, strict=True))
@@ -234,13 +269,15 @@ def _describes(spec: Target, seen: "SeenTarget") -> bool:
     if isinstance(spec, CharucoTarget):
         family = seen.dictionary.rpartition("_")[0]
         return bool(family) and spec.dictionary.startswith(family) and seen.counts == tuple(spec.squares)
+    if isinstance(spec, AsymmetricDotTarget):
+        return seen.option == "asymmetric-dots" and seen.counts == tuple(spec.dots)
     if isinstance(spec, CheckerboardTarget):
-        unit, counts = "squares", spec.squares
+        option, counts = "squares", spec.squares
     elif isinstance(spec, DotTarget):
-        unit, counts = "dots", spec.dots
+        option, counts = "dots", spec.dots
     else:
-        unit, counts = "lines", spec.lines
-    return seen.unit == unit and not seen.dictionary and sorted(seen.counts) == sorted(counts)
+        option, counts = "lines", spec.lines
+    return seen.option == option and not seen.dictionary and sorted(seen.counts) == sorted(counts)
 
 
 def require_possible(spec: Target, source: str) -> None:
@@ -259,8 +296,12 @@ def require_possible(spec: Target, source: str) -> None:
             "give --pitch-mm 0.5",
         ),
     ]
-    if not isinstance(spec, LineGridTarget):
+    if isinstance(spec, AsymmetricDotTarget):
+        checks.append(_enough_shifted_dots(spec.dots))
+    elif not isinstance(spec, LineGridTarget):
         name, count = ("dots", spec.dots) if isinstance(spec, DotTarget) else ("squares", spec.squares)
+        shifted = isinstance(spec, DotTarget) and _enough_shifted_dots(spec.dots)[0]
+        otherwise = f", or --asymmetric-dots {count[0]}x{count[1]} if its rows are shifted" if shifted else ""
         fewest = _FEWEST_WITH_MARKERS if isinstance(spec, CharucoTarget) else _FEWEST
         possible = f"{max(count[0], fewest)}x{max(count[1], fewest)}"
         checks.append(
@@ -269,7 +310,7 @@ def require_possible(spec: Target, source: str) -> None:
                 f"number of {name}",
                 f"at least {fewest} along X and along Y",
                 f"{count[0]} × {count[1]}",
-                f"give --{name} {possible}",
+                f"give --{name} {possible}{otherwise}",
             )
         )
     if isinstance(spec, CharucoTarget):
@@ -292,3 +333,14 @@ def require_possible(spec: Target, source: str) -> None:
             ),
         ]
     require_all(CalibrationError, source, checks)
+
+
+def _enough_shifted_dots(dots: tuple[int, int]) -> Check:
+    in_row, rows, every = _FEWEST_SHIFTED
+    return (
+        dots[0] >= in_row and dots[1] >= rows and dots[0] * dots[1] >= every,
+        "number of dots",
+        f"at least {in_row} in each row, {rows} rows and {every} dots",
+        f"{dots[0]} × {dots[1]}",
+        "give --asymmetric-dots 4x11",
+    )

@@ -36,28 +36,29 @@ class SeenTarget:
     ----------
     kind : str
         The kind of the target, such as "a checkerboard".
-    unit : str
-        The counted things, which is also the name of the option: "lines", "squares" or "dots".
+    option : str
+        Name of the option for the target: "lines", "squares", "dots" or "asymmetric-dots".
     counts : tuple of int
-        Numbers of lines, squares or dots along both directions.
+        Numbers of lines, squares or dots along both directions. Of an asymmetric grid of dots: number of dots
+        in a row, and number of rows.
     dictionary : str
         Smallest of OpenCV's dictionaries that has all markers of a ChArUco board; empty for other targets.
     """
 
     kind: str
-    unit: str
+    option: str
     counts: tuple[int, int]
     dictionary: str = ""
 
     def __str__(self) -> str:
         first, second = self.counts
-        numbers = f"{self.kind} of {first} × {second} {self.unit}"
+        numbers = f"{self.kind} of {first} × {second} {self.option.rpartition('-')[2]}"
         return f"{numbers} with markers of {self.dictionary}" if self.dictionary else numbers
 
     @property
     def options(self) -> str:
         """The options of the commands that describe the target, except for its lengths in mm."""
-        numbers = f"--{self.unit} {self.counts[0]}x{self.counts[1]}"
+        numbers = f"--{self.option} {self.counts[0]}x{self.counts[1]}"
         return f"{numbers} --marker-mm … --dictionary {self.dictionary}" if self.dictionary else numbers
 
 
@@ -76,14 +77,14 @@ def target_seen(grey: Grey) -> SeenTarget | None:
     board = _board_seen(image)
     if board is not None:
         return board
-    for kind, unit, counts in (
-        ("a checkerboard", "squares", squares_seen(image)),
-        ("a line grid", "lines", lines_seen(grey)),
-        ("a lattice", "dots", dots_seen(grey)),
-    ):
-        if counts is not None:
-            return SeenTarget(kind, unit, counts)
-    return None
+    squares = squares_seen(image)
+    if squares is not None:
+        return SeenTarget("a checkerboard", "squares", squares)
+    lines = lines_seen(grey)
+    if lines is not None:
+        return SeenTarget("a line grid", "lines", lines)
+    dots = dots_seen(grey)
+    return None if dots is None else SeenTarget(dots.name, dots.option, dots.counts)
 
 
 def _board_seen(image: NDArray[np.uint8]) -> SeenTarget | None:

@@ -7,6 +7,9 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from drivers.settings import Settings
 
+# Fewer dots are not found as a lattice.
+_FEWEST_SHIFTED = 16
+
 
 class _Target(Settings, ABC):
     @property
@@ -70,7 +73,28 @@ class DotGrid(_Target):
         return self.dots_x, self.dots_y
 
 
-AnyGrid: TypeAlias = Grid | CheckerboardGrid | CharucoGrid | DotGrid
+class AsymmetricDotGrid(_Target):
+    """Round dots in rows, every second row shifted by half a pitch. X points along the rows."""
+
+    target: Literal["asymmetric-dots"]
+    dots_x: int = Field(ge=3, le=1000, description="number of dots in each row")
+    dots_y: int = Field(ge=4, le=1000, description="number of rows")
+    pitch_mm: float = Field(
+        gt=0.0, description="distance between neighbouring dots of a row, twice the distance between rows"
+    )
+
+    @model_validator(mode="after")
+    def _enough_dots(self) -> "AsymmetricDotGrid":
+        if self.dots_x * self.dots_y < _FEWEST_SHIFTED:
+            got = f"{self.dots_x} × {self.dots_y}"
+            raise ValueError(f"dots_x × dots_y must be at least {_FEWEST_SHIFTED} dots, got {got}")
+        return self
+
+    def _counts(self) -> tuple[int, int]:
+        return self.dots_x, self.dots_y
+
+
+AnyGrid: TypeAlias = Grid | CheckerboardGrid | CharucoGrid | DotGrid | AsymmetricDotGrid
 
 
 def _target(table: Any) -> Any:
@@ -82,10 +106,13 @@ GridTable: TypeAlias = Annotated[
     Annotated[Grid, Tag("lines")]
     | Annotated[CheckerboardGrid, Tag("checkerboard")]
     | Annotated[CharucoGrid, Tag("charuco")]
-    | Annotated[DotGrid, Tag("dots")],
+    | Annotated[DotGrid, Tag("dots")]
+    | Annotated[AsymmetricDotGrid, Tag("asymmetric-dots")],
     Discriminator(
         _target,
         custom_error_type="unknown_target",
-        custom_error_message="target: 'lines', 'checkerboard', 'charuco' or 'dots' is expected",
+        custom_error_message=(
+            "target: 'lines', 'checkerboard', 'charuco', 'dots' or 'asymmetric-dots' is expected"
+        ),
     ),
 ]

@@ -28,7 +28,7 @@ from dic.typing import Float, Grey, Mask
 
 __all__ = ["GridPoints", "find_grid"]
 
-_FEWEST_LINES, _FEWEST_CELLS = 4, 9
+FEWEST_LINES, _FEWEST_CELLS = 4, 9
 _SUFFICIENT = 0.9
 # Smallest share of the cells that must be found to name a grid of unknown size. Speckles seldom reach it.
 _FILLED = 0.6
@@ -121,17 +121,17 @@ def lines_seen(grey: Grey) -> tuple[int, int] | None:
     sampled = GridImage(grey, cells.dark_lines)
     shape = LatticeShape.fit(cells.index.astype(np.float64) + 0.5, cells.centre_px)
     first, second = (len(extent) for extent in line_extents(sampled, shape, cells))
-    if min(first, second) < _FEWEST_LINES or cells_are_round(sampled, shape, cells):
+    if min(first, second) < FEWEST_LINES or cells_are_round(sampled, shape, cells):
         return None
     return (first, second) if len(cells.index) >= _FILLED * (first - 1) * (second - 1) else None
 
 
 def _require_possible(lines: tuple[int, int], pitch_mm: float, source: str) -> None:
-    if min(lines) < _FEWEST_LINES or not 0 < pitch_mm < float("inf"):
+    if min(lines) < FEWEST_LINES or not 0 < pitch_mm < float("inf"):
         raise CalibrationError(
             source,
             "find grid",
-            f"at least {_FEWEST_LINES} lines in each direction and a positive pitch",
+            f"at least {FEWEST_LINES} lines in each direction and a positive pitch",
             f"{lines[0]} × {lines[1]} lines of pitch {pitch_mm:g} mm",
             "give the grid's own values, such as --lines 21x21 and --pitch-mm 0.5",
         )

@@ -7,7 +7,15 @@ import numpy as np
 
 from dic.errors import CalibrationError, require_kind
 from dic.files.writing import write_figure
-from dic.targets.find import CharucoTarget, DotTarget, LineGridTarget, Target, require_possible
+from dic.targets.find import (
+    AsymmetricDotTarget,
+    CharucoTarget,
+    DotTarget,
+    LineGridTarget,
+    Target,
+    require_possible,
+)
+from dic.targets.line_grid.find import FEWEST_LINES
 from dic.targets.sheet.shapes import Shapes, shapes_of
 from dic.typing import PathLike
 
@@ -23,7 +31,6 @@ _DPI = (72.0, 2400.0)
 _MOST_PX = 400_000_000
 _LONGEST_MM = 2000.0
 """Longer sheets are printed by no plotter."""
-_FEWEST_LINES = 4
 
 
 def draw_target(target: Target, path: PathLike, dpi: float = 600.0) -> tuple[float, float]:
@@ -80,15 +87,15 @@ def _require_drawable(target: Target) -> None:
     counts = (
         target.lines
         if isinstance(target, LineGridTarget)
-        else (target.dots if isinstance(target, DotTarget) else target.squares)
+        else (target.dots if isinstance(target, DotTarget | AsymmetricDotTarget) else target.squares)
     )
     longest_mm = max(counts) * target.pitch_mm
     if longest_mm > _LONGEST_MM:
         remedy = "give a smaller --pitch-mm or --count"
         expected = f"a target of at most {_LONGEST_MM:.0f} mm"
         raise CalibrationError("target", "draw", expected, f"{longest_mm:.0f} mm", remedy)
-    if isinstance(target, LineGridTarget) and min(counts) < _FEWEST_LINES:
-        expected, got = f"at least {_FEWEST_LINES} lines along X and along Y", f"{counts[0]} × {counts[1]}"
+    if isinstance(target, LineGridTarget) and min(counts) < FEWEST_LINES:
+        expected, got = f"at least {FEWEST_LINES} lines along X and along Y", f"{counts[0]} × {counts[1]}"
         raise CalibrationError("target", "draw", expected, got, "give --count 21x21")
 
 
@@ -161,6 +168,9 @@ def _description(target: Target) -> str:
         return f"line grid, {target.lines[0]} × {target.lines[1]} lines, pitch {target.pitch_mm:g} mm."
     if isinstance(target, DotTarget):
         return f"dots, {target.dots[0]} × {target.dots[1]}, pitch {target.pitch_mm:g} mm."
+    if isinstance(target, AsymmetricDotTarget):
+        in_row, rows = target.dots
+        return f"asymmetric dots, {in_row} in each of {rows} rows, pitch {target.pitch_mm:g} mm along a row."
     squares = f"{target.squares[0]} × {target.squares[1]} squares of {target.pitch_mm:g} mm"
     if isinstance(target, CharucoTarget):
         return f"ChArUco board, {squares}, markers of {target.marker_mm:g} mm, {target.dictionary}."

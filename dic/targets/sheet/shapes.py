@@ -8,7 +8,14 @@ from itertools import product
 
 import numpy as np
 
-from dic.targets.find import CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget, Target
+from dic.targets.find import (
+    AsymmetricDotTarget,
+    CharucoTarget,
+    CheckerboardTarget,
+    DotTarget,
+    LineGridTarget,
+    Target,
+)
 from dic.typing import Float
 
 # Sizes in pitches: width of a line, length of a line beyond the outermost line, radius of the dots of a line
@@ -55,6 +62,8 @@ def shapes_of(target: Target) -> Shapes:
         return Shapes(*_line_grid(target), none[1])
     if isinstance(target, DotTarget):
         return Shapes(none[0], *_dots(target))
+    if isinstance(target, AsymmetricDotTarget):
+        return Shapes(none[0], _shifted_dots(target), none[1])
     cells = _charuco(target) if isinstance(target, CharucoTarget) else _checkerboard(target)
     return Shapes(np.array(cells), none[1], none[1])
 
@@ -87,6 +96,17 @@ def _dots(target: DotTarget) -> tuple[Float, Float]:
         return np.array(discs), np.empty((0, 3))
     marks = ((x[first], y[first]), (x[-1 - first], y[first]), (x[first], y[-1 - first]))
     return np.array(discs), np.array([(*mark, _HOLE_RADIUS * pitch) for mark in marks])
+
+
+def _shifted_dots(target: AsymmetricDotTarget) -> Float:
+    """Return the dots of an asymmetric grid, whose top row begins at the left."""
+    half = target.pitch_mm / 2
+    x, y = _places(2 * target.dots[0], half), _places(target.dots[1], half)
+    # Neighbouring dots are 0.71 pitches apart, so that the dots are smaller by this factor.
+    radius = _DOT_RADIUS * np.sqrt(2) * half
+    return np.array(
+        [(across, up, radius) for row, up in enumerate(y[::-1]) for across in x[row % 2 :: 2]], np.float64
+    )
 
 
 def _checkerboard(target: CheckerboardTarget) -> list[tuple[float, ...]]:

@@ -52,6 +52,7 @@ def test_a_charuco_board_and_dots_are_named_by_theirs(tmp_path: Path) -> None:
     ("options", "sentence"),
     [
         (("--squares", "10x7", "--dots", "9x7"), "got --squares and --dots"),
+        (("--dots", "10x7", "--asymmetric-dots", "4x11"), "got --dots and --asymmetric-dots; leave out"),
         (("--marker-mm", "0.3"), "name the board's squares"),
         (("--squares", "10x7", "--origin-px", 1, 1), "leave out --origin-px"),
     ],

@@ -6,7 +6,7 @@ import pytest
 
 from tests.command_line import refusal, run_dic
 
-KINDS = {"lines": "11x9", "checkerboard": "10x7", "charuco": "7x5", "dots": "12x9"}
+KINDS = {"lines": "11x9", "checkerboard": "10x7", "charuco": "7x5", "dots": "12x9", "asymmetric-dots": "5x11"}
 
 
 @pytest.mark.parametrize("kind", KINDS)

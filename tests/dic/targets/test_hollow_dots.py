@@ -6,7 +6,7 @@ import pytest
 
 from dic.errors import CalibrationError
 from dic.targets.find import DotTarget, find_target
-from tests.dic.targets.drawings import HollowDots, View
+from tests.dic.targets.drawings import HollowDots, View, bound_px
 
 PLATE = HollowDots((-8, -8), (17, 13), pitch_mm=1.0, radius_mm=0.28, hole_mm=0.14)
 TARGET = DotTarget((26, 22), 1.0)
@@ -71,24 +71,6 @@ def test_a_reflection_costs_dots_but_not_accuracy() -> None:
     assert seen.rms_px(shiny) < 0.03
 
 
-def _bound_px(view: View, plate: HollowDots, xy_mm: np.ndarray, blur_px: float, noise: float) -> float:
-    """Return the Cramér-Rao bound of the 2-D rms error of dots' centres, if all but the centres were known.
-
-    An edge of contrast C with a blur of standard deviation s has the information ``C²/(2√π s σ²)`` per px of
-    its length about its place across: the integral of the squared slope of the edge, divided by the variance
-    σ² of the noise. A pixel's area adds 1/12 px² to s², and rounding 1/12 to σ².
-    """
-    angle = np.linspace(0, 2 * np.pi, 200, endpoint=False)
-    circle = plate.radius_mm * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    rims = np.stack([view.project(centre + circle) for centre in xy_mm])
-    steps = np.roll(rims, -1, axis=1) - rims
-    lengths = np.linalg.norm(steps, axis=-1)
-    normals = np.stack([steps[..., 1], -steps[..., 0]], axis=-1) / lengths[..., None]
-    per_px = 160.0**2 / (2 * np.sqrt(np.pi) * np.sqrt(blur_px**2 + 1 / 12) * (noise**2 + 1 / 12))
-    information = per_px * np.einsum("kni,knj,kn->kij", normals, normals, lengths)
-    return float(np.sqrt(np.trace(np.linalg.inv(information), axis1=1, axis2=2).mean()))
-
-
 def _any_view(rng: np.random.Generator, number: int) -> tuple[View, HollowDots]:
     """Return a view of 1280 × 1024 px: dots of 17 to 28 px radius, 140 to 270 in view, 0 to 45° off-axis."""
     radius_mm = rng.uniform(0.22, 0.34)
@@ -119,10 +101,10 @@ def _measured(
     except CalibrationError as error:
         print(number, error)
         return np.inf, 0.0
-    error_px, bound_px = view.rms_px(grid), _bound_px(view, plate, grid.xy_mm, blur, 6.0)
-    text = f"{number}: {error_px:.4f} px, bound {bound_px:.4f} px, blur {blur:.1f} px, glare {height:.0f}"
+    error_px, limit_px = view.rms_px(grid), bound_px(view, plate.radius_mm, grid.xy_mm, blur, 6.0)
+    text = f"{number}: {error_px:.4f} px, bound {limit_px:.4f} px, blur {blur:.1f} px, glare {height:.0f}"
     print(text, grid.found)
-    return error_px, bound_px
+    return error_px, limit_px
 
 
 @pytest.mark.long

@@ -9,6 +9,7 @@ import pytest
 
 from dic.errors import CalibrationError
 from dic.targets.find import (
+    AsymmetricDotTarget,
     CharucoTarget,
     CheckerboardTarget,
     DotTarget,
@@ -17,6 +18,7 @@ from dic.targets.find import (
     find_target,
 )
 from dic.targets.sheet.draw import draw_target
+from tests.dic.targets.drawings import asymmetric_places
 
 DPI = 150
 PX_PER_MM = DPI / 25.4
@@ -25,6 +27,7 @@ TARGETS = [
     CheckerboardTarget((10, 7), 12.0),
     CharucoTarget((7, 5), 18.0, 13.5),
     DotTarget((12, 9), 10.0),
+    AsymmetricDotTarget((5, 11), 20.0),
 ]
 
 
@@ -42,6 +45,9 @@ def test_a_drawn_target_is_found_where_it_was_drawn(target: Target, tmp_path: Pa
     # The target's centre is the middle of the sheet, X points right and Y up. The origin of a plate of dots
     # is its mark.
     from_centre_mm = (grid.index - (np.array(grid.lines) - 1) / 2) * target.pitch_mm
+    if isinstance(target, AsymmetricDotTarget):
+        from_top = target.dots[1] - 1 - grid.index[:, 1]
+        from_centre_mm = asymmetric_places(target.dots, target.pitch_mm)[from_top, grid.index[:, 0]]
     middle_px = (np.array(picture.shape[::-1]) - 1) / 2
     expected_px = middle_px + from_centre_mm * PX_PER_MM * [1, -1]
     assert np.abs(grid.uv_px - expected_px).max() < 0.03

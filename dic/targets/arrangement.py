@@ -1,0 +1,101 @@
+"""The arrangement of the dots of a plate: in rows and columns, or in rows that are shifted in turn.
+
+The dots of an asymmetric grid are a square lattice as well, turned by 45°: a step to the next row goes half a
+pitch along the row and half a pitch across. What differs is the outline, which is a rectangle along the
+squares of the lattice, or along their diagonals.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.typing import Float, Indices
+
+# Half pitches along and across the rows of an asymmetric grid are index @ _DIAGONALS.
+_DIAGONALS = np.array([[1, -1], [1, 1]], np.int64)
+
+
+@dataclass(frozen=True)
+class Arrangement:
+    """The rectangle that the dots fill.
+
+    Attributes
+    ----------
+    asymmetric : bool
+        True if the sides of the rectangle are diagonals of the lattice's squares.
+    box : tuple of int
+        Numbers of places along the two sides: dots, or half pitches if `asymmetric`.
+    counts : tuple of int
+        Numbers of dots along both directions; of an asymmetric grid, dots in a row and number of rows.
+    filled : float
+        Share of the places in the rectangle that have dots.
+    """
+
+    asymmetric: bool
+    box: tuple[int, int]
+    counts: tuple[int, int]
+    filled: float
+
+    @classmethod
+    def of(cls, index: Indices, marked: bool = False) -> "Arrangement":
+        """Return the arrangement that dots with the given lattice indices (n, 2) fill most.
+
+        In the image, the second direction of the lattice is anticlockwise from the first. The rows of a plate
+        with marks are always those of the lattice.
+        """
+        plain, steps = _box(index), half_pitches(index)
+        width, height = _box(steps)
+        square = cls(False, plain, plain, len(index) / (plain[0] * plain[1]))
+        filled = len(index) / ((width * height + 1) // 2)
+        if marked or filled <= square.filled:
+            return square
+        # A grid with an even number of rows is also one of columns. The top row begins at the left.
+        begins_left = bool((steps[0] - steps.min(axis=0)).sum() % 2 == 0) == (height % 2 == 1)
+        across = height % 2 == 1 if (width + height) % 2 else begins_left
+        counts = ((width + 1) // 2, height) if across else ((height + 1) // 2, width)
+        return cls(True, (width, height), counts, filled)
+
+    @property
+    def in_turn(self) -> bool:
+        """True if the rows of an asymmetric grid have one dot more and one dot less in turn."""
+        return self.asymmetric and self.box[0] % 2 == 1 and self.box[1] % 2 == 1
+
+    @property
+    def name(self) -> str:
+        """The arrangement in words, to which the counts belong."""
+        return "an asymmetric grid" if self.asymmetric else "a lattice"
+
+    @property
+    def option(self) -> str:
+        """Name of the option of the commands that describes the arrangement."""
+        return "asymmetric-dots" if self.asymmetric else "dots"
+
+    @property
+    def options(self) -> str:
+        """The option of the commands, with its value."""
+        return f"--{self.option} {self.counts[0]}x{self.counts[1]}"
+
+    def __str__(self) -> str:
+        first, second = self.counts
+        if self.in_turn:
+            return f"{second} rows of {first} and {first - 1} dots in turn"
+        return f"{self.name} of {first} × {second} dots"
+
+
+def half_pitches(index: Indices) -> Indices:
+    """Return lattice indices (n, 2) as numbers of half pitches along and across the rows of a grid."""
+    steps: Indices = index @ _DIAGONALS
+    return steps
+
+
+def half_pitch_vectors(vectors_px: Float) -> Float:
+    """Return the vectors (2, 2), px, of half a pitch along and across the rows, from the lattice vectors."""
+    # The inverse of the diagonals is half of their transpose.
+    vectors: Float = _DIAGONALS.T @ vectors_px / 2
+    return vectors
+
+
+def _box(index: Indices) -> tuple[int, int]:
+    """Return the numbers of places along both directions."""
+    width, height = (int(extent) + 1 for extent in np.ptp(index, axis=0))
+    return width, height

@@ -1,0 +1,254 @@
+"""The dots of a lattice in an image: which there are, their lattice indices, and their measured centres.
+
+The centre of a dot is the centre of the ellipse that is its image, corrected for the shift that perspective
+causes.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.errors import CalibrationError
+from dic.targets.blobs import Blobs, find_blobs, noise_of
+from dic.targets.cells import along_short_vectors, lattice_of_regions
+from dic.targets.ellipses import Ellipses, fit_ellipses
+from dic.targets.hollow_marks import hollow_dots
+from dic.targets.lattice import LatticeShape, fits_lattice
+from dic.targets.not_seen import TargetNotSeen
+from dic.targets.region import two_targets
+from dic.typing import Float, Grey, Indices, Mask
+
+FEWEST_DOTS = 16
+# Size of a second plate relative to the first. Largest distance of an index from a whole number, and share of
+# such indices in another part of the same plate. In another plate, 16 % of the indices are such by chance.
+_SECOND_PLATE, _WHOLE, _SAME_PLATE = 0.5, 0.2, 0.5
+# Limits, in units of the median, of the misfit and of the contrast of a sound dot.
+_MISFIT, _CONTRAST = 2.0, 0.3
+# Rounding and interpolation cause a misfit of this fraction of the contrast also without noise.
+_MISFIT_OF_CONTRAST = 0.02
+# Misfit, as a fraction of the contrast, above which regions are not ellipses. Squares reach 0.2.
+_NOT_ROUND = 0.1
+# A reflection disturbs a dot if the share of saturated pixels near the dot's edge is above the first number,
+# and above the second number times the median share of all dots. A background that is saturated everywhere
+# does no harm.
+_SATURATED, _OF_USUAL_SATURATION = 0.01, 2.0
+# A dot is divided into this number of rings and spokes, over which the shift by perspective is integrated.
+_RINGS, _SPOKES = 6, 24
+
+
+@dataclass(frozen=True)
+class MeasuredDots:
+    """The dots of one lattice in an image, with their centres.
+
+    Attributes
+    ----------
+    index : ndarray of int64, shape (n, 2)
+        Lattice indices of the dots. Both lattice vectors are equally long on the plate, and perpendicular.
+    centre_px : ndarray, shape (n, 2)
+        Images of the dots' centres.
+    sound : ndarray of bool, shape (n,)
+        True for dots whose centre is accurate: whole dots that fit the lattice, away from reflections.
+    hollow : ndarray of bool, shape (n,)
+        True for rings.
+    vectors_px : ndarray, shape (2, 2)
+        The two lattice vectors in the image, in the middle of the lattice.
+    in_glare : int
+        Number of dots that were left out because of a reflection.
+    """
+
+    index: Indices
+    centre_px: Float
+    sound: Mask
+    hollow: Mask
+    vectors_px: Float
+    in_glare: int
+
+    @property
+    def beside_a_reflection(self) -> str:
+        """The words of an error message about the dots beside a reflection, if there are any."""
+        return f", and {self.in_glare} where a reflection saturates the picture" if self.in_glare else ""
+
+
+def measure_dots(
+    grey: Grey, enough: int, source: str, refusal: Callable[[str, type[CalibrationError]], CalibrationError]
+) -> MeasuredDots:
+    """Return the dots of the largest lattice in an image.
+
+    Parameters
+    ----------
+    grey : ndarray, shape (height, width)
+    enough : int
+        The search ends as soon as a lattice has so many dots.
+    source : str
+        Name of the image, used in error messages.
+    refusal : callable
+        Function that returns the error for what was got instead of the target.
+
+    Raises
+    ------
+    CalibrationError
+        If no lattice of at least 16 round dots is found, or if there are two.
+    """
+    found = _Dots.in_image(grey, enough)
+    if found is None or np.count_nonzero(sound := found.sound()) < FEWEST_DOTS:
+        raise refusal("no lattice of dots", TargetNotSeen)
+    if found.beside is not None:
+        raise two_targets(source, "dots", (found.blobs.centre_px, found.beside))
+    if not found.are_round(grey, sound):
+        got = "regions that are not round, such as squares or the cells of a line grid"
+        raise refusal(got, TargetNotSeen)
+    index, centre = found.index.astype(float), found.ellipses.centre_px
+    shape = LatticeShape.fit(index[sound], centre[sound])
+    centre = centre - _eccentricity(shape, index, found.ellipses.area_px2, sound)
+    # A partly hidden dot is smaller than the others, and its centre is shifted. Leave such dots out.
+    size = found.ellipses.area_px2 / _cell_px2(shape, index)
+    off = np.abs(size / np.median(size[sound]) - 1)
+    glare = found.in_glare()
+    sound &= (off < 6 * np.median(off[sound]) + 0.02) & ~glare
+    sound[sound] = fits_lattice(index[sound], centre[sound])
+    middle = (index.min(axis=0) + index.max(axis=0)) / 2
+    vectors = np.stack([shape.step(middle, 0), shape.step(middle, 1)])
+    return MeasuredDots(found.index, centre, sound, found.hollow, vectors, int(np.count_nonzero(glare)))
+
+
+def round_dots(grey: Grey) -> tuple[Indices, Mask] | None:
+    """Return the lattice indices (n, 2) of the dots of the largest lattice, and which are rings, or None."""
+    found = _Dots.in_image(grey, grey.size)
+    if (
+        found is None
+        or np.count_nonzero(sound := found.sound()) < FEWEST_DOTS
+        or not found.are_round(grey, sound)
+    ):
+        return None
+    return found.index, found.hollow
+
+
+@dataclass(frozen=True)
+class _Dots:
+    """The dots of a lattice: lattice indices (n, 2), approximate blobs, and fitted ellipses.
+
+    `beside` are the dots (m, 2), px, of another plate in the image.
+    """
+
+    index: Indices
+    blobs: Blobs
+    hollow: Mask
+    ellipses: Ellipses
+    beside: Float | None
+
+    @classmethod
+    def in_image(cls, grey: Grey, enough: int) -> "_Dots | None":
+        """Return the dots of the largest lattice of blobs, or None if no lattice has 16 dots.
+
+        The search ends as soon as a lattice has `enough` dots.
+        """
+        most = 0
+        for candidates in find_blobs(grey):
+            found, placed = lattice_of_regions(candidates.centre_px, candidates.area_px2)
+            if len(found) > most and len(found) >= FEWEST_DOTS:
+                blobs = candidates.only(placed)
+                index = _along_squares(found, blobs)
+                beside = _other_plate(candidates, placed, index)
+            most = max(most, len(found))
+            if most >= enough:
+                break
+        if most < FEWEST_DOTS:
+            return None
+        hollow = hollow_dots(grey, blobs)
+        ellipses = fit_ellipses(grey, blobs, hollow)
+        return cls(index, blobs, hollow, ellipses, beside)
+
+    def are_round(self, grey: Grey, sound: Mask) -> bool:
+        """Return True if ellipses fit the grey levels of the sound dots (n,), at least one, of the image."""
+        usual_misfit, usual = (
+            float(np.median(values[sound]))
+            for values in (self.ellipses.misfit, np.abs(self.ellipses.contrast))
+        )
+        return usual_misfit <= _NOT_ROUND * usual + 1.3 * noise_of(grey)
+
+    def in_glare(self) -> Mask:
+        """Return True for each dot (n,) beside which a reflection saturates the picture.
+
+        There the gradient of the light is not known, and the centre would be off by up to 0.1 px.
+        """
+        usual = float(np.median(self.ellipses.saturated))
+        return np.asarray(self.ellipses.saturated > max(_SATURATED, _OF_USUAL_SATURATION * usual))
+
+    def sound(self) -> Mask:
+        """Return True for each dot (n,) whose ellipse fits the grey levels about as well as usual."""
+        fit = self.ellipses
+        fitted = np.isfinite(fit.centre_px).all(axis=1)
+        if not fitted.any():
+            return np.asarray(fitted)
+        contrast, misfit = np.abs(fit.contrast), fit.misfit
+        usual = float(np.median(contrast[fitted]))
+        limit = _MISFIT * float(np.median(misfit[fitted])) + _MISFIT_OF_CONTRAST * usual
+        with np.errstate(invalid="ignore"):
+            return np.asarray(fitted & (contrast > _CONTRAST * usual) & (misfit < limit))
+
+
+def _other_plate(blobs: Blobs, placed: Indices, index: Indices) -> Float | None:
+    """Return the dots (m, 2), px, of a lattice beside the lattice of the blobs `placed`, or None.
+
+    The lattice beside must be at least half as large. A reflection can divide a plate into two parts. Such
+    parts do not count as two plates, because the lattice of one part continues in the other part.
+    """
+    import cv2
+
+    rest = np.setdiff1d(np.arange(len(blobs)), placed)
+    if len(placed) < FEWEST_DOTS or len(rest) < _SECOND_PLATE * len(placed):
+        return None
+    numbers, others = lattice_of_regions(blobs.centre_px[rest], blobs.area_px2[rest])
+    if len(numbers) < max(FEWEST_DOTS, _SECOND_PLATE * len(placed)):
+        return None
+    centre = blobs.centre_px[rest[others]]
+    to_index, _ = cv2.findHomography(blobs.centre_px[placed], index.astype(np.float64))
+    if to_index is None:
+        return None
+    there = cv2.perspectiveTransform(centre[:, None], to_index)[:, 0]
+    whole = (np.abs(there - np.rint(there)) < _WHOLE).all(axis=1)
+    return None if whole.mean() > _SAME_PLATE else centre
+
+
+def _along_squares(index: Indices, blobs: Blobs) -> Indices:
+    """Change lattice indices (n, 2) so that they count along the sides of the lattice's squares.
+
+    From the front all dots are round. An affine map that makes the usual blob round therefore undoes the
+    shortening by an oblique view, in which the shortest lattice vectors may be others. In the result the
+    second direction is anticlockwise from the first.
+    """
+    usual = np.median(blobs.covariance_px2 / blobs.area_px2[:, None, None], axis=0)
+    front: Float = np.linalg.solve(np.linalg.cholesky(usual), blobs.centre_px.T).T
+    index = along_short_vectors(index, front)
+    affine = np.linalg.lstsq(np.column_stack([index, np.ones(len(index))]), front, rcond=None)[0]
+    # The image's y axis points down.
+    return index if np.linalg.det(affine[:2]) < 0 else index[:, ::-1].copy()
+
+
+def _eccentricity(shape: LatticeShape, index: Float, area_px2: Float, sound: Mask) -> Float:
+    """Return the differences (n, 2), px, between centres of dots' images and images of dots' centres.
+
+    In perspective the centre of a dot's image is not the image of the dot's centre. The function computes the
+    centre of the image as a sum over small elements of the dot, weighted by the areas of the elements in the
+    image.
+    """
+    pixels_per_cell = _cell_px2(shape, index)
+    radius = float(np.sqrt(np.median((area_px2 / pixels_per_cell)[sound]) / np.pi))
+    ring = np.sqrt((np.arange(_RINGS) + 0.5) / _RINGS) * radius
+    angle = np.arange(_SPOKES) * (2 * np.pi / _SPOKES)
+    disc = np.stack([np.outer(ring, np.cos(angle)), np.outer(ring, np.sin(angle))], axis=-1).reshape(-1, 2)
+    places = index[:, None] + disc
+    weight = _cell_px2(shape, places)[..., None]
+    seen: Float = (shape.map(places) * weight).sum(axis=1) / weight.sum(axis=1) - shape.map(index)
+    return seen
+
+
+def _cell_px2(shape: LatticeShape, index: Float) -> Float:
+    """Return the area, px², that one cell of the lattice has in the image, at lattice indices (…, 2).
+
+    The result has the shape (…,).
+    """
+    first, second = shape.step(index, 0), shape.step(index, 1)
+    area: Float = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
+    return area
