@@ -15,7 +15,7 @@ from typing import Protocol
 
 
 class Event:
-    """A flag, set or not set; threads can wait with `Clock.wait` until the flag is set."""
+    """A flag, which is set or not set. A thread can wait with `Clock.wait` until the flag is set."""
 
     def __init__(self) -> None:
         self._flag = threading.Event()
@@ -36,7 +36,7 @@ class Event:
         return self._flag.is_set()
 
     def wait_really(self, timeout_s: float) -> bool:
-        """Wait until the flag is set, at most `timeout_s` seconds of real time; return whether it is set."""
+        """Wait until the flag is set, at most `timeout_s` seconds of real time. Return whether it is set."""
         return self._flag.wait(min(max(0.0, timeout_s), threading.TIMEOUT_MAX))
 
     def watch(self, watcher: Callable[[], None]) -> None:
@@ -44,12 +44,12 @@ class Event:
         self._watchers.append(watcher)
 
     def unwatch(self, watcher: Callable[[], None]) -> None:
-        """Do not call the function `watcher` any more; it was given to `watch` before."""
+        """Stop calling the function `watcher`, which was given to `watch` before."""
         self._watchers.remove(watcher)
 
 
 class Activity(Protocol):
-    """Work of one thread, announced with `Clock.activity`; simulated time waits for it until `end`.
+    """Work of one thread, announced with `Clock.activity`. Simulated time stands still for it until `end`.
 
     The thread that does the work uses the activity as a context manager.
     """
@@ -61,25 +61,24 @@ class Activity(Protocol):
         """End the activity."""
 
     def end(self) -> None:
-        """Let simulated time pass without this activity; any thread may call `end`, also repeatedly."""
+        """Let simulated time pass without this activity. Any thread may call this method, also repeatedly."""
 
 
 class GivenUp(BaseException):
-    """Raised in a thread that sleeps or waits on simulated time after another thread has ended its
-    activity."""
+    """Raised in a thread that sleeps or waits on simulated time, if another thread has ended its activity."""
 
 
 class Clock(Protocol):
     """Interface of a clock: monotonic time, sleeping, waiting for events, date and time."""
 
     def now_s(self) -> float:
-        """Return the seconds since an arbitrary start; this time never decreases."""
+        """Return the seconds since an arbitrary start. This time never decreases."""
 
     def sleep(self, duration_s: float) -> None:
         """Wait for `duration_s` seconds of this clock's time."""
 
     def wait(self, event: Event, timeout_s: float, real_timeout_s: float = math.inf) -> bool:
-        """Wait until `event` is set or a timeout has passed; return whether `event` is set.
+        """Wait until `event` is set or a timeout has passed. Return whether `event` is set.
 
         Parameters
         ----------
@@ -91,7 +90,7 @@ class Clock(Protocol):
         """
 
     def activity(self, *, at_once: bool = False) -> Activity:
-        """Announce the work of a thread; simulated time stands still while the thread works.
+        """Announce the work of a thread. Simulated time stands still while the thread works.
 
         Call `activity` before the work is given to its thread, so that no simulated time passes in between.
 
@@ -245,7 +244,10 @@ class VirtualClock:
         return activity
 
     def _wake(self, pause: "_Pause") -> None:
-        """End the pause of a thread early: at its turn if an activity sets the event, otherwise at once."""
+        """End the pause of a thread early, because an event was set.
+
+        If an activity has set the event, the woken thread continues at its turn, otherwise at once.
+        """
         with self._lock:
             if self._current() in self._running:
                 self._ready.append(pause)
@@ -261,7 +263,7 @@ class VirtualClock:
         pause.gate.release()
 
     def _proceed(self) -> None:
-        """Let the next activity work if no activity is working; advance the clock if all activities sleep."""
+        """If no activity is working, let the next one work. Advance the clock first if all of them sleep."""
         while not self._running:
             if self._ready:
                 self._resume(self._ready.popleft())
@@ -278,8 +280,7 @@ class VirtualClock:
         one."""
         previous = self._current()
         if previous in self._activities:
-            # The current thread works for another activity already, and one activity for each thread is
-            # enough.
+            # The current thread already has an activity, and one activity for each thread is enough.
             self._leave(activity)
             return previous
         activity.pause.gate.acquire()
@@ -300,7 +301,7 @@ class VirtualClock:
 
 
 class _VirtualActivity:
-    """An `Activity` on a virtual clock; `pause` is its latest sleep or wait, at first the wait for its
+    """An `Activity` on a virtual clock. `pause` is its latest sleep or wait; the first one waits for its
     turn."""
 
     def __init__(self, clock: VirtualClock) -> None:
@@ -320,7 +321,7 @@ class _VirtualActivity:
 
 
 class _Pause:
-    """The pause of a thread that sleeps or waits; the lock `gate` is released when the pause ends."""
+    """The pause of a thread that sleeps or waits. The lock `gate` is released when the pause ends."""
 
     def __init__(self, activity: _VirtualActivity | None) -> None:
         self.activity = activity

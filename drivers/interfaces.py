@@ -20,7 +20,7 @@ from drivers.clock import Clock
 
 @dataclass(frozen=True)
 class DeviceInfo:
-    """Identity of a device, as the device reports it; the identity is written into the run file."""
+    """Identity of a device, as the device reports it. The identity is written into the run file."""
 
     vendor: str
     model: str
@@ -31,7 +31,7 @@ class DeviceInfo:
 
 @dataclass(frozen=True)
 class CameraInfo(DeviceInfo):
-    """Identity and picture format of a camera; `bits` is the number of significant bits per pixel."""
+    """Identity and picture format of a camera. `bits` is the number of significant bits per pixel."""
 
     width_px: int = 0
     height_px: int = 0
@@ -57,7 +57,7 @@ class Frame:
     flags : int
         Error flags that the driver sets for a damaged frame; 0 for a good frame.
     exposure_us, gain : float
-        Exposure time in µs and gain in the camera's unit; NaN if unknown.
+        Exposure time in µs and gain in the camera's unit, or NaN if unknown.
     """
 
     image: NDArray[np.uint8] | NDArray[np.uint16]
@@ -71,15 +71,15 @@ class Frame:
 
 
 class Camera(Protocol):
-    """Interface of a camera: `grab` returns only frames whose exposure began after the call."""
+    """Interface of a camera. `grab` returns only frames whose exposure began after the call."""
 
     info: CameraInfo
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return a frame whose exposure began after this call; raise `DeviceTimeout` after `timeout_s`."""
+        """Return a frame whose exposure began after this call. Raise `DeviceTimeout` after `timeout_s`."""
 
     def close(self) -> None:
-        """Release the camera; a repeated call has no effect."""
+        """Release the camera. A repeated call has no effect."""
 
 
 @dataclass(frozen=True)
@@ -98,30 +98,32 @@ class StageState:
 
 
 class RotationStage(Protocol):
-    """A motorised rotation stage with one axis; a positive angle turns the X axis towards the Y axis."""
+    """A motorised rotation stage with one axis. A positive angle turns the X axis towards the Y axis."""
 
     info: DeviceInfo
 
     def read(self) -> StageState:
-        """Return position and status; raise `DeviceFault` if the stage reports that a motion failed."""
+        """Return position and status. Raise `DeviceFault` if the stage reports that a motion failed."""
 
     def home(self) -> None:
-        """Start the search for the reference position; `read` shows when the search has ended."""
+        """Start the search for the reference position. `read` shows when the search has ended."""
 
     def move_to(self, angle_deg: float) -> None:
-        """Start a move to an absolute angle; `DeviceFault` beyond the limits or without a reference
-        position."""
+        """Start a move to an absolute angle.
+
+        Raise `DeviceFault` if the angle is beyond the limits, or if the stage has no reference position.
+        """
 
     def stop(self) -> None:
-        """Send a stop command before all waiting commands, and wait until the stage reports standstill."""
+        """Send a stop command ahead of all waiting commands, and wait until the stage reports standstill."""
 
     def close(self) -> None:
-        """Release the port, without starting or stopping any motion; a repeated call has no effect."""
+        """Release the port, without starting or stopping any motion. A repeated call has no effect."""
 
 
 @dataclass(frozen=True)
 class LoadFrameState:
-    """State of a load frame; all values belong to one reading at `time_s`, in seconds on the rig's clock.
+    """State of a load frame. All values belong to one reading at `time_s`, in seconds on the rig's clock.
 
     Attributes
     ----------
@@ -158,13 +160,13 @@ class LoadFrameLimits:
 
 
 class LoadFrame(Protocol):
-    """A tensile load frame in load or displacement control; in its safe state it holds its position."""
+    """A tensile load frame in load or displacement control. In its safe state it holds its position."""
 
     info: DeviceInfo
     limits: LoadFrameLimits
 
     def read(self) -> LoadFrameState:
-        """Read the machine's state and reset its watchdog; raise `DeviceError` if the values are invalid."""
+        """Read the machine's state and reset its watchdog. Raise `DeviceError` if the values are invalid."""
 
     def go_to_load(self, load_n: float, rate_n_s: float) -> None:
         """Start a ramp to a load, in N, at a rate in N/s. Loads beyond the limits are refused."""
@@ -173,13 +175,13 @@ class LoadFrame(Protocol):
         """Start a move to a crosshead position, in mm. Positions beyond the limits are refused."""
 
     def hold(self) -> None:
-        """Send a hold command before all waiting commands, and wait until the machine confirms the hold."""
+        """Send a hold command ahead of all waiting commands, and wait until the machine confirms the hold."""
 
     def tare(self) -> None:
         """Set the zero points of load and displacement to the present state."""
 
     def close(self) -> None:
-        """Release the link, without starting or stopping any motion; a repeated call has no effect."""
+        """Release the link, without starting or stopping any motion. A repeated call has no effect."""
 
 
 @dataclass(frozen=True)
@@ -194,8 +196,9 @@ class InterlockState:
 
 
 class Interlock(Protocol):
-    """Interface of an interlock, such as a door contact: its value must be within bounds before and during a
-    run.
+    """Interface of an interlock, such as a door contact.
+
+    A run starts and continues only while the value of the interlock is within its bounds.
 
     Attributes
     ----------
@@ -207,10 +210,10 @@ class Interlock(Protocol):
     unit: str
 
     def read(self) -> InterlockState:
-        """Return the present value; raise `DeviceError` if there is no valid value."""
+        """Return the present value. Raise `DeviceError` if there is no valid value."""
 
     def close(self) -> None:
-        """Release the link; a repeated call has no effect."""
+        """Release the link. A repeated call has no effect."""
 
 
 Setting: TypeAlias = str | float | int | bool
@@ -225,7 +228,7 @@ class ReadsSettings(Protocol):
     """
 
     def read_settings(self) -> dict[str, Setting]:
-        """Read the present settings back from the device, without a motion; raise `DeviceError` if it fails.
+        """Read the present settings back from the device, without a motion. Raise `DeviceError` on failure.
 
         The method returns settings only, and no readings such as a temperature. So two calls in a row return
         the same values. A name has lower-case letters, digits and underscores, and ends with the unit of a
@@ -255,7 +258,7 @@ class Operator(Protocol):
     """
 
     def perform(self, action: OperatorAction) -> None:
-        """Wait until the person has done the action; raise `DeviceError` if the person refuses the action."""
+        """Wait until the person has done the action. Raise `DeviceError` if the person refuses the action."""
 
 
 @dataclass(frozen=True)
@@ -269,7 +272,7 @@ class OpenContext:
     clock : Clock
         The clock of the run; the simulated clock in a simulated rig.
     environment : object or None
-        The simulated rig; None for a real rig. The attribute `addresses` of the simulated rig maps the name
+        The simulated rig, or None for a real rig. The attribute `addresses` of a simulated rig maps the name
         of each simulated server to an address. A rig file refers to such an address as ``@name``. Drivers of
         simulated devices also use other attributes of the simulated rig. The attribute `patience_s`, if there
         is one, becomes `patience_s` of this class.
@@ -281,12 +284,12 @@ class OpenContext:
         address is empty if the driver has its own connection. If no guardian answers at the address any more,
         the driver opens the line itself.
     call_timeout_s : float
-        Deadline of the rig for one call of the device, in seconds. The driver reports a missing answer itself
-        before this deadline. Infinite outside a rig.
+        Deadline of the rig for one call of the device, in seconds; infinite outside a rig. The driver reports
+        a missing answer itself before this deadline.
     patience_s : float
-        Additional real time, in seconds, for each call, and for each answer while the device is opened. A
-        simulated device may answer late because other programs keep the computer busy; meanwhile simulated
-        time stands still. 0 for a real device.
+        Additional real time, in seconds, for each call, and for each answer while the device is opened; 0 for
+        a real device. A simulated device may answer late because other programs keep the computer busy.
+        Simulated time stands still while the program waits for such an answer.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Find drivers by name: every driver of this project or a third party is a Python entry point."""
+"""Find drivers by name. Every driver, of this project or of a third party, is a Python entry point."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -57,7 +57,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Finder:
-    """The search functions of a driver; a function that the driver does not support is None.
+    """The search functions of a driver. A function that the driver does not support is None.
 
     A search function must end within a limited time, change no setting and start no motion. If the search is
     impossible, the function raises `OSError` with the reason. Several drivers query a port one after the
@@ -78,7 +78,8 @@ class Finder:
     at_modbus : callable, optional
         ``at_modbus(address)`` returns the Modbus devices at ``host:port`` or ``rtu://host:port``.
     asks_for_s : float
-        Time, in seconds, that a query takes at a port without an answer. Drivers with short queries go first.
+        Time, in seconds, that a query takes at a port where nothing answers. Drivers with short queries go
+        first.
     """
 
     what: str
@@ -91,7 +92,7 @@ class Finder:
 
 
 class Guard(Protocol):
-    """Interface with which a guardian process stops a device; the guard has a connection to the device.
+    """Interface with which a guardian process stops a device. The guard has a connection to the device.
 
     Attributes
     ----------
@@ -103,17 +104,17 @@ class Guard(Protocol):
     relay: str
 
     def check(self) -> None:
-        """Check without a command that a stop would reach the device; raise `DeviceError` if not."""
+        """Check without a command that a stop would reach the device. Raise `DeviceError` otherwise."""
 
     def stop(self) -> None:
-        """Stop the device, and wait for standstill; raise `DeviceError` if the device does not confirm.
+        """Stop the device, and wait for standstill. Raise `DeviceError` if the device does not confirm.
 
         After a stop, a guard that owns the only line passes no more messages of the driver to the device.
         `stop` may be called again.
         """
 
     def close(self) -> None:
-        """Release the line without stopping the device; a repeated call has no effect."""
+        """Release the line without stopping the device. A repeated call has no effect."""
 
 
 @dataclass(frozen=True)

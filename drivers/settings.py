@@ -1,4 +1,4 @@
-"""Read and validate TOML files written by people; all mistakes in a file are reported together."""
+"""Read and validate TOML files written by people. All mistakes in a file are reported together."""
 
 import errno
 import json
@@ -16,7 +16,7 @@ from drivers.errors import ConfigurationError
 
 
 class Settings(BaseModel):
-    """Base class of settings from TOML; unknown keys, wrong types, NaN and infinity are refused."""
+    """Base class of settings from TOML. Unknown keys, wrong types, NaN and infinity are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
@@ -33,10 +33,11 @@ class Settings(BaseModel):
 _SHOWN_MAX = 80
 
 LONGEST_PATH = 1000
-"""Most characters of an address or a path in a setting. The system allows 4096; a person cannot read them."""
+"""Largest number of characters in an address or a path. The system allows 4096, too many for a person to
+read."""
 
 MOST_BYTES = 2**20
-"""Largest accepted size of a TOML file, a thousand times that of a usual protocol or rig file."""
+"""Largest accepted size of a TOML file in bytes; a usual protocol or rig file is a thousand times smaller."""
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -52,7 +53,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def read_toml_text(path: Path) -> tuple[dict[str, Any], str]:
-    """Return the content of a TOML file and its unchanged text; raises `ConfigurationError`."""
+    """Return the content of a TOML file, and its unchanged text. The errors are those of `read_toml`."""
     try:
         # Do not use `Path.read_text`: this function would convert all line ends to line feeds.
         text = _content(path).decode()
@@ -64,14 +65,14 @@ def read_toml_text(path: Path) -> tuple[dict[str, Any], str]:
     except UnicodeDecodeError as error:
         raise ConfigurationError(str(path), ["is not UTF-8 text; save it as UTF-8"]) from error
     except ValueError as error:
-        # invalid TOML, or a number with more digits than Python converts
+        # the text is not valid TOML, or a number has more digits than Python converts
         raise ConfigurationError(str(path), [f"is not valid TOML: {error}"]) from error
     except RecursionError as error:
         raise ConfigurationError(str(path), ["is nested too deeply to be read"]) from error
 
 
 def _content(path: Path) -> bytes:
-    """Return the content of a regular file; refuse named pipes and devices, which could be read for ever."""
+    """Return the content of a regular file. Refuse pipes and devices, because reading them may never end."""
     found = path.stat()
     if not stat.S_ISREG(found.st_mode):
         raise OSError(errno.EINVAL, "Not a file, but a folder, a pipe or a device")
@@ -82,7 +83,7 @@ def _content(path: Path) -> bytes:
 
 
 def toml_table(names: Sequence[str], table: Mapping[str, Any]) -> str:
-    """Return a table as TOML text; values may be texts, numbers, booleans, and lists or tables of these."""
+    """Return a table as TOML text. Values may be texts, numbers, booleans, and lists or tables of these."""
     heading = ".".join(map(_toml_key, names))
     return "\n".join([f"[{heading}]", *(f"{_toml_key(k)} = {_toml_value(v)}" for k, v in table.items())])
 
@@ -122,6 +123,6 @@ def mistakes_in(error: ValidationError, prefix: str = "") -> list[str]:
 
 
 def shown(value: object) -> str:
-    """Return a value as it is shown in an error message, on one line and not longer than needed."""
+    """Return a value as text for an error message, on one line and cut off if it is long."""
     text = repr(value)
     return text if len(text) <= _SHOWN_MAX else f"{text[:_SHOWN_MAX]}…"

@@ -1,4 +1,4 @@
-"""Base class of cameras that film continuously; a caller gets one new frame per call, or all frames."""
+"""Base class of cameras that film continuously. A caller gets one new frame per call, or all frames."""
 
 import threading
 from abc import ABC, abstractmethod
@@ -37,23 +37,23 @@ class Session(Protocol):
         """Time between two frames, in seconds."""
 
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
-        """Return the next frame whose exposure began after `after_s`; return None after `timeout_s`."""
+        """Return the next frame whose exposure began after `after_s`. Return None after `timeout_s`."""
 
     def verify(self) -> None:
-        """Read the settings back; raise `DeviceFault` if a setting has changed, `LinkLost` without answer."""
+        """Read the settings back. Raise `DeviceFault` if one has changed, `LinkLost` if no answer comes."""
 
     def read_settings(self) -> dict[str, Setting]:
-        """Read all settings back from the camera; the errors are those of `verify`."""
+        """Read all settings back from the camera, and raise the same errors as `verify`."""
 
     def close(self) -> None:
-        """Stop filming and release all resources; a repeated call has no effect."""
+        """Stop filming and release all resources. A repeated call has no effect."""
 
 
 S = TypeVar("S", bound=Session)
 
 
 class FilmingCamera(ABC, Generic[S]):
-    """A `Camera` that films all the time: `grab` discards frames exposed before its call.
+    """A `Camera` that films all the time. `grab` discards the frames that were exposed before its call.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class FilmingCamera(ABC, Generic[S]):
         self._silent_s = 0.0
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return a frame whose exposure began after this call; in a damaged frame, `flags` is not 0.
+        """Return a frame whose exposure began after this call. In a damaged frame, `flags` is not 0.
 
         Raises
         ------
@@ -110,7 +110,7 @@ class FilmingCamera(ABC, Generic[S]):
         )
 
     def stream(self, capacity: int = CAPACITY) -> FrameStream:
-        """Return a stream of all frames from now on; `grab` is refused until the stream is closed.
+        """Return a stream of all frames from now on. `grab` is refused until the stream is closed.
 
         Parameters
         ----------
@@ -157,8 +157,9 @@ class FilmingCamera(ABC, Generic[S]):
                 return session.read_settings()
 
     def close(self) -> None:
-        """Release the camera; a repeated call has no effect."""
-        # set `_closed` before waiting for the lock: threads that call `grab` in turns might never release it
+        """Release the camera. A repeated call has no effect."""
+        # set `_closed` before waiting for the lock, because threads that call `grab` in turns might never
+        # release it
         self._closed = True
         with self._lock:
             stream = self._stream
@@ -169,7 +170,7 @@ class FilmingCamera(ABC, Generic[S]):
 
     @abstractmethod
     def _open_again(self, step: str, deadline_s: float) -> S:
-        """Reopen the camera after a lost connection; opening must end before `deadline_s`."""
+        """Reopen the camera after a lost connection. Opening must end before `deadline_s`."""
 
     def _give_up(self) -> None:
         session, self._session = self._session, None
@@ -206,7 +207,7 @@ class FilmingCamera(ABC, Generic[S]):
 
 @contextmanager
 def to_itself(lock: threading.Lock, device: str, step: str, timeout_s: float) -> Iterator[None]:
-    """Reserve a camera for one call; raise `DeviceTimeout` if another call uses it longer than
+    """Reserve a camera for one call. Raise `DeviceTimeout` if another call uses it longer than
     `timeout_s`."""
     if not lock.acquire(timeout=min(max(0.0, timeout_s), threading.TIMEOUT_MAX)):
         raise DeviceTimeout(

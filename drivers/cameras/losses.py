@@ -9,9 +9,9 @@ from drivers.interfaces import Frame
 IN_A_ROW = 8
 """Number of consecutive late frames that prove a loss of frames when the frame counter has no gap."""
 DOUBTED = 128
-"""A frame that is too early can cancel a `PAUSE` loss only within this number of frames after the loss.
+"""An early frame disproves a `PAUSE` loss only if it comes within this number of frames after the loss.
 
-After this number of frames, clock drift between camera and computer can make a frame look early.
+Later frames can look early merely because the clocks of camera and computer drift apart.
 """
 OVERTAKEN = 64
 """If the frame counter steps back by less than this, the frame was delayed; otherwise the counter
@@ -51,7 +51,7 @@ class Loss:
 
 
 class LossAccount:
-    """Record of the missing frames of a stream; every new frame is compared with the earlier frames.
+    """Record of the missing frames of a stream. Every new frame is compared with the earlier frames.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class LossAccount:
         return tuple(sorted((*self._certain, *pauses), key=lambda loss: loss.time_s))
 
     def see(self, frame: Frame) -> bool:
-        """Record the frames that are missing before `frame`; return False if `frame` is a delayed frame.
+        """Record the frames that are missing before `frame`. Return False if `frame` is a delayed frame.
 
         A delayed frame arrives after a frame with a higher number, because a network camera sent lost packets
         again. Frames are delivered in order, so a delayed frame is not delivered and stays recorded as
@@ -98,7 +98,7 @@ class LossAccount:
         return True
 
     def add(self, kind: LossKind, first: int, count: int, frame: Frame) -> None:
-        """Record a loss at the time of `frame`; consecutive losses of kind `OVERFLOW` become one loss."""
+        """Record a loss at the time of `frame`. Consecutive losses of kind `OVERFLOW` become one loss."""
         last = self._certain[-1] if self._certain else None
         if last is not None and last.kind is kind is LossKind.OVERFLOW and last.first + last.count == first:
             self._certain[-1] = replace(last, count=last.count + count)
@@ -109,13 +109,13 @@ class LossAccount:
         return any(loss.first <= number < loss.first + loss.count for loss in self._certain)
 
     def _compare_time(self, frame: Frame, *, began_anew: bool) -> None:
-        """Find missing frames that the camera's frame counter does not show: later frames then come too late.
+        """Find missing frames that the camera's frame counter does not show, from frames that come too late.
 
         The delay of a frame is its start of exposure minus the frame number times the frame interval. A time
-        stamp can be late, but not early. Therefore the smallest delay of eight consecutive frames is the true
-        delay. If the computer was slow and all eight time stamps were late, the frames seem to be missing. A
-        later frame that is on time shows this mistake, and `_doubt` then reduces the number of missing
-        frames.
+        stamp can be late, but not early. Therefore the smallest delay of eight consecutive frames counts as
+        the true delay. If the computer was slow and all eight time stamps were late, frames seem to be
+        missing although none is. A later frame that is on time shows this mistake, and `_doubt` then reduces
+        the number of missing frames.
         """
         delay_s = frame.exposed_s - frame.sequence * self._interval_s
         if began_anew:
@@ -135,8 +135,7 @@ class LossAccount:
             self._delays.extend(explained + newer)
 
     def _doubt(self, number: int, delay_s: float) -> None:
-        """Reduce the number of missing frames in `PAUSE` losses if a later frame comes too early for this
-        number."""
+        """Reduce the number of frames in `PAUSE` losses if a later frame is too early for so many of them."""
         later = 0
         for index in range(len(self._pauses) - 1, self._settled - 1, -1):
             loss, before_s = self._pauses[index]

@@ -8,7 +8,7 @@ from drivers.settings import Settings
 
 
 class FrameSettings(Settings):
-    """Size and rate of the frames; the driver writes both to the camera and reads them back."""
+    """Size and rate of the frames. The driver writes both to the camera and reads them back."""
 
     width_px: int = Field(ge=16, le=32768)
     height_px: int = Field(ge=16, le=32768)

@@ -38,7 +38,7 @@ class StreamReport:
 
 
 class FrameStream:
-    """A thread that moves frames from a camera into a queue; use the stream as a context manager.
+    """A thread that moves frames from a camera into a queue. Use the stream as a context manager.
 
     Frames with error flags are not delivered. When the queue is full, the newest frame is dropped. `report`
     lists every dropped, damaged or missing frame.
@@ -128,8 +128,10 @@ class FrameStream:
             return StreamReport(self._taken, self._losses.losses())
 
     def close(self) -> None:
-        """End the thread of the stream; frames in the queue can still be taken. A repeated call has no
-        effect."""
+        """End the thread of the stream. A repeated call has no effect.
+
+        Frames in the queue can still be taken.
+        """
         self._ending.set()
         self._thread.join()
         with self._news:
@@ -144,7 +146,7 @@ class FrameStream:
         self.close()
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield frames until the stream is closed; raise the camera's error if an error ended the stream."""
+        """Yield frames until the stream is closed. Raise the camera's error if an error ended the stream."""
         while True:
             try:
                 yield self.next(self._silence_s)

@@ -1,4 +1,4 @@
-"""Driver for one input of a Modbus module: a contact, such as of a door, or a measured value."""
+"""Driver for one input of a Modbus module: a contact, for example on a door, or a measured value."""
 
 from typing import Literal, Self
 
@@ -17,7 +17,7 @@ _BITS = ("discrete", "coil")
 
 
 class ModbusInputSettings(Settings):
-    """Settings of one input: the Modbus module's address, and the table and number of the input.
+    """Settings of one input: the address of the Modbus module, and the table and number of the input.
 
     Attributes
     ----------
@@ -116,12 +116,12 @@ class ModbusInput:
         return InterlockState(number * settings.scale + settings.offset, self._clock.now_s())
 
     def close(self) -> None:
-        """Close the connection; a repeated call has no effect."""
+        """Close the connection. A repeated call has no effect."""
         self._link.close()
 
 
 def open_input(settings: ModbusInputSettings, context: OpenContext) -> ModbusInput:
-    """Connect to the module and read the input once; raise `DeviceError` if this fails."""
+    """Connect to the module and read the input once. Raise `DeviceError` if this fails."""
     address = resolve_address(settings.address, context)
     place = ModbusAddress(address, settings.baud, settings.parity, settings.stop_bits, context.relay)
     call_time = CallTime(context.call_timeout_s, patience_s=context.patience_s)

@@ -1,4 +1,4 @@
-"""The time that one call of a driver may take: all requests of the call together keep the rig's deadline."""
+"""The time that one call of a driver may take. All requests of the call together keep the rig's deadline."""
 
 import math
 import threading
@@ -15,13 +15,13 @@ MARGIN_S = 0.08
 MARGIN_SHARE = 0.2
 """Largest margin, as a share of the deadline."""
 OPENING_S = 4.0
-"""Time, in seconds, for all requests of opening a device, unless its reply timeout is long."""
+"""Time, in seconds, for all requests that open a device. A long reply timeout of the device extends it."""
 OPENING_ANSWERS = 4
-"""Opening may take at least this many reply timeouts."""
+"""If this many reply timeouts are longer than `OPENING_S`, opening may take so long."""
 
 
 class CallTime:
-    """The end of the present call, in seconds of real time; each thread has a call of its own.
+    """The end of the present call, in seconds of real time. Each thread has a call of its own.
 
     A call may need several requests. If one answer is late, the call still waits for it as long as the
     deadline allows. If no answer comes, the driver reports this before the rig gives up the call as hanging.
@@ -47,7 +47,7 @@ class CallTime:
 
     @contextmanager
     def call(self) -> Iterator[None]:
-        """Begin a call on this thread; a call within another call keeps the end of the outer call."""
+        """Begin a call on this thread. A call within another call ends at the end of the outer call."""
         if self._end_s < math.inf:
             yield
             return
@@ -61,7 +61,7 @@ class CallTime:
     def opening(self, reply_timeout_s: float) -> Iterator[None]:
         """Limit the time for opening a device, which takes more requests than one call.
 
-        A missing answer is reported as early as outside a call. The limit detects a device whose answers all
+        A missing answer is reported after the reply timeout. This limit detects a device whose answers all
         come late: each request succeeds, but the device cannot be used.
 
         Raises
@@ -87,7 +87,7 @@ class CallTime:
             self._of_thread.end_s, self._of_thread.opening = math.inf, False
 
     def first_wait_s(self, wait_s: float) -> float:
-        """Return how long to wait before a request is repeated: `wait_s`, or less at the end of the call."""
+        """Return how long to wait before a request is repeated: `wait_s`, or less if the call ends before."""
         if self._opening:
             wait_s += self._patience_s
         return min(wait_s, self.left_s)
@@ -95,13 +95,13 @@ class CallTime:
     def last_wait_s(self, wait_s: float) -> float:
         """Return how long to wait for the answer to the last attempt: until the end of the call.
 
-        Outside a call the time is `wait_s`, and during opening at most `wait_s`.
+        Outside a call this is `wait_s`. During opening it is the same as `first_wait_s`.
         """
         return self.left_s if self.patient else self.first_wait_s(wait_s)
 
     @property
     def patient(self) -> bool:
-        """Whether a late answer is as good as one in time: within a call, but not during opening."""
+        """Whether a late answer may still be used. This is so within a call, but not during opening."""
         return self._end_s < math.inf and not self._opening
 
     @property
@@ -110,7 +110,7 @@ class CallTime:
 
     @property
     def left_s(self) -> float:
-        """Time until the end of the call; infinite outside a call, and never negative."""
+        """Time until the end of the call, which is infinite outside a call and never negative."""
         return max(0.0, self._end_s - self._clock.now_s())
 
     @property

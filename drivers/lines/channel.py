@@ -1,4 +1,4 @@
-"""Send and receive bytes over TCP or a serial port; another thread can end a wait for bytes."""
+"""Send and receive bytes over TCP or a serial port. Another thread can end a wait for bytes."""
 
 import contextlib
 import os
@@ -13,9 +13,9 @@ from drivers.clock import SystemClock
 from drivers.errors import LinkLost
 
 CHUNK = 4096
-# Largest number of chunks that are discarded: a device that sends more chunks is assumed never to stop.
+# Largest number of chunks that are discarded. A device that sends more is assumed to send for ever.
 DRAIN_CHUNKS = 256
-# TCP retries the delivery of unacknowledged data for this multiple of the send timeout.
+# TCP tries to deliver unacknowledged data for this multiple of the send timeout, then drops them.
 UNDELIVERED = 2
 TCP_PREFIX = "socket://"
 # pyserial's SerialException is a subclass of OSError; termios.error is not
@@ -66,7 +66,7 @@ class Channel(ABC):
         self.drain()
 
     def receive(self, deadline_s: float, wake: int | None = None) -> bytes:
-        """Wait for bytes and return all received bytes; return no bytes if the deadline passes first.
+        """Wait for bytes and return all received bytes. Return no bytes if the deadline passes first.
 
         Parameters
         ----------
@@ -96,7 +96,7 @@ class Channel(ABC):
         return data
 
     def close(self) -> None:
-        """Close the channel; a repeated call has no effect."""
+        """Close the channel. A repeated call has no effect."""
         with contextlib.suppress(*CHANNEL_ERRORS):
             self._port.close()
 
@@ -199,7 +199,7 @@ def open_channel(url: str, baud: int, timeout_s: float) -> Channel:
 
 
 def open_device(name: str, url: str, baud: int, timeout_s: float, relay: str = "") -> Channel:
-    """Open the channel to a device; raise `LinkLost` with the device's name if this fails.
+    """Open the channel to a device. Raise `LinkLost` with the device's name if this fails.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def open_device(name: str, url: str, baud: int, timeout_s: float, relay: str = "
 
 
 def open_relay(relay: str, timeout_s: float) -> Channel | None:
-    """Connect to the relay of a guardian; return None if there is no relay or no guardian answers."""
+    """Connect to the relay of a guardian. Return None if there is no relay or no guardian answers."""
     host, _, port = relay.rpartition(":")
     if host:
         with contextlib.suppress(ConnectionRefusedError):
@@ -235,5 +235,5 @@ def open_relay(relay: str, timeout_s: float) -> Channel | None:
 
 
 def _is_pseudo_terminal(path: str) -> bool:
-    """Return whether a path is a pseudo-terminal; Linux refuses to set its parity a second time."""
+    """Return whether a path is a pseudo-terminal, whose parity Linux refuses to set a second time."""
     return os.major(Path(path).stat().st_rdev) in PTY_MAJORS

@@ -31,7 +31,7 @@ def whole_lines(ends: bytes) -> Cut:
 
 
 class Relay:
-    """The owner of the channel to a device; one program on this computer connects to the relay.
+    """The owner of the channel to a device. One program on this computer connects to the relay.
 
     Only complete messages are passed to the device. If a program is killed while it sends a message, this
     message never reaches the device. Bytes from the device are passed to the program without delay.
@@ -64,8 +64,7 @@ class Relay:
         self.address = ""
 
     def channel(self) -> Channel:
-        """Return the channel to the device for use by the owner of the relay; the channel is opened if
-        needed.
+        """Return the channel to the device, for use by the owner of the relay. Open the channel if needed.
 
         The owner may use the channel only while the relay passes no messages. Closing the returned channel
         does not close the line.
@@ -84,7 +83,7 @@ class Relay:
         return self._channel
 
     def drop_channel(self) -> None:
-        """Close the channel to the device; the method `channel` opens the channel again."""
+        """Close the channel to the device. The method `channel` opens it again."""
         channel, self._channel = self._channel, None
         if channel is not None:
             channel.close()
@@ -98,7 +97,7 @@ class Relay:
         self._thread.start()
 
     def take_over(self) -> None:
-        """Stop passing messages, and refuse all programs from now on; a repeated call has no effect."""
+        """Stop passing messages, and refuse all programs from now on. A repeated call has no effect."""
         thread, self._thread = self._thread, None
         if thread is None:
             return
@@ -108,7 +107,7 @@ class Relay:
         os.close(self._waker)
 
     def close(self) -> None:
-        """Stop passing messages, and close the line to the device; a repeated call has no effect."""
+        """Stop passing messages, and close the line to the device. A repeated call has no effect."""
         self.take_over()
         self.drop_channel()
 
@@ -126,7 +125,7 @@ class Relay:
                         return
 
     def _serve(self, client: socket.socket) -> bool:
-        """Pass messages in both directions; return False when the owner of the relay takes over the line.
+        """Pass messages in both directions. Return False when the owner of the relay takes over the line.
 
         If the connection to the program or to the device is lost, the result is True.
         """
@@ -163,7 +162,7 @@ class Relay:
 
 
 def _given(client: socket.socket, data: bytes) -> bool:
-    """Send bytes to the program; return False if the program has closed the connection or does not read."""
+    """Send bytes to the program. Return False if the program has closed the connection or does not read."""
     try:
         return client.send(data) == len(data) if data else True
     except OSError:
@@ -171,7 +170,7 @@ def _given(client: socket.socket, data: bytes) -> bool:
 
 
 def _taken(client: socket.socket) -> bytes:
-    """Return the bytes that the program sent; return no bytes if the program closed the connection."""
+    """Return the bytes that the program sent. Return no bytes if the program closed the connection."""
     try:
         return client.recv(CHUNK)
     except OSError:
@@ -179,7 +178,7 @@ def _taken(client: socket.socket) -> bytes:
 
 
 class _Lent(Channel):
-    """The channel of a relay, as given to the relay's owner; the method `close` leaves the line open."""
+    """The channel of a relay, as given to the relay's owner. Its method `close` leaves the line open."""
 
     def __init__(self, opened: Callable[[], Channel]) -> None:
         self._opened = opened

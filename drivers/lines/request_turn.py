@@ -1,4 +1,4 @@
-"""Order of requests from several threads on one line: one request at a time, urgent requests first."""
+"""Order of requests from several threads on one line. One request uses it at a time, urgent ones first."""
 
 import contextlib
 import os
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 
 class Turn:
-    """Lock of a serial or TCP line: one request at a time uses the line; urgent requests go first.
+    """Lock of a serial or TCP line. One request at a time uses the line, and urgent requests go first.
 
     A thread that waits for the answer to an ordinary request must also watch the file descriptor `wake`. An
     urgent request makes `wake` readable, and the waiting thread must then end its wait. No ordinary request
@@ -50,7 +50,7 @@ class Turn:
             finally:
                 self._release()
         finally:
-            # reduce the number of urgent requests also after an exception, or ordinary requests would wait
+            # count this urgent request as finished also after an exception, or ordinary requests would wait
             # for ever
             with self._changed:
                 self._urgent -= 1
@@ -72,7 +72,7 @@ class Turn:
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Close both file descriptors, when no thread waits any more; a repeated call has no effect."""
+        """Close both file descriptors, when no thread waits any more. A repeated call has no effect."""
         with self._changed:
             if not self._closed:
                 self._closed = True

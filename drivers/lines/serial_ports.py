@@ -24,7 +24,7 @@ def serial_ports(root: Path = Path("/")) -> list[SerialPort]:
     by_id, by_path = lasting_names(root / "dev/serial/by-id"), lasting_names(root / "dev/serial/by-path")
     ports = []
     for port in sorted(list_ports.comports()):
-        # all adapters of one model have the same name in by-id if they have no serial numbers
+        # without serial numbers, all adapters of one model have the same name in by-id, so use by-path
         lasting = by_id if port.serial_number else by_path
         ports.append(SerialPort(lasting.get(Path(port.device).name, port.device), port.description))
     return ports

@@ -10,7 +10,7 @@ from drivers.errors import LinkLost
 
 @dataclass(frozen=True)
 class StopTimes:
-    """Times for a stop or hold command; the command is repeated until the device confirms it.
+    """Times for a stop or hold command, which is repeated until the device confirms it.
 
     Attributes
     ----------
@@ -32,9 +32,10 @@ STOP_TIMES = StopTimes()
 
 
 class StopDeadline:
-    """A deadline on two clocks: the rig's clock and the system's clock; the earlier one counts.
+    """A deadline on two clocks, the rig's clock and the system's clock. It passes when either clock reaches
+    it.
 
-    Two clocks are needed on a simulated rig. While the program waits for a real line, the virtual clock
+    Two clocks are needed on a simulated rig. While the program waits for a real line, the simulated clock
     stands still. During a simulated sleep, the system's clock hardly advances.
 
     Parameters

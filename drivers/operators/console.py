@@ -13,16 +13,16 @@ WORDS = {
     OperatorAction.REMOVE_GRID: "removed",
     OperatorAction.GO_ON: "untouched",
 }
-"""The word that confirms each action. The words differ, so that no answer fits a second question."""
+"""The word that confirms each action. The words differ, so that an answer never fits a different question."""
 
 REQUESTS = {
     OperatorAction.REMOVE_GRID: "Please remove the calibration grid and stand back: then the rig moves.",
 }
-"""What is asked where the action alone does not say enough."""
+"""Full text of a request, for actions whose name alone does not tell the operator enough."""
 
 
 class ConsoleOperatorSettings(Settings):
-    """Settings of the console operator; there are none."""
+    """Settings of the console operator, which has none."""
 
 
 class ConsoleOperator:
@@ -73,7 +73,7 @@ class ConsoleOperator:
             question.close()
 
     def close(self) -> None:
-        """Withdraw a question that waits for its answer; a repeated call has no effect."""
+        """Withdraw a question that waits for its answer. A repeated call has no effect."""
         with self._lock:
             self._closed = True
             if self._question is not None:

@@ -11,11 +11,10 @@ from contextlib import contextmanager, suppress
 
 STDIN = 0
 FOREGROUND_S = 0.2
-"""Seconds between two checks whether this program still runs in the background of the terminal."""
+"""A program in the background of the terminal checks at this interval, in s, whether it is still there."""
 SHOWN_MAX = 20
 WRONG_LINES_MAX = 20
-"""Largest number of wrong lines from a pipe or a file, which a program may have written instead of a
-person."""
+"""Largest number of wrong lines from a pipe or a file. If more come, a program writes them, not a person."""
 
 NOT_A_TERMINAL = (
     "Standard input is no terminal. Lines that were sent before this question count: each wrong line is "
@@ -28,7 +27,7 @@ class Withdrawn(Exception):
 
 
 class Question:
-    """A question that one word answers, typed at the terminal and followed by Enter.
+    """A question that a person answers by typing one word and Enter at the terminal.
 
     Text that was typed at a terminal before the question appeared is discarded. After a wrong word the
     question is asked again. From a pipe or a file, lines that were written before the question are read too.
@@ -40,7 +39,7 @@ class Question:
     word : str
         The word that answers the question. Capital letters and spaces around the word do not matter.
     otherwise : str
-        Action by which the person refuses, such as ``Ctrl-C to end the run``.
+        What the person can do instead of answering, such as ``Ctrl-C to end the run``.
     descriptor : int
         The file descriptor to read from.
     request : str
@@ -90,13 +89,13 @@ class Question:
                 raise
 
     def withdraw(self) -> None:
-        """End `ask` now; any thread may call this, also before `ask`."""
+        """End `ask` now. Any thread may call this method, even before `ask` is called."""
         with self._lock:
             if not self._closed:
                 os.write(self._withdrawing, b"x")
 
     def close(self) -> None:
-        """Release the descriptors of this question, after `ask` has ended; then `withdraw` does nothing."""
+        """Release the descriptors of this question after `ask` has ended. Then `withdraw` does nothing."""
         with self._lock:
             self._closed = True
             os.close(self._withdrawal)
@@ -127,7 +126,7 @@ class Question:
 
     def _line(self) -> str:
         """Return the next line without spaces around it."""
-        # read single bytes, so that the text after this line stays unread for other readers
+        # read single bytes, so that the lines after this line are left for other readers
         line = b""
         while not line.endswith(b"\n"):
             self._wait()
@@ -143,7 +142,7 @@ class Question:
         return line.decode(errors="replace").strip()
 
     def _wait(self) -> None:
-        """Wait until a byte can be read; raise `Withdrawn` if the question was withdrawn."""
+        """Wait until a byte can be read. Raise `Withdrawn` if the question was withdrawn."""
         while True:
             in_foreground = self._in_foreground()
             listened = [self._withdrawal, self._descriptor] if in_foreground else [self._withdrawal]
@@ -164,7 +163,7 @@ class Question:
 
 
 def _show(text: str) -> None:
-    # standard error, because standard output may be redirected to a file
+    # use standard error, because standard output may be redirected to a file
     with suppress(OSError):
         print(text, end="", file=sys.stderr, flush=True)
 

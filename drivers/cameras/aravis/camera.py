@@ -21,7 +21,7 @@ Aravis needs up to 13 s to close the connection to a camera that is disconnected
 
 
 class _Aside:
-    """Opens or closes a camera in a separate thread: Aravis retries for seconds if a camera is silent."""
+    """Opens or closes a camera on a separate thread, because Aravis takes seconds if a camera is silent."""
 
     def __init__(self, name: str, act: Callable[[], Session | None]) -> None:
         self._act = act
@@ -31,12 +31,12 @@ class _Aside:
         self._thread.start()
 
     def is_done(self, timeout_s: float) -> bool:
-        """Wait up to `timeout_s` seconds for the action, and return whether opening or closing has ended."""
+        """Wait up to `timeout_s` seconds for the end of opening or closing. Return whether it has ended."""
         self._thread.join(max(0.0, timeout_s))
         return not self._thread.is_alive()
 
     def result(self) -> Session | None:
-        """Return the opened session, or None after closing; raise the exception if the action failed."""
+        """Return the opened session, or None after closing. Raise the exception if the action failed."""
         if self._error is not None:
             raise self._error
         return self._session
@@ -76,8 +76,10 @@ class AravisCamera(FilmingCamera[Session]):
         )
 
     def close(self) -> None:
-        """Release the camera; a repeated call has no effect. The wait for a camera that does not answer is
-        limited."""
+        """Release the camera. A repeated call has no effect.
+
+        If the camera does not answer, the method waits for a limited time only.
+        """
         super().close()
         with self._lock:
             aside, self._aside = self._aside, None

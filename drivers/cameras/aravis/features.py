@@ -1,4 +1,4 @@
-"""Write the settings of an opened GigE Vision camera and read them back; a difference is an error."""
+"""Write the settings of an opened GigE Vision camera, read them back, and refuse a difference."""
 
 import ctypes
 import re
@@ -95,7 +95,7 @@ class Features:
                 raise self._fault(step, f"{wanted:g}", f"{got:g}", "open the camera again")
 
     def read(self, settings: AravisSettings) -> dict[str, Setting]:
-        """Read the settings that `write` has written, and those of the transfer, back from the camera.
+        """Read back the settings that `write` has written, the transfer sizes and the camera's versions.
 
         Raises
         ------
@@ -139,7 +139,7 @@ class Features:
         return LinkLost(self._device, step, expected, str(error), remedy)
 
     def attempt(self, step: str, name: str, *arguments: Any) -> Any:
-        """Call a library function for the camera; raise `DeviceFault` if the call fails."""
+        """Call a library function for the camera. Raise `DeviceFault` if the call fails."""
         try:
             return self._library.call(name, self._camera, *arguments)
         except AravisError as error:

@@ -1,4 +1,4 @@
-"""Search for GigE Vision and USB3 Vision cameras; Aravis queries every network and every USB bus."""
+"""Search for GigE Vision and USB3 Vision cameras. Aravis queries every network and every USB bus."""
 
 from drivers.cameras.aravis.library import Aravis, load
 from drivers.registry import Finder, Found
@@ -7,7 +7,7 @@ PROTOCOLS = ("GigEVision", "USB3Vision")
 
 
 def vision_cameras(library: Aravis | None = None) -> list[Found]:
-    """Return the cameras that answer within one second (Aravis' timeout); no setting is changed.
+    """Return the cameras that answer within one second (Aravis' timeout). No setting is changed.
 
     Parameters
     ----------

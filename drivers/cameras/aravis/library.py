@@ -93,7 +93,7 @@ class Aravis:
             function.restype, function.argtypes = result, arguments
 
     def call(self, name: str, *arguments: Any) -> Any:
-        """Call one function of the library; `name` is given without the prefix ``arv_``.
+        """Call the function of the library that has the prefix ``arv_`` before `name`.
 
         Raises
         ------
@@ -113,7 +113,7 @@ class Aravis:
         return result
 
     def text(self, name: str, *arguments: Any) -> str:
-        """Call a function that returns text; return an empty text for a null pointer."""
+        """Call a function that returns text. Return an empty text for a null pointer."""
         return (self.call(name, *arguments) or b"").decode("utf-8", "replace")
 
     def release(self, thing: int | None) -> None:
@@ -124,5 +124,5 @@ class Aravis:
 
 @cache
 def load() -> Aravis:
-    """Load Aravis and the libraries of GLib; raise `OSError` if a library is not installed."""
+    """Load Aravis and the libraries of GLib. Raise `OSError` if a library is not installed."""
     return Aravis(*(ctypes.CDLL(name) for name in LIBRARIES))

@@ -18,7 +18,7 @@ from drivers.interfaces import Frame, Setting
 
 UNSETTLED_FRAMES = 2
 CLOCK_SET_S = 0.01
-"""If the date minus the rig's clock jumps by more than this, in seconds, somebody has set the date."""
+"""If the system's date jumps by more than this time in s against the rig's clock, somebody has set it."""
 READINGS = 3
 LONGEST_WAIT_S = 3600.0
 SHORT_COUNTER = 0xFFFF
@@ -70,7 +70,8 @@ class Session:
             self._features.write(settings)
             self._exposure_us = self._features.numbers["exposure_time"]
             self._gain = self._features.numbers.get("gain", math.nan)
-            # assume one frame time for an unknown delay, so that the age of a frame is never underestimated
+            # if the delay is not known, assume one frame time, so that the age of a frame is never
+            # underestimated
             transfer_us = 1e6 / settings.rate_hz if settings.transfer_us is None else settings.transfer_us
             self._behind_s = (self._exposure_us + transfer_us) * 1e-6
             self._begin()
@@ -84,7 +85,7 @@ class Session:
         return 1 / self._settings.rate_hz
 
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
-        """Return the next frame exposed after `after_s`, even if damaged; return None after `timeout_s`."""
+        """Return the next frame exposed after `after_s`, even if damaged. Return None after `timeout_s`."""
         deadline_s = self._clock.now_s() + timeout_s
         while (left_s := deadline_s - self._clock.now_s()) > 0:
             wait_us = int(min(left_s, LONGEST_WAIT_S) * 1e6)
@@ -100,18 +101,18 @@ class Session:
         return None
 
     def verify(self) -> None:
-        """Read frame rate, exposure time and gain back; raise `DeviceFault` if a value has changed.
+        """Read frame rate, exposure time and gain back. Raise `DeviceFault` if a value has changed.
 
         If the camera does not answer, `LinkLost` is raised.
         """
         self._features.verify()
 
     def read_settings(self) -> dict[str, Setting]:
-        """Read all settings back from the camera; raise `LinkLost` if the camera does not answer."""
+        """Read all settings back from the camera. Raise `LinkLost` if the camera does not answer."""
         return self._features.read(self._settings)
 
     def close(self) -> None:
-        """Stop filming and release all resources; a repeated call has no effect."""
+        """Stop filming and release all resources. A repeated call has no effect."""
         camera, self._camera = self._camera, None
         stream, self._stream = self._stream, None
         if stream is not None:
@@ -121,7 +122,8 @@ class Session:
         self._library.release(camera)
 
     def _require_control(self) -> None:
-        """Check that this program controls the camera: Aravis would retry a refused write for seconds."""
+        """Check that this program controls the camera, because Aravis would retry a refused write for
+        seconds."""
         call, camera = self._library.call, self._camera
         if not camera:
             raise AravisError("none")
@@ -139,7 +141,7 @@ class Session:
         attempt("start", "camera_start_acquisition")
 
     def _number_of(self, buffer: int, arrived_s: float) -> int:
-        """Return the frame number from the camera's counter, continued after an overflow of 16 bits.
+        """Return a frame number that also increases when the camera's 16-bit counter starts again.
 
         If the camera's counter repeats or decreases, the frame number also repeats or decreases. The number
         of overflows is computed from the time between two frames.
@@ -212,8 +214,10 @@ class Session:
         return image, 0
 
     def _date_less_clock_s(self) -> float:
-        """Return the date minus the rig's clock, in seconds, using the quickest of several pairs of
-        readings."""
+        """Return the system's date minus the rig's clock, in seconds.
+
+        Both are read one after the other, several times. The pair that was read most quickly is used.
+        """
         readings = []
         for _ in range(READINGS):
             before_s = self._clock.now_s()

@@ -1,4 +1,4 @@
-"""Driver for any camera that OpenCV can open, for set-up and teaching: lost frames cannot be detected.
+"""Driver for any camera that OpenCV can open. It cannot detect lost frames: use it for set-up and teaching.
 
 OpenCV gives no frame counter, no timestamp and no error flag, and delivers damaged frames as good frames.
 This driver therefore discards all frames that may have waited in a buffer. The driver also reads every camera
@@ -86,7 +86,7 @@ class OpencvCamera:
                 utc=utc,
                 sequence=self._sequence,
                 flags=0,
-                exposure_us=math.nan,  # unknown: the unit of exposure depends on the backend
+                exposure_us=math.nan,  # not known, because its unit depends on the backend
                 gain=math.nan if self._settings.gain is None else self._settings.gain,
             )
 
@@ -105,7 +105,7 @@ class OpencvCamera:
             }
 
     def close(self) -> None:
-        """Release the camera; a repeated call has no effect."""
+        """Release the camera. A repeated call has no effect."""
         with self._lock:
             capture, self._capture = self._capture, None
             if capture is not None:

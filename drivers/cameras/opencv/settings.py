@@ -7,7 +7,8 @@ from pydantic import Field, field_validator
 from drivers.cameras.settings import FrameSettings
 
 LAST_NUMBER = 9999
-"""Largest `source` number; OpenCV adds a multiple of 100, which selects the backend, to a camera's number."""
+"""Largest `source` number. A number is that of the camera plus a multiple of 100 that selects OpenCV's
+backend."""
 OWN_SETTINGS = {
     "FRAME_WIDTH": "width_px",
     "FRAME_HEIGHT": "height_px",

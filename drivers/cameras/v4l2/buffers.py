@@ -1,4 +1,4 @@
-"""Ring of image buffers: the camera fills queued buffers, and the program takes and queues them again."""
+"""Ring of image buffers. The camera fills a queued buffer, and the program takes it and queues it again."""
 
 import contextlib
 import ctypes
@@ -80,20 +80,20 @@ class Buffers:
             raise
 
     def start(self) -> None:
-        """Queue every buffer and start filming; raise `OSError` if the kernel refuses."""
+        """Queue every buffer and start filming. Raise `OSError` if the kernel refuses."""
         self._owed.clear()
         for index in range(len(self._maps)):
             self._node.ioctl(Request.QBUF, self._buffer(index))
         self._node.ioctl(Request.STREAMON, ctypes.c_int(CAPTURE))
 
     def stop(self) -> None:
-        """Stop filming and take every buffer back from the camera; raise `OSError` if the kernel refuses."""
+        """Stop filming and take every buffer back from the camera. Raise `OSError` if the kernel refuses."""
         self._node.ioctl(Request.STREAMOFF, ctypes.c_int(CAPTURE))
 
     def take(self) -> Filled | None:
-        """Dequeue the oldest filled buffer; return None if no buffer is filled. May raise `OSError`."""
-        # queue buffers here that the kernel refused before: if it refused all buffers, no `give_back` would
-        # follow
+        """Dequeue the oldest filled buffer, or return None if no buffer is filled. May raise `OSError`."""
+        # Queue the buffers that the kernel refused before. If it has refused all of them, no `give_back`
+        # follows that could queue them.
         self._offer()
         buffer = self._buffer(0)
         try:
@@ -104,11 +104,11 @@ class Buffers:
         return Filled(buffer.index, buffer.bytesused, buffer.flags, stamp_s, buffer.sequence)
 
     def memory(self, filled: Filled) -> memoryview:
-        """Return a view of the bytes in a filled buffer; release the view before `give_back`."""
+        """Return a view of the bytes in a filled buffer. Release the view before `give_back`."""
         return memoryview(self._maps[filled.index])[: filled.bytes_used]
 
     def give_back(self, filled: Filled) -> None:
-        """Queue a buffer again; raise `OSError` if the camera was unplugged.
+        """Queue a buffer again. Raise `OSError` if the camera was unplugged.
 
         If the kernel refuses a buffer, the next call of `give_back` or `take` queues this buffer again.
         """
@@ -126,7 +126,7 @@ class Buffers:
             self._owed.discard(index)
 
     def close(self) -> None:
-        """Stop filming and unmap the buffers; the kernel frees the buffers when the node is closed."""
+        """Stop filming and unmap the buffers. The kernel frees the buffers when the node is closed."""
         with contextlib.suppress(OSError):
             self.stop()
         while self._maps:

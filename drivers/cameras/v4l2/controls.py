@@ -1,4 +1,4 @@
-"""Set the controls of a camera, such as exposure and gain, and read them back; automatic controls are off."""
+"""Set the controls of a camera, such as exposure and gain, and read them back. Automatic controls are off."""
 
 import errno
 import re
@@ -70,7 +70,7 @@ class Controls:
         self.known = self._enumerate()
 
     def switch_automatics_off(self, wanted: Mapping[str, int]) -> None:
-        """Switch off every automatic control; a control named in `wanted` gets the value from `wanted`.
+        """Switch off every automatic control. A control that `wanted` names gets its value from `wanted`.
 
         Raises
         ------
@@ -146,7 +146,7 @@ class Controls:
         return int(request.value)
 
     def hold(self, control: Control) -> int:
-        """Return the present value of a control; from now on `verify` expects this value."""
+        """Return the present value of a control. From now on `verify` expects this value."""
         self._set[control.id] = self.get(control)
         return self._set[control.id]
 
@@ -165,8 +165,8 @@ class Controls:
         Raises
         ------
         DeviceFault
-            If `set` fails, or if an automatic control overrides the value. Some kernel drivers accept such a
-            value although the value has no effect.
+            If `set` fails, or if an automatic control overrides the value. Some kernel drivers report no
+            error although the written value has no effect.
         """
         self.set(control, value)
         if self.is_held(control):
@@ -218,7 +218,7 @@ class Controls:
                 if error.errno in _END_OF_LIST:
                     return found
                 raise translate(error, self._device, "list controls", "its controls") from error
-            if query.id <= last:  # the kernel driver has started its list again
+            if query.id <= last:  # the kernel driver has begun its list of controls from the start again
                 return found
             last = query.id
             if query.type in _NUMBERS and not query.flags & ControlFlag.DISABLED:

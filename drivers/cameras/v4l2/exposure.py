@@ -21,7 +21,7 @@ The number is from the documentation of the Linux kernel.
 
 @dataclass(frozen=True)
 class Exposure:
-    """Exposure time in µs and gain, as read back; NaN if unknown or under automatic control."""
+    """Exposure time in µs and gain, as read back, or NaN if unknown or under automatic control."""
 
     time_us: float
     gain: float
@@ -33,9 +33,9 @@ def set_exposure(controls: Controls, settings: V4l2Settings, device: str) -> Exp
     Raises
     ------
     DeviceFault
-        If the camera does not accept a value, or an accepted value has no effect. If `exposure_us` is missing
-        although the camera has an exposure control, or is given although the camera has no exposure control.
-        If `controls` names exposure or gain, because exposure and gain have their own settings.
+        If the camera does not accept a value, or an accepted value has no effect. If the camera has an
+        exposure control but `exposure_us` is missing. If `exposure_us` is given but the camera has no
+        exposure control. If `controls` names exposure or gain, which have settings of their own.
     """
     controls.switch_automatics_off(settings.controls)
     exposure, unit_us = _exposure_control(controls, settings)
@@ -52,7 +52,7 @@ def set_exposure(controls: Controls, settings: V4l2Settings, device: str) -> Exp
 
 
 def read_exposure(controls: Controls, settings: V4l2Settings) -> dict[str, Setting]:
-    """Return exposure time and gain, read from the camera, if the camera has them.
+    """Return exposure time and gain, as read from the camera; leave out a value that is unknown.
 
     The exposure time is missing if the camera counts it in lines of unknown duration.
     """
@@ -61,7 +61,7 @@ def read_exposure(controls: Controls, settings: V4l2Settings) -> dict[str, Setti
     if control is not None and unit_us is not None:
         found["exposure_us"] = controls.get(control) * unit_us
     gain = _gain_control(controls)
-    # while an automatic gain control is on, the gain is no setting
+    # while an automatic control changes the gain, its value is not a setting
     if gain is not None and not controls.is_held(gain):
         found["gain"] = controls.get(gain)
     return found
@@ -98,7 +98,7 @@ def _set_exposure_time(
         raise _unusable(device, step, f"{wanted_us:g} µs", remedy)
     automatic = controls.known.get(ControlId.EXPOSURE_AUTO)
     if automatic is not None and controls.get(automatic) == SHUTTER_PRIORITY:
-        # the value has an effect here, although the kernel driver uvcvideo flags the control as inactive
+        # writing works here, although the kernel driver uvcvideo flags this control as inactive
         controls.set(control, value)
     else:
         controls.set_active(control, value)
@@ -113,7 +113,7 @@ def _set_gain(controls: Controls, control: Control | None, wanted: int | None, d
     if wanted is not None:
         controls.set_active(control, wanted)
         return wanted
-    # the gain varies if the settings leave an automatic gain control on
+    # if the settings leave an automatic gain control on, the gain varies and is not known
     return math.nan if controls.is_held(control) else controls.hold(control)
 
 

@@ -16,8 +16,7 @@ _NO_CAMERA = (errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.ENOTTY)
 
 @dataclass(frozen=True)
 class Identity:
-    """Identity of the camera at a device node; it stays the same when the camera is plugged into the same
-    socket again."""
+    """Identity of the camera at a device node. A camera that is plugged into its socket again keeps it."""
 
     driver: str
     card: str
@@ -27,7 +26,7 @@ class Identity:
     firmware: str
 
     def same_camera(self, other: "Identity") -> bool:
-        """Return whether `other` is the same camera; without serial numbers, the sockets are compared."""
+        """Return whether `other` is the same camera. Without serial numbers, the sockets are compared."""
         if self.card != other.card:
             return False
         if self.serial or other.serial:
@@ -121,7 +120,7 @@ def _identify(node: Node, path: str, system: System, device: str) -> Identity:
         node.ioctl(Request.QUERYCAP, info)
     except OSError as error:
         raise translate(error, device, "identify camera", "a camera") from error
-    # use `device_caps`: `capabilities` is for all nodes together, also for a node that has only metadata
+    # use `device_caps`, because `capabilities` lists the functions of all nodes of the camera together
     own = info.device_caps if info.capabilities & Capability.DEVICE_CAPS else info.capabilities
     needed = Capability.VIDEO_CAPTURE | Capability.STREAMING
     if own & needed != needed:

@@ -1,4 +1,4 @@
-"""Set picture format and frame rate, and read both back; a difference is an error."""
+"""Set the picture format and the frame rate, read both back, and refuse a difference."""
 
 import ctypes
 import errno
@@ -18,7 +18,7 @@ _LARGEST_DENOMINATOR = 1001  # needed for a frame rate of 30000/1001 Hz
 
 @dataclass(frozen=True)
 class Picture:
-    """Format of the pictures in the buffers; `interval_s` is the time between two pictures in seconds."""
+    """Format of the pictures in the buffers. `interval_s` is the time between two pictures in seconds."""
 
     grey: Grey
     width: int
@@ -97,7 +97,7 @@ def set_picture(
 
 
 def read_picture(node: Node, device: str) -> dict[str, Setting]:
-    """Return picture format and frame rate, as the kernel reports them; raise `DeviceError` if this fails."""
+    """Return picture format and frame rate, as the kernel reports them. Raise `DeviceError` if this fails."""
     format, parameters = Format(type=CAPTURE), CaptureParameters(type=CAPTURE)
     try:
         node.ioctl(Request.G_FMT, format)

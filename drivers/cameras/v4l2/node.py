@@ -21,16 +21,16 @@ class Node(Protocol):
     """An opened device node of a camera."""
 
     def ioctl(self, request: int, argument: ctypes.Structure | ctypes.c_int | ctypes.c_uint32) -> None:
-        """Send one request; the kernel writes its answer into `argument`, or an `OSError` is raised."""
+        """Send one request. The kernel writes its answer into `argument`. Raise `OSError` if it refuses."""
 
     def map(self, length: int, offset: int) -> Any:
-        """Return a buffer of the kernel driver as writable memory; the memory has a method ``close``."""
+        """Return a buffer of the kernel driver as writable memory, which has a method ``close``."""
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait for a filled buffer or an error; return False if neither came. The wait may end early."""
+        """Wait for a filled buffer or an error. Return False if neither came, perhaps before the timeout."""
 
     def close(self) -> None:
-        """Release the node; a repeated call has no effect."""
+        """Release the node. A repeated call has no effect."""
 
 
 class System(Protocol):
@@ -40,7 +40,7 @@ class System(Protocol):
         """Return the paths of all video nodes, sorted by number."""
 
     def open(self, path: str) -> Node:
-        """Open a node; raise `OSError` if the node cannot be opened."""
+        """Open a node. Raise `OSError` if the node cannot be opened."""
 
     def usb_facts(self, path: str) -> MutableMapping[str, str]:
         """Return the known attributes of a node's USB device: ``serial``, ``manufacturer``, ``bcdDevice``."""
@@ -53,7 +53,7 @@ class KernelNode:
         self._file = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
 
     def ioctl(self, request: int, argument: ctypes.Structure | ctypes.c_int | ctypes.c_uint32) -> None:
-        """Send one request to the kernel; repeat the request if a signal interrupts it."""
+        """Send one request to the kernel, and send it again if a signal interrupts it."""
         import fcntl
 
         while True:
@@ -78,7 +78,7 @@ class KernelNode:
         return bool(poll.poll(min(max(0.0, timeout_s), LONGEST_WAIT_S) * 1000))
 
     def close(self) -> None:
-        """Close the device file; a repeated call has no effect."""
+        """Close the device file. A repeated call has no effect."""
         file, self._file = self._file, -1
         if file >= 0:
             os.close(file)
@@ -97,7 +97,7 @@ class KernelSystem:
         return KernelNode(path)
 
     def usb_facts(self, path: str) -> MutableMapping[str, str]:
-        """Read the sysfs attributes of the USB device behind a node; empty for other buses."""
+        """Read the sysfs attributes of the USB device behind a node. The result is empty for other buses."""
         # the folder ``device`` belongs to a USB interface; its parent folder belongs to the USB device
         folder = Path("/sys/class/video4linux") / Path(path).resolve().name / "device" / ".."
         facts = {}

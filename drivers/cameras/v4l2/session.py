@@ -21,7 +21,7 @@ from drivers.interfaces import Frame, Setting
 UNSETTLED_FRAMES = 2
 """Number of frames that may still be exposed with the old settings after a control was changed."""
 SHORT = 1 << 32
-"""Flag of an incomplete frame; this bit lies above the 32 flag bits of the kernel."""
+"""Flag of an incomplete frame. This bit lies above the 32 flag bits of the kernel."""
 
 
 class Session:
@@ -90,7 +90,7 @@ class Session:
         return self._picture.interval_s
 
     def verify(self) -> None:
-        """Read all control values back; raise `DeviceFault` if a value has changed."""
+        """Read all control values back. Raise `DeviceFault` if a value has changed."""
         self._controls.verify()
 
     def read_settings(self) -> dict[str, Setting]:
@@ -101,7 +101,7 @@ class Session:
         )
 
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
-        """Return the next frame whose exposure began after `after_s`; return None after `timeout_s`.
+        """Return the next frame whose exposure began after `after_s`. Return None after `timeout_s`.
 
         Incomplete frames, and frames that the kernel flags as damaged, are also returned, with `flags` set.
 
@@ -131,7 +131,7 @@ class Session:
                 return None
 
     def close(self) -> None:
-        """Stop filming and release all resources; a repeated call has no effect."""
+        """Stop filming and release all resources. A repeated call has no effect."""
         if self._buffers is not None:
             self._buffers.close()
             self._buffers = None
@@ -148,7 +148,7 @@ class Session:
                 raise translate(error, self._device, "claim camera", "a free camera") from error
 
     def _take(self) -> Filled | None:
-        """Dequeue a buffer; after an error, restart filming once. A second error in a row is raised."""
+        """Dequeue a buffer. After an error, restart filming once; raise a second error in a row."""
         assert self._buffers is not None
         try:
             return self._buffers.take()
