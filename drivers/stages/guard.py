@@ -1,4 +1,4 @@
-"""Guard of a rotation stage: it owns the line, passes the driver's messages on, and can stop the stage."""
+"""The guard of a rotation stage owns the line, passes the driver's messages on, and can stop the stage."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class StageTalk(Generic[P]):
         ``open_port(name, channel, reply_timeout_s)`` returns a port on an open channel.
     stop : callable
         ``stop(port, answer_s)`` commands a stop once. The function returns an empty text if the stage stands
-        still, otherwise a reason.
+        still, otherwise the reason why this is not certain.
     identity : callable
         ``identity(port, answer_s)`` returns a text that identifies the stage, such as its serial number.
     """
@@ -43,7 +43,7 @@ class StageTalk(Generic[P]):
 
 
 class StageGuard(Generic[P]):
-    """A `Guard` that owns the line to a stage; the constructor connects to the stage.
+    """A `Guard` that owns the line to a stage. The constructor connects to the stage.
 
     Parameters
     ----------
@@ -79,10 +79,10 @@ class StageGuard(Generic[P]):
         self.relay = self._line.address
 
     def check(self) -> None:
-        """Do nothing: the driver's messages on the same line already show that the line works."""
+        """Do nothing, because the driver's messages on the same line already show that the line works."""
 
     def stop(self) -> None:
-        """Take over the line and stop the stage; raise `DeviceTimeout` if the stage does not report
+        """Take over the line and stop the stage. Raise `DeviceTimeout` if the stage does not report
         standstill."""
         self._line.take_over()
         deadline = StopDeadline(self._clock, self._times.deadline_s)
@@ -102,13 +102,12 @@ class StageGuard(Generic[P]):
         raise DeviceTimeout(self._name, "stop", "standstill", got, "press the emergency stop")
 
     def _stranger(self, port: P, proven: bool) -> str:
-        """Return an empty text if the expected stage answers on the line, otherwise the identity of the other
-        device."""
+        """Return an empty text if the expected stage answers, otherwise the identity of the other device."""
         found = self._identity if proven else self._talk.identity(port, self._answer_s)
         return "" if found == self._identity else f"the device {found}"
 
     def close(self) -> None:
-        """Release the line without stopping the stage; a repeated call has no effect."""
+        """Release the line without stopping the stage. A repeated call has no effect."""
         self._release_port()
         self._line.close()
 

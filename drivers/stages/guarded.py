@@ -22,7 +22,7 @@ P = TypeVar("P", bound=StagePort)
 
 
 class GuardedStage(ABC, Generic[P]):
-    """A `RotationStage` with limit checks and a stop; a subclass adds the messages of its device.
+    """A `RotationStage` with limit checks and a stop. A subclass adds the messages of its device.
 
     Parameters
     ----------
@@ -72,29 +72,31 @@ class GuardedStage(ABC, Generic[P]):
 
     @abstractmethod
     def set_up(self) -> None:
-        """Identify the device, write limits and speed and read them back; no motion is started."""
+        """Identify the device, write limits and speed and read them back. No motion is started."""
 
     @abstractmethod
     def read(self) -> StageState:
-        """Return position and status; raise `DeviceFault` if the device reports that a motion failed."""
+        """Return position and status. Raise `DeviceFault` if the device reports that a motion failed."""
 
     @abstractmethod
     def _begin_move(self, angle_deg: float, state: StageState, step: str, permit: Callable[[], None]) -> None:
-        """Send a motion command once; if `permit` raises, send nothing. `state` is the latest state of the
-        stage."""
+        """Call `permit`, then send a motion command once. If `permit` raises an exception, send nothing.
+
+        `state` is the latest state of the stage.
+        """
 
     @abstractmethod
     def _try_to_stop(self, port: P) -> str:
-        """Send the stop command once; return an empty text if the stage stands still, otherwise the reason.
+        """Send the stop command once. Return an empty text if the stage stands still, otherwise what it does.
 
-        If the state of the stage is unknown, `DeviceTimeout` is raised.
+        Raise `DeviceTimeout` if the state of the stage is unknown.
         """
 
     @abstractmethod
     def _stranger(self, port: P) -> str:
-        """Return an empty text if the device of `set_up` answers, otherwise the name of the other device.
+        """Return an empty text if the device that `set_up` has identified answers, otherwise another's name.
 
-        If no device answers, `DeviceTimeout` is raised.
+        Raise `DeviceTimeout` if no device answers.
         """
 
     @one_call
@@ -146,7 +148,7 @@ class GuardedStage(ABC, Generic[P]):
         return self._open_port(self._name, channel, timeout_s)
 
     def _stop_on_new_links(self) -> None:
-        """Stop the stage over a new link after the link was lost; all other requests still fail.
+        """Stop the stage over a new link after the link was lost. All other requests still fail.
 
         A new link can be lost too. For example, the relay of a guardian that was killed may still accept a
         connection, which then breaks.
@@ -185,7 +187,7 @@ class GuardedStage(ABC, Generic[P]):
         raise DeviceTimeout(self._name, "stop", "standstill", got, "press the emergency stop")
 
     def close(self) -> None:
-        """Release the port without stopping the stage; a repeated call has no effect."""
+        """Release the port without stopping the stage. A repeated call has no effect."""
         self._closed = True
         self._port.close()
 
@@ -195,7 +197,7 @@ class GuardedStage(ABC, Generic[P]):
 
     @contextmanager
     def _commanding(self) -> Iterator[None]:
-        """Mark the time in which a motion command is sent, so that readings meanwhile are not judged."""
+        """Mark the time in which a motion command is sent. Readings in this time are not judged."""
         self._own_motion.begin()
         try:
             yield
@@ -203,8 +205,7 @@ class GuardedStage(ABC, Generic[P]):
             self._own_motion.sent()
 
     def _judged(self, state: StageState) -> StageState:
-        """Return `state` if it follows from this program's commands; `DeviceFault` if another program moved
-        the stage.
+        """Return `state`. Raise `DeviceFault` if it shows that another program moved the stage.
 
         The fault remains until `home` is called.
         """
@@ -216,8 +217,7 @@ class GuardedStage(ABC, Generic[P]):
 
     @abstractmethod
     def _break_off_search(self) -> None:
-        """Record that a stop will interrupt a home search; called with the lock held, before the stop is
-        sent."""
+        """Record that a stop will interrupt a home search. The caller holds the lock and stops afterwards."""
 
     def _unless_stopped(self, step: str) -> Callable[[], None]:
         """Return a function `permit`, which raises `DeviceFault` if a stop was requested after this call."""
@@ -252,7 +252,7 @@ G = TypeVar("G", bound=GuardedStage[Any])
 
 
 def set_up(stage: G) -> G:
-    """Set up a stage whose port is open, and return the stage; close the port if this fails."""
+    """Set up a stage whose port is open, and return the stage. Close the port if this fails."""
     try:
         with stage.opening():
             stage.set_up()

@@ -2,14 +2,14 @@
 
 import threading
 
-# More than the position control of a stage at rest moves it, and less than any step of a protocol.
+# Larger shifts of a stage at rest are motions. Its position control moves it less, a protocol step more.
 SHIFT_DEG = 0.05
 
 
 class OwnMotion:
-    """Record of the motion commands that this program sent to a stage; any thread may use this object.
+    """Record of the motion commands that this program sent to a stage. Any thread may use this object.
 
-    Until the stage was first seen at rest, a motion is attributed to an earlier program and is no error.
+    Until the stage is first seen at rest, a motion may come from an earlier program and is not an error.
     """
 
     def __init__(self) -> None:
@@ -26,8 +26,7 @@ class OwnMotion:
             self._rest_deg = None
 
     def sent(self) -> None:
-        """Record that the command was sent or refused; its motion ends when the stage is next seen at
-        rest."""
+        """Record that the command was sent or refused. Its motion ends at the next reading at rest."""
         with self._lock:
             self._sending = False
 
@@ -42,15 +41,15 @@ class OwnMotion:
             self._foreign = self._foreign or foreign
 
     def see(self, angle_deg: float, *, moving: bool, referenced: bool) -> str:
-        """Record a reading; return the sign of another program's command, or an empty text without such a
-        sign.
+        """Record a reading. Return the sign of another program's command, or an empty text if there is none.
 
         Parameters
         ----------
         angle_deg : float
         moving : bool
         referenced : bool
-            True if the stage has a reference position; without it the angle may jump without a motion.
+            True if the stage has a reference position. Without a reference the angle may jump without a
+            motion.
         """
         with self._lock:
             if self._sending:

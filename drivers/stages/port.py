@@ -10,7 +10,7 @@ from drivers.lines.channel import CHANNEL_ERRORS, Channel
 
 
 class StagePort(ABC):
-    """An exclusive port: no other program can use it, and any thread may send messages.
+    """An exclusive port. No other program can use it, and any thread may send messages.
 
     Parameters
     ----------
@@ -37,10 +37,10 @@ class StagePort(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Release the port; a repeated call has no effect."""
+        """Release the port. A repeated call has no effect."""
 
     def _write(self, message: bytes, command: str, permit: Callable[[], None] | None) -> None:
-        """Call `permit`, then send a message; if `permit` raises, nothing is sent.
+        """Call `permit`, then send a message. If `permit` raises an exception, nothing is sent.
 
         The caller must hold the write lock, so that no other thread writes in between.
         """

@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from drivers.settings import LONGEST_PATH, Settings
 
-# Wide bounds for any stage: a typing error in the rig file is reported before a device is opened.
+# Bounds wide enough for any stage. They reveal a typing error in the rig file before a device is opened.
 ANGLE_GREATEST_DEG = 1e6
 SPEED_GREATEST_DEG_S = 1e4
 ACCELERATION_GREATEST_DEG_S2 = 1e6
@@ -24,8 +24,8 @@ class StageSettings(Settings):
     speed_deg_s : float
         Speed in degrees per second, written to the device.
     acceleration_deg_s2 : float, optional
-        Acceleration and deceleration, written to the device; by default the device keeps its own. A stage
-        needs `speed_deg_s` / `acceleration_deg_s2` to stop.
+        Acceleration and deceleration, written to the device. By default the device keeps its own value. A
+        stage needs the time `speed_deg_s` / `acceleration_deg_s2` to stop.
     reply_timeout_s : float
         Longest wait for an answer of the device, in seconds.
     """

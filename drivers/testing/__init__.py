@@ -1,4 +1,4 @@
-"""Tests that every driver must pass; the test suite of a driver inherits these test classes.
+"""Tests that every driver must pass. The test suite of a driver inherits these test classes.
 
 ::
 

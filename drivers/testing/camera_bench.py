@@ -34,7 +34,7 @@ class CameraBench:
     reopen : callable
         ``reopen()`` opens the camera again with the same settings; the test then closes the camera.
     exposure_us, gain : float
-        The exposure time in µs and the gain in the settings; NaN if the camera does not report the value.
+        The exposure time in µs and the gain in the settings, or NaN if the camera does not report the value.
     tolerance_s : float
         A call of the camera may end this number of seconds after its deadline. The times `exposed_s` and
         `utc` of a frame may differ by this number of seconds.

@@ -22,8 +22,7 @@ from drivers.testing.common import ANSWER_S, Handle, assert_identified, assert_s
 from drivers.testing.stream_contract import StreamContract
 
 PAUSES, PAUSE_S = 0.3, 1e-3
-"""Fraction of a driver's function calls and returns at which a thread pauses, and longest pause in
-seconds."""
+"""A thread pauses at this fraction of a driver's function calls and returns, for at most so many seconds."""
 BYTE_BITS = 8
 
 
@@ -65,7 +64,7 @@ class CameraContract(StreamContract):
         bench.assert_says_all(closed.value)
 
     def test_tells_exposure_and_gain(self, bench: CameraBench) -> None:
-        """A frame must contain exposure time in µs and gain in the camera's unit; NaN if unknown."""
+        """A frame must give exposure time in µs and gain in the camera's unit; an unknown value is NaN."""
         frame = bench.grab()
         assert frame.exposure_us == pytest.approx(bench.exposure_us, nan_ok=True)
         assert frame.gain == pytest.approx(bench.gain, nan_ok=True)
@@ -115,7 +114,7 @@ class CameraContract(StreamContract):
     def test_calls_from_two_threads_do_not_mix(self, bench: CameraBench) -> None:
         """When two threads call `grab` at the same time, each thread must get frames exposed after its own
         call."""
-        # many rounds, because a race between threads shows only by chance
+        # make many rounds, because a race between threads shows only by chance
         rounds, together = 3 * ROUNDS, threading.Barrier(2)
 
         def grabs() -> list[Frame]:

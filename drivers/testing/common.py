@@ -23,14 +23,14 @@ ANSWER_S = 30.0
 
 
 def needed(handle: H | None, what: str) -> H:
-    """Return a function of the bench; skip the test if the function is None."""
+    """Return a function of the bench. Skip the test if the function is None."""
     if handle is None:
         pytest.skip(f"this bench cannot {what}")
     return handle
 
 
 def wait_until(done: Callable[[], bool], clock: Clock, within_s: float = LONGEST_S) -> None:
-    """Wait until `done()` is true; fail if this takes longer than `within_s` seconds on `clock`."""
+    """Wait until `done()` is true. Fail if this takes longer than `within_s` seconds on `clock`."""
     end_s = clock.now_s() + within_s
     while not done():
         assert clock.now_s() < end_s, "the expected state was not reached in time"
@@ -38,7 +38,7 @@ def wait_until(done: Callable[[], bool], clock: Clock, within_s: float = LONGEST
 
 
 def assert_error_in_time(call: Callable[[], object], kind: type[DeviceError]) -> None:
-    """Check that a call raises an error of this kind in time, and that its message is complete."""
+    """Check that a call raises an error of this kind in time, with a complete message."""
     with ThreadPoolExecutor(1) as pool, pytest.raises(kind) as raised:
         pool.submit(call).result(ANSWER_S)
     assert_says_all(raised.value)
@@ -55,13 +55,13 @@ UNITS = (
     *("n", "mm", "n_s", "mm_s", "s", "us", "hz", "px", "bytes", "deg", "deg_s", "deg_s2", "v", "a"),
     *("per_deg", "per_mm", "raw"),
 )
-"""Ends of the names of settings with a fraction; ``raw`` is a number in the device's own unit."""
+"""Units at the end of the names of settings that are floats. ``raw`` means the device's own unit."""
 RATIOS = ("gain",)
 NAME_MAX, TEXT_MAX, SETTINGS_MAX = 64, 200, 100
 
 
 def assert_settings(read: Callable[[], dict[str, Setting]]) -> dict[str, Setting]:
-    """Check that the settings of a device fit the run file and are repeatable; return the settings.
+    """Check that the settings of a device fit the run file and are repeatable. Return the settings.
 
     A name has lower-case letters, digits and underscores. The name of a float ends with a unit. A text is one
     line.

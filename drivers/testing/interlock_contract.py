@@ -22,7 +22,8 @@ class InterlockBench:
     clock : Clock
         The clock of the run, on which `time_s` of a reading is measured.
     values : tuple of float
-        Two or more different values, the present one first. A contact has the values 1 (closed) and 0 (open).
+        Two or more different values, of which the first is the present value. A contact has the values 1
+        (closed) and 0 (open).
     tolerance : float
         Largest difference between a reading and the true value.
     show : callable, optional
@@ -61,8 +62,7 @@ class InterlockContract:
     """
 
     def test_tells_what_it_is(self, bench: InterlockBench) -> None:
-        """The interlock must report vendor and model, which the run file contains; a contact has no serial
-        number."""
+        """The interlock must report vendor and model for the run file. A contact has no serial number."""
         assert bench.interlock.info.vendor
         assert bench.interlock.info.model
         assert bench.interlock.unit == bench.interlock.unit.strip()
@@ -88,7 +88,7 @@ class InterlockContract:
         assert before_s <= bench.interlock.read().time_s <= bench.clock.now_s()
 
     def test_opening_and_reading_change_nothing(self, bench: InterlockBench) -> None:
-        """The driver of an interlock must only read: a device that it shares may switch machines."""
+        """The driver of an interlock must only read, because its device may also switch machines."""
         changes = needed(bench.changes, "count changes")
         bench.interlock.read()
         bench.interlock.read()
@@ -105,7 +105,7 @@ class InterlockContract:
         bench.assert_shows(bench.values[0])
 
     def test_a_change_during_a_silence_is_read_afterwards(self, bench: InterlockBench) -> None:
-        """After a silence, an answer from before it must not count as a new reading."""
+        """When the device answers again after a silence, a late answer must not count as a new reading."""
         lose, restore = needed(bench.lose_answers, "lose answers"), needed(bench.restore, "restore")
         show = needed(bench.show, "change the value")
         lose()

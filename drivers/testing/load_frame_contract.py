@@ -218,7 +218,7 @@ class LoadFrameContract:
         assert bench.load_frame.read().at_target
 
     def test_silence_is_told_in_time_and_motion_waits_for_a_hold(self, bench: LoadFrameBench) -> None:
-        """If the machine does not answer, calls must end in time; then motions are refused until a hold is
+        """If the machine does not answer, calls must end in time. Motions are then refused until a hold is
         confirmed."""
         lose, restore = needed(bench.lose_answers, "lose answers"), needed(bench.restore, "restore")
         lose()
@@ -233,8 +233,7 @@ class LoadFrameContract:
         assert bench.load_frame.read().at_target
 
     def test_a_command_whose_answer_is_lost_is_executed_once_at_most(self, bench: LoadFrameBench) -> None:
-        """If the answer to a command is lost, the command must not be sent again; some machines would execute
-        it twice."""
+        """A command whose answer is lost must not be sent again. Some machines would execute it twice."""
         lose, restore = needed(bench.lose_answers, "lose answers"), needed(bench.restore, "restore")
         commands = needed(bench.commands, "count commands")
         count = commands()

@@ -22,7 +22,7 @@ from drivers.testing.common import (
 
 @dataclass(frozen=True)
 class StageBench:
-    """A newly opened stage that stands still and has no reference position, with functions that cause faults.
+    """A newly opened stage that stands still without a reference position, and functions that cause faults.
 
     Attributes
     ----------

@@ -16,7 +16,7 @@ CERTAIN = (LossKind.GAP, LossKind.DAMAGED, LossKind.OVERFLOW)
 
 
 class StreamContract:
-    """Tests of streams, contained in `CameraContract`; skipped if the camera has no method ``stream``."""
+    """Tests of streams. `CameraContract` contains them; cameras without a method ``stream`` skip them."""
 
     def test_a_stream_is_in_order_and_has_the_camera_to_itself(self, bench: CameraBench) -> None:
         """Frames of a stream must be in order, and `grab` must be refused while the stream is open."""
@@ -38,7 +38,7 @@ class StreamContract:
         with bench.stream(capacity=2) as stream:
             wait_until(lambda: stream.report().lost > 2, SystemClock(), GRAB_S)
             frames = [stream.next(GRAB_S) for _ in range(ROUNDS)]
-        frames += list(stream)  # the frames that are still in the queue of the stream
+        frames += list(stream)  # take the frames that are still in the queue of the stream
         assert _told_missing(frames, stream.report())
 
     def test_a_stream_tells_of_lost_frames(self, bench: CameraBench) -> None:
@@ -53,7 +53,7 @@ class StreamContract:
         assert _told_missing(frames, stream.report())
 
     def test_a_stream_without_room_is_refused(self, bench: CameraBench) -> None:
-        """A stream whose queue has a capacity below 1 must be refused: every frame would be lost."""
+        """A stream whose queue has a capacity below 1 must be refused, because every frame would be lost."""
         for capacity in (0, -1):
             with pytest.raises(DeviceFault) as refused:
                 bench.stream(capacity=capacity)
@@ -73,8 +73,7 @@ class StreamContract:
 
 
 def _told_missing(frames: list[Frame], report: StreamReport) -> set[int]:
-    """Return the frame numbers that a stream's report lists as missing between the first and the last taken
-    frame."""
+    """Return the missing frame numbers from a stream's report, between the first and the last taken frame."""
     assert report.taken == len(frames)
     numbers = {frame.sequence for frame in frames}
     span = set(range(min(numbers), max(numbers)))

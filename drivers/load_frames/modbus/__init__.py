@@ -1,1 +1,1 @@
-"""Driver for load frames on Modbus; a register map describes the registers of each machine."""
+"""Driver for load frames on Modbus. A register map describes the registers of each machine."""

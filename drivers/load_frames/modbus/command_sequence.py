@@ -1,14 +1,16 @@
-"""Sequence numbers of a load frame's commands: the machine ignores a motion command older than a hold."""
+"""Sequence numbers of a load frame's commands. By them the machine ignores a motion command older than a
+hold."""
 
 import secrets
 import threading
 from collections import deque
 
 MODULUS = 2**16
-# Largest distance of a program's first sequence number from the machine's number. Numbers wrap round, so a
-# number more than half of the modulus ahead would count as older. The limit is far below this.
+# A program's first sequence number is at most this much larger than the machine's number. Numbers start again
+# at 0, so a number that is ahead by more than half of their range would count as older. This limit is far
+# below that.
 LEAP_MAX = 2**13
-# Number of latest sequence numbers that a program remembers, because the machine may still execute them.
+# A program remembers so many of its latest sequence numbers, because the machine may still execute them.
 REMEMBERED = 64
 
 
@@ -42,7 +44,7 @@ class CommandSequence:
         return self._holds
 
     def begin_hold(self) -> None:
-        """Record a requested hold; from now on, all motion commands that were begun earlier are refused."""
+        """Record a requested hold. From now on, all motion commands that were begun earlier are refused."""
         with self._lock:
             self._holds += 1
 
@@ -52,7 +54,7 @@ class CommandSequence:
             return self._next()
 
     def draw_unless_held(self, holds: int, refusal: Exception) -> int:
-        """Return the next number for a motion; raise `refusal` if a hold was requested since the motion
+        """Return the next number for a motion. Raise `refusal` if a hold was requested since the motion
         began."""
         with self._lock:
             if self._holds != holds:
@@ -62,22 +64,22 @@ class CommandSequence:
     def follow(self, executed: int) -> None:
         """Continue from the number `executed` if another program has used newer numbers."""
         with self._lock:
-            # do not change `_executed` here: `check` may still receive an older reading than this one
+            # do not change `_executed` here, because `check` may still receive an older reading than this one
             self._notice_foreign(executed)
             if 0 < (executed - self._number) % MODULUS < MODULUS // 2:
                 self._number = executed
 
     def check(self, executed: int) -> None:
-        """Check the number of the last executed command: it must be of this program and must not decrease.
+        """Check that the last executed command is of this program, and that its number has not decreased.
 
-        A restarted machine has lost the limits that this program wrote. A 16-bit sample counter may not show
-        the restart.
+        A decreased number means that the machine has restarted, and has lost the limits that this program
+        wrote. A 16-bit sample counter may not show a restart.
 
         Raises
         ------
         ValueError
-            If the number has decreased, because the machine was restarted. If the number does not belong to
-            this program, because another program commands the machine. Every later check then fails too.
+            If the number has decreased, or is not a number of this program, because another program commands
+            the machine. Every later check then fails too.
         """
         with self._lock:
             self._notice_foreign(executed)

@@ -1,4 +1,4 @@
-"""Send commands to a load frame on Modbus: each command has a number, and a hold command goes first."""
+"""Send commands to a load frame on Modbus. Each command has a number. A hold command goes first."""
 
 import contextlib
 from collections.abc import Iterator, Mapping
@@ -16,7 +16,7 @@ from drivers.load_frames.modbus.registers.registers import Number
 from drivers.load_frames.modbus.sample_counter import Freshness
 from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 
-# The connection for `hold` is used at this interval, because switches and machines drop unused connections.
+# The connection for `hold` is used at this interval in s, because unused connections may be dropped.
 HOLD_PROVEN_EVERY_S = 10.0
 COMMAND_ATTEMPTS = 2
 SUFFIXES = {"": "", "N": "_n", "mm": "_mm", "N/s": "_n_s", "mm/s": "_mm_s", "s": "_s"}
@@ -67,7 +67,7 @@ class LoadFrameCommands:
         self._hold_proven_s = clock.now_s()
 
     def state(self, step: str) -> dict[str, Number]:
-        """Read the state; raise `DeviceFault` if the values are stale or the machine was restarted."""
+        """Read the state. Raise `DeviceFault` if the values are stale or the machine was restarted."""
         with self._doubting():
             values = self._work.read_state(step)
         try:
@@ -92,7 +92,7 @@ class LoadFrameCommands:
     def stay_in_charge(self) -> None:
         """Reset the machine's watchdog, and check regularly that the connection for `hold` works."""
         self._heartbeat = (self._heartbeat + 1) % 2**16
-        # ignore `Overtaken`: a hold interrupted this request, so the machine does not move
+        # ignore `Overtaken`, because a hold interrupted this request, and the machine then does not move
         with self._doubting(), contextlib.suppress(Overtaken):
             self._work.write(
                 self._map.blocks.heartbeat,
@@ -108,12 +108,12 @@ class LoadFrameCommands:
             self._hold_proven_s = now_s
 
     def give(self, step: str, command: int, values: Mapping[str, float]) -> None:
-        """Send one command; check by its sequence number that the machine executed and accepted it."""
+        """Send one command. Check by its sequence number that the machine executed and accepted it."""
         if self._doubt:
             remedy = "call for a hold, then look at the specimen"
             raise self._work.fault(step, "a machine in a known state", self._doubt, remedy)
         holds = self._sequence.holds
-        # read the state first: refuse a motion if the machine cannot measure or was restarted
+        # read the state first, in order to refuse a motion if the machine cannot measure or was restarted
         self.state(step)
         with self._doubting():
             self._refuse_lost_settings(step)
@@ -121,7 +121,7 @@ class LoadFrameCommands:
         overtaken = self._work.fault(step, "no hold meanwhile", "a hold", "repeat the command if needed")
         sequence = self._sequence.draw_unless_held(holds, overtaken)
         for _ in range(COMMAND_ATTEMPTS):
-            # if the answer is lost, the state that is read next shows whether the command arrived
+            # ignore a lost answer, because the state that is read next shows whether the command arrived
             with contextlib.suppress(DeviceTimeout, LinkLost):
                 self._write(self._work, command, values, sequence)
             state = self.state(step)
@@ -145,7 +145,7 @@ class LoadFrameCommands:
             raise self._work.fault(step, "acceptance", reason, remedy)
 
     def hold(self) -> None:
-        """Repeat the hold command until the machine confirms it; raise `DeviceTimeout` at the deadline."""
+        """Repeat the hold command until the machine confirms it. Raise `DeviceTimeout` at the deadline."""
         self._sequence.begin_hold()
         self._doubt = self._doubt or "a hold that was not confirmed"
         hold_until_confirmed(self._safety, self._map, self._sequence, self._hold_times, self._clock)

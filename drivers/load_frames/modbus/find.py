@@ -20,7 +20,7 @@ COMMON_TCP_UNITS = (1, 255, 0)
 
 
 def modbus_at_port(path: str) -> list[Found]:
-    """Return the Modbus RTU devices at a serial port; try the usual unit numbers, baud rates and parities.
+    """Return the Modbus RTU devices at a serial port. Try the usual unit numbers, baud rates and parities.
 
     An address ``socket://host:port`` is not searched, because Modbus has its own form of TCP addresses.
 
@@ -39,7 +39,7 @@ def modbus_at_port(path: str) -> list[Found]:
 
 
 def modbus_at_address(address: str) -> list[Found]:
-    """Return the Modbus devices at ``host:port`` or ``rtu://host:port``; try the usual unit numbers."""
+    """Return the Modbus devices at ``host:port`` or ``rtu://host:port``. Try the usual unit numbers."""
     place = ModbusAddress(address)
     units, timeout_s = (COMMON_SERIAL_UNITS, ANSWER_S) if place.rtu else (COMMON_TCP_UNITS, CONNECT_S)
     return _modbus(place, units, {"address": address}, timeout_s)
@@ -60,7 +60,7 @@ def _modbus(
 
 
 def _answers(place: ModbusAddress, unit: int, timeout_s: float) -> bool:
-    """Return whether a unit answers; a refusal also counts as an answer."""
+    """Return whether a unit answers. A refusal also counts as an answer."""
     request = read_request("holding", 0, 1)
     try:
         wire = place.open(CONNECT_S)
@@ -93,7 +93,7 @@ def _described(place: ModbusAddress, unit: int, settings: dict[str, str | int], 
 
 
 def _serial_by_map(link: ModbusLink, name: str) -> int | None:
-    """Return the device's serial number; return None if the register map `name` does not fit the device."""
+    """Return the device's serial number. Return None if the register map `name` does not fit the device."""
     register_map = load_map(name)
     device = MappedDevice(link, register_map)
     blocks = register_map.blocks

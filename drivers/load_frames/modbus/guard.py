@@ -1,4 +1,4 @@
-"""The guard of a load frame on Modbus: stops the machine if the process of the run fails."""
+"""The guard of a load frame on Modbus. It stops the machine if the process of the run fails."""
 
 from drivers.errors import DeviceTimeout
 from drivers.interfaces import OpenContext
@@ -16,13 +16,13 @@ from drivers.load_frames.modbus.registers.mapped_device import MappedDevice
 from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 from drivers.registry import GuardSpec
 
-# Distance of the guardian's first sequence number: it must be newer than all numbers of the watched run.
+# The guardian's first sequence number is so far ahead of the machine's that all of the run's are older.
 LEAP = LEAP_MAX + 2**12
 REACH = "reach the machine for the guardian"
 
 
 class ModbusGuard:
-    """A `Guard` of a load frame; the constructor connects to the machine.
+    """A `Guard` of a load frame. The constructor connects to the machine.
 
     Over Modbus TCP, the guard has its own connection if the machine accepts more than one connection. On
     Modbus RTU, or if the machine accepts only one connection, the guard owns the only line and passes the
@@ -65,16 +65,16 @@ class ModbusGuard:
             raise
 
     def check(self) -> None:
-        """Check the guard's own connection; a line that the guard shares with the driver needs no check."""
+        """Check the guard's own connection. A line that the guard shares with the driver needs no check."""
         if self._line is None:
             # send an ordinary request, so that a stop does not wait for this check
             self._executed = int(self._device.unhurried().read_status(REACH)["executed"])
 
     def stop(self) -> None:
-        """Hold the crosshead; raise `DeviceTimeout` if the machine does not confirm the hold."""
+        """Hold the crosshead. Raise `DeviceTimeout` if the machine does not confirm the hold."""
         if self._line is not None:
             self._line.take_over()
-            # wait, so that the machine can separate the hold from a request that was passed just before
+            # wait, so that the machine can tell the hold from a request that the relay passed on just before
             self._clock.sleep(self._gap_s)
         sequence = CommandSequence(self._executed, LEAP)
         hold_until_confirmed(self._device, self._map, sequence, self._times, self._clock)
@@ -83,14 +83,14 @@ class ModbusGuard:
             raise DeviceTimeout(self._name, "hold", expected, f"{found}", "press the emergency stop")
 
     def close(self) -> None:
-        """Release the line without stopping the machine; a repeated call has no effect."""
+        """Release the line without stopping the machine. A repeated call has no effect."""
         self._device.close()
         if self._line is not None:
             self._line.close()
 
 
 class _OwnLine:
-    """The line of a relay, with the interface of an address, so that a link can open the line."""
+    """The line of a relay, in the form of an address that a link can open."""
 
     def __init__(self, place: ModbusAddress, line: Relay) -> None:
         self.text = place.text

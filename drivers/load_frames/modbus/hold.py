@@ -19,7 +19,7 @@ def hold_until_confirmed(
         Access to the machine with urgent requests, which no other request delays.
     register_map : RegisterMap
     sequence : CommandSequence
-        Source of the sequence numbers; each attempt has its own number.
+        Source of the sequence numbers. Each attempt gets a new number.
     times : StopTimes
     clock : Clock
 
@@ -37,12 +37,11 @@ def hold_until_confirmed(
             device.write(
                 register_map.blocks.command, {"command": command, "sequence": number}, "send a command"
             )
-            # do not read load and displacement: a broken load cell must not prevent the confirmation
+            # do not read load and displacement, because a broken load cell must not prevent the confirmation
             values = device.read_status("hold")
             sequence.follow(int(values["executed"]))
             bits = int(values["status"])
-            # check the executed number too: only after an executed hold does the machine ignore older motion
-            # commands
+            # check the executed number too: older motion commands are ignored only after an executed hold
             executed = values["executed"] == number
             if executed and bits >> status.hold & 1 and not bits >> status.moving & 1:
                 return

@@ -1,4 +1,4 @@
-"""Driver for a tensile load frame on Modbus TCP or RTU; a register map describes the machine."""
+"""Driver for a tensile load frame on Modbus TCP or RTU. A register map describes the machine."""
 
 import math
 
@@ -111,7 +111,7 @@ class ModbusLoadFrame:
 
     @one_call
     def go_to_load(self, load_n: float, rate_n_s: float) -> None:
-        """Start a ramp to a load, in N; raise `DeviceFault` if the load or the rate exceeds the limits."""
+        """Start a ramp to a load, in N. Raise `DeviceFault` if the load or the rate exceeds the limits."""
         limits = self.limits
         step = f"go to {load_n:g} N at {rate_n_s:g} N/s"
         self._refuse_outside(step, load_n, limits.load_min_n, limits.load_max_n, "N")
@@ -120,7 +120,7 @@ class ModbusLoadFrame:
 
     @one_call
     def go_to_displacement(self, displacement_mm: float, speed_mm_s: float) -> None:
-        """Start a move to a crosshead position, in mm; raise `DeviceFault` beyond the limits."""
+        """Start a move to a crosshead position, in mm. Raise `DeviceFault` if it is beyond the limits."""
         limits = self.limits
         step = f"go to {displacement_mm:g} mm at {speed_mm_s:g} mm/s"
         self._refuse_outside(
@@ -132,14 +132,14 @@ class ModbusLoadFrame:
 
     @one_call
     def tare(self) -> None:
-        """Set the zero points of load and displacement to the present state; refused during a motion."""
+        """Set the zero points of load and displacement to the present state. Refuse this during a motion."""
         self._commands.give("tare", self._map.commands.tare, {})
 
     def hold(self) -> None:
-        """Send the hold command before all other requests, and repeat it until the machine confirms.
+        """Send the hold command ahead of all other requests, and repeat it until the machine confirms it.
 
-        A motion command that another thread has not yet sent is cancelled. The machine does not execute an
-        older motion command that arrives after the hold.
+        A motion command that another thread has not yet sent is cancelled. The machine ignores an older
+        motion command that arrives after the hold.
 
         Raises
         ------
@@ -149,7 +149,7 @@ class ModbusLoadFrame:
         self._commands.hold()
 
     def close(self) -> None:
-        """Release all connections without stopping the machine; a repeated call has no effect."""
+        """Release all connections without stopping the machine. A repeated call has no effect."""
         self._work.close()
         self._safety.close()
 
@@ -179,7 +179,7 @@ class ModbusLoadFrame:
 def open_frame(
     settings: ModbusLoadFrameSettings, context: OpenContext, hold_times: StopTimes = STOP_TIMES
 ) -> ModbusLoadFrame:
-    """Connect, identify the machine, write its limits and read them back; no motion is started.
+    """Connect, identify the machine, write its limits and read them back. No motion is started.
 
     Raises
     ------

@@ -2,8 +2,7 @@
 
 WIDE = 2**32
 GOES_ROUND_S = 10.0
-"""If more seconds than this pass between two readings, a 16-bit counter does not show a restart of the
-machine.
+"""Longest time in s between two readings after which a 16-bit counter still shows a restart of the machine.
 
 A machine with 3000 samples per second counts about half of the 16-bit range in this time.
 """
@@ -35,9 +34,9 @@ class Freshness:
         ------
         ValueError
             If the counter has the same value for too long, or has decreased. A decrease means that the
-            machine was restarted; every later check then fails too.
+            machine was restarted. Every later check then fails too.
         """
-        # While the operator attaches the grid there are no readings, and a 16-bit counter can wrap.
+        # While the operator attaches the grid, nothing is read, and a 16-bit counter can overflow.
         unread = self._modulus < WIDE and now_s - self._checked_s > GOES_ROUND_S
         self._checked_s = now_s
         if self._sample is None or (unread and sample != self._sample and not self._restarted):

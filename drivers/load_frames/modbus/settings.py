@@ -39,11 +39,11 @@ class ModbusLoadFrameSettings(Settings):
     watchdog_s : float
         A moving machine stops and holds if the program does not read it for this time, in seconds.
     watchdog : str, optional
-        ``off: REASON`` switches the watchdog off, for a reason that every plan and every start repeats.
+        ``off: REASON`` switches the watchdog off. Every plan and every start of a run prints the reason.
     stale_after_s : float
         A reading is refused if the sample counter has not increased for longer than this time, in seconds.
     reply_timeout_s : float
-        Longest wait for an answer, in seconds; for a hold command the wait is 1 s at most.
+        Longest wait for an answer, in seconds. For a hold command the wait is 1 s at most.
     """
 
     address: str = Field(max_length=LONGEST_PATH)
@@ -74,7 +74,7 @@ class ModbusLoadFrameSettings(Settings):
     @field_validator("map")
     @classmethod
     def _sound(cls, name: str) -> str:
-        # load the register map here, so that its mistakes are reported before a device is opened
+        # load the register map now, so that its mistakes are reported before a device is opened
         try:
             load_map(name)
         except ConfigurationError as error:
@@ -116,8 +116,10 @@ class ModbusLoadFrameSettings(Settings):
         return self
 
     def place(self, address: str, relay: str = "") -> ModbusAddress:
-        """Return the machine's address with the settings of its line and the relay; `address` must not be
-        ``@name``."""
+        """Return the machine's address with the relay and the settings of its line.
+
+        The setting `address` must not be ``@name``.
+        """
         return ModbusAddress(address, self.baud, self.parity, self.stop_bits, relay)
 
     @property
@@ -128,7 +130,7 @@ class ModbusLoadFrameSettings(Settings):
 
     @property
     def watchdog_timeout_s(self) -> float:
-        """The time that is written to the machine; 0 switches the watchdog off."""
+        """The time in s that is written to the machine. The value 0 switches the watchdog off."""
         return 0.0 if self.watchdog_off else self.watchdog_s
 
     @property

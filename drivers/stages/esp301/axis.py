@@ -12,8 +12,7 @@ T = TypeVar("T")
 
 
 class EspAxis:
-    """One axis of the controller; its errors are recorded, because they can make the reference position
-    invalid.
+    """One axis of the controller. Its errors are recorded, because an error can make the reference invalid.
 
     Parameters
     ----------
@@ -30,16 +29,16 @@ class EspAxis:
         self._reference = reference
 
     def ask(self, question: str, read: Callable[[str], T]) -> T:
-        """Ask a question and return the answer; the question may be repeated."""
+        """Ask a question, which may be repeated, and return the answer."""
         return self._port.ask(f"{self.number}{question}", read)
 
     def tell(self, command: str, step: str, permit: Callable[[], None] | None = None) -> None:
-        """Send a command once; raise `DeviceFault` if the controller refuses the command."""
+        """Send a command once. Raise `DeviceFault` if the controller refuses the command."""
         self._port.send(f"{self.number}{command}", permit)
         try:
             errors = self.take_errors(after_command=True)
         except DeviceTimeout:
-            return  # whether the command was executed is seen later, when the state of the stage is read
+            return  # the next reading of the stage's state shows whether the command was executed
         if refused := [str(error) for error in errors if error.axis in (0, self.number)]:
             raise DeviceFault(
                 self._port.name,

@@ -1,4 +1,4 @@
-"""Find the Newport controller at a serial port; every model answers the question for its version."""
+"""Find the Newport controller at a serial port. Every model answers the question for its version."""
 
 from drivers.lines.serial_ports import ANSWER_S, lines_answered, serial_ports
 from drivers.registry import Finder, Found

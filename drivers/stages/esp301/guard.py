@@ -1,4 +1,4 @@
-"""Messages of a guardian to a stage on a Newport ESP301: the stop, and the question for the identity."""
+"""The two messages of a guardian to a stage on a Newport ESP301: a stop, and a question for the identity."""
 
 from functools import partial
 
@@ -10,7 +10,7 @@ from drivers.stages.settings import StageSettings
 
 
 def stop_once(axis: int, port: EspPort, answer_s: float) -> str:
-    """Command a stop once; return an empty text if the stage stands still, otherwise a reason.
+    """Command a stop once. Return an empty text if the stage stands still, otherwise what it does.
 
     Raises
     ------
@@ -25,7 +25,7 @@ def stop_once(axis: int, port: EspPort, answer_s: float) -> str:
 
 
 def identity(axis: int, port: EspPort, answer_s: float) -> str:
-    """Return the name of the stage; raise the same errors as `stop_once`."""
+    """Return the name of the stage. Raise the same errors as `stop_once`."""
     return port.ask_first(f"{axis}ID?", read_name, answer_s)
 
 

@@ -24,7 +24,7 @@ T = TypeVar("T")
 
 
 class EspPort(StagePort):
-    """An exclusive port to an ESP301: no other program can use it, and any thread may call the methods."""
+    """An exclusive port to an ESP301. No other program can use it, and any thread may call its methods."""
 
     def __init__(self, name: str, channel: Channel, reply_timeout_s: float) -> None:
         super().__init__(name, channel, reply_timeout_s)
@@ -54,7 +54,7 @@ class EspPort(StagePort):
             self._write(command.encode("ascii") + END, command, permit)
 
     def ask(self, question: str, read: Callable[[str], T], attempts: int = ATTEMPTS) -> T:
-        """Ask a question and return the answer; repeat the question if no valid answer comes.
+        """Ask a question and return the answer. Repeat the question if no valid answer comes.
 
         Parameters
         ----------
@@ -81,7 +81,7 @@ class EspPort(StagePort):
                     raise
 
     def _attempt(self, question: str, read: Callable[[str], T], attempt: int) -> T:
-        """Ask a question once; after silence, look for a late answer to the first attempt."""
+        """Ask a question once. If the first attempt gets no answer in time, try to receive it late."""
         wait = self.call_time.first_wait_s if attempt == 1 else self.call_time.last_wait_s
         try:
             return self._answer(question, read, self._turn.wake, wait(self._reply_timeout_s))
@@ -92,11 +92,11 @@ class EspPort(StagePort):
                 (line,) = self._owed_answers()
                 return read(line)
             except (DeviceTimeout, ValueError):
-                # there is no late answer, or more than one line, or the line is not the answer
+                # there is not exactly one late line, or this line is not the answer
                 raise silence from None
 
     def _owed_answers(self) -> list[str]:
-        """Ask for the version, and return all lines before it: the late answers to earlier questions."""
+        """Ask for the version. Return the lines that come before it, which are late answers."""
         found = []
         timeout_s = self.call_time.last_wait_s(self._reply_timeout_s)
         deadline_s = self._clock.now_s() + timeout_s
@@ -108,7 +108,7 @@ class EspPort(StagePort):
         return found
 
     def ask_first(self, question: str, read: Callable[[str], T], at_most_s: float) -> T:
-        """Ask a question before all waiting questions, and check that the answer belongs to this question.
+        """Ask a question ahead of all waiting questions, and check that the answer belongs to this question.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ class EspPort(StagePort):
             return answer
 
     def close(self) -> None:
-        """Release the port; a repeated call has no effect."""
+        """Release the port. A repeated call has no effect."""
         with self._turn.urgent():
             self._lost = self._lost or "the port was closed"
             self._channel.close()
@@ -145,7 +145,7 @@ class EspPort(StagePort):
             self._buffer = b""
             self._channel.drain()
             self.send(question)
-            # from here on exactly one answer is missing, unless part of it has arrived
+            # from here on exactly one answer is still to come, unless part of it has arrived
             self._owed = True
             line = self._line(question, wake, timeout_s, self._clock.now_s() + timeout_s)
             self._owed = False
@@ -153,7 +153,7 @@ class EspPort(StagePort):
             answer = read(line)
         except ValueError as error:
             raise self._timeout(question, timeout_s, str(error)[:SHOWN_MAX]) from None
-        # a second, identical answer does no harm; of two different answers nobody knows the right one
+        # A repeated, identical answer is harmless. If two answers differ, nobody knows which one is right.
         for other in self._buffer.split(b"\n")[:-1]:
             if _text(other) != line:
                 raise self._timeout(question, timeout_s, f"{line!r} and {_text(other)[:SHOWN_MAX]!r}")
@@ -182,7 +182,10 @@ class EspPort(StagePort):
                 return
 
     def _prove(self, answer: str, timeout_s: float) -> None:
-        """Check that `answer` belongs to the latest question: the version, asked last, must follow it."""
+        """Check that `answer` belongs to the latest question.
+
+        The function asks for the controller's version. Nothing but the version may come after `answer`.
+        """
         self._suspect = True
         self.send("VE?")
         deadline_s = self._clock.now_s() + timeout_s
@@ -193,7 +196,7 @@ class EspPort(StagePort):
         self._suspect = False
 
     def _line(self, question: str, wake: int | None, timeout_s: float, deadline_s: float) -> str:
-        """Return the next complete line, from the buffer or from the channel; raise after the deadline."""
+        """Return the next complete line from the buffer or the channel. Raise an error at the deadline."""
         while b"\n" not in self._buffer:
             data = self._channel.receive(deadline_s, wake)
             if not data or len(self._buffer) > LINE_MAX:

@@ -1,4 +1,4 @@
-"""Meaning of the answers and errors of a Newport ESP301; this module does not use the port.
+"""Meaning of the answers and errors of a Newport ESP301. This module does not use the port.
 
 A command is an axis number, two letters and a value, and ends with CR (carriage return). A question ends with
 ``?``. Messages have no ids and no checksums, and the controller sends no answer to a command. Errors wait in
@@ -15,32 +15,32 @@ END = b"\r"
 MODEL = re.compile(r"(?P<model>ESP30\w) +[Vv]ersion +(?P<firmware>\S+).*")
 _ERROR = re.compile(r"(?P<code>\d+) *, *(?P<stamp>\d+) *, *(?P<text>.*)")
 
-# Errors for a command that the controller does not understand: the cause is noise on the line, not the stage.
+# Errors for a command that the controller does not understand. Their cause is noise on the line.
 MISUNDERSTOOD = frozenset({6, 7, 9, 37, 38})
 NOT_OF_AN_AXIS = 100
 
-# Axis errors (code minus 100 times the axis number) which only mean that a command was not accepted. After
-# every other axis error, the last motion has failed or may not have reached its target.
+# Axis errors (code minus 100 times the axis number) which only mean that a command was not accepted. Every
+# other axis error means that the last motion has failed or may not have reached its target.
 NOT_TAKEN = frozenset({1, 10, 11, 15, 16, 17, 24, 25, 26, 27, 28, 30, 31, 32})
 # Errors that may mean a refused command (software limit, motor off). These errors can also occur in motion.
 PERHAPS_NOT_TAKEN = frozenset({6, 7, 13})
 
-# Bits of ``ZS``, the configuration of the software limits: bit 0 watches the limits; bit 1 or 2 stops the
-# motor.
+# Bits of ``ZS``, the configuration of the software limits. Bit 0 makes the controller watch the limits. Bit 1
+# or bit 2 makes it stop the motor at a limit.
 LIMITS_WATCHED = 1 << 0
 LIMITS_ACTED_ON = 1 << 1 | 1 << 2
 
 
 @dataclass(frozen=True)
 class QueuedError:
-    """An entry of the error queue; code 0 means that the queue is empty."""
+    """An entry of the error queue. Code 0 means that the queue is empty."""
 
     code: int
     text: str
 
     @property
     def axis(self) -> int:
-        """Number of the axis that has the error; 0 for the controller."""
+        """Number of the axis that has the error, or 0 for the controller itself."""
         return self.code // NOT_OF_AN_AXIS
 
     def __str__(self) -> str:
@@ -58,7 +58,7 @@ class QueuedError:
 
 
 def read_error(line: str) -> QueuedError:
-    """Return the error in the answer to ``TB?``; raise `ValueError` if the line is no such answer."""
+    """Return the error in the answer to ``TB?``. Raise `ValueError` for any other line."""
     match = _ERROR.fullmatch(line)
     if match is None:
         raise ValueError(f"{line!r} instead of an error's code, time and text")
@@ -66,14 +66,14 @@ def read_error(line: str) -> QueuedError:
 
 
 def read_number(line: str) -> float:
-    """Return the number in a line; raise `ValueError` if the line is not a number."""
+    """Return the number in a line. Raise `ValueError` if the line is not a number."""
     if re.fullmatch(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?", line) is None:
         raise ValueError(f"{line!r} instead of a number")
     return float(line)
 
 
 def read_bits(line: str) -> int:
-    """Return the value of a hexadecimal number such as ``5H``; raise `ValueError` for any other line."""
+    """Return the value of a hexadecimal number such as ``5H``. Raise `ValueError` for any other line."""
     match = re.fullmatch(r"([0-9A-F]+)H?", line)
     if match is None:
         raise ValueError(f"{line!r} instead of a hexadecimal number")
@@ -81,14 +81,14 @@ def read_bits(line: str) -> int:
 
 
 def read_name(line: str) -> str:
-    """Return the identity of a stage; raise `ValueError` if the line is the version of the controller."""
+    """Return the identity of a stage. Raise `ValueError` if the line is the version of the controller."""
     if MODEL.fullmatch(line):
         raise ValueError(f"{line!r} instead of a stage's name")
     return line
 
 
 def read_switch(line: str) -> bool:
-    """Return False for the line ``0`` and True for ``1``; raise `ValueError` for any other line."""
+    """Return False for the line ``0`` and True for ``1``. Raise `ValueError` for any other line."""
     if line not in ("0", "1"):
         raise ValueError(f"{line!r} instead of 0 or 1")
     return line == "1"

@@ -10,7 +10,7 @@ MOTOR_OFF = "motor off"
 
 
 class Reference:
-    """Record of the home searches and failed motions of a stage; any thread may use this object."""
+    """Record of the home searches and failed motions of a stage. Any thread may use this object."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -26,7 +26,7 @@ class Reference:
             self._found = self._seeking = False
 
     def motor_is_on(self) -> None:
-        """Record that the motor was switched on; if the motor is found off later, this is a failure."""
+        """Record that the motor was switched on. If it is found off later, this counts as a failure."""
         with self._lock:
             self._on = True
 

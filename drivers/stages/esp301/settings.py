@@ -16,10 +16,10 @@ class EspSettings(StageSettings):
         Number of the axis on the controller.
     home_mode : int, optional
         Value of the command ``OR``, which selects the signals for the home search. The default is the mode
-        stored in the controller. Mode 0 is refused, because mode 0 looks for no signal and moves to the
-        counter value 0.
+        stored in the controller. Mode 0 is refused, because it moves to the counter value 0 without looking
+        for a signal.
     tolerance_deg : float
-        Largest distance from the target, in degrees, at which the stage counts as arrived.
+        Largest distance from the target, in degrees, at which the stage has arrived.
     """
 
     baud: int = Field(default=921_600, ge=300, le=4_000_000)

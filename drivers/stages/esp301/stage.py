@@ -29,7 +29,8 @@ POLL_S = 0.02
 START_POLLS = 5
 POSITION_ATTEMPTS = 3
 TARGET_ATTEMPTS = 2
-# Largest difference on reading back, because the controller rounds settings to encoder counts.
+# Largest accepted difference between a written setting and the value read back. The controller rounds
+# settings to encoder counts.
 SETTING_TOLERANCE = 1e-3
 
 
@@ -44,10 +45,9 @@ class EspStage(GuardedStage[EspPort]):
         self._axis = EspAxis(self._port, settings.axis, self._reference)
 
     def set_up(self) -> None:
-        """Identify controller and stage, and write limits and speed; no motion is started."""
+        """Identify controller and stage, and write limits and speed. No motion is started."""
         self._axis.take_errors()
-        # ignore errors from before this program started: the driver refuses motion until a home search in any
-        # case
+        # ignore errors from before this program started, because the driver requires a home search anyway
         self._reference.acknowledge()
         found = MODEL.fullmatch(self._port.version)
         self._identity = self._axis.ask("ID?", read_name)
@@ -75,7 +75,7 @@ class EspStage(GuardedStage[EspPort]):
         sought = self._reference.seeking
         angle_deg, moving = self._position()
         on = self._axis.ask("MO?", read_switch)
-        # only the answer to TB? has this format: a valid answer proves that all answers came in order
+        # Only the answer to TB? has this format. So a valid answer shows that the answers came in order.
         errors = self._axis.take_errors()
         referenced, failure = self._reference.see(on=on, ended=sought and not moving)
         if failure:
@@ -135,9 +135,12 @@ class EspStage(GuardedStage[EspPort]):
             self._target_deg = angle_deg
 
     def _notice_another_target(self) -> None:
-        """Compare the controller's target with that of this program, twice: answers have no checksum."""
+        """Compare the controller's target with the target that this program commanded.
+
+        A difference is read a second time, because answers have no checksum.
+        """
         for _ in range(TARGET_ATTEMPTS):
-            # a stop at any time makes the target meaningless
+            # there is no target to compare if a stop has deleted it meanwhile
             if (target_deg := self._target_deg) is None:
                 return
             got_deg = self._axis.ask("PA?", read_number)
@@ -236,7 +239,7 @@ class EspStage(GuardedStage[EspPort]):
                 )
 
     def _confirm_start(self, step: str, target_deg: float | None, permit: Callable[[], None]) -> None:
-        """Wait until the stage moves or stands at its target; raise `DeviceTimeout` if neither happens."""
+        """Wait until the stage moves or stands at its target. Raise `DeviceTimeout` if neither happens."""
         for _ in range(START_POLLS):
             if not self._axis.ask("MD?", read_switch):
                 return
@@ -255,7 +258,7 @@ class EspStage(GuardedStage[EspPort]):
         )
 
     def _position(self) -> tuple[float, bool]:
-        """Return the angle and whether the stage moves; if the stage stands still, read the angle twice.
+        """Return the angle and whether the stage moves. If the stage stands still, read the angle twice.
 
         Answers have no checksum, so that a single reading does not show whether noise changed a digit.
         """
@@ -274,7 +277,7 @@ class EspStage(GuardedStage[EspPort]):
 
 
 def open_stage(settings: EspSettings, context: OpenContext, stop_times: StopTimes = STOP_TIMES) -> EspStage:
-    """Open the port, identify controller and stage, and write the limits; no motion is started.
+    """Open the port, identify controller and stage, and write the limits. No motion is started.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Find the Zaber devices at a serial port; every device on the line answers with its address."""
+"""Find the Zaber devices at a serial port. Every device on the line answers with its address."""
 
 from drivers.lines.serial_ports import ANSWER_S, lines_answered, serial_ports
 from drivers.registry import Finder, Found

@@ -1,4 +1,4 @@
-"""Messages of a guardian to a Zaber stage: the stop, and the question for the serial number."""
+"""The two messages of a guardian to a Zaber stage: a stop, and a question for the serial number."""
 
 from functools import partial
 
@@ -12,7 +12,7 @@ ENDS = b"\n\r"
 
 
 def stop_once(settings: ZaberSettings, port: ZaberPort, answer_s: float) -> str:
-    """Send the stop command once; return an empty text if the stage stands still, otherwise the reason.
+    """Send the stop command once. Return an empty text if the stage stands still, otherwise what happened.
 
     Raises
     ------
@@ -30,13 +30,12 @@ def stop_once(settings: ZaberSettings, port: ZaberPort, answer_s: float) -> str:
 
 
 def serial_number(settings: ZaberSettings, port: ZaberPort, answer_s: float) -> str:
-    """Return the serial number of the device; raise the same errors as `stop_once`."""
+    """Return the serial number of the device. Raise the same errors as `stop_once`."""
     return port.ask(settings.address, 0, "get system.serial", at_most_s=answer_s).data
 
 
 def foreign(reply: Reply) -> str:
-    """Return a text that says which other device has answered, as the reason why the stop is not
-    confirmed."""
+    """Return the reason why a stop is not confirmed: a text that names the other device that answered."""
     return f"an answer of device {reply.address}"
 
 

@@ -1,4 +1,4 @@
-"""Serial port to which Zaber devices are connected; each answer goes to the thread that sent the request.
+"""Serial port to which Zaber devices are connected. Each answer goes to the thread that sent the request.
 
 A separate thread reads the port and assigns every answer to its request by the id of the answer. Therefore a
 stop never waits for the answer to another request. Only one thread at a time writes a message; a message has
@@ -29,12 +29,12 @@ Answer = Reply | DamagedLineError | None
 
 
 class ZaberPort(StagePort):
-    """An exclusive port to Zaber devices: no other program can use it, and any thread may call `ask`."""
+    """An exclusive port to Zaber devices. No other program can use it, and any thread may call `ask`."""
 
     def __init__(self, name: str, channel: Channel, reply_timeout_s: float) -> None:
         super().__init__(name, channel, reply_timeout_s)
         self._waiting: dict[int, queue.SimpleQueue[Answer]] = {}
-        # begin at a random id: two programs on one line should not use the same ids
+        # begin at a random id, because two programs on one line should not use the same ids
         self._next_id = secrets.randbelow(len(IDS))
         self._used: deque[int] = deque(maxlen=len(IDS) // 2)
         self.foreign = ""
@@ -104,7 +104,7 @@ class ZaberPort(StagePort):
         raise AssertionError("unreachable")
 
     def _newer(self, answers: "queue.SimpleQueue[Answer]", said: str) -> Reply | None:
-        """Return the answer to the last attempt if it follows a late answer soon, because it is newer."""
+        """Return the answer to the last attempt if it comes soon after a late answer to an earlier one."""
         try:
             return self._answer(answers, said, self.call_time.first_wait_s(NEWER_S))
         except DeviceTimeout:
@@ -119,7 +119,7 @@ class ZaberPort(StagePort):
         said: str,
         permit: Callable[[], None] | None,
     ) -> int:
-        """Send a message with a new id and return the id; the answer goes to `answers`."""
+        """Send a message with a new id, and return the id. The answer goes to `answers`."""
         with self._write_lock:
             id = self._next_id = next(i for i in _after(self._next_id) if i not in self._waiting)
             self._waiting[id] = answers
@@ -160,8 +160,8 @@ class ZaberPort(StagePort):
         try:
             reply = decode(line)
         except DamagedLineError as damage:
-            # the id in a damaged line may be wrong too, so pass the error to all requests that wait for an
-            # answer
+            # The id in a damaged line may be wrong too. So pass the error to all requests that wait for an
+            # answer.
             self._tell_all(damage)
             return
         if reply is not None and (answers := self._waiting.get(reply.id)) is not None:
@@ -174,7 +174,7 @@ class ZaberPort(StagePort):
             answers.put(answer)
 
     def close(self) -> None:
-        """Release the port; a repeated call has no effect."""
+        """Release the port. A repeated call has no effect."""
         self._closing = True
         self._reader.join()
         self._lost = self._lost or "the port was closed"

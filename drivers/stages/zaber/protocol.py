@@ -1,6 +1,6 @@
 """Messages, checksums, flags and rejection reasons of the Zaber ASCII protocol, version 3.
 
-This module does not use the port. Every request has an id and a checksum; an answer must have the id of its
+This module does not use the port. Every request has an id and a checksum. An answer must have the id of its
 request and a checksum of its own. Source: Zaber ASCII Protocol Manual
 (https://www.zaber.com/protocol-manual), chapters Message Format, Warning Flags and Rejection Reasons.
 """
@@ -89,8 +89,7 @@ class Reply:
 
 
 def is_fault(flag: str) -> bool:
-    """Return whether a flag means that a motion failed or is impossible; every flag that begins with F
-    does."""
+    """Return whether a flag means that a motion failed or is impossible: WL, or one that begins with F."""
     return flag.startswith("F") or flag == "WL"
 
 
@@ -106,7 +105,7 @@ def lrc(text: str) -> str:
 
 
 def encode(address: int, axis: int, id: int, command: str) -> bytes:
-    """Return the bytes of a request; an empty command asks for the status."""
+    """Return the bytes of a request. An empty command asks for the status."""
     body = f"{address} {axis} {id:02d}"
     if command:
         body += f" {command}"
@@ -114,7 +113,7 @@ def encode(address: int, axis: int, id: int, command: str) -> bytes:
 
 
 def decode(line: bytes) -> Reply | None:
-    """Return the reply in one line from the stage; the line end must be removed.
+    """Return the reply in one line from the stage. The line must not contain its line end.
 
     Returns
     -------

@@ -33,12 +33,12 @@ class ZaberStage(GuardedStage[ZaberPort]):
     def __init__(self, settings: ZaberSettings, context: OpenContext, stop_times: StopTimes) -> None:
         super().__init__(ZaberPort, BAUD, settings, context, stop_times)
         self._settings = settings
-        # After a fault the stage may still report a valid reference; the driver then requires a home search.
+        # After a fault the stage may still report a valid reference, but the driver requires a home search.
         self._doubted = self._seeking = False
         self._stops_before_motion = -1
 
     def set_up(self) -> None:
-        """Identify the stage, and write limits and speed; no motion is started."""
+        """Identify the stage, and write limits and speed. No motion is started."""
         self.info = DeviceInfo(
             vendor="Zaber",
             model=f"device {self._get('deviceid', axis=0)}",
@@ -47,7 +47,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
             simulated=self._settings.port.startswith("@"),
         )
         self._configure()
-        # answers to an earlier program may have been on the line
+        # forget what answers to an earlier program have left here
         self._port.foreign = ""
 
     @one_call
@@ -151,11 +151,11 @@ class ZaberStage(GuardedStage[ZaberPort]):
         self._seeking = False
 
     def _configure(self) -> None:
-        """Check the scale; write limits and speed to the stage, and read them back."""
+        """Check the scale. Write limits and speed to the stage, and read them back."""
         self._check_scale(self._settings.microsteps_per_deg)
         low, high = (self._microsteps(angle_deg) for angle_deg in self._limits_deg)
         limits = [("limit.max", high), ("limit.min", low)]
-        # write in an order in which the minimum never exceeds the maximum, since a stage may refuse that
+        # the minimum must never exceed the maximum, not even between the two commands, or a stage may refuse
         if high <= self._integer(self._query("get limit.min", "read limit.min"), "read limit.min"):
             limits.reverse()
         for name, value in limits:
@@ -187,7 +187,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
             )
 
     def _number_if_known(self, name: str) -> int | None:
-        """Return the whole number of a setting; None if the stage does not know the setting."""
+        """Return the whole number of a setting, or None if the stage does not know the setting."""
         reply = self._query(f"get {name}", f"read {name}", tolerated=UNKNOWN_COMMAND)
         return self._integer(reply, f"read {name}") if reply.accepted else None
 
@@ -203,7 +203,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
     def _begin(
         self, command: str, step: str, permit: Callable[[], None], arrived: Callable[[StageState], bool]
     ) -> None:
-        """Send a motion command once; if the answer is lost, check whether the stage executes the command."""
+        """Send a motion command once. If the answer is lost, check whether the stage executes the command."""
         settings = self._settings
         try:
             self._accepted(self._port.ask(settings.address, settings.axis, command, permit=permit), step)
@@ -250,7 +250,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
 def open_stage(
     settings: ZaberSettings, context: OpenContext, stop_times: StopTimes = STOP_TIMES
 ) -> ZaberStage:
-    """Open the port, identify the stage and write its limits; no motion is started.
+    """Open the port, identify the stage and write its limits. No motion is started.
 
     Raises
     ------

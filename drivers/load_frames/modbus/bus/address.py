@@ -6,7 +6,7 @@ from drivers.lines.channel import Channel, SerialChannel, TcpChannel, open_relay
 from drivers.load_frames.modbus.bus.wire import RtuWire, TcpWire, Wire
 
 RTU_PREFIX = "rtu://"
-# Unit 0 is excluded: on a serial line it is the broadcast address, which no device answers.
+# Unit 0 is excluded, because it is the broadcast address of a serial line, which no device answers.
 SERIAL_UNITS = range(1, 248)
 
 
@@ -35,7 +35,7 @@ class ModbusAddress:
 
     @property
     def rtu(self) -> bool:
-        """True for Modbus RTU, which has one master per line and answers without transaction numbers."""
+        """True for Modbus RTU, where a line has one master and the answers have no transaction numbers."""
         return self.serial or self.text.startswith(RTU_PREFIX)
 
     @property
@@ -44,11 +44,11 @@ class ModbusAddress:
         return self.text.startswith("/")
 
     def open(self, timeout_s: float) -> Wire:
-        """Connect to the device; raise one of `drivers.lines.channel.CHANNEL_ERRORS` if this fails."""
+        """Connect to the device. Raise one of `drivers.lines.channel.CHANNEL_ERRORS` if this fails."""
         return self.wire(open_relay(self.relay, timeout_s) or self.channel(timeout_s))
 
     def channel(self, timeout_s: float) -> Channel:
-        """Open the line to the device without a relay; the errors are those of `open`."""
+        """Open the line to the device without a relay. The errors are those of `open`."""
         if self.serial:
             return SerialChannel(self.text, self.baud, self.parity, self.stop_bits, timeout_s)
         host, _, port = self.text.removeprefix(RTU_PREFIX).rpartition(":")
@@ -60,7 +60,7 @@ class ModbusAddress:
 
 
 def address_mistake(text: str) -> str | None:
-    """Return a message if an address is malformed; return None for a valid address."""
+    """Return a message if an address is malformed. Return None for a valid address."""
     if text.startswith("/"):
         return None
     host, colon, port = text.removeprefix(RTU_PREFIX).rpartition(":")

@@ -1,10 +1,11 @@
 """Send Modbus requests to a device and verify the answers.
 
-Every answer is compared with its request. A write request is repeated only if that is harmless. Modbus RTU
-answers have no number. Therefore, after a missing answer, the link reads known registers that identify the
-machine. The answer to this request shows that no late answer can come any more. After a damaged answer, the
-link first waits until the line is silent. On every new connection, the link reads the known registers too.
-Only a hold command is sent at once, without this wait and without this check.
+Every answer is compared with its request. A write request is repeated only if a second execution has no
+effect. Modbus RTU answers have no number. Therefore, after a missing answer, the link reads known registers
+that identify the machine. A device answers in order, so when these registers have arrived, no late answer can
+come any more. After a damaged answer, the link first waits until the line is silent. On every new connection,
+the link reads the known registers too. Only a hold command is sent at once, without the wait and without
+reading these registers.
 """
 
 import contextlib
@@ -34,23 +35,22 @@ T = TypeVar("T")
 
 
 class Address(Protocol):
-    """Interface of an address at which a device is reached; `text` is used in error messages."""
+    """Interface of an address at which a device is reached. Error messages contain `text`."""
 
     @property
     def text(self) -> str:
         """The address as written in the rig file."""
 
     def open(self, timeout_s: float) -> Wire:
-        """Connect to the device; raise one of `drivers.lines.channel.CHANNEL_ERRORS` if this fails."""
+        """Connect to the device. Raise one of `drivers.lines.channel.CHANNEL_ERRORS` if this fails."""
 
 
 class Overtaken(DeviceTimeout):
-    """Raised if an urgent request interrupts an ordinary request, which the device may still have
-    executed."""
+    """An urgent request interrupted an ordinary request. The device may still have executed the latter."""
 
 
 class ModbusLink:
-    """A connection that carries one request at a time; the first request after a lost connection reconnects.
+    """A connection that carries one request at a time. The first request after a lost connection reconnects.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class ModbusLink:
         Longest wait for an answer, in seconds of real time.
     urgent_timeout_s : float
         Longest time, in seconds, for connecting, and for the answer to an urgent request. Keep this time
-        short, because an urgent request must wait until a running attempt to connect has ended.
+        short, because an urgent request must wait for the end of an attempt to connect.
     call_time : CallTime, optional
         The time left in the present call of the driver.
     """
@@ -91,12 +91,12 @@ class ModbusLink:
         self._closed = False
 
     def prove_by(self, table: str, address: int, words: list[int]) -> None:
-        """Set the registers that identify the machine: their address and their content, which never
+        """Set the address and the content of the registers that identify the machine. The content never
         changes."""
         self._proof = read_request(table, address, len(words)), words
 
     def read(self, table: str, address: int, count: int, *, urgent: bool = False) -> list[int]:
-        """Return `count` registers of the `input` or `holding` table; a failed read is repeated once.
+        """Return `count` registers of the `input` or `holding` table. Repeat a failed read once.
 
         Parameters
         ----------
@@ -132,9 +132,9 @@ class ModbusLink:
             True to send the request before all others, and to interrupt other waits on this link.
         single : bool
             True to write a single register with Modbus function 6 instead of function 16.
-        harmless : bool True if the request may be repeated after a missing answer, because a second execution
-        has no effect. All
-            other requests are never repeated.
+        harmless : bool
+            True if the request may be repeated after a missing answer, because a second execution has no
+            effect. A request that is not harmless is never repeated.
 
         Raises
         ------
@@ -151,7 +151,7 @@ class ModbusLink:
             self._exchange(request, urgent, self._call_time.first_wait_s(self._reply_timeout_s))
 
     def _repeated(self, request: Request, urgent: bool) -> list[int]:
-        """Send a request that may be repeated; raise the error of the last attempt."""
+        """Send a request that may be repeated. Raise the error of the last attempt."""
         try:
             return self._exchange(request, urgent, self._first_wait_s(), self._reply_timeout_s)
         except Overtaken:
@@ -164,15 +164,15 @@ class ModbusLink:
     def _first_wait_s(self) -> float:
         """Return the longest wait for the answer to a request that may be repeated.
 
-        On Modbus TCP the request is repeated within this time. On Modbus RTU a repetition needs known
-        registers, which show that no late answer can come any more.
+        On Modbus TCP the request is repeated within this time. On Modbus RTU the request can be repeated only
+        if there are known registers, which show that no late answer can come any more.
         """
         rtu = self._wire is not None and not self._wire.numbered
         wait = self._call_time.first_wait_s if rtu and self._proof else self._call_time.last_wait_s
         return wait(self._reply_timeout_s)
 
     def close(self) -> None:
-        """Close the connection; a repeated call has no effect."""
+        """Close the connection. A repeated call has no effect."""
         with self._turn.urgent():
             self._closed = True
             self._drop()
@@ -201,14 +201,14 @@ class ModbusLink:
         try:
             self._resynchronise()
         except (DamagedError, ForeignAnswerError):
-            # the received answer was a late answer to an earlier request: try once more
+            # try once more, because the received answer was a late answer to an earlier request
             self._resynchronise()
         self._suspect = False
 
     def _late_answer(self, request: Request) -> list[int] | None:
-        """Receive the late answer on Modbus RTU; return its registers if it belongs to `request`.
+        """Receive the late answer on Modbus RTU. If it is the answer to `request`, return its registers.
 
-        Without a missing answer, the link stays as it is.
+        If no answer is missing, do nothing and return None.
         """
         owed, self._owed = self._owed, None
         if owed is None or self._proof is None or not isinstance(self._wire, RtuWire):
@@ -254,7 +254,7 @@ class ModbusLink:
         return self._wire
 
     def _told(self, request: Request, timeout_s: float, ask: Callable[[], T]) -> T:
-        """Send a request with `ask`; raise a `DeviceError` with the device's name if the communication
+        """Send a request with `ask`. Raise a `DeviceError` with the device's name if the communication
         fails."""
         step = request.step
         try:
@@ -301,8 +301,7 @@ class ModbusLink:
             ) from error
 
     def _distrust(self, error: DeviceError) -> DeviceError:
-        """Return `error`, and make sure that the next request does not receive the late answer of this
-        request.
+        """Return `error`, and prevent the next request from receiving the late answer to this request.
 
         On Modbus TCP the connection is closed; on Modbus RTU the next request is delayed.
         """
@@ -314,8 +313,7 @@ class ModbusLink:
 
     def _drop(self) -> None:
         wire, self._wire = self._wire, None
-        # check the machine after reconnecting: another machine may answer, or on RTU an old answer may come
-        # late
+        # Check the machine after reconnecting. Another machine may answer, or on RTU an old answer may come.
         self._suspect, self._owed = True, None
         if wire is not None:
             wire.close()

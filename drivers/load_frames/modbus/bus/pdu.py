@@ -5,9 +5,9 @@ device and without a checksum. The function `crc` computes the checksum of a mes
 
 Source: MODBUS Application Protocol Specification V1.1b3, chapters 6.3, 6.4, 6.6, 6.12 and 7.
 
-Only this module uses pymodbus, to encode requests and checksums. The driver checks the answers itself,
-because pymodbus accepts answers with a wrong function or length. The driver also waits for answers itself,
-because a stop must be able to end the wait.
+Only this module uses pymodbus, to encode requests and checksums. This module checks the answers without
+pymodbus, because pymodbus accepts answers with a wrong function or length. The driver also waits for answers
+without pymodbus, because a stop must be able to end the wait.
 """
 
 import struct
@@ -26,7 +26,7 @@ from pymodbus.pdu.register_message import (
 READ_COILS, READ_DISCRETE = 1, 2
 READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY = 3, 4, 6, 16
 EXCEPTION_BIT = 0x80
-# Exceptions of a gateway: the device behind the gateway did not answer, but may have executed the request.
+# Exception codes of a gateway. The device behind it did not answer, but may have executed the request.
 NOBODY = (10, 11)
 SHOWN_MAX = 40
 EXCEPTIONS = {
@@ -132,7 +132,7 @@ def fewer_registers(request: bytes, count: int) -> bytes:
 
 
 def known_answer(request: bytes, words: list[int]) -> bytes:
-    """Return the answer to a request for registers that contain `words`."""
+    """Return the answer that a device gives to a request if the requested registers contain `words`."""
     return bytes([request[0], 2 * len(words)]) + struct.pack(f">{len(words)}H", *words)
 
 
@@ -157,7 +157,7 @@ def write_one_request(address: int, word: int) -> Request:
 
 
 def shown(data: bytes) -> str:
-    """Return bytes as hexadecimal text for an error message; a long text is cut off."""
+    """Return bytes as hexadecimal text for an error message. A long text is cut off."""
     text = data[:SHOWN_MAX].hex(" ")
     return text if len(data) <= SHOWN_MAX else f"{text} … ({len(data)} bytes)"
 

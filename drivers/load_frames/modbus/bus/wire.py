@@ -1,4 +1,4 @@
-"""Send Modbus messages over TCP or a serial line: one request, then its answer.
+"""Send Modbus messages over TCP or a serial line. Each request is followed by its answer.
 
 Sources: MODBUS Messaging on TCP/IP Implementation Guide V1.0b, chapter 3.1.3; MODBUS over Serial Line V1.02,
 chapters 2.5.1 (frames, silent intervals) and 6.2.2 (CRC).
@@ -33,16 +33,16 @@ PDU_MAX = 253
 TCP_HEADER = 7
 # If a line is not silent within this multiple of the required silence, other devices are sending on it.
 QUIET_ATTEMPTS = 10
-# A device answers within this time, in seconds, unless it lost the request.
-# On two-wire RS-485 a late answer and the check request after a silence may collide. This is accepted: a
-# master may send again after its reply timeout (MODBUS over Serial Line V1.02, chapter 2.4.1), and only must
-# keep the silent interval of 3.5 characters. The checksum shows a message damaged by a collision, so a
-# collision may fail a reading, but no wrong value is taken.
+# After this time, in seconds, without an answer, the device counts as having lost the request. The request
+# sent next may collide with a late answer on two-wire RS-485. This is accepted. A master may send again after
+# its reply timeout if it keeps the silent interval of 3.5 characters (MODBUS over Serial Line V1.02, chapter
+# 2.4.1). The checksum shows a message that a collision has damaged. So a reading may fail after a collision,
+# but it never gives a wrong value.
 OWED_AGAIN_S = 0.12
 
 
 class SilenceError(Exception):
-    """No complete answer came in time; the text of the error describes the received data."""
+    """No complete answer came in time. The text of the error describes the received data."""
 
 
 class DamagedError(SilenceError):
@@ -63,7 +63,7 @@ class Wire(Protocol):
     def ask(
         self, unit: int, pdu: bytes, timeout_s: float, wake: int | None, again_s: float = math.inf
     ) -> bytes:
-        """Send a request and return the answer's protocol data unit; the descriptor `wake` ends the wait.
+        """Send a request and return the answer's protocol data unit. The descriptor `wake` ends the wait.
 
         If answers have numbers, the request is sent again after `again_s` seconds without an answer.
         """
@@ -72,11 +72,11 @@ class Wire(Protocol):
         """Discard received bytes until the line has been silent for `silence_s` seconds."""
 
     def close(self) -> None:
-        """Close the connection; a repeated call has no effect."""
+        """Close the connection. A repeated call has no effect."""
 
 
 class TcpWire:
-    """Connection for Modbus TCP; answers have the number of their request."""
+    """Connection for Modbus TCP, where each answer has the number of its request."""
 
     numbered = True
 
@@ -91,7 +91,7 @@ class TcpWire:
     ) -> bytes:
         """Send a request and return the answer's protocol data unit.
 
-        Without an answer after `again_s` seconds, the request is sent again, and the answer to either of the
+        If no answer comes for `again_s` seconds, the request is sent again. Then the answer to either of the
         two requests is returned.
 
         Raises
@@ -115,7 +115,8 @@ class TcpWire:
                 if answering != unit:
                     raise ForeignAnswerError(f"an answer of unit {unit}", f"one of unit {answering}")
                 return answer
-            # discard an answer to an earlier request; the deadline limits the number of discarded answers
+            # Discard an answer to an earlier request. The deadline limits how long such answers are
+            # discarded.
             if self._clock.now_s() > deadline_s:
                 raise SilenceError("answers to other requests")
 
@@ -126,7 +127,7 @@ class TcpWire:
         return self._transaction
 
     def _next(self) -> tuple[int, int, bytes] | None:
-        """Remove one complete message from the buffer; return transaction, unit and protocol data unit."""
+        """Remove one complete message from the buffer. Return transaction, unit and protocol data unit."""
         if len(self._buffer) < TCP_HEADER:
             return None
         transaction, protocol, length, unit = struct.unpack(">HHHB", self._buffer[:TCP_HEADER])
@@ -141,7 +142,7 @@ class TcpWire:
         """Do nothing, because a late answer is recognised by its number."""
 
     def close(self) -> None:
-        """Close the connection; a repeated call has no effect."""
+        """Close the connection. A repeated call has no effect."""
         self._channel.close()
 
 
@@ -175,7 +176,7 @@ class RtuWire:
     def ask(
         self, unit: int, pdu: bytes, timeout_s: float, wake: int | None, again_s: float = math.inf
     ) -> bytes:
-        """Send a request once, for any `again_s`, and return the answer's protocol data unit.
+        """Send a request once, even if `again_s` is given, and return the answer's protocol data unit.
 
         Raises
         ------
@@ -190,12 +191,12 @@ class RtuWire:
     def owed(
         self, unit: int, proofs: Sequence[tuple[bytes, bytes]], timeout_s: float, wake: int | None
     ) -> list[bytes]:
-        """Send a request whose answer is known; return all answers that come before this answer.
+        """Send a request whose answer is known. Return all answers that come before this answer.
 
-        A device answers in the order of the requests, so these are the late answers to earlier requests, and
-        no late answer can come any more. A busy device may lose the request. Then the second request of
-        `proofs` is sent. Its answer must differ from the first one. Otherwise a device whose answers always
-        come one request late would seem right.
+        A device answers in the order of the requests. So the returned answers are late answers to earlier
+        requests, and no more of them can come. A busy device may lose the request. Then the second request of
+        `proofs` is sent, whose answer must differ from the answer to the first one. Otherwise a device whose
+        answers always come one request late would not be noticed.
 
         Parameters
         ----------
@@ -237,8 +238,7 @@ class RtuWire:
 
     def _post(self, unit: int, pdu: bytes) -> float:
         """Send a request, and return the time at which its last byte is on the line."""
-        # wait for the silent interval, by which the device recognises a new frame, also after an interrupted
-        # frame
+        # Wait for the silent interval, which marks a new frame, also after an interrupted frame.
         self._clock.sleep(min(self._busy_until_s - self._clock.now_s(), self._gap_s))
         frame = bytes([unit]) + pdu
         self._channel.send(frame + crc(frame))
@@ -253,7 +253,7 @@ class RtuWire:
                 raise SilenceError(f"the part {shown(buffer)}" if buffer else "none")
             buffer += data
         frame = buffer[:size]
-        # a second, identical answer does no harm; of two different answers nobody knows the right one
+        # A repeated, identical answer is harmless. If two answers differ, nobody knows which one is right.
         if buffer != (frame * (len(buffer) // size + 1))[: len(buffer)]:
             raise DamagedError(f"more than one frame, {shown(buffer)}")
         return frame
@@ -273,7 +273,7 @@ class RtuWire:
                 raise SilenceError("other bytes without a pause")
 
     def close(self) -> None:
-        """Close the connection; a repeated call has no effect."""
+        """Close the connection. A repeated call has no effect."""
         self._channel.close()
 
 
@@ -287,7 +287,7 @@ def _checked(frame: bytes, unit: int) -> bytes:
 
 
 def _frame_size(start: bytes) -> int | None:
-    """Return the length in bytes of the frame that begins with `start`; None if `start` is too short."""
+    """Return the length in bytes of the frame that begins with `start`, or None if `start` is too short."""
     if len(start) < 3:
         return None
     function = start[1]

@@ -136,7 +136,7 @@ def load_map(name: str) -> RegisterMap:
 
 
 def parse_map(data: Mapping[str, Any], source: str) -> RegisterMap:
-    """Check the content of a register map; raise `ConfigurationError`, which names `source` as the file."""
+    """Check the content of a register map. Raise `ConfigurationError`, which names `source` as the file."""
     mistakes: list[str] = []
     register_map = None
     try:

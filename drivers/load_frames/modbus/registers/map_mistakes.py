@@ -1,4 +1,4 @@
-"""Check a register map as a whole: its addresses and sizes, and the registers that the driver needs."""
+"""Check a register map as a whole: its addresses, its sizes, and the presence of all needed registers."""
 
 import contextlib
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from drivers.load_frames.modbus.registers.registers import Register, Unit
 
-# Largest numbers of registers that Modbus allows in one read and in one write request.
+# Largest numbers of registers that Modbus allows in one read request and in one write request.
 READ_MAX, WRITE_MAX = 125, 123
 
 # The registers that the driver needs in each block, and the unit of each register.
@@ -29,14 +29,13 @@ NEEDED: dict[str, dict[str, Unit]] = {
     "watchdog": {"timeout": "s"},
     "heartbeat": {"heartbeat": ""},
 }  # fmt: skip
-# For each optional block: its registers, and the mandatory block that has them in maps without the optional
-# block.
+# For each optional block: the block that has its registers in maps without the optional block, and these
+# registers.
 APART = {
     "status": ("state", ("status", "fault", "executed", "result")),
     "setpoints": ("command", ("displacement", "speed", "load", "load_rate")),
 }
-# Registers without a unit hold unscaled whole numbers; the registers listed here must have one of these
-# types.
+# Registers without a unit hold unscaled whole numbers. These registers must have one of these types.
 UNSIGNED = ["u16", "u32"]
 TYPES = {
     "sequence": ["u16"], "executed": ["u16"], "heartbeat": ["u16"], "command": ["u16"],
@@ -67,7 +66,7 @@ def mistakes_across(data: Mapping[str, Any]) -> list[str]:
 
 
 class _Understood:
-    """The valid registers of a block, without the invalid ones, so that other mistakes are still found."""
+    """The valid registers of a block. Invalid ones are left out, so that other mistakes are still found."""
 
     def __init__(self, name: str, raw: Mapping[str, Any]) -> None:
         self.name = name
@@ -120,7 +119,7 @@ class _Understood:
         return [f"{self.where}: {self.count} registers, more than {most} in one request"]
 
     def use_mistakes(self, needed: Mapping[str, Unit]) -> list[str]:
-        """Return the mistakes in the registers of this block; `needed` lists the required registers."""
+        """Return the mistakes in the registers of this block. `needed` lists the required registers."""
         mistakes = [
             f"{self.where}.registers.{name}: is missing; add it" for name in needed if name not in self.names
         ]
@@ -144,7 +143,7 @@ class _Understood:
 
 
 def _needed(blocks: Mapping[str, object]) -> dict[str, dict[str, Unit]]:
-    """Return the registers that each block must have; this depends on the optional blocks of the map."""
+    """Return the registers that each block must have, which depends on the optional blocks of the map."""
     needed = {name: dict(registers) for name, registers in NEEDED.items()}
     for name, (home, registers) in APART.items():
         if name in blocks:
@@ -165,7 +164,7 @@ def _collisions(blocks: list[_Understood]) -> list[str]:
 
 
 def _bit_mistakes(blocks: Mapping[str, _Understood], status: Mapping[str, Any]) -> list[str]:
-    """Return a mistake for each bit number that the status register is too small for."""
+    """Return a mistake for each bit number that is too large for the status register."""
     home = blocks.get("status", blocks.get("state"))
     width = (
         next((16 * register.size for name, register in home.placed if name == "status"), 32) if home else 32

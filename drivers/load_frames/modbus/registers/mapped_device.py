@@ -27,7 +27,7 @@ class MappedDevice:
         self._urgent = urgent
 
     def read(self, block: Block, step: str, names: Collection[str] | None = None) -> dict[str, Number]:
-        """Return the values of a block, each in its unit; `names` limits the result to some registers.
+        """Return the values of a block, each in its unit. `names` limits the result to some registers.
 
         Raises
         ------
@@ -47,13 +47,13 @@ class MappedDevice:
         words = self._words(block, step)
         found = self._decoded(block, words, step, names)
         for name in block.registers.keys() - names:
-            # an unused register may contain anything
+            # ignore an unused register without a valid value, because it may contain anything
             with contextlib.suppress(ValueError):
                 found |= block.decode(words, self._map.word_order, (name,))
         return found
 
     def identify(self, step: str) -> dict[str, Number]:
-        """Return the values of the block `identity`; from now on the link identifies the machine by them."""
+        """Return the values of the block `identity`. From now on the link identifies the machine by them."""
         block = self._map.blocks.identity
         words = self._words(block, step)
         self._link.prove_by(block.table, block.address, words)
@@ -98,9 +98,10 @@ class MappedDevice:
         return values
 
     def write(self, block: Block, values: Mapping[str, Number], step: str, *, harmless: bool = False) -> None:
-        """Write a block in one request; registers that are not named in `values` become 0.
+        """Write a block in one request. Registers that are not named in `values` become 0.
 
-        If the request is `harmless` when it is executed twice, it is repeated after a missing answer.
+        After a missing answer, the request is repeated if `harmless` says that a second execution has no
+        effect.
         """
         self._write_words(block, self._encode(block, values, step), step, harmless=harmless)
 
@@ -108,7 +109,7 @@ class MappedDevice:
         """Set registers of a block to `values`, and leave the other registers of the block unchanged.
 
         If the block already has these values, nothing is written, because writing wears the machine's memory.
-        Otherwise the block is written and read back; a difference raises `DeviceFault`.
+        Otherwise the block is written and read back. `DeviceFault` is raised if the values differ.
         """
         found = self._words(block, step)
         wanted = self._encode(block, values, step, found)
@@ -125,7 +126,7 @@ class MappedDevice:
         return found == self._encode(block, values, step, found)
 
     def fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
-        """Return a `DeviceFault` with the name of this device; the caller raises the error."""
+        """Return a `DeviceFault` with the name of this device. The caller raises the error."""
         return DeviceFault(self.name, step, expected, got, remedy)
 
     def unhurried(self) -> "MappedDevice":
@@ -137,7 +138,7 @@ class MappedDevice:
         return self._link is other._link
 
     def close(self) -> None:
-        """Release the connection; a repeated call has no effect."""
+        """Release the connection. A repeated call has no effect."""
         self._link.close()
 
     def _words(self, block: Block, step: str) -> list[int]:
@@ -161,7 +162,7 @@ class MappedDevice:
 
 @contextlib.contextmanager
 def _during(step: str) -> Iterator[None]:
-    """Add the text `step` to every error of the link."""
+    """Put the text `step` before the step in every error of the link."""
     try:
         yield
     except DeviceError as error:

@@ -23,7 +23,7 @@ _VALUES = {
 }
 _SIZES = {name: value.size // 2 for name, value in _VALUES.items()}
 _WORDS = {size: struct.Struct(f">{size}H") for size in _SIZES.values()}
-# In registers with these units, 0 means "off" or "never": a small value must not be rounded to 0.
+# In registers with these units, 0 means "off" or "never". So a small value must not be rounded to 0.
 NEVER_ROUNDED_TO_0 = ("N/s", "mm/s", "s")
 
 
@@ -162,7 +162,7 @@ class Block(Settings):
     def decode(
         self, words: Sequence[int], order: WordOrder, names: Collection[str] | None = None
     ) -> dict[str, Number]:
-        """Return the values by name; a register without a valid value raises `ValueError`."""
+        """Return the values by name. Raise `ValueError` if a register has no valid value."""
         values, start = {}, self.address
         for name, register in self.registers.items():
             if names is not None and name not in names:
@@ -177,7 +177,7 @@ class Block(Settings):
     def encode(
         self, values: Mapping[str, Number], order: WordOrder, onto: Sequence[int] | None = None
     ) -> list[int]:
-        """Return the words of the block; registers not named in `values` keep the words of `onto`, or are 0.
+        """Return the words of the block. Registers without a new value keep the words of `onto`, or are 0.
 
         If a register cannot hold its value, `ValueError` gives the name of the register.
         """
@@ -193,7 +193,7 @@ class Block(Settings):
 
 
 def _ordered(data: bytes, order: WordOrder) -> bytes:
-    """Convert bytes to or from the word order of the registers; both directions are the same operation."""
+    """Convert bytes to or from the word order of the registers. Both directions are the same operation."""
     if order in ("BADC", "DCBA"):
         data = b"".join(data[i : i + 2][::-1] for i in range(0, len(data), 2))
     if order in ("CDAB", "DCBA"):
