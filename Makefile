@@ -9,7 +9,7 @@ DEMO := demo
 
 help:
 	@echo "make install    the virtual environment in $(VENV)"
-	@echo "make demo       both of the paper's experiments on a virtual rig; report in $(DEMO)/report.html"
+	@echo "make demo       the paper's experiments and a tensile test on a virtual rig; report in $(DEMO)/report.html"
 	@echo "make test       lint, types, import laws and the whole suite"
 	@echo "make test-kernel  the camera drivers on a real kernel and a real GigE Vision peer, with their figures"
 	@echo "make test-long  campaigns of many minutes"

@@ -327,10 +327,15 @@ def simulate(
 @cli.command()
 @click.option("-o", "--output", type=_PATH, default=Path("demo"), show_default=True, help="Output folder.")
 def demo(output: Path) -> None:
-    """Run the paper's tension and rotation tests on virtual rigs, measure the strain and write a report."""
+    """Run the paper's tension and rotation tests and a tensile test on virtual rigs, and write a report.
+
+    The tensile test gives E, Poisson's ratio and Rp0.2, which are printed beside the exact values.
+    """
     from rig.commands.demo import run_demo
 
     made = run_demo(output, say)
+    for line in made.properties:
+        say(line)
     say(f"open {made.report.resolve()}")
 
 

@@ -125,7 +125,7 @@ def properties(
         across = field.transverse_gauge
         read = gauge_curve(series, gauge, across, kind=choice.strain_kind, camera=choice.camera)
         found = material_properties(read.curve, settings)
-        found = with_shared_error(found, read.shared_std)
+        found = with_shared_error(found, read.shared_std, read.shared_transverse)
         content |= {"strain_kind": read.kind, "images": len(read.curve.strain), "left_out": read.left_out}
         content |= {} if joined is None else {"record": joined.as_dict()}
         say(f"{read.kind} strain of {len(read.curve.strain)} images, {read.left_out} without a reading")

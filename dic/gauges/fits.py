@@ -9,8 +9,8 @@ from dic.gauges.declared import Gauge, PointGauge, StrainGauge
 from dic.gauges.field import GaugeField
 from dic.gauges.planes import lie_on_one_line, sums_at
 from dic.gauges.points import GridPlaces
-from dic.gauges.reading import Reading
-from dic.gauges.strains import along, elongation, engineering
+from dic.gauges.reading import Reading, SharedPart
+from dic.gauges.strains import along, along_weights, elongation, engineering
 from dic.gauges.sums import covariance_at_points
 from dic.strain.strain import strain_of_gradient, with_shared
 from dic.typing import Float, Indices
@@ -114,6 +114,7 @@ class PlacedFit:
             strain_std_images=float(np.sqrt(images)),
             points=points,
             values=values,
+            shared=SharedPart(field.shared, np.sqrt(size) * along_weights(self.direction)),
         )
 
 

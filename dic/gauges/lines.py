@@ -9,8 +9,8 @@ from dic.gauges.declared import LEAST_LINES, Extensometer, TransverseExtensomete
 from dic.gauges.field import GaugeField
 from dic.gauges.planes import flat_sets, lie_on_one_line, sums_at, sums_at_places
 from dic.gauges.points import GridPlaces
-from dic.gauges.reading import Reading
-from dic.gauges.strains import along, engineering
+from dic.gauges.reading import Reading, SharedPart
+from dic.gauges.strains import along, along_weights, engineering
 from dic.gauges.sums import covariance_at_points
 from dic.typing import Float, Indices, Mask
 
@@ -121,6 +121,9 @@ class PlacedLines:
             extension=float(np.mean(longer - lengths)),
             extension_std=float(np.sqrt(images[1] + (common + shared) * length**2)),
             length=length,
+            shared=SharedPart(
+                field.shared, engineering(1.0 + strain, field.measure) * along_weights(direction)
+            ),
         )
 
     def _sums(self, side: int, good: Mask, valid: Mask, field: GaugeField) -> Float:

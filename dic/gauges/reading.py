@@ -12,6 +12,22 @@ _KEYS = ("strain", "strain_std", "strain_std_images", "extension", "extension_st
 
 
 @dataclass(frozen=True)
+class SharedPart:
+    """The error of a gauge's strain by calibration and motion out of the plane, which all points share.
+
+    Attributes
+    ----------
+    covariance : ndarray, shape (3, 3)
+        Covariance of the errors of exx, eyy, exy.
+    weights : ndarray, shape (3,)
+        Derivatives of the gauge's strain with respect to exx, eyy, exy.
+    """
+
+    covariance: Float
+    weights: Float
+
+
+@dataclass(frozen=True)
 class Reading:
     """The reading of an extensometer, an area or a point in one image.
 
@@ -42,6 +58,8 @@ class Reading:
         and v contain only the part that the images cause.
     reason : str
         The reason why there is no reading; "" if there is one.
+    shared : SharedPart or None
+        The part of the error that `strain_std` has beyond `strain_std_images`; None if there is no reading.
     """
 
     unit: str
@@ -56,6 +74,7 @@ class Reading:
     lines: int | None = None
     values: Mapping[str, float] = field(default_factory=dict)
     reason: str = ""
+    shared: SharedPart | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """Return the reading for JSON, with None instead of NaN."""

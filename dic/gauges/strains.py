@@ -10,11 +10,21 @@ def along(covariance: Float, direction: Float) -> float:
 
     The strain along the unit vector (c, s) is c² exx + s² eyy + 2 c s exy.
     """
+    weights = along_weights(direction)
+    return covariance_along(covariance, weights, weights)
+
+
+def along_weights(direction: Float) -> Float:
+    """Return the weights (3,) of exx, eyy and exy in the strain along a unit vector (2,)."""
     c, s = direction
-    weights = np.array([c * c, s * s, 2.0 * c * s])
+    return np.array([c * c, s * s, 2.0 * c * s])
+
+
+def covariance_along(covariance: Float, one: Float, other: Float) -> float:
+    """Return the covariance of two weighted sums of exx, eyy, exy, from their covariance (3, 3)."""
     # A component with the weight 0 may have an unknown error, NaN.
-    used = weights != 0.0
-    return float(weights[used] @ covariance[np.ix_(used, used)] @ weights[used])
+    rows, columns = one != 0.0, other != 0.0
+    return float(one[rows] @ covariance[np.ix_(rows, columns)] @ other[columns])
 
 
 def engineering(stretch: float, measure: str) -> float:

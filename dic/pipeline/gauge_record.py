@@ -8,6 +8,7 @@ import numpy as np
 from dic.errors import CurveError, GaugeError, is_number
 from dic.gauges.reading import Reading
 from dic.gauges.series import GaugeImage, GaugeSeries
+from dic.gauges.strains import covariance_along
 from dic.properties.curve import Curve
 from dic.records.joining import JOINS, JoinedRecord, join_by_name, join_by_row, join_by_time, times_of
 from dic.records.machine import MachineRecord
@@ -132,6 +133,9 @@ class GaugeCurve:
         Load and engineering strain at each image that has a reading.
     shared_std : ndarray, shape (n,)
         Standard deviation of the strain by calibration and motion out of the plane; NaN if it is not known.
+    shared_transverse : ndarray, shape (n, 2), or None
+        The error of the transverse strain: the part that comes with one standard deviation of the error of
+        the strain, with its sign, and the standard deviation of the rest. None without a transverse gauge.
     kind : str
         "raw", "calibrated" or "corrected".
     left_out : int
@@ -142,6 +146,7 @@ class GaugeCurve:
 
     curve: Curve
     shared_std: Float
+    shared_transverse: Float | None
     kind: str
     left_out: int
     labels: tuple[str, ...]
@@ -198,9 +203,10 @@ def gauge_curve(
     )
     # Of the errors of raw strain, only those that the images cause are known.
     shared = np.full(len(use), np.nan) if chosen == "raw" else _shared_std(series, gauge, chosen)
+    beside = None if transverse is None else _shared_transverse(series, gauge, transverse, chosen)[use]
     labels = tuple(str(image.known.get("step", image.label)) for image in series.images)
     kept = tuple(label for label, used in zip(labels, use, strict=True) if used)
-    return GaugeCurve(curve, shared[use], chosen, int(np.count_nonzero(~use)), kept)
+    return GaugeCurve(curve, shared[use], beside, chosen, int(np.count_nonzero(~use)), kept)
 
 
 def _shared_std(series: GaugeSeries, gauge: str, kind: str) -> Float:
@@ -211,6 +217,24 @@ def _shared_std(series: GaugeSeries, gauge: str, kind: str) -> Float:
     ]
     whole, images = np.array(stds).reshape(-1, 2).T
     return np.asarray(np.sqrt(np.maximum(whole**2 - images**2, 0.0)))
+
+
+def _shared_transverse(series: GaugeSeries, gauge: str, transverse: str, kind: str) -> Float:
+    """Return `GaugeCurve.shared_transverse` for all images, shape (images, 2); NaN where it is not known."""
+    found = np.full((len(series.images), 2), np.nan)
+    for k, image in enumerate(series.images):
+        readings = [image.readings.get(name, {}).get(kind) for name in (gauge, transverse)]
+        parts = [one.shared if isinstance(one, Reading) else None for one in readings]
+        if parts[0] is None or parts[1] is None:
+            continue
+        own, across = parts[0], parts[1]
+        variance, both, other = (
+            covariance_along(own.covariance, one, two)
+            for one, two in ((own.weights, own.weights), (own.weights, across.weights), (across.weights,) * 2)
+        )
+        with_strain = both / np.sqrt(variance) if variance > 0.0 else 0.0
+        found[k] = with_strain, np.sqrt(max(other - with_strain**2, 0.0))
+    return found
 
 
 def _of_camera(series: GaugeSeries, camera: str | None) -> GaugeSeries:

@@ -10,11 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from dic.properties.elastic import Elastic
 from dic.properties.properties import Properties, material_properties
 from dic.typing import Float
 
 
-def with_shared_error(found: Properties, shared_std: Float) -> Properties:
+def with_shared_error(
+    found: Properties, shared_std: Float, shared_transverse: Float | None = None
+) -> Properties:
     """Return properties whose standard deviations contain an error of strain that all points share.
 
     Each property is computed again with strain that has this error, once added and once taken away. Half of
@@ -25,27 +28,53 @@ def with_shared_error(found: Properties, shared_std: Float) -> Properties:
     found : Properties
     shared_std : ndarray, shape (n,)
         Standard deviation of the error at each point of the curve.
+    shared_transverse : ndarray, shape (n, 2), optional
+        Error of the transverse strain: the part that comes with one standard deviation of the error of the
+        strain, with its sign, and the standard deviation of the rest. Without it, the transverse strain is
+        taken to have no such error. A shift towards the camera adds the same to both strains, so it changes
+        Poisson's ratio by (1 + ν) times its share of the strain.
     """
-    elastic, record = found.elastic, found.record
+    elastic = found.elastic
     if elastic is None or not np.isfinite(shared_std).all():
         return found
-    curve, end = record.curve, elastic.line.stop
-    error = np.array(shared_std, np.float64)
-    error[:end] = error[end - 1] * curve.load_n[:end] / curve.load_n[end - 1]
-    # Both curves are fitted between the same stresses, so that the choice of a window does not change the
-    # result.
-    low, high = elastic.window["stress_mpa"]
-    settings = replace(found.settings, window_mpa=(low, high))
-    sides = [
-        material_properties(replace(curve, strain=curve.strain + sign * error), settings).values
-        for sign in (1.0, -1.0)
-    ]
+    if shared_transverse is None or not np.isfinite(shared_transverse).all():
+        modes = [(np.asarray(shared_std), np.zeros(len(shared_std)))]
+    else:
+        modes = [
+            (np.asarray(shared_std), shared_transverse[:, 0]),
+            (np.zeros(len(shared_std)), shared_transverse[:, 1]),
+        ]
+    changes = [_changes(found, elastic, *mode) for mode in modes]
     values, parts = {}, {}
     for name, value in found.values.items():
-        ahead, behind = (side[name].value if name in side else None for side in sides)
         values[name] = value
-        if value.value is None or value.std is None or ahead is None or behind is None:
-            continue
-        parts[name] = 0.5 * abs(ahead - behind)
-        values[name] = replace(value, std=float(np.hypot(value.std, parts[name])))
+        own = [each[name] for each in changes if name in each]
+        if len(own) == len(changes):
+            parts[name] = float(np.linalg.norm(own))
+            values[name] = replace(value, std=float(np.hypot(value.std or 0.0, parts[name])))
     return replace(found, values=values, strain_parts=parts)
+
+
+def _changes(found: Properties, elastic: Elastic, along: Float, across: Float) -> dict[str, float]:
+    """Return by how much an error of both strains changes each property that has a standard deviation."""
+    record = found.record
+    curve, end = record.curve, elastic.line.stop
+    errors = []
+    for part in (along, across):
+        error = np.array(part, np.float64)
+        error[:end] = error[end - 1] * curve.load_n[:end] / curve.load_n[end - 1]
+        errors.append(error)
+    # Both curves have the same window, so that the choice of a window is no part of the difference.
+    low, high = elastic.window["stress_mpa"]
+    settings = replace(found.settings, window_mpa=(low, high))
+    sides = []
+    for sign in (1.0, -1.0):
+        beside = None if curve.transverse is None else curve.transverse + sign * errors[1]
+        moved = replace(curve, strain=curve.strain + sign * errors[0], transverse=beside)
+        sides.append(material_properties(moved, settings).values)
+    changes = {}
+    for name, value in found.values.items():
+        ahead, behind = (side[name].value if name in side else None for side in sides)
+        if value.value is not None and value.std is not None and ahead is not None and behind is not None:
+            changes[name] = 0.5 * abs(ahead - behind)
+    return changes

@@ -41,7 +41,7 @@ class TensileView:
     """The content of the report on one tensile test, in the form that the page template needs."""
 
     test: TensileTest
-    headings: list[str]
+    headings: list[tuple[str, str]]
     rows: list[PropertyRow]
     remarks: list[Remarks]
     about: list[tuple[str, str]]
@@ -53,9 +53,9 @@ def tensile_view(test: TensileTest) -> TensileView:
     """Return tables and figures of a test; call it within `plot_style`."""
     return TensileView(
         test=test,
-        headings=[column.label for column in test.columns],
+        headings=[(column.camera, column.kind_text) for column in test.columns],
         rows=[_row(test, name) for name in SYMBOLS if _is_shown(test, name)],
-        remarks=[Remarks(column.label, _remarks(column)) for column in test.columns],
+        remarks=_grouped(test),
         about=_about(test),
         curves=_curves(test),
         curve=png_uri(draw_properties(test.main.properties)),
@@ -91,6 +91,19 @@ def _cell(value: PropertyValue, digits: int) -> str:
     if value.value is None:
         return "–"
     return fixed(value.value, digits) if not value.std else with_std(value.value, value.std)
+
+
+def _grouped(test: TensileTest) -> list[Remarks]:
+    """Return what speaks against the values: first what holds for all columns, then each column's own."""
+    own = [_remarks(column) for column in test.columns]
+    if len(own) == 1:
+        return [Remarks(test.main.label, own[0])]
+    shared = [sentence for sentence in own[0] if all(sentence in each for each in own)]
+    apart = [
+        Remarks(column.label, [sentence for sentence in each if sentence not in shared])
+        for column, each in zip(test.columns, own, strict=True)
+    ]
+    return [Remarks("All columns", shared), *apart]
 
 
 def _remarks(column: TestColumn) -> list[str]:

@@ -50,9 +50,14 @@ class TestColumn:
     properties: Properties
 
     @property
+    def kind_text(self) -> str:
+        """The kind of strain."""
+        return _UNCORRECTED[self.read.kind]
+
+    @property
     def label(self) -> str:
         """Camera and kind of strain."""
-        return ", ".join(part for part in (self.camera, _UNCORRECTED[self.read.kind]) if part)
+        return ", ".join(part for part in (self.camera, self.kind_text) if part)
 
     def as_dict(self) -> dict[str, Any]:
         """Return properties and curve for JSON."""
@@ -156,6 +161,7 @@ def tensile_test(
             remedy = "correct the name or the value, or leave it out"
             raise CurveError("known values", name, expected, repr(value), remedy)
     cameras = list(dict.fromkeys(str(image.known.get("camera", "")) for image in series.images))
+    cameras.sort(key=lambda camera: camera != "on_axis")  # the one that the others are compared with
     columns = []
     for camera in cameras:
         own = tuple(image for image in series.images if str(image.known.get("camera", "")) == camera)
@@ -176,5 +182,6 @@ def _column(
     kind: str,
 ) -> TestColumn:
     read = gauge_curve(series, gauge, transverse, kind=kind)
-    found = with_shared_error(material_properties(read.curve, settings), read.shared_std)
+    plain = material_properties(read.curve, settings)
+    found = with_shared_error(plain, read.shared_std, read.shared_transverse)
     return TestColumn(camera, read, read.labels, found)

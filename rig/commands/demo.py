@@ -1,16 +1,17 @@
-"""Run the paper's experiments on virtual rigs, from protocol to report, for the command `rig demo`."""
+"""Run the paper's experiments and a tensile test on virtual rigs, from protocol to report, for `rig demo`."""
 
 import shutil
 import sysconfig
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rig import Aborted, RigError, run_protocol
+from rig import Aborted, RigError, read_rig, run_protocol
 
 if TYPE_CHECKING:
+    from dic import TensileTest
     from dic.pipeline.run_result import RunResult
 
 EXPERIMENTS = {
@@ -18,20 +19,27 @@ EXPERIMENTS = {
     "rotation-10": ("rotation.toml", "rig-virtual-rotation-10.toml"),
     "rotation-20": ("rotation.toml", "rig-virtual-rotation-20.toml"),
     "rotation-30": ("rotation.toml", "rig-virtual-rotation-30.toml"),
+    "tensile": ("tensile.toml", "rig-virtual-tensile.toml"),
 }
 """The name of each demo run, with its protocol file and its rig file from the folder of examples."""
 
+_PROPERTIES = "tensile"
+"""The demo run whose material properties are shown beside the exact ones."""
 _MARK = ".offaxis-demo"
 
 
 @dataclass(frozen=True)
 class Demo:
-    """The files that a demo writes: a run file and a result file per experiment, and one report."""
+    """The files that a demo writes: a run file and a result file per experiment, and one report.
+
+    `properties` has a line for each material property, with its exact value.
+    """
 
     folder: Path
     runs: dict[str, Path]
     results: dict[str, Path]
     report: Path
+    properties: tuple[str, ...] = ()
 
 
 def examples_folder() -> Path:
@@ -45,7 +53,9 @@ def examples_folder() -> Path:
 
 
 def run_demo(folder: Path, say: Callable[[str], None]) -> Demo:
-    """Run the paper's experiments on virtual rigs, measure their images and write the report.
+    """Run the paper's experiments and a tensile test on virtual rigs, measure them and write the report.
+
+    The report ends its summary with the material properties of the tensile test beside the exact ones.
 
     While one experiment runs, a second thread measures the images of the previous experiment.
 
@@ -86,8 +96,44 @@ def run_demo(folder: Path, say: Callable[[str], None]) -> Demo:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     say("writing the report")
-    write_report(results, demo.report)
-    return demo
+    test = _tensile_test(results[list(EXPERIMENTS).index(_PROPERTIES)], folder)
+    write_report(results, demo.report, tests=[test])
+    return replace(demo, properties=tuple(_property_lines(test)))
+
+
+def _tensile_test(result: "RunResult", folder: Path) -> "TensileTest":
+    """Return the tensile test with the exact properties of its virtual specimen.
+
+    The measurement has no access to the exact properties: they come from the driver of the virtual rig.
+    """
+    from dic import PropertySettings, measure_gauges, tensile_test, whole_field_gauges
+
+    gauges = whole_field_gauges(result)
+    known = _exact_properties(folder / EXPERIMENTS[_PROPERTIES][1])
+    settings = PropertySettings(area_mm2=result.info.width_mm * result.info.thickness_mm)
+    along, across = (gauge.name for gauge in gauges)
+    series = measure_gauges(result, gauges)
+    return tensile_test(series, along, across, settings, known=known, title=result.info.title)
+
+
+def _exact_properties(rig: Path) -> dict[str, float]:
+    """Return the exact properties that the tensile test can give, from the virtual rig's driver."""
+    simulation = read_rig(rig).simulation
+    exact = None if simulation is None else simulation.setting("exact_properties")
+    if exact is None:
+        expected, remedy = "a virtual rig with exact properties", "install offaxis again"
+        raise RigError(str(rig), expected, "none", remedy)
+    return {name: float(exact()[name]) for name in ("E_gpa", "nu", "Rp02_mpa")}
+
+
+def _property_lines(test: "TensileTest") -> list[str]:
+    """Return a line of text for each known property: the value from each camera, and the exact value."""
+    lines = []
+    for name, exact in test.known.items():
+        values = [(column.label, column.properties.values[name]) for column in test.columns]
+        texts = [f"{value.value:.4g} ({label})" for label, value in values if value.value is not None]
+        lines.append(f"{name}: {', '.join(texts)}; exact {exact:.4g}")
+    return lines
 
 
 def _run(name: str, source: Path, files: tuple[str, str], demo: Demo, say: Callable[[str], None]) -> None:

@@ -210,7 +210,7 @@ def test_images_and_a_table_become_a_test_report(folder, tmp_path):
     cells = re.findall(r"<td[^>]*>(.*?)</td>", text[text.index("<td>E</td>") :])
     assert cells[:2] == ["E", "GPa"]
     assert float(cells[2].split(" ± ")[0]) == pytest.approx(column["values"]["E_gpa"]["value"], abs=0.51)
-    assert cells[4] == "70.00"
+    assert cells[3] == "70.00"
     assert text.count("data:image/svg+xml") == 1
 
 

@@ -39,6 +39,21 @@ def test_slope_gets_the_share_of_the_error_at_the_end_of_its_window():
     assert judged.as_dict()["std_by_strain"]["E_gpa"] == judged.strain_parts["E_gpa"]
 
 
+def test_a_shift_towards_the_camera_changes_poissons_ratio_by_both_strains():
+    curve, share = record(), 0.005
+    found = material_properties(curve, PropertySettings(AREA_MM2))
+    error = share * curve.strain
+    both = np.column_stack([error, np.zeros(400)])
+    judged = with_shared_error(found, error, both)
+    # d(-t / e) for the same error in t and e
+    assert judged.strain_parts["nu"] == pytest.approx(share * (1 + 0.3), rel=0.03)
+    assert judged.strain_parts["E_gpa"] == pytest.approx(
+        with_shared_error(found, error).strain_parts["E_gpa"], rel=1e-9
+    )
+    apart = with_shared_error(found, error, np.column_stack([np.zeros(400), error]))
+    assert apart.strain_parts["nu"] == pytest.approx(share * np.hypot(0.3, 1.0), rel=0.03)
+
+
 def test_error_that_is_declared_as_a_share_gives_the_same_deviation():
     curve, share = record(), 0.01
     declared = material_properties(curve, PropertySettings(AREA_MM2, strain_std_percent=100 * share))

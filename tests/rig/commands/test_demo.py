@@ -2,22 +2,26 @@ from pathlib import Path
 
 import pytest
 
+from dic import process_run
 from rig.commands import demo
 from rig.commands.demo import run_demo
 from rig.engine.status import Outcome
 from rig.errors import Aborted, RigError
+from rig.run import run_protocol
+from tests.places import EXAMPLES
 
 
 def fail(*_: object) -> Outcome:
     return Outcome("aborted", "Ctrl-C", 2)
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def no_experiment(monkeypatch):
-    """No experiment is run: these tests are about what stands around them."""
+    """No experiment is run."""
     monkeypatch.setattr(demo, "run_protocol", fail)
 
 
+@pytest.mark.usefixtures("no_experiment")
 def test_files_that_are_no_demos_are_left_alone(tmp_path: Path):
     precious = tmp_path / "tension.h5"
     precious.write_bytes(b"a real run")
@@ -27,12 +31,14 @@ def test_files_that_are_no_demos_are_left_alone(tmp_path: Path):
     assert precious.read_bytes() == b"a real run"
 
 
+@pytest.mark.usefixtures("no_experiment")
 def test_folder_that_cannot_be_made_is_one_sentence(tmp_path: Path):
     (tmp_path / "file").touch()
     with pytest.raises(RigError, match=r"file/demo: expected a folder that can be written to"):
         run_demo(tmp_path / "file" / "demo", print)
 
 
+@pytest.mark.usefixtures("no_experiment")
 def test_experiment_that_did_not_complete_ends_the_demo_which_can_be_repeated(tmp_path: Path):
     folder = tmp_path / "demo"
     for _ in range(2):
@@ -40,3 +46,28 @@ def test_experiment_that_did_not_complete_ends_the_demo_which_can_be_repeated(tm
             run_demo(folder, print)
         assert (folder / "tension.toml").is_file()
         (folder / "tension.h5").write_bytes(b"what the first demo left")
+
+
+def test_exact_properties_are_those_of_the_virtual_specimen():
+    # the defaults of the virtual specimen, from the data sheet of 2024-T3
+    exact = demo._exact_properties(EXAMPLES / "rig-virtual-tensile.toml")
+    assert exact == {"E_gpa": 73.1, "nu": 0.33, "Rp02_mpa": 345.0}
+
+
+@pytest.mark.long
+def test_tensile_test_gives_the_exact_properties_from_every_camera(tmp_path: Path):
+    protocol, rig = (EXAMPLES / name for name in demo.EXPERIMENTS["tensile"])
+    outcome = run_protocol(protocol, rig, tmp_path / "t.h5")
+    assert outcome.status == "completed"
+    test = demo._tensile_test(process_run(tmp_path / "t.h5"), EXAMPLES)
+    assert [(column.camera, column.read.kind) for column in test.columns] == [
+        (camera, kind) for camera in ("on_axis", "off_axis") for kind in ("calibrated", "corrected")
+    ]
+    corrected = test.main.properties.values
+    for name, exact in test.known.items():
+        value = corrected[name]
+        assert abs(value.value - exact) < 2.6 * value.std < 0.02 * exact, name  # 99 %
+    # A slope of 0.1 degrees that grows with the load, seen at 30 degrees, makes E about 9 GPa too low.
+    uncorrected = test.columns[2].properties.values["E_gpa"]
+    assert uncorrected.value < 68.0
+    assert len(demo._property_lines(test)) == 3
