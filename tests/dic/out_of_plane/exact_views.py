@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dic.calibration.calibration import Calibration
+from dic.calibration.pinhole.prior import KnownCamera
 from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.status import Status
@@ -49,6 +50,7 @@ class OffCentre:
         self._camera, self._off_px = camera, np.asarray(off_px, float)
         self.width_px, self.height_px = camera.width_px, camera.height_px
         self.centre_mm = camera.centre_mm
+        self.principal_point_px = camera.principal_point_px + self._off_px
 
     def project(self, world_mm):
         return self._camera.project(world_mm) + self._off_px
@@ -74,13 +76,15 @@ class View:
         # Subsets side by side: their errors are independent.
         return CorrelationSettings(subset_px=self.subset_px, step_px=self.subset_px, shape=self.shape)
 
-    def calibration(self) -> Calibration:
+    def calibration(self, *, principal_known: bool = False) -> Calibration:
+        """Calibrate from one image of the grid; on request the true principal point is given."""
         rng = np.random.default_rng([self.seed, 1])
         index = np.stack(np.meshgrid(np.arange(21), np.arange(21)), axis=-1).reshape(-1, 2)
         xyz = np.column_stack([(index - 10) * 0.5, np.zeros(len(index))])
         seen = self.camera.project(xyz) + rng.normal(0.0, self.grid_noise_px, (len(index), 2))
         grid = GridPoints.on_lattice(index.astype(np.int64), seen, (21, 21), 0.5)
-        return Calibration.fit(grid, (self.camera.height_px, self.camera.width_px))
+        known = KnownCamera(principal_px=self.camera.principal_point_px) if principal_known else None
+        return Calibration.fit(grid, (self.camera.height_px, self.camera.width_px), known=known)
 
     def measurements(self, states, calibration, reference=None):
         """Return a measurement per state, all against the same (noisy) reference image."""

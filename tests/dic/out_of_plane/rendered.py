@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from dic.calibration.calibration import Calibration
+from dic.calibration.pinhole.prior import KnownCamera
 from dic.correlation.correlator import Correlator
 from dic.correlation.settings import CorrelationSettings
 from dic.strain.measurement import measure
@@ -52,16 +53,19 @@ class RenderedView:
         Number of the camera, for noise of its own.
     reference : Pose
         Where the specimen is in its reference picture.
+    principal_known : bool
+        Whether the calibration is given the true principal point.
     """
 
-    def __init__(self, seed, *, pan_deg=0.0, tilt_deg=0.0, camera=0, reference=None):
+    def __init__(self, seed, *, pan_deg=0.0, tilt_deg=0.0, camera=0, reference=None, principal_known=False):
         self._rng = np.random.default_rng([seed, camera])
         # As uncertain as the calibration takes it for: 1 % of the width.
         optics = PinholeCamera(800, 800, pan_deg=pan_deg, tilt_deg=tilt_deg)
         self.optics = OffCentre(optics, self._rng.normal(0.0, 8.0, 2))
         self.speckle = Speckle.sprayed(seed)
         grid = find_grid(self._picture(Surface(LineGrid())))
-        self.calibration = Calibration.fit(grid, (800, 800))
+        known = KnownCamera(principal_px=self.optics.principal_point_px) if principal_known else None
+        self.calibration = Calibration.fit(grid, (800, 800), known=known)
         self.settings = CorrelationSettings()
         y, x = np.mgrid[:800, :800]
         region = self.calibration.inside(np.column_stack([x.ravel(), y.ravel()]).astype(float))

@@ -129,10 +129,14 @@ def test_tension_seen_by_one_camera_is_corrected(bending):
     assert (np.abs(np.array(elastic) / stds) < 1.96).mean() >= 0.90
 
 
-def test_two_cameras_measure_shift_and_tilt_in_tension():
+@pytest.mark.parametrize(("principal_known", "limit"), [(False, 20.0), (True, 5.0)])
+def test_two_cameras_measure_shift_and_tilt_in_tension(principal_known, limit):
     elastic, stds, plastic, shifts = [], [], [], []
     for seed in SEEDS:
-        views = [RenderedView(seed, tilt_deg=30), RenderedView(seed, camera=1)]
+        views = [
+            RenderedView(seed, tilt_deg=30, principal_known=principal_known),
+            RenderedView(seed, camera=1, principal_known=principal_known),
+        ]
         for part, strain in zip((0.4, 0.7, 1.0, 1.0, 1.0), ELASTIC + PLASTIC, strict=True):
             F, pose = stretched(strain), Pose.sloped(*(0.15 * part * direction(seed, 3)), 0.02)
             seen = tuple(view.measurement(pose, F) for view in views)
@@ -146,10 +150,11 @@ def test_two_cameras_measure_shift_and_tilt_in_tension():
             else:
                 plastic.append(np.abs(error).max() / (1e6 * strain))
     report("two", np.array(elastic), np.array(stds), plastic=max(plastic), shift_um=np.abs(shifts).max())
-    assert np.abs(elastic).max() < 20
+    assert np.abs(elastic).max() < limit
     assert max(plastic) < 0.002
     assert np.abs(shifts).max() < 0.5
-    assert 0.90 <= (np.abs(np.array(elastic) / stds) < 1.96).mean() <= 0.99
+    # The stated deviations contain errors of interpolation of 0.4 mpx, which these patterns do not have.
+    assert 0.90 <= (np.abs(np.array(elastic) / stds) < 1.96).mean() <= (1.0 if principal_known else 0.99)
 
 
 def test_an_aligned_specimen_gets_no_bias_beyond_the_interval():
