@@ -130,8 +130,8 @@ def run(
                     news=news,
                 )
             finally:
-                # All devices are closed now. Output to the terminal may hang, so signals may kill the
-                # program.
+                # All devices are closed now, so a signal may kill the program if output to the terminal
+                # hangs.
                 ending.enter_context(dying_of_signals())
         done = f"{outcome.status}: {outcome.steps_done} steps in {run_path}"
         lines = [done, at_rest_line(outcome.at_end)]
@@ -312,7 +312,7 @@ def simulate(
     if list_faults:
         _finish(find_simulator().list_faults(), {}, None, good=True)
         return
-    # A log may go to a pipe or a terminal, because it is never read again.
+    # A log may also go to a pipe or a terminal, because it is never read again. So check only regular files.
     kept_log = log if log is not None and (log.is_file() or not log.exists()) else None
     require_places([rig_path], [output, kept_log, json_path], force=force)
     with signals_noted() as ending, closing(start(rig_path, log, faults, places)) as simulation:

@@ -22,7 +22,7 @@ def read_settings(name: str, device: Any) -> dict[str, Setting]:
     Raises
     ------
     DeviceError
-        If the device does not answer, or if its driver returns something else than settings.
+        If the device does not answer, or if its driver returns anything other than settings.
     """
     found = device.read_settings()
     if not isinstance(found, dict) or len(found) > _SETTINGS_MAX:

@@ -24,9 +24,9 @@ from rig.rigfile import CALL_TIMEOUT_S, DeviceEntry, RigFile
 from rig.threads import Bounded
 
 OPENING_S = 60.0
-"""Longest real time for opening one device; a camera on a network may take 20 s."""
+"""Longest real time in s for opening one device. A camera on a network may take 20 s."""
 CLOSING_S = 10.0
-"""Longest real time for closing one device. All motion has been stopped before."""
+"""Longest real time in s for closing one device. All motion has been stopped before."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class OpenedInterlock:
 
     @property
     def unit(self) -> str:
-        """The unit of the value after a number: a space and the unit, or an empty text for a contact."""
+        """The unit as it follows a number: a space and the unit, or an empty text for a contact."""
         return f" {self.device.unit}" if self.device.unit else ""
 
     @property
@@ -74,8 +74,8 @@ class Rig:
     call_timeout_s : float
         Deadline of one call of the load frame or the stage.
     lost : dict of str to str
-        For each device in whose driver a call hangs, the name of the call; filled during a run and at its
-        end.
+        For each device in whose driver a call hangs, the name of the call. Entries are added during a run and
+        at its end.
     reopen : dict of str to callable
         For each camera a function that opens the camera again after it was closed.
     limits : RigLimits
@@ -187,7 +187,7 @@ def require_interlocks(rig: Rig) -> None:
 
 
 class _Opener:
-    """Opens devices and leaves to a stack that they are closed. `lost` is described for `Rig`."""
+    """Opens devices, and lets an exit stack close them. `lost` is described for `Rig`."""
 
     def __init__(
         self,
@@ -207,13 +207,14 @@ class _Opener:
         self.lost: dict[str, str] = {}
 
     def open_environment(self, entry: DeviceEntry) -> None:
-        """Open the simulated environment; all devices opened after it use its clock."""
+        """Open the simulated environment. All devices that are opened later use its clock."""
         self._environment = self.open(entry)
         self.clock = self._environment.clock
         self._patience_s = getattr(self._environment, "patience_s", 0.0)
 
     def open(self, entry: DeviceEntry | None) -> Any:
-        """Open a device. Return None if there is none, or if it is noted in `failed`."""
+        """Open a device. Return None if the rig has no such device, or if opening failed and `failed` has the
+        reason."""
         if entry is None:
             return None
         guarded, relay = entry.name in self._relays, self._relays.get(entry.name, "")
@@ -261,7 +262,7 @@ def _close(name: str, device: Any, lost: dict[str, str], within_s: float) -> Non
     except DeviceTimeout:
         if not closing.hangs:
             raise
-        # Still close the devices that were opened before this one.
+        # Do not raise the error, so that the devices that were opened earlier are still closed.
         lost[name] = f"close, which has not returned for {within_s:g} s"
 
 

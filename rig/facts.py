@@ -55,7 +55,7 @@ _OF_LOAD_FRAME = (
 
 
 def facts_of_file(rig_file: RigFile) -> RigFacts:
-    """Collect limits and image sizes from the settings in a rig file, without opening a device.
+    """Collect the limits and the image sizes from the settings in a rig file. No device is opened.
 
     A value is found only if the driver uses the usual name of the setting, such as ``load_max_n``, or
     ``quantity`` for the unit of an interlock.
@@ -100,7 +100,7 @@ def confirm(facts: RigFacts, rig: Rig) -> RigFacts:
 
 
 def narrowed(rig_file: RigFile, protocol: Protocol) -> RigFile:
-    """Return the rig file with new limits of the load frame: the narrower limits of rig file and protocol.
+    """Return the rig file with the load frame's limits narrowed to those of the protocol.
 
     The driver writes these limits into the machine, whose own controller then enforces them, in both
     directions.

@@ -4,9 +4,10 @@ from pydantic import Field
 
 from drivers.settings import Settings
 
-# The run must read its devices several times within the guardian's `patience_s`.
+# The run must read its devices this number of times within the guardian's `patience_s`.
 READINGS_IN_PATIENCE = 8
-# If a guardian that owns a line hangs, the run ends the guardian before the driver's call counts as hanging.
+# A guardian that hangs counts as dead after this fraction of `patience_s`. If it owns a line, the run ends it
+# before the driver's call counts as hanging.
 SILENCE_IN_PATIENCE = 0.6
 
 
@@ -27,7 +28,7 @@ class GuardianSettings(Settings):
 
     @property
     def poll_max_s(self) -> float:
-        """The longest time between two readings that satisfies the guardian."""
+        """The longest time between two readings with which the guardian sees enough progress."""
         return self.patience_s / READINGS_IN_PATIENCE
 
     @property

@@ -42,7 +42,7 @@ class Mounting(Settings):
 
     @property
     def hinge_mm(self) -> tuple[float, float] | None:
-        """X and Y of the grips' hinge in the grid's axes; None if no hinge is declared."""
+        """X and Y of the grips' hinge in the grid's axes, or None if no hinge is declared."""
         if isinstance(self.tilt_axis_mm, list):
             x, y = self.tilt_axis_mm
             return x, y
@@ -58,6 +58,6 @@ class Mounting(Settings):
         ]
 
     def over(self, other: "Mounting") -> "Mounting":
-        """Return the values of this table, and those of `other` for keys that this table leaves out."""
+        """Return the values of this table, completed by those of `other` for keys that are missing here."""
         own = self.model_dump(exclude_none=True)
         return Mounting(**other.model_dump(exclude_none=True) | own)

@@ -6,7 +6,7 @@ from drivers.settings import Settings
 
 
 class NewsSettings(Settings):
-    """The message at the end of a run, and the HTTP interface; the two news files are always written.
+    """The message at the end of a run, and the HTTP interface. The two news files need no setting.
 
     Attributes
     ----------

@@ -39,12 +39,11 @@ class Plan:
         All possible steps. Steps with `conditional` are executed only if the behaviour of the specimen
         requires them.
     images : int or None
-        Number of images from all steps and all cameras; None without a rig file.
+        Number of images from all steps and all cameras, or None without a rig file.
     size_bytes : int or None
-        Size of all images; None if the size of an image is unknown.
+        Size of all images in bytes, or None if the size of an image is unknown.
     worst_load_n, worst_displacement_mm : float
-        The limits of load and displacement in a tension protocol, beyond which the engine ends a run; NaN for
-        a rotation.
+        The limits of load and displacement beyond which the engine ends a tension test. NaN for a rotation.
     limits : RunLimits
         The merged limits of the run, and the plausible behaviour of specimen, grips and load frame.
     objections : list of str
@@ -69,7 +68,7 @@ class Plan:
 
     @property
     def duration_s(self) -> float | None:
-        """Estimated duration of all steps in s, without the operator's work; None if it is unknown."""
+        """Estimated duration of all steps in s without the operator's work, or None if it is unknown."""
         durations = [planned.duration_s for planned in self.steps]
         return None if None in durations else math.fsum(d for d in durations if d is not None)
 
@@ -98,7 +97,8 @@ def make_plan(protocol: Protocol, facts: RigFacts = UNKNOWN_RIG, rig_limits: Rig
         worst_load_n=math.nan if limits is None else limits.load_max_n,
         worst_displacement_mm=math.nan if limits is None else limits.displacement_max_mm,
         limits=in_force,
-        # Both lists can name the same motion. The first list also names the protocol's setting, so prefer it.
+        # Both lists can name the same motion. Prefer the first list, because it also names the protocol's
+        # setting.
         objections=objections(protocol, facts) or in_force.objections,
         mounting=protocol.mounting,
     )

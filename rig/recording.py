@@ -8,9 +8,9 @@ from drivers.settings import Settings
 class RecordingSettings(Settings):
     """Number of images that may wait for the disk, and times of synchronisation with the disk.
 
-    With any settings, the run file is synchronised with the disk (`fsync`) after every finished step and at
-    the end of the run. Synchronised data survive a power failure. Data that are only written survive if the
-    program is killed.
+    The settings cannot switch off that the run file is synchronised with the disk (`fsync`) after every
+    finished step and at the end of the run. Synchronised data survive a power failure. Data that are only
+    written survive the end of a killed program.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 """Continue a run that ended early, in a new run file that contains the digest of the earlier file.
 
-The engine follows the protocol from its beginning. Finished steps are not executed again. The protocol gets
-their recorded readings instead of new ones, so it makes the same decisions again.
+The engine follows the protocol from its beginning. Finished steps are not executed again. For these steps the
+protocol gets the recorded readings instead of new ones, so it makes the same decisions again.
 """
 
 import json
@@ -23,9 +23,9 @@ from rig.protocol.step import ProtocolStep, Reading
 from rig.recorder.records import PHASE_ENDED, STEP_REACHED
 
 _TOLERANCES = 5.0
-"""Largest change of position since the end of the earlier run, in settling tolerances."""
+"""Largest accepted change of load, displacement or angle since the earlier run, in settling tolerances."""
 _LOAD_FRACTION = 0.1
-"""Additional allowed change of the load, as a fraction of the load, because a held specimen relaxes."""
+"""The load may change by this fraction in addition, because a specimen relaxes while it is held."""
 _COLUMNS = ("time_s", "load_n", "displacement_mm", "angle_deg")
 
 
@@ -141,7 +141,7 @@ def read_earlier(path: Path, protocol: Protocol, definition: str, configuration:
 
 
 def require_unchanged(earlier: Earlier, protocol: Protocol, rig: Rig) -> Reading:
-    """Check that devices and positions are those at the end of the earlier run; return the present reading.
+    """Check that devices and readings are those at the end of the earlier run. Return the present reading.
 
     Raises
     ------
@@ -195,7 +195,7 @@ def _finished(run: RunFile) -> dict[int, Reading]:
     for step in steps:
         readings[step.index] = Reading(step.time_s, step.load_n, step.displacement_mm, step.angle_deg)
     events = run.columns("events")
-    # Run files of earlier versions have no order of their rows.
+    # Run files of earlier versions do not record the order of rows, so leave the events out.
     rows = list(zip(events["message"], events["order"], strict=True)) if "order" in events else []
     for beginning in (STEP_REACHED, PHASE_ENDED):
         said = re.compile(rf"{re.escape(beginning)} (\d+)")
@@ -209,7 +209,7 @@ def _finished(run: RunFile) -> dict[int, Reading]:
 
 
 def _reading_before(run: RunFile, order: int) -> Reading:
-    """Return the last reading that was recorded before another row."""
+    """Return the last reading that was recorded before the row with the number `order`."""
     values = dict.fromkeys(_COLUMNS, math.nan)
     for device in ("stage", "load_frame"):
         table = run.columns(f"instrument/{device}")
@@ -221,8 +221,10 @@ def _reading_before(run: RunFile, order: int) -> Reading:
 
 
 def _following(protocol: Protocol, readings: dict[int, Reading]) -> ProtocolStep | str | None:
-    """Return the first unfinished step; a reason if the run cannot continue there; None if all steps are
-    finished."""
+    """Return the first unfinished step, or the reason why the run cannot continue there.
+
+    If all steps are finished, return None.
+    """
 
     class Found(Exception):
         pass
@@ -254,12 +256,12 @@ def _following(protocol: Protocol, readings: dict[int, Reading]) -> ProtocolStep
 
 
 def require_same_folder(earlier: Earlier, run_path: Path) -> None:
-    """Raise an error if the new run file is in another folder than the earlier one.
+    """Require that the new run file is in the same folder as the earlier one.
 
     Raises
     ------
     ContinueError
-        If the folders differ; `dic process` looks for the earlier file beside the new one.
+        If the folders differ. `dic process` looks for the earlier file beside the new one.
     """
     if run_path.resolve().parent != earlier.path.resolve().parent:
         raise ContinueError(

@@ -26,8 +26,7 @@ _SINGLE: dict[str, DeviceKind] = {
 
 
 CALL_TIMEOUT_S = 0.7
-"""Default deadline of a device's call in s. If a call hangs, deadline and stop together take less than 1
-s."""
+"""Default deadline of a device's call in s. If a call hangs, the machine still stops within 1 s."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class DeviceEntry:
     settings: Settings
 
     def setting(self, name: str) -> Any:
-        """Return the value of a setting, such as ``load_max_n``; None if the driver has no such setting."""
+        """Return the value of a setting such as ``load_max_n``, or None if the driver has no such setting."""
         return getattr(self.settings, name, None)
 
 
@@ -159,7 +158,7 @@ _KNOWN = {"rig", "cameras", "interlocks", "limits", "recording", "guardian", "ne
 
 
 def _read_table(key: str, settings: type[_Table], data: dict[str, Any], mistakes: list[str]) -> _Table | None:
-    """Check an optional table of the file; append each mistake to `mistakes`."""
+    """Check an optional table of the file. Append each mistake to `mistakes`."""
     try:
         return settings.model_validate(data.get(key, {}))
     except ValidationError as error:
@@ -229,7 +228,7 @@ def _read_interlocks(tables: object, mistakes: list[str]) -> dict[str, Interlock
 
 
 def _read_device(where: str, table: object, kind: DeviceKind, mistakes: list[str]) -> DeviceEntry | None:
-    """Check one table of the rig file against the settings of its driver; append mistakes to `mistakes`."""
+    """Check one table of the rig file against the settings of its driver. Append mistakes to `mistakes`."""
     if not isinstance(table, dict) or not isinstance(table.get("driver"), str):
         mistakes.append(f'{where}: a table with driver = "NAME" is expected; add the driver')
         return None

@@ -70,7 +70,7 @@ def run_protocol(
     continues: str | Path | None = None,
     news: NewsOptions = _NO_OPTIONS,
 ) -> Outcome:
-    """Run a protocol on a rig, write one run file, and beside it a file of events and a heartbeat file.
+    """Run a protocol on a rig. Write a run file, and beside it a file of events and a heartbeat file.
 
     Call this function from the main thread. A signal, such as SIGINT from Ctrl-C, aborts the run.
 
@@ -131,19 +131,19 @@ def run_protocol(
                 outcome = engine.run()
             if not outcome.unsafe:
                 guardian.done()
-        # Closing the devices may have added lost devices.
+        # Take `lost_devices` only now, because a device may have hung while it was closed.
         return told.end(replace(outcome, lost_devices=opened.lost_devices))
 
 
 def _read_earlier_run(path: Path, files: _ReadFiles, run_path: Path) -> Earlier:
-    """Read the run that is continued, and require that the new run file is in its folder."""
+    """Read the earlier run, and require that the new run file is in the same folder."""
     earlier = read_earlier(path, files.protocol, files.definition, files.rig_file.text)
     require_same_folder(earlier, run_path)
     return earlier
 
 
 def _tell_continuing(earlier: Earlier, protocol: Protocol, rig: Rig, news: NewsOptions) -> str:
-    """Require that the machine is where the earlier run left it; return the JSON about that run."""
+    """Require that the machine is where the earlier run left it. Return the JSON about the earlier run."""
     start = require_unchanged(earlier, protocol, rig)
     news.on_continue(earlier, start)
     return earlier.record(start)
@@ -185,7 +185,7 @@ def _often_enough(protocol: Protocol, rig_file: RigFile, guardian: Guardian) -> 
 
 
 def _read_both(protocol_path: str | Path, rig_path: str | Path) -> _ReadFiles:
-    """Read the protocol and the rig file; raise one `ConfigurationError` with the mistakes of both files."""
+    """Read the protocol and the rig file. Raise one `ConfigurationError` with the mistakes of both files."""
     try:
         protocol, definition = read_protocol_text(protocol_path)
     except ConfigurationError as error:

@@ -1,4 +1,4 @@
-"""Threads for driver calls, which may hang; the program can end although such a thread hangs."""
+"""Threads for driver calls, which may hang. The program can end although such a thread hangs."""
 
 import os
 import signal
@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 class DeviceThread(threading.Thread):
-    """A daemon thread for driver calls: the program can end although such a call hangs."""
+    """A daemon thread for driver calls. The program can end although such a call hangs."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name=name, daemon=True)
@@ -98,8 +98,8 @@ def dying_of_signals() -> Iterator[None]:
     """Let SIGINT, SIGTERM and SIGHUP end the program at once.
 
     Use this function only at the end of a program, when no device is open any more. While a program waits for
-    a terminal to accept output, Python runs no signal handlers. So only the system's default action of these
-    signals can end the program.
+    a terminal to accept output, Python runs no signal handlers. Only the system's default action of these
+    signals can then end the program.
     """
     previous = {number: signal.getsignal(number) for number in _ENDING}
     changed = [number for number, handler in previous.items() if handler is not signal.SIG_IGN]
@@ -113,7 +113,7 @@ def dying_of_signals() -> Iterator[None]:
 
 
 def device_threads() -> set[threading.Thread]:
-    """Return the threads that are executing a driver's code now."""
+    """Return the threads that are executing code of a driver at this moment."""
     return {thread for thread in threading.enumerate() if isinstance(thread, DeviceThread)}
 
 

@@ -1,4 +1,4 @@
-"""The load, displacement and angle at which the machines stand, as a printed line and as a JSON table."""
+"""The load, displacement and angle of the machines at rest, as a printed line and as a JSON table."""
 
 from dataclasses import asdict
 from typing import Any
@@ -8,7 +8,7 @@ from rig import AtRest
 
 
 def at_rest_line(at_rest: AtRest) -> str:
-    """Return one sentence with the load, displacement and angle at which load frame and stage stand."""
+    """Return one sentence with load, displacement and angle of the load frame and the stage at rest."""
     parts = []
     if at_rest.load_frame is not None:
         parts.append(_load_frame(at_rest.load_frame))
@@ -23,8 +23,7 @@ def at_rest_line(at_rest: AtRest) -> str:
 
 
 def at_rest_dict(at_rest: AtRest) -> dict[str, Any]:
-    """Return the states as a table for JSON. A device that the rig does not have, or that does not answer, is
-    None."""
+    """Return the states as a table for JSON, with None for a device that is missing or does not answer."""
     return {
         "load_frame": None if at_rest.load_frame is None else asdict(at_rest.load_frame),
         "stage": None if at_rest.stage is None else asdict(at_rest.stage),
@@ -33,7 +32,7 @@ def at_rest_dict(at_rest: AtRest) -> dict[str, Any]:
 
 
 def _load_frame(state: LoadFrameState) -> str:
-    # at its target, a load frame may report small corrections by its controller as motion
+    # at its target, a load frame may report small corrections by its controller as a motion
     if state.moving and not state.at_target:
         does = "MOVES"
     else:

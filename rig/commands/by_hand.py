@@ -23,8 +23,7 @@ from rig.rigfile import RigFile
 
 @dataclass(frozen=True)
 class Seen:
-    """The result of `rig status`: states of the devices, failed devices, and the program that holds the
-    lock."""
+    """The result of `rig status`: states of devices, failed devices, and the program that uses the rig."""
 
     at_rest: AtRest
     in_use: str = ""
@@ -73,7 +72,7 @@ def move(
     confirm: Callable[[Motion, Reading], None],
     on_reading: Callable[[Reading], None] = lambda _: None,
 ) -> Moved:
-    """Execute one motion by hand. A signal such as Ctrl-C stops it at once.
+    """Execute one motion by hand. A signal, for example by Ctrl-C, stops the motion at once.
 
     Raises
     ------
@@ -100,7 +99,7 @@ def move(
 
 @contextmanager
 def confirmation(yes: bool, word: str) -> Iterator[Callable[[Motion, Reading], None]]:
-    """Yield a function that asks the user to confirm a motion by a word; with ``--yes`` it asks nothing."""
+    """Yield a function that asks the user to confirm a motion by a word. With ``--yes``, it asks nothing."""
     asked: list[Question] = []
 
     def confirm(motion: Motion, reading: Reading) -> None:

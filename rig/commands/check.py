@@ -41,7 +41,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class GreyLevels:
-    """Grey levels of one image; `saturated` is the fraction of pixels at the highest level."""
+    """Grey levels of one image. `saturated` is the fraction of pixels at the highest level."""
 
     minimum: int
     mean: float
@@ -94,7 +94,7 @@ def check_rig(rig: Rig, keep: Callable[[str, Image], None] = lambda name, image:
     Parameters
     ----------
     rig : Rig
-        Each call of a driver has the deadline `call_timeout_s` of the rig; the call of a camera has more
+        Each call of a driver has the deadline `call_timeout_s` of the rig. The call of a camera has more
         time. A device in whose driver a call hangs is added to `lost`, and is not closed.
     keep : callable, optional
         Function that is called with the name of each camera and its image.
@@ -146,17 +146,17 @@ class _Calls:
 
     def __init__(self, rig: Rig) -> None:
         self._rig = rig
-        # Devices on a simulated clock compute while their clock stands still.
+        # A simulated device computes while its clock stands still, so its calls may take more real time.
         self._spare_s = 0.0 if isinstance(rig.clock, SystemClock) else PATIENCE_S
 
     def read(self, device: str, function: Callable[[], T]) -> T:
-        """Read a device; raise `DeviceTimeout` after `call_timeout_s`."""
+        """Read a device. Raise `DeviceTimeout` after `call_timeout_s`."""
         timeout_s = self._rig.call_timeout_s
         remedy = "check the device and its cable; if its calls may take longer, raise call_timeout_s in [rig]"
         return self._call(device, "read", function, timeout_s, remedy)
 
     def grab(self, device: str, camera: Camera) -> Frame:
-        """Take an image; raise `DeviceTimeout` if the driver exceeds its own deadline."""
+        """Take an image. Raise `DeviceTimeout` if the driver exceeds its own deadline."""
         deadline_s = _TIMEOUT_S + CAMERA_MARGIN_S
         return self._call(
             device, "grab", lambda: camera.grab(_TIMEOUT_S), deadline_s, "check the camera and its cable"
@@ -179,8 +179,7 @@ class _Calls:
 def _check_stage(found: RigCheck, stage: RotationStage, call: _Calls) -> None:
     state = call.read("stage", stage.read)
     _add(found, "stage", stage.info, state)
-    # A stage without a reference position gives a warning. It is no problem, because a run homes the stage
-    # first.
+    # A stage without a reference position is only a warning, because a run homes the stage first.
     found.problems.extend(f"stage: warning {warning}" for warning in state.warnings if state.homed)
 
 
@@ -203,7 +202,7 @@ def _check_interlock(found: RigCheck, lock_name: str, interlock: OpenedInterlock
         "allowed_max": interlock.allowed_max,
     }
     found.devices[name] |= {**allowed, "allows": interlock.allows(state)}
-    # JSON has no number for a value that is none.
+    # JSON cannot express NaN or infinite values, so write None.
     found.devices[name]["state"]["value"] = state.value if math.isfinite(state.value) else None
     found.lines.append(f"  allowed: {interlock.allowed}")
     if not interlock.allows(state):
@@ -250,6 +249,6 @@ def _add_settings(found: RigCheck, name: str, device: Any, call: _Calls) -> None
 
 def _shown(value: Any) -> str:
     if isinstance(value, float):
-        # Four digits are enough to read, but a setting of 10000 must not become 1e+04.
+        # Show four digits, but show a setting of 10000 as 10000 and not as 1e+04.
         return f"{value:.0f}" if 1000.0 <= abs(value) < 1e7 else f"{value:.4g}"
     return (", ".join(value) or "none") if isinstance(value, tuple) else str(value)

@@ -17,7 +17,7 @@ def next_segment(path: Path) -> Path:
 
 
 def say_where_it_stands(earlier: Earlier, start: Reading) -> None:
-    """Print load and displacement at the end of the earlier run and now, before the operator is asked."""
+    """Before the operator is asked, print load and displacement at the end of the earlier run and now."""
     say(f"going on with {earlier.path} at {earlier.next}")
     say(f"it ended at {_shown(earlier.end)}; the machine stands at {_shown(start)}")
 

@@ -21,7 +21,7 @@ EXPERIMENTS = {
     "rotation-30": ("rotation.toml", "rig-virtual-rotation-30.toml"),
     "tensile": ("tensile.toml", "rig-virtual-tensile.toml"),
 }
-"""The name of each demo run, with its protocol file and its rig file from the folder of examples."""
+"""The protocol file and the rig file of each demo run, from the folder of examples, by the run's name."""
 
 _PROPERTIES = "tensile"
 """The demo run whose material properties are shown beside the exact ones."""
@@ -92,7 +92,7 @@ def run_demo(folder: Path, say: Callable[[str], None]) -> Demo:
                 pending.append(pool.submit(_measure, name, demo, say))
             results = [task.result() for task in pending]
         except BaseException:
-            # Without `shutdown`, the pool would finish all pending measurements before the error is raised.
+            # Cancel pending measurements. Otherwise the pool would finish them before the error is raised.
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     say("writing the report")

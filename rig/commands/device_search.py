@@ -1,4 +1,4 @@
-"""Search for devices with every installed driver. The drivers query each port one after the other."""
+"""Search for devices with every installed driver. The drivers query a port one after the other."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -8,7 +8,8 @@ from drivers.errors import DeviceError
 from drivers.registry import DriverSpec, Finder, Found, SerialPort, driver_names, find_driver
 from rig.errors import RigError
 
-# Modbus address: `host` or `host:port`, with or without the prefix `rtu://`; brackets enclose an IPv6 address
+# Modbus address: `host` or `host:port`, with or without the prefix `rtu://`. Brackets enclose an IPv6
+# address.
 _MODBUS = re.compile(r"((?:rtu://)?(?:\[[^\[\]\s]+\]|[^:\s\[\]/]+))(?::(\d{1,5}))?")
 MODBUS_PORT = 502
 NOT_ASKED = "not asked"
@@ -16,7 +17,7 @@ NOT_ASKED = "not asked"
 
 @dataclass(frozen=True)
 class Device:
-    """A device found by `rig devices`, and the driver that found it."""
+    """A device that `rig devices` found, and the driver with which it was found."""
 
     driver: str
     spec: DriverSpec
@@ -45,7 +46,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Unsearched:
-    """Devices that `rig devices` could not search for: their kind, a description, and the reason."""
+    """A kind of devices that `rig devices` could not search for, a description, and the reason."""
 
     kind: str
     what: str

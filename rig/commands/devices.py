@@ -1,4 +1,4 @@
-"""The output of ``rig devices``: lines to print, JSON, and a rig file that the user completes."""
+"""The output of ``rig devices``: lines to print, a table for JSON, and a rig file that the user completes."""
 
 from typing import Any
 
@@ -100,12 +100,12 @@ def _device_table(device: Device) -> dict[str, Any]:
 
 
 def _driver(device: Device) -> str:
-    """Return the name of the driver that can open a device; an empty text if no driver can."""
+    """Return the name of the driver that can open a device, or an empty text if no driver can."""
     return device.driver if device.found.usable else ""
 
 
 def _rig_table(names: list[str], device: Device, *, usable: bool) -> str:
-    """Return a device's table for a rig file; all lines are comments if the device is not usable."""
+    """Return a device's table for a rig file. If the device is not usable, all lines are comments."""
     # a line break in a device's name must not end the comment
     what = "".join(sign if sign.isprintable() else " " for sign in device.found.what)
     settings = {"driver": _driver(device), **device.found.settings}

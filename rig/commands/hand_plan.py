@@ -1,4 +1,4 @@
-"""Plan a motion by hand: its target, its rate, and the range that no reading may leave."""
+"""Plan a motion by hand: its target, its rate, and the range in which all readings must stay."""
 
 import math
 from dataclasses import dataclass, replace
@@ -18,12 +18,12 @@ from rig.limits.by_hand import (
 from rig.rigfile import RigFile
 
 UNLOADED_SHARE = 0.01
-"""Default load rate, as a fraction of the largest load per second: from 0 to the largest load takes 100 s."""
+"""Default load rate per second, as a fraction of the largest load. A ramp from 0 to this load takes 100 s."""
 SPEED_SHARE = 0.01
-"""Default speed of the crosshead, as a fraction of the displacement range per second."""
+"""Default travel of the crosshead per second, as a fraction of the displacement range."""
 LOAD_TOLERANCE_SHARE = 0.002
 OVERSHOOT_SHARE = 0.02
-"""During a motion the load may go this far beyond its start and target, as a fraction of the largest load."""
+"""During a motion the load may exceed its start and target by this fraction of the largest load."""
 DISPLACEMENT_TOLERANCE_MM = 0.005
 OVERSHOOT_MM = 0.05
 ANGLE_TOLERANCE_DEG = 0.02
@@ -31,7 +31,7 @@ ANGLE_TOLERANCE_DEG = 0.02
 
 @dataclass(frozen=True)
 class Wish:
-    """The motion that a person asks for: the target of one axis, absolute or relative to the present reading.
+    """The motion that a person asks for. It has a target of one axis, absolute or relative to the reading.
 
     `rate` is in N/s or mm/s; None means the slow default rate. `travel_max_mm` is the largest travel of the
     crosshead on the way to a load; None means the travel that is plausible for the load. `free` says that no
@@ -47,7 +47,7 @@ class Wish:
 
 
 def plan(wish: Wish, reading: Reading, rig: Rig, facts: RigFacts) -> Motion:
-    """Return the motion that fulfils a wish.
+    """Return the motion that a person has asked for.
 
     Raises
     ------
@@ -64,9 +64,9 @@ def plan(wish: Wish, reading: Reading, rig: Rig, facts: RigFacts) -> Motion:
 
 
 def slowed(rig_file: RigFile, wish: Wish) -> RigFile:
-    """Return the rig file with the speed that a motion to a load needs as the speed limit of the load frame.
+    """Return the rig file with a low speed limit of the load frame: the speed that a motion to a load needs.
 
-    The machine then moves slowly even if the load cell shows less than the real load.
+    With this limit the machine moves slowly even if the load cell shows less than the real load.
     """
     entry = rig_file.load_frame
     if entry is None or wish.axis != "load":
@@ -75,7 +75,7 @@ def slowed(rig_file: RigFile, wish: Wish) -> RigFile:
     if not isinstance(known, float) or not isinstance(load_max_n, float):
         return rig_file
     rate_n_s = UNLOADED_SHARE * load_max_n if wish.rate is None else wish.rate
-    if not rate_n_s > 0.0:  # the plan of the motion refuses this rate
+    if not rate_n_s > 0.0:  # change nothing, because the plan of the motion refuses this rate
         return rig_file
     slower = min(known, speed_of_load_mm_s(rig_file.limits, rate_n_s))
     settings = entry.settings.model_copy(update={"speed_max_mm_s": slower})
@@ -178,7 +178,7 @@ def _rate(wish: Wish, slow: float, greatest: float, unit: str) -> float:
 
 
 def _require_within(target: float, low: float, high: float, name: str, unit: str) -> None:
-    # The test is `not <=`, because NaN must be refused too.
+    # Write `not <=` instead of `>`, because NaN must be refused too.
     if not low <= target <= high:
         raise RigError(
             f"the target of the {name}",

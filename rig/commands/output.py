@@ -16,10 +16,10 @@ NOT_GOOD = 1
 
 
 class NumberRange(click.FloatRange):
-    """A range of numbers that also refuses NaN, which is neither below nor above any bound."""
+    """A range of numbers that also refuses NaN, because NaN is neither below nor above any bound."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Return the number; raise a usage error if it is outside the range or not a number."""
+        """Return the number. Raise a usage error if it is NaN or outside the range."""
         number: float = super().convert(value, param, ctx)
         if math.isnan(number):
             self.fail(f"{value!r} is not a number in the range {self._describe_range()}.", param, ctx)
@@ -35,7 +35,7 @@ def finish(
 ) -> None:
     """Print lines, write a table as JSON, and exit with status 1 if the result is not good.
 
-    If the command could not do its work (`done` is False), exit with status 2.
+    If `done` is False, the command could not do its work, and the status is 2.
     """
     for line in lines:
         say(line)
@@ -48,7 +48,7 @@ def finish(
 
 
 def write(path: Path, text: str, option: str) -> None:
-    """Write a text file; raise `RigError`, which names the option, if the file cannot be written."""
+    """Write a text file. Raise `RigError`, which names the option, if the file cannot be written."""
     try:
         write_text(path, text)
     except OSError as error:

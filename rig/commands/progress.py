@@ -1,4 +1,4 @@
-"""The screen of a run: the moving device and its step, the effect of Ctrl-C, and the finished steps."""
+"""The screen of a run. It shows the moving device, its step, the effect of Ctrl-C, and finished steps."""
 
 import sys
 import threading
@@ -21,16 +21,13 @@ Confirm: TypeAlias = Callable[[Motion, Reading], None]
 REFRESHES_PER_S = 5.0
 BAR_WIDTH = 20
 LATE_NEWS_S = 0.5
-"""Longest time for which a question waits until the lines of finished steps, from another thread, are
-printed."""
+"""Longest time in s for which a question waits until another thread has printed the finished steps."""
 WITHDRAWAL_S = 1.0
-"""Longest time for which the screen, before it ends, waits until the operator's driver leaves the
-terminal."""
+"""Longest time in s for which the end of the screen waits until the operator's driver leaves the terminal."""
 
 
 def what_happens(status: Status | None) -> str:
-    """Return a line of text that says which device moves and for which step, usually at most 80
-    characters."""
+    """Return a line that says which device moves and for which step. It has usually at most 80 characters."""
     if status is None or status.step is None:
         return "opening the rig; nothing moves"
     step, at = status.step, _values(status.reading)
@@ -74,7 +71,7 @@ class Screen:
     Attributes
     ----------
     live : Live or None
-        Rich's display that draws the two lines; None to draw nothing.
+        Rich's display that draws the two lines, or None to draw nothing.
     """
 
     def __init__(self, late_news_s: float) -> None:
@@ -105,8 +102,8 @@ class Screen:
 
     @contextmanager
     def on_question(self, action: OperatorAction, notice: str) -> Iterator[None]:
-        """Draw nothing until the operator has answered. If the operator's driver gives a notice, print the
-        notice."""
+        """Draw nothing until the operator has answered. Print the notice of the operator's driver if it has
+        one."""
         if self.live is None and (notice or not sys.stderr.isatty()):
             yield
             return
@@ -186,7 +183,7 @@ def run_screen(late_news_s: float = LATE_NEWS_S) -> Iterator[Screen]:
 
 def _step_line(record: StepRecord) -> str:
     images = ", ".join(f"{count} {name}" for name, (_, count) in record.frames.items())
-    # the noise of every reading is larger than its fourth decimal
+    # show four decimals, because the noise of every reading is larger than that
     shown = ", ".join(f"{round(value, 4):.6g} {unit}" for unit, value in record.reading.by_unit().items())
     return f"{record.step}: settled at {shown}; images: {images}"
 
@@ -213,7 +210,7 @@ class HandScreen:
     Attributes
     ----------
     live : Live or None
-        Rich's display that draws the two lines; None to draw nothing.
+        Rich's display that draws the two lines, or None to draw nothing.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Repair a run file that HDF5 refuses to open: the recording program was killed, or could not close it."""
+"""Repair a run file that HDF5 refuses to open because the recording program did not close it."""
 
 import os
 import stat
@@ -77,8 +77,8 @@ def _repair(path: Path) -> list[str]:
     if not changes:
         _require_readable(path)
         return []
-    # If the end of the file is lost, a table may be cut off. HDF5 then needs the file at its old length, and
-    # reads zeros in place of the lost bytes.
+    # If the end of the file is lost, a table may be cut off. Then the file must get its old length again.
+    # HDF5 reads zeros in place of the lost bytes.
     lengths = [size, found.end] if size < found.end < size + _GROWTH_MAX else [size]
     for length in lengths:
         if _try(path, place, replace(found, flags=0, end=length), last=length == lengths[-1]):
@@ -87,7 +87,7 @@ def _repair(path: Path) -> list[str]:
 
 
 def _try(path: Path, place: int, repaired: Superblock, *, last: bool) -> bool:
-    """Write a superblock into the file; restore the old one if HDF5 still cannot read the file."""
+    """Write a superblock into the file. Restore the old one if HDF5 still cannot read the file."""
     descriptor = os.open(path, os.O_RDWR)
     try:
         size = os.fstat(descriptor).st_size
@@ -124,8 +124,7 @@ def _parsed(path: Path, place: int) -> Superblock | None:
 
 
 def _copied(path: Path) -> tuple[int, Superblock] | None:
-    """Return the position in the file of HDF5's superblock, and its content, from the copy in the user
-    block."""
+    """Return the position and the content of HDF5's superblock, from the copy in the file's user block."""
     block = read_user_block(path)
     try:
         return None if block is None else (len(block.to_bytes()), superblock.parse(block.superblock))

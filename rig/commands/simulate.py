@@ -1,4 +1,4 @@
-"""Run the virtual rig for other programs. A loop writes samples to the log and executes typed commands."""
+"""Run the virtual rig for other programs. A loop records its true state and executes typed commands."""
 
 import os
 import select
@@ -39,7 +39,7 @@ class Simulation(Protocol):
         """Return a rig file that uses this simulation."""
 
     def switch_on(self, fault: str) -> None:
-        """Switch a fault on; raise `ValueError` if the fault does not exist."""
+        """Switch a fault on. Raise `ValueError` if the fault does not exist."""
 
     def command(self, line: str) -> list[str]:
         """Execute a typed command, and return the lines to print."""
@@ -84,7 +84,7 @@ def start(
     RigError
         If the log cannot be written, a place is in use or malformed, or a fault does not exist.
     """
-    # Parse the checked text, because the file may have changed after the check.
+    # Parse the text that was checked, because the file itself may have changed since.
     tables = {} if rig_path is None else tomllib.loads(read_rig(rig_path).text)
     try:
         simulation = cast(
@@ -135,7 +135,7 @@ def run(simulation: Simulation, ending: int, period_s: float, say: Callable[[str
             received = os.read(STDIN, 4096)
         except OSError:
             received = b""
-        # at the end of the input, the commands end and the simulation continues
+        # at the end of the input there are no more commands, but the simulation continues
         typing = bool(received)
         *lines, typed = (typed + received).split(b"\n")
         for line in lines:

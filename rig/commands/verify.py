@@ -20,7 +20,7 @@ _READINGS = {"load": "load_n", "displacement": "displacement_mm", "rotation": "a
 
 @dataclass(frozen=True)
 class CameraCheck:
-    """Number of a camera's images in the file and in finished steps, and the rows of its damaged images."""
+    """Numbers of a camera's images in the file and in finished steps, and the rows of its damaged images."""
 
     valid: int
     in_steps: int
@@ -29,7 +29,7 @@ class CameraCheck:
 
 @dataclass(frozen=True)
 class InterlockCheck:
-    """Number of an interlock's readings in the file, and number of readings outside its allowed range."""
+    """Number of an interlock's readings in the file, and how many of them are outside its allowed range."""
 
     readings: int
     outside: int
@@ -49,8 +49,9 @@ class Verification:
     problems : list of str
         One sentence for each problem; empty for a completed run without damage.
     digest : str
-        Result of the check of the file's own digest, which covers everything but the images: "right" or
-        "wrong". "none" if the file has no digest, because an old program recorded it or it was not closed.
+        Result of the check of the file's own digest, which covers everything but the images: "right", "wrong"
+        or "none". With "none" the file has no digest, because an old program recorded it or no program closed
+        it.
     interlocks : dict of str to InterlockCheck
     """
 
@@ -66,7 +67,7 @@ class Verification:
 
 
 def verify_run(path: str | Path) -> Verification:
-    """Read every image of a run file and check each image against its digest, and the file against its own.
+    """Read every image of a run file. Check each image against its digest, and the file against its own one.
 
     Everything that `dic process` needs is checked too. The run may still be in progress, or its program may
     have been killed.
@@ -148,7 +149,7 @@ def _check_interlock(run: RunFile, name: str, problems: list[str]) -> InterlockC
         problems.append(f"interlock {name}: {outside} readings are outside its range, but the run went on")
     machines = [run.columns(f"instrument/{device}") for device in ("load_frame", "stage")]
     expected = max((len(table["time_s"]) for table in machines if table), default=len(values))
-    # The run may have ended between two readings. A killed program may have left one table longer.
+    # The numbers may differ by one, because the run may have ended, or been killed, between two readings.
     spare = {"completed": 0, "running": expected}.get(run.info.status, 1)
     if abs(expected - len(values)) > spare:
         problems.append(f"interlock {name}: {len(values)} readings on file, {expected} of the machines")

@@ -149,7 +149,7 @@ class CalledCamera:
         raise CameraLost(self.name, taken)
 
     def reopened(self) -> "CalledCamera | DeviceError":
-        """Close and open the camera; return the opened camera, or the error of its driver."""
+        """Close and open the camera. Return the opened camera, or the error of its driver."""
         if self.reopen is None:
             raise ValueError(f"cameras.{self.name} cannot be opened again")
         reopen = self.reopen
@@ -174,7 +174,7 @@ class CalledCamera:
         return replace(self, camera=camera)
 
     def _do(self, action: str, function: Callable[[], T], deadline: Deadline) -> "T | DeviceError":
-        """Call the camera's driver; return its result, or the `DeviceError` that the driver raised.
+        """Call the camera's driver. Return its result, or the `DeviceError` that the driver raised.
 
         If stage or load frame, which are monitored during the call, have an error, this error is raised.
         """

@@ -35,14 +35,14 @@ class Listeners(Generic[T]):
         self._listeners = [_Listener(listener, end_run) for listener in listeners]
 
     def tell(self, news: T) -> list[str]:
-        """Let all listeners be called with a report, without waiting; return a sentence for each new
+        """Let all listeners be called with a report, without waiting. Return a sentence for each new
         failure."""
         for listener in self._listeners:
             listener.put(news)
         return self._failures()
 
     def close(self, end_s: float) -> list[str]:
-        """Wait until the listeners have handled the waiting reports; return a sentence for each failure or
+        """Wait until the listeners have handled the waiting reports. Return a sentence for each failure or
         loss.
 
         Parameters

@@ -67,9 +67,9 @@ class Unloaded:
 
 
 def unloaded(conditions: Conditions, rig: Rig) -> Unloaded | None:
-    """Return the load of an unloaded specimen, from the protocol or from the rig; None without a load frame.
+    """Return the largest load of an unloaded specimen, or None if no load frame is used.
 
-    A protocol that does not pull the specimen says nothing about loads.
+    The load comes from the protocol. If the protocol does not pull the specimen, it comes from the rig.
     """
     if conditions.zeroing is not None:
         key = conditions.zeroing.key

@@ -41,13 +41,13 @@ class Motion:
     target, tolerance : float
         In N, mm or degrees.
     rate : float
-        In N/s or mm/s; NaN for an angle, whose speed the rig file determines.
+        In N/s or mm/s, or NaN for an angle, whose speed the rig file determines.
     duration_s : float
         Planned duration.
     load_n, displacement_mm : tuple of float
         Smallest and largest permitted reading.
     agreement : HandMotion or None
-        How load and displacement are compared; None without a specimen in the grips, and for an angle.
+        How load and displacement are compared, or None without a specimen in the grips, and for an angle.
     """
 
     doing: str

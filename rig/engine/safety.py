@@ -46,7 +46,7 @@ class SafeState:
                 attempt.begin()
 
     def confirm(self, meanwhile: Callable[[], None] = lambda: None) -> list[str]:
-        """Command the safe state and wait; return one sentence for each device that did not confirm.
+        """Command the safe state and wait. Return one sentence for each device that did not confirm.
 
         Parameters
         ----------

@@ -17,7 +17,7 @@ class _Announced:
     """A wrapper around a device.
 
     Before each call of a method in `methods`, such as `move_to`, the wrapper calls the function `report`. All
-    other methods of the device are passed on unchanged.
+    other methods are passed on to the device without a report.
     """
 
     def __init__(self, device: object, methods: tuple[str, ...], report: Callable[[], None]) -> None:
@@ -39,7 +39,7 @@ class _Announced:
 
 
 def announce(rig: Rig, guardian: Guardian) -> Rig:
-    """Return the rig with devices that tell the guardian about each motion and question beforehand."""
+    """Return the rig with devices that tell the guardian about each motion or question before it begins."""
     load_frame, stage = rig.load_frame, rig.stage
     return replace(
         rig,

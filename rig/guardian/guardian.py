@@ -27,7 +27,7 @@ PING_S = 0.1
 
 
 class Guardian:
-    """The run's connection to its guardian process; without a process if no machine needs a guardian.
+    """The run's connection to its guardian process. There is no process if no machine needs a guardian.
 
     Parameters
     ----------
@@ -55,11 +55,12 @@ class Guardian:
 
     @property
     def pid(self) -> int | None:
-        """Number of the guardian's process, for tests and messages; None without a guardian."""
+        """Number of the guardian's process, for tests and messages, or None without a guardian."""
         return None if self._process is None else self._process.pid
 
     def progress(self, moving: bool) -> None:
-        """Tell the guardian that all devices were read without error, and whether anything may be moving."""
+        """Tell the guardian that all devices were read without an error, and whether one of them may be
+        moving."""
         self._send(messages.MOVING if moving else messages.STANDING)
 
     def about_to_move(self) -> None:
@@ -73,10 +74,9 @@ class Guardian:
 
     @contextmanager
     def watched(self, on_trouble: Callable[[str], None]) -> Iterator[None]:
-        """Watch the guardian; call `on_trouble` once, on another thread, if the guardian dies, hangs or stops
-        a machine.
+        """Watch the guardian. If it dies, hangs or stops a machine, call `on_trouble` once on another thread.
 
-        A guardian that does not answer is killed first, so that the run can use its lines for a stop.
+        A guardian that does not answer is killed before this call, so that the run can use its lines to stop.
         """
         if self._process is None:
             yield
@@ -126,7 +126,7 @@ class Guardian:
                 said = lines.next(PING_S)
                 silent_s = self._clock.now_s() - self._answered_s
                 if said is None and silent_s > self._silence_max_s:
-                    # this thread may have been delayed itself: check for an answer once more
+                    # check once more for an answer, because this thread itself may have been delayed
                     said = lines.next(0.0)
             except (EOFError, OSError):
                 trouble = "the guardian died"
@@ -137,8 +137,8 @@ class Guardian:
                 return
 
     def _judge(self, process: "subprocess.Popen[bytes]", said: tuple[str, Any] | None) -> str:
-        """Return the problem that an answer of the guardian, or a missing answer, means; empty without a
-        problem."""
+        """Return the problem that the guardian's answer, or its silence, means. Without a problem it is
+        empty."""
         if said is None:
             if self._clock.now_s() - self._answered_s <= self._silence_max_s:
                 return ""
@@ -153,10 +153,10 @@ class Guardian:
 
 @contextmanager
 def guarded(rig_file: RigFile, locks: Sequence[int], log: Path) -> Iterator[Guardian]:
-    """Start the guardian of a run, yield when the guardian has reached each machine, and end it afterwards.
+    """Start the guardian of a run, yield when it has reached each machine, and end it afterwards.
 
-    If `Guardian.done` was not called in the block, the guardian stops the machines at the end; if nothing has
-    moved, it does not.
+    If `Guardian.done` was not called in the block, the guardian stops the machines at the end, unless nothing
+    has moved.
 
     Parameters
     ----------

@@ -1,5 +1,4 @@
-"""Locks, so that only one program uses a machine: the program that opens it and its guardian hold its
-lock."""
+"""Locks of machines. While a run and its guardian hold the lock of a machine, no other program can use it."""
 
 import contextlib
 import fcntl
@@ -21,7 +20,7 @@ SHOWN_MAX = 120
 
 
 class MachineInUse(RigError):
-    """Another program holds the lock of a machine; `got` says which program."""
+    """Another program holds the lock of a machine. `got` says which program."""
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""The machines of a rig that can move: which of them the guardian watches, and warnings for the user."""
+"""The machines of a rig that can move, those of them that the guardian watches, and warnings to the user."""
 
 from rig.rigfile import DeviceEntry, RigFile
 
@@ -20,7 +20,7 @@ def shared_line(entry: DeviceEntry) -> str:
 
 
 def cautions(rig_file: RigFile) -> list[str]:
-    """Return one sentence for each danger that the rig file accepts; every start of a run prints them."""
+    """Return one sentence for each danger that the rig file accepts. Every start of a run prints them."""
     sentences = [
         f"{entry.name}: {sentence}"
         for entry in (rig_file.load_frame, rig_file.stage)

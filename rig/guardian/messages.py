@@ -11,13 +11,13 @@ from typing import Any
 from drivers.clock import SystemClock
 
 MOVING = b"m"
-"""Message of the run: all devices were read, or a motion command follows; something may be moving."""
+"""Message of the run: something may be moving. Either all devices were read, or a motion command follows."""
 STANDING = b"s"
 """Message of the run: all devices were read, and everything stands still."""
 WAITING = b"w"
-"""Message of the run: a person is asked, everything stands still, and the next reading may take long."""
+"""Message of the run: everything stands still, a person is asked, and the next reading may take long."""
 PING = b"p"
-"""Question of the run whether the guardian is alive; the question is no sign of progress."""
+"""Question of the run whether the guardian is alive. The question does not count as a sign of progress."""
 DONE = b"d"
 """Message of the run: the run has ended in a safe state."""
 
@@ -45,7 +45,7 @@ class Lines:
         self._clock = SystemClock()
 
     def next(self, timeout_s: float) -> tuple[str, Any] | None:
-        """Return the word and the value of the next line; None if no line comes in time.
+        """Return the word and the value of the next line, or None if no line comes in time.
 
         Raises
         ------

@@ -1,7 +1,8 @@
 """The process of the guardian: ``python -m rig.guardian.process``, started by `rig.guardian.guardian`.
 
-The guardian first connects to each machine over a line of its own; then the run continues. The guardian stops
-every machine at once if the process of the run has ended, or if no sign of progress comes for `patience_s`.
+The guardian first connects to each machine over a line of its own. Only then does the run continue. The
+guardian stops every machine at once if the process of the run has ended, or if no sign of progress comes for
+`patience_s`.
 """
 
 import contextlib
@@ -26,7 +27,7 @@ from rig.guardian.lock import note_holder
 STDIN, STDOUT, STDERR = 0, 1, 2
 IGNORED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP, signal.SIGPIPE)
 CHECK_PERIOD_S = 10.0
-# Time for which an unconfirmed stop is repeated, because a cable may be plugged in again.
+# An unconfirmed stop is repeated for this time in s, because a cable may be plugged in again.
 STOP_TRIES_S = 60.0
 PAUSE_S = 0.1
 SAY_S = 1.0
@@ -70,12 +71,13 @@ def main() -> None:
             stop_and_say(guards, reason, job)
         for guard in guards.values():
             guard.close()
-    # a terminal that accepts no text must not keep this process alive, because it owns lines to the machines
+    # end at once: a terminal that accepts no text must not keep a process alive that owns lines to machines
     os._exit(0)
 
 
 def watch(run: int, job: Job, answer: Callable[[], None], parent: int | None = None) -> str:
-    """Wait for the end of the run; return the reason to stop the machines, or an empty text after a safe end.
+    """Wait for the end of the run. Return why the machines must be stopped, or an empty text after a safe
+    end.
 
     Parameters
     ----------
@@ -85,8 +87,8 @@ def watch(run: int, job: Job, answer: Callable[[], None], parent: int | None = N
     answer : callable
         Function that answers the run's question whether the guardian is alive.
     parent : int, optional
-        A descriptor that becomes readable when the process of the run ends. The end of the pipe shows this
-        too, but not if a third process has inherited the run's end of the pipe.
+        A descriptor that becomes readable when the process of the run ends. The pipe also shows the end of
+        the process, but not if a third process has inherited the run's side of the pipe.
     """
     clock = SystemClock()
     waiting = select.poll()
@@ -117,8 +119,7 @@ def watch(run: int, job: Job, answer: Callable[[], None], parent: int | None = N
 
 
 def stop_all(guards: Mapping[str, Guard], tries_s: float) -> dict[str, str]:
-    """Stop all machines at the same time; return for each machine an empty text, or why the stop is
-    unconfirmed.
+    """Stop all machines at the same time. For each one return why its stop is unconfirmed, or an empty text.
 
     Parameters
     ----------
@@ -242,7 +243,7 @@ def _say(sentence: str, log: Path, utc: str) -> None:
             print(f"rig guardian: {log}: {error.strerror}", file=sys.stderr)
         os.write(STDERR, f"{sentence}\n".encode())
 
-    # a terminal stopped by Ctrl-S accepts no text
+    # write on a thread, because a terminal stopped by Ctrl-S accepts no text
     writer = threading.Thread(target=write, daemon=True)
     writer.start()
     writer.join(SAY_S)
@@ -257,7 +258,7 @@ def _tell(word: str, value: Any = None) -> None:
 
 
 def _parent() -> int | None:
-    """Return a descriptor that becomes readable when the process of the run ends; None if the system has
+    """Return a descriptor that becomes readable when the process of the run ends, or None if the system has
     none."""
     try:
         return os.pidfd_open(os.getppid())

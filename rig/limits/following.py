@@ -99,11 +99,11 @@ class Following:
 
     @property
     def tangent_n_mm(self) -> float | None:
-        """Stiffness in the last windows; None before the end of the first window."""
+        """Stiffness in the last windows, or None before the end of the first window."""
         return self._tangent_n_mm
 
     def check(self, reading: Reading, step: str) -> None:
-        """Check one reading; raise `ImplausibleReading` if the load does not follow the motion."""
+        """Check one reading. Raise `ImplausibleReading` if the load does not follow the motion."""
         if reading.load_n != self._same_since.load_n:
             self._same_since = reading
         self._last.append(reading)
@@ -146,7 +146,7 @@ class Following:
         return needed_mm + self._flow_mm + _MARGIN_SIGMAS * self._noise_mm
 
     def _expected_n_mm(self, reading: Reading) -> float | None:
-        """Return the stiffness that the next readings should show; None if nothing is known about it."""
+        """Return the stiffness that the next readings should show, or None if nothing is known about it."""
         known = self._history
         # The load may have stopped rising within the last window, so the window before counts too.
         tangents = [each for each in (self._tangent_n_mm, self._tangent_before_n_mm) if each is not None]

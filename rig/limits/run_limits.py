@@ -21,7 +21,7 @@ class RunLimits:
     ----------
     table : LimitTable
     string : LoadString or None
-        The plausible behaviour of specimen, grips and load frame; None without a load frame.
+        The plausible behaviour of specimen, grips and load frame, or None without a load frame.
     objections : list of str
         One sentence for each planned motion beyond a limit.
     """

@@ -41,7 +41,7 @@ class SpeedCheck:
             self._greatest_mm_s, self._source = self._of_load_mm_s, "plausible.speed_max_mm_s"
 
     def check(self, reading: Reading, step: str) -> None:
-        """Check one reading; raise `LimitViolation` if the crosshead is too fast."""
+        """Check one reading. Raise `LimitViolation` if the crosshead is too fast."""
         if self._first_increment and reading.load_n > self._elastic_n:
             # From here on, a specimen that yields may stretch faster.
             self._first_increment = False

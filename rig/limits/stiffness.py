@@ -46,7 +46,7 @@ class LoadString:
     relaxation : float
         Largest fall of the load at rest per decade of time, as a fraction of the load.
     speed_max_mm_s : float or None
-        Largest speed of the crosshead in an increment of load; None if the protocol commands no load.
+        Largest speed of the crosshead in an increment of load, or None if the protocol commands no load.
     elastic_mm : float
         Displacement that stretches no specimen beyond its yield strain.
     first_n : float

@@ -54,7 +54,7 @@ class RunView:
     status : callable
         Returns the present status as a JSON object.
     thumbnail : callable
-        Returns a picture of a camera's newest image, given its name, a width and a format; None before the
+        Returns a picture of a camera's newest image, given its name, a width and a format, or None before the
         first image.
     abort : callable
         Function that requests the end of the run, and returns at once.

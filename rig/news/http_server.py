@@ -114,7 +114,7 @@ class HttpServer:
         self._thread = threading.Thread(target=self._run, name="HTTP interface", daemon=True)
 
     def start(self) -> None:
-        """Begin to serve; raise `ProtocolError` if the server does not start."""
+        """Begin to serve. Raise `ProtocolError` if the server does not start."""
         self._thread.start()
         clock = SystemClock()
         end_s = clock.now_s() + _STARTING_S

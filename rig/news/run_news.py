@@ -153,7 +153,7 @@ class RunNews:
             self._bulletin.add(wording.step_finished(news))
 
     def end(self, outcome: Outcome) -> Outcome:
-        """Publish the end of the run; return the outcome with a sentence for each failure in sending news."""
+        """Publish the end of the run. Return the outcome with a sentence for each failure in sending news."""
         assert self._about is not None
         assert self._engine is not None
         assert self._events is not None

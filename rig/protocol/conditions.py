@@ -80,7 +80,7 @@ class Pull:
     increment_n : float
         An increment of load. On the first loading the specimen is elastic up to this load.
     rate_n_s : float or None
-        Highest rate of loading; None if no load is commanded.
+        Highest rate of loading, or None if no load is commanded.
     assured_n : float
         Load that the specimen carries in every test that ends as planned.
     elastic_n : float
@@ -102,14 +102,14 @@ class Conditions:
     devices : frozenset of str
         The devices that the protocol moves.
     limits : Limits or None
-        The limits of load and displacement; None without a load frame.
+        The limits of load and displacement, or None without a load frame.
     carried_n : float
         Load in N that the specimen must have carried before a drop in load counts as a break.
     zeroing : Zeroing or None
     pull : Pull or None
-        The loads of the test; None without a load frame.
+        The loads of the test, or None without a load frame.
     zero_tolerance_deg : float or None
-        Tolerance of the stage at 0 degrees before the images of the grid; None if the stage does not move.
+        Tolerance of the stage at 0 degrees before the images of the grid, or None if the stage does not move.
     demands : tuple of Demand
     turns : tuple of Turn
     """

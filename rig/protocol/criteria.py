@@ -24,7 +24,7 @@ class Criterion(Protocol):
 
     def at_readings(self) -> Callable[[Reading], bool] | None:
         """Return a function that returns True at the reading that meets the criterion, for all readings of a
-        motion; None if the criterion can be checked only after a step."""
+        motion, or None if the criterion can be checked only after a step."""
 
     def describe(self) -> str:
         """Return a description of the criterion for an error message."""

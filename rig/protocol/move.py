@@ -21,7 +21,7 @@ class Ending:
     ----------
     criterion : Criterion
     failure : callable or None
-        Makes the error if the event never happens; None if the test continues with the next phase then.
+        Makes the error if the event never happens, or None if the test continues with the next phase then.
     """
 
     criterion: Criterion
@@ -37,7 +37,7 @@ class Move:
     quantity : str
         "load", "displacement" or "rotation"; also the kind of the steps.
     rate : float
-        In N/s or mm/s; NaN for a rotation.
+        In N/s or mm/s, or NaN for a rotation.
     tolerance : float
         Settle tolerance in N, mm or deg.
     is_timed : bool

@@ -27,7 +27,7 @@ def read_protocol(path: str | Path) -> Protocol:
 
 
 def read_protocol_text(path: str | Path) -> tuple[Protocol, str]:
-    """Return a protocol and the text of its file; raise the same errors as `read_protocol`."""
+    """Return a protocol and the text of its file. Raise the same errors as `read_protocol`."""
     table, text = read_toml_text(Path(path))
     try:
         return parse_protocol(table), text
@@ -38,7 +38,7 @@ def read_protocol_text(path: str | Path) -> tuple[Protocol, str]:
 
 
 def parse_protocol(table: dict[str, Any]) -> Protocol:
-    """Check the content of a protocol file; raise pydantic's `ValidationError` with all mistakes."""
+    """Check the content of a protocol file. Raise pydantic's `ValidationError` with all mistakes."""
     # If the kind is unknown, choose the model by the tables in the file, so that other mistakes are reported
     # too.
     kind = table.get("kind")

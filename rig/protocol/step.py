@@ -75,7 +75,7 @@ class ProtocolStep:
         Images of the undeformed state: "grid" or "reference". Motions: "load", "displacement" or "rotation".
         Holds: "creep" at a constant load, "relaxation" at a constant displacement, "rest" without a device.
     target, tolerance : float
-        Target and settle tolerance, in N, mm or degrees depending on `kind`; NaN for a step without a target.
+        Target and settle tolerance, in N, mm or degrees depending on `kind`. NaN for a step without a target.
     rate : float
         Load rate in N/s or speed in mm/s, depending on `kind`. NaN for a step without a target and for a
         rotation, because the stage's driver sets the speed of a rotation.
@@ -88,7 +88,7 @@ class ProtocolStep:
     images : bool
         False for a motion without images, such as a cycle between two cycles with images.
     travel : float
-        Estimated distance to the target, in the unit of the target; NaN for a step without motion.
+        Estimated distance to the target, in the unit of the target, or NaN for a step without motion.
     motion_s : float
         Planned time of the motion in s, which is allowed in addition to `settle.timeout_s`.
     load_drop : str
@@ -116,7 +116,7 @@ class ProtocolStep:
 
     @property
     def quantity(self) -> Quantity | None:
-        """The quantity that the step changes or holds; None for a step without a target."""
+        """The quantity that the step changes or holds, or None for a step without a target."""
         return None if math.isnan(self.target) else _QUANTITIES.get(self.kind)
 
     @property
@@ -140,8 +140,10 @@ class ProtocolStep:
         return self.quantity in ("load", "displacement") and not self.holds
 
     def value(self, reading: Reading) -> float:
-        """Return from a reading the load, displacement or angle that the step's target is for; NaN without a
-        target."""
+        """Return the quantity of the step's target from a reading: load, displacement or angle.
+
+        For a step without a target, return NaN.
+        """
         return math.nan if self.quantity is None else reading.of(self.quantity)
 
     def is_reached(self, reading: Reading) -> bool:

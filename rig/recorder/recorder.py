@@ -46,7 +46,7 @@ class Recorder:
     cameras : mapping of str to CameraInfo
         The description of each camera, by the camera's name in the rig file.
     stage, load_frame : DeviceInfo or None
-        The descriptions of the stage and the load frame; None for a missing device.
+        The descriptions of the stage and the load frame, or None for a missing device.
     interlocks : mapping of str to InterlockRecord, optional
         The interlocks, by their names in the rig file.
     settings : RecordingSettings, optional
@@ -88,7 +88,7 @@ class Recorder:
 
     @property
     def failure(self) -> Exception | None:
-        """The error after which the file cannot be written any more; None without an error."""
+        """The error after which the file cannot be written any more, or None without an error."""
         return self._writer.failure
 
     def frame(self, camera: str, frame: Frame) -> int:
@@ -167,7 +167,7 @@ class Recorder:
             )
 
     def wait_for_room(self, camera: str, timeout_s: float) -> bool:
-        """Wait until the queue has room for an image of `camera`; return False after `timeout_s` seconds."""
+        """Wait until the queue has room for an image of `camera`. Return False after `timeout_s` seconds."""
         return self._writer.wait_for_room(camera, timeout_s)
 
     def close(self, status: schema.RunStatus, reason: str, end: datetime) -> None:
@@ -228,7 +228,7 @@ class Recorder:
             self._put(what, lambda file: file.add_state(device, numbered))
 
     def _put(self, what: str, write: Callable[[OpenRunFile], None], **options: Any) -> "Future[None]":
-        """Give a job to the writer's thread; raise `RecordingError` if this thread cannot write any more."""
+        """Give a job to the writer's thread. Raise `RecordingError` if this thread cannot write any more."""
         if self._writer.failure is not None:
             self._told = True
             raise self._writer.failure

@@ -87,7 +87,7 @@ class Writer(threading.Thread):
         self.failure: Exception | None = None
 
     def put(self, job: Job) -> bool:
-        """Append a job and return at once; return False if too many jobs, or images of this camera, wait."""
+        """Append a job and return at once. Return False if too many jobs, or images of this camera, wait."""
         with self._changed:
             full = len(self._jobs) >= _JOBS_MAX
             if full or (job.camera and self._waiting[job.camera] >= self._settings.queue_frames):
@@ -100,7 +100,7 @@ class Writer(threading.Thread):
             return True
 
     def wait_for_room(self, camera: str, timeout_s: float) -> bool:
-        """Wait until the queue has room for an image of `camera`; return False after `timeout_s` seconds."""
+        """Wait until the queue has room for an image of `camera`. Return False after `timeout_s` seconds."""
         with self._changed:
             return self._changed.wait_for(
                 lambda: self._waiting[camera] < self._settings.queue_frames or self.failure is not None,

@@ -34,7 +34,7 @@ class Readings(Generic[S]):
         Function that returns the reading in a row; raises IndexError after the last row.
     clock : Clock
     ended : callable
-        Function that returns the error which ends the replay after the last reading; None if the run was
+        Function that returns the error which ends the replay after the last reading, or None if the run was
         completed.
     """
 

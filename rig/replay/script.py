@@ -104,7 +104,7 @@ class Script:
         return datetime.fromisoformat(self.run.info.start_time)
 
     def stage_state(self, row: int) -> StageState:
-        """Return the stage's reading in a row; raise IndexError after the last row."""
+        """Return the stage's reading in a row. Raise IndexError after the last row."""
         table = self.stage
         return StageState(
             angle_deg=float(table["angle_deg"][row]),
@@ -115,7 +115,7 @@ class Script:
         )
 
     def load_frame_state(self, row: int) -> LoadFrameState:
-        """Return the load frame's reading in a row; raise IndexError after the last row."""
+        """Return the load frame's reading in a row. Raise IndexError after the last row."""
         table = self.load_frame
         return LoadFrameState(
             load_n=float(table["load_n"][row]),
@@ -129,7 +129,7 @@ class Script:
         )
 
     def interlock_state(self, name: str, row: int) -> InterlockState:
-        """Return an interlock's reading in a row; raise IndexError after the last row."""
+        """Return an interlock's reading in a row. Raise IndexError after the last row."""
         table = self.interlocks[name]
         return InterlockState(float(table["value"][row]), float(table["time_s"][row]))
 
