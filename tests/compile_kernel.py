@@ -1,4 +1,4 @@
-"""Compile the correlation kernel before the tests; otherwise each of their workers compiles it for itself.
+"""Compile the kernels of correlation and strain before the tests, or each worker compiles them for itself.
 
 The test command runs this module beside the type checker: `python -m tests.compile_kernel`.
 """
@@ -7,13 +7,16 @@ import numpy as np
 
 from dic.correlation.correlator import Correlator
 from dic.correlation.settings import CorrelationSettings
+from dic.strain.measurement import measure
 
 
 def main() -> None:
     pattern = np.random.default_rng(1).uniform(0.0, 255.0, (80, 80)).astype(np.float32)
     for shape in ("affine", "quadratic"):
         settings = CorrelationSettings(21, 10, shape=shape)
-        Correlator(pattern, np.ones(pattern.shape, bool), settings).correlate(pattern)
+        field = Correlator(pattern, np.ones(pattern.shape, bool), settings).correlate(pattern)
+        # The first local strain compiles the fits of windows.
+        assert measure(field).strain.exx.shape == field.status.shape
 
 
 if __name__ == "__main__":

@@ -1,0 +1,253 @@
+"""Fit surfaces to windows of points, compiled: the slopes of each window, and their covariances.
+
+`dic.strain.fit` describes the method. Each window has its own points, so nothing is shared between windows.
+"""
+
+from dic.correlation.kernel.jit import compiled, inner
+from dic.typing import Float, Indices, Mask
+
+
+@compiled
+def fit_slopes(
+    at: Indices, use: Mask, points: Float, design: Float, normal: Float, weights: Float, gradient: Float
+) -> None:
+    """Fit a surface to the points of each window by least squares.
+
+    Parameters
+    ----------
+    at : ndarray of int, shape (n, 2)
+        Row and column of the point in the middle of each window.
+    use : ndarray of bool, shape (n, window, window)
+        True for the points to which the surface is fitted.
+    points : ndarray, shape (rows, columns, 4)
+        Position and displacement of each point; they need values where `use` is True.
+    design : ndarray, shape (terms, window, window)
+        Memory for the terms of the surface; 3 terms give a plane, 6 a quadratic surface.
+    normal : ndarray, shape (terms, terms + 2)
+        Memory for the normal equations.
+    weights : ndarray, shape (n, window, window, 2)
+        Output: weight of each point's displacement in the two slopes at the middle; 0 where `use` is False.
+    gradient : ndarray, shape (n, 2, 2)
+        Output: the displacement gradient, with ∂u_i/∂x_j at [i, j].
+    """
+    terms, window = design.shape[0], use.shape[1]
+    for k in range(at.shape[0]):
+        row, column = at[k, 0] - window // 2, at[k, 1] - window // 2
+        scale = _normal_equations(use[k], points, row, column, design, normal)
+        _solve(normal, terms)
+        gradient[k] = 0.0
+        for r in range(window):
+            for c in range(window):
+                for side in range(2):
+                    weight = 0.0
+                    if use[k, r, c]:
+                        for m in range(terms):
+                            weight += normal[m, terms + side] * design[m, r, c]
+                        weight *= scale
+                        gradient[k, 0, side] += weight * points[row + r, column + c, 2]
+                        gradient[k, 1, side] += weight * points[row + r, column + c, 3]
+                    weights[k, r, c, side] = weight
+
+
+@inner
+def _normal_equations(use: Mask, points: Float, row: int, column: int, design: Float, normal: Float) -> float:
+    """Fill the terms of the surface and the lower half of the normal matrix; return 1 / unit of length."""
+    terms, window = design.shape[0], use.shape[0]
+    x0, y0 = (
+        points[row + window // 2, column + window // 2, 0],
+        points[row + window // 2, column + window // 2, 1],
+    )
+    reach = 1e-300
+    for r in range(window):
+        for c in range(window):
+            if use[r, c]:
+                x, y = points[row + r, column + c, 0] - x0, points[row + r, column + c, 1] - y0
+                reach = max(reach, abs(x), abs(y))
+    # The normal equations are well conditioned if the coordinates are of the order of 1.
+    scale = 1.0 / reach
+    normal[:] = 0.0
+    for r in range(window):
+        for c in range(window):
+            if use[r, c]:
+                x = (points[row + r, column + c, 0] - x0) * scale
+                y = (points[row + r, column + c, 1] - y0) * scale
+                design[0, r, c], design[1, r, c], design[2, r, c] = x, y, 1.0
+                if terms > 3:
+                    design[3, r, c], design[4, r, c], design[5, r, c] = x * x, x * y, y * y
+                for i in range(terms):
+                    for j in range(i + 1):
+                        normal[i, j] += design[i, r, c] * design[j, r, c]
+    return scale
+
+
+@inner
+def _solve(normal: Float, terms: int) -> None:
+    """Replace the normal matrix by its Cholesky factor; append the first two columns of its inverse."""
+    for i in range(terms):
+        for j in range(i + 1):
+            total = normal[i, j]
+            for m in range(j):
+                total -= normal[i, m] * normal[j, m]
+            normal[i, j] = total**0.5 if i == j else total / normal[j, j]
+    for side in range(terms, terms + 2):
+        for i in range(terms):
+            total = 1.0 if i == side - terms else 0.0
+            for m in range(i):
+                total -= normal[i, m] * normal[m, side]
+            normal[i, side] = total / normal[i, i]
+        for i in range(terms - 1, -1, -1):
+            total = normal[i, side]
+            for m in range(i + 1, terms):
+                total -= normal[m, i] * normal[m, side]
+            normal[i, side] = total / normal[i, i]
+
+
+@inner
+def _weigh(use: Mask, weights: Float, factors: Float, row: int, column: int, parts: Float) -> None:
+    """Fill the weighted factors of each point of a window; `add_covariances` describes them."""
+    window = use.shape[0]
+    for r in range(window):
+        for c in range(window):
+            for axis in range(2):
+                for i in range(2):
+                    for side in range(2):
+                        part = 0.0
+                        if use[r, c]:
+                            part = factors[row + r, column + c, i, axis] * weights[r, c, side]
+                        parts[r * window + c, 4 * axis + 2 * i + side] = part
+
+
+@inner
+def _shared(
+    k: int, r: int, c: int, down: int, c2: int, number: Indices, clipped: Float, overlap: Float
+) -> float:
+    """Return the correlation of the errors of two points of window `k`, of which one may be clipped."""
+    window, shared = number.shape[1], 0.0
+    if number[k, r + down, c2] >= 0:
+        shared = clipped[number[k, r + down, c2], window - 1 - down, window - 1 + c - c2]
+    elif number[k, r, c] >= 0:
+        shared = clipped[number[k, r, c], window - 1 + down, window - 1 + c2 - c]
+    elif down < overlap.shape[0] and abs(c2 - c) < overlap.shape[1]:
+        shared = overlap[down, abs(c2 - c)]
+    return shared
+
+
+@compiled
+def add_covariances(
+    at: Indices,
+    use: Mask,
+    weights: Float,
+    factors: Float,
+    overlap: Float,
+    number: Indices,
+    clipped: Float,
+    parts: Float,
+    covariance: Float,
+) -> None:
+    """Add the covariance of the slopes of each window, whose points have correlated errors.
+
+    Parameters
+    ----------
+    at, use, weights
+        As for `fit_slopes`.
+    factors : ndarray, shape (rows, columns, 2, 2)
+        `Noise.factors`.
+    overlap : ndarray, shape (m, n)
+        `Noise.overlap`.
+    number : ndarray of int, shape (n, window, window) or (n, 0, 0)
+        Number of each point with a clipped subset, -1 for other points; without elements if there is none.
+    clipped : ndarray, shape (clipped points, 2 window - 1, 2 window - 1)
+        `ClippedSubsets.correlations`.
+    parts : ndarray, shape (window², 8)
+        Memory: the weighted factors of each point.
+    covariance : ndarray, shape (n, 4, 4)
+        Input and output: covariance of the gradient's elements xx, xy, yx, yy.
+    """
+    window = use.shape[1]
+    down_most, across_most = min(window, overlap.shape[0]), min(window, overlap.shape[1])
+    for k in range(at.shape[0]):
+        row, column = at[k, 0] - window // 2, at[k, 1] - window // 2
+        _weigh(use[k], weights[k], factors, row, column, parts)
+        edge = False
+        for each in number[k].flat:
+            edge |= each >= 0
+        for r in range(window):
+            for c in range(window):
+                if not use[k, r, c]:
+                    continue
+                p = r * window + c
+                # A pair of points counts once here, and its transpose is added below.
+                h = 0.5 * overlap[0, 0]
+                if edge and number[k, r, c] >= 0:
+                    h = 0.5 * clipped[number[k, r, c], window - 1, window - 1]
+                s0, s1, s2, s3 = (
+                    h * parts[p, 0],
+                    h * parts[p, 1],
+                    h * parts[p, 2],
+                    h * parts[p, 3],
+                )
+                s4, s5, s6, s7 = (
+                    h * parts[p, 4],
+                    h * parts[p, 5],
+                    h * parts[p, 6],
+                    h * parts[p, 7],
+                )
+                for down in range(min(window - r, window if edge else down_most)):
+                    start = c + 1 if down == 0 else (0 if edge else max(0, c - across_most + 1))
+                    end = window if edge else min(window, c + across_most)
+                    for c2 in range(start, end):
+                        q = (r + down) * window + c2
+                        if edge:
+                            shared = _shared(k, r, c, down, c2, number, clipped, overlap)
+                        else:
+                            shared = overlap[down, abs(c2 - c)]
+                        s0 += shared * parts[q, 0]
+                        s1 += shared * parts[q, 1]
+                        s2 += shared * parts[q, 2]
+                        s3 += shared * parts[q, 3]
+                        s4 += shared * parts[q, 4]
+                        s5 += shared * parts[q, 5]
+                        s6 += shared * parts[q, 6]
+                        s7 += shared * parts[q, 7]
+                for m in range(4):
+                    one, other = parts[p, m], parts[p, 4 + m]
+                    covariance[k, m, 0] += one * s0 + other * s4
+                    covariance[k, m, 1] += one * s1 + other * s5
+                    covariance[k, m, 2] += one * s2 + other * s6
+                    covariance[k, m, 3] += one * s3 + other * s7
+        for m in range(4):
+            for n in range(m + 1):
+                total = covariance[k, m, n] + covariance[k, n, m]
+                covariance[k, m, n] = covariance[k, n, m] = total
+
+
+@compiled
+def add_shared(at: Indices, use: Mask, weights: Float, bias: Float, sums: Float, covariance: Float) -> None:
+    """Add the covariance of the slopes by errors that all points share, such as the interpolation bias.
+
+    Parameters
+    ----------
+    at, use, weights
+        As for `fit_slopes`.
+    bias : ndarray, shape (rows, columns, 2, 2)
+        `Noise.bias`.
+    sums : ndarray, shape (4, 2)
+        Memory.
+    covariance : ndarray, shape (n, 4, 4)
+        Input and output, as for `add_covariances`.
+    """
+    window = use.shape[1]
+    for k in range(at.shape[0]):
+        row, column = at[k, 0] - window // 2, at[k, 1] - window // 2
+        sums[:] = 0.0
+        for r in range(window):
+            for c in range(window):
+                if use[k, r, c]:
+                    for i in range(2):
+                        for side in range(2):
+                            weight = weights[k, r, c, side]
+                            sums[2 * i + side, 0] += weight * bias[row + r, column + c, i, 0]
+                            sums[2 * i + side, 1] += weight * bias[row + r, column + c, i, 1]
+        for m in range(4):
+            for n in range(4):
+                covariance[k, m, n] += sums[m, 0] * sums[n, 0] + sums[m, 1] * sums[n, 1]
