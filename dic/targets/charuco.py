@@ -60,10 +60,9 @@ def find_charuco(
     image = as_bytes(grey)
     wanted = f"corners of a board of {squares[0]} × {squares[1]} squares with markers of {dictionary}"
     expected = f"at least half of the {lines[0] * lines[1]} {wanted}"
-    place, marker_px = _markers_on_board(image, squares, marker_side, dictionary)
+    number, corners, place, marker_px = _markers_on_board(image, squares, marker_side, dictionary)
     if len(place) < _FEWEST_MARKERS:
         raise TargetNotSeen(source, _STEP, expected, f"{len(place)} markers of this board", _REMEDY)
-    number, corners = markers_seen(image, dictionary)
     again = _second_board(number, corners, marker_px)
     if again is not None:
         raise two_targets(source, "ChArUco board", (marker_px.reshape(-1, 2), again))
@@ -100,16 +99,26 @@ def is_dictionary(name: str) -> bool:
 
 def _markers_on_board(
     image: NDArray[np.uint8], squares: tuple[int, int], marker_side: float, dictionary: str
-) -> tuple[Float, Float]:
-    """Return the corners of the markers that fit the board: on it, (n, 4, 2), pitches, and in the image, px.
+) -> tuple[Indices, Float, Float, Float]:
+    """Return all markers found, and those that fit the board.
 
     OpenCV before version 4.6 drew boards with an even number of rows in other colours than later versions.
     Both ways of drawing are tried, and the one that fits more markers is taken.
+
+    Returns
+    -------
+    number : ndarray of int64, shape (m,)
+        Numbers of all markers found.
+    corners : ndarray, shape (m, 4, 2)
+        Their corners in the image, px.
+    place, marker_px : ndarray, shape (n, 4, 2)
+        Corners of the markers that fit the board: on the board, pitches, and in the image, px.
     """
     import cv2
 
     scales = (1.0, 2.0) if image.size <= _SMALL_IMAGE_PX2 else (1.0,)
-    best = np.empty((0, 4, 2)), np.empty((0, 4, 2))
+    none = np.empty((0, 4, 2))
+    best = np.empty(0, np.int64), none, none, none
     possible = squares[0] * squares[1] // 2
     for scale in scales:
         scaled = image if scale == 1 else cv2.resize(image, None, fx=scale, fy=scale)
@@ -128,9 +137,9 @@ def _markers_on_board(
             # OpenCV's Y axis points down from the upper left corner.
             drawn = drawn.reshape(-1, 4, 2) * [1, -1] + [0, squares[1]]
             fits = fit_one_plane(drawn, corners[known])
-            if np.count_nonzero(fits) > len(best[0]):
-                best = drawn[fits], corners[known][fits]
-        if len(best[0]) > 0.8 * possible:
+            if np.count_nonzero(fits) > len(best[2]):
+                best = number, corners, drawn[fits], corners[known][fits]
+        if len(best[2]) > 0.8 * possible:
             break
     return best
 

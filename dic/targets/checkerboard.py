@@ -3,6 +3,7 @@
 OpenCV's detector finds the corners. `dic.targets.corners` then measures them.
 """
 
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -21,8 +22,9 @@ from dic.typing import Float, Grey
 
 # Length of the edges around a corner that are used to measure it, in pitches.
 _REACH = 0.45
-# Smallest share of the corners that must be measured.
-_SUFFICIENT = 0.9
+# Smallest share of the corners that must fit the lattice, and smallest share to which crossing edges could be
+# fitted. In images with so much blur that this fit fails, the detector alone is off by about a pixel.
+_SUFFICIENT, _MEASURED = 0.9, 0.5
 # Difference between the surroundings of a corner and crossing edges above which round dots are looked for.
 # Simulated boards reach 0.02, and dots that nearly touch 0.1. Noise that JPEG has smoothed counts too.
 _NO_EDGES = 0.07
@@ -30,12 +32,18 @@ _NO_EDGES = 0.07
 _ALTERNATING = 0.85
 # A checkerboard of unknown size has at least this number of corners along each direction.
 _FEWEST_CORNERS = (3, 3)
+# So many corners show whether they are gaps between dots; the fit of all corners takes much longer.
+_ENOUGH_CORNERS = 32
+# Places in a square at which dark marks are looked for, in pitches from its middle, and the share of dark
+# places from which on the bright squares of a board have markers. A marker's rim alone has a larger share.
+_PLACES = np.linspace(-0.35, 0.35, 7)
+_MARKED = 0.05
 # Images up to this size are searched in more ways, because the search takes little time.
-SMALL_IMAGE_PX2 = 1_600_000
+_SMALL_IMAGE_PX2 = 1_600_000
 
 
 def find_checkerboard(
-    grey: Grey, squares: tuple[int, int], pitch_mm: float, source: str, x_axis: XAxis, reduced: bool = False
+    grey: Grey, squares: tuple[int, int], pitch_mm: float, source: str, x_axis: XAxis
 ) -> GridPoints:
     """Return the inner corners of a checkerboard. `dic.targets.find.CheckerboardTarget` describes the board.
 
@@ -43,24 +51,27 @@ def find_checkerboard(
     Calibration", BMVC 2018) finds either all corners or none. Refined corners that do not fit the lattice are
     left out of the result.
 
-    With `reduced`, a large image is searched at half of its size, in which blurred boards are found. That
-    takes longer, so that the function is called in this way only if the image shows no other target.
-
     Raises
     ------
     CalibrationError
-        If the detector does not find the corners, or more than 10 % of them do not fit the lattice.
+        If the detector does not find the corners, if half of them are too blurred to be measured, or if more
+        than 10 % of them do not fit the lattice.
     """
     lines = (squares[0] - 1, squares[1] - 1)
-    px = _detected(as_bytes(grey), lines, reduced=reduced)
+    image = as_bytes(grey)
+    px = _detected(image, lines)
     if px is None:
         raise _refusal(source, squares, "no such board", TargetNotSeen)
-    other = _detected(_without(as_bytes(grey), px), lines, thorough=False)
+    other = _detected(_without(image, px), lines, thorough=False)
     if other is not None:
         raise two_targets(source, "checkerboard", (px.reshape(-1, 2), other.reshape(-1, 2)))
     refined, difference = _fitted(grey, px)
     if _are_gaps_between_dots(grey, difference):
         raise _refusal(source, squares, "the gaps between round dots", TargetNotSeen)
+    measured = np.asarray(np.isfinite(refined).all(axis=1))
+    if np.count_nonzero(measured) < _MEASURED * measured.size:
+        got = f"a board of which {np.count_nonzero(measured)} of {measured.size} corners are sharp enough"
+        raise _refusal(source, squares, got)
     vectors = np.stack([(px[-1] - px[0]).mean(axis=0), (px[:, -1] - px[:, 0]).mean(axis=0)])
     vectors /= np.array(lines)[:, None] - 1.0
     spans = (range(lines[0]), range(lines[1]))
@@ -77,7 +88,7 @@ def find_checkerboard(
     index = np.argwhere(np.ones(lines, bool))
     column_row = axes.columns_and_rows(index, spans)
     # Next to the image's rim there is no room for the measurement: keep the detector's corner.
-    refined = np.where(np.isfinite(refined), refined, px.reshape(-1, 2))
+    refined = np.where(measured[:, None], refined, px.reshape(-1, 2))
     sound = fits_lattice(index.astype(float), refined)
     if np.count_nonzero(sound) < _SUFFICIENT * sound.size:
         got = f"only {np.count_nonzero(sound)} of {sound.size} corners"
@@ -89,8 +100,24 @@ def find_checkerboard(
     )
 
 
-def squares_seen(image: NDArray[np.uint8]) -> tuple[int, int] | None:
-    """Return the numbers of squares along both directions of any checkerboard in an 8-bit image, or None."""
+@dataclass(frozen=True)
+class SeenBoard:
+    """A checkerboard of unknown size in an image.
+
+    Attributes
+    ----------
+    squares : tuple of int
+        Numbers of squares along both directions.
+    marked : bool
+        True if the bright squares have dark marks inside, as the markers of a ChArUco board.
+    """
+
+    squares: tuple[int, int]
+    marked: bool
+
+
+def board_seen(image: NDArray[np.uint8]) -> SeenBoard | None:
+    """Return any checkerboard in an 8-bit image, or None."""
     import cv2
 
     flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER
@@ -104,31 +131,29 @@ def squares_seen(image: NDArray[np.uint8]) -> tuple[int, int] | None:
         part = px[left : columns - right, top : rows - bottom]
         if min(part.shape[:2]) >= min(_FEWEST_CORNERS) and _colours_alternate(image, part):
             grey = image.astype(np.float32)
-            if _are_gaps_between_dots(grey, _fitted(grey, part)[1]):
+            if _are_gaps_between_dots(grey, _fitted(grey, part, _ENOUGH_CORNERS)[1]):
                 return None
-            return part.shape[0] + 1, part.shape[1] + 1
+            return SeenBoard((part.shape[0] + 1, part.shape[1] + 1), _are_marked(grey, part))
     return None
 
 
-def _detected(
-    image: NDArray[np.uint8], lines: tuple[int, int], thorough: bool = True, reduced: bool = False
-) -> Float | None:
+def _detected(image: NDArray[np.uint8], lines: tuple[int, int], thorough: bool = True) -> Float | None:
     """Return the corners that OpenCV's detector finds, shape (columns, rows, 2), px, or None.
 
-    The detector finds small squares more often in an enlarged image, and blurred ones in a reduced image. It
-    stretches the image itself with the flag `CALIB_CB_ACCURACY`, and then loses small squares. Therefore that
-    flag is not used first. A large image is searched as it is, or `reduced`.
+    The detector finds small squares more often in an enlarged image. It stretches the image itself with the
+    flag `CALIB_CB_ACCURACY`, and then loses small squares. Therefore that flag is not used first. A large
+    image is searched as it is.
     """
     import cv2
 
     height, width = image.shape
     plain = cv2.CALIB_CB_EXHAUSTIVE
     accurate = plain | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
-    attempts = [(0.5, accurate)] if reduced else [(1.0, plain)]
-    if height * width <= SMALL_IMAGE_PX2:
+    attempts = [(1.0, plain)]
+    if height * width <= _SMALL_IMAGE_PX2:
         attempts = [(1.0, plain), (2.0, plain), (1.0, accurate), (1.0, 0)]
     for scale, flags in attempts if thorough else attempts[:1]:
-        method = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
+        method = cv2.INTER_CUBIC
         scaled = image if scale == 1 else cv2.resize(image, None, fx=scale, fy=scale, interpolation=method)
         found, corners = cv2.findChessboardCornersSB(scaled, lines, flags=flags)
         if found:
@@ -140,10 +165,15 @@ def _detected(
     return None
 
 
-def _fitted(grey: Grey, px: Float) -> tuple[Float, float]:
-    """Return the fitted corners (n, 2) for detected ones (columns, rows, 2), px, as `fit_corners` does."""
-    along = np.stack([np.gradient(px, axis=0), np.gradient(px, axis=1)], axis=-2)
-    return fit_corners(grey, px.reshape(-1, 2), along.reshape(-1, 2, 2), _REACH)
+def _fitted(grey: Grey, px: Float, most: int | None = None) -> tuple[Float, float]:
+    """Return the fitted corners (n, 2) for detected ones (columns, rows, 2), px, as `fit_corners` does.
+
+    If `most` is given, so many corners at most are fitted, which are spread over the board.
+    """
+    along = np.stack([np.gradient(px, axis=0), np.gradient(px, axis=1)], axis=-2).reshape(-1, 2, 2)
+    corners = px.reshape(-1, 2)
+    some = np.linspace(0, len(corners) - 1, min(most or len(corners), len(corners))).astype(int)
+    return fit_corners(grey, corners[some], along[some], _REACH)
 
 
 def _are_gaps_between_dots(grey: Grey, difference: float) -> bool:
@@ -152,6 +182,22 @@ def _are_gaps_between_dots(grey: Grey, difference: float) -> bool:
     The gaps between the dots of an asymmetric grid have the brightness of a checkerboard's squares.
     """
     return difference > _NO_EDGES and dots_seen(grey) is not None
+
+
+def _are_marked(grey: Grey, px: Float) -> bool:
+    """Return True if bright squares between the corners (columns, rows, 2), px, have dark marks inside."""
+    across, up = (_PLACES + 0.5)[:, None], (_PLACES + 0.5)[None]
+    weights = np.stack([(1 - across) * (1 - up), across * (1 - up), (1 - across) * up, across * up])
+    ends = np.stack([px[:-1, :-1], px[1:, :-1], px[:-1, 1:], px[1:, 1:]])
+    column, row = np.rint(np.einsum("kxy,kijd->dijxy", weights, ends)).astype(int)
+    height, width = grey.shape
+    level = grey[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+    even = np.add.outer(np.arange(level.shape[0]), np.arange(level.shape[1])) % 2 == 0
+    # Also with a marker inside, the brightest places of a bright square are bright.
+    brightest = np.quantile(level, 0.9, axis=(2, 3))
+    bright = even == (brightest[even].mean() > brightest[~even].mean())
+    halfway = (brightest[bright] + np.median(brightest[~bright])) / 2
+    return bool(np.median((level[bright] < halfway[:, None, None]).mean(axis=(1, 2))) > _MARKED)
 
 
 def _without(image: NDArray[np.uint8], px: Float) -> NDArray[np.uint8]:

@@ -12,7 +12,7 @@ import numpy as np
 from dic.errors import CalibrationError
 from dic.targets.blobs import Blobs, find_blobs, noise_of
 from dic.targets.cells import along_short_vectors, lattice_of_regions
-from dic.targets.ellipses import Ellipses, fit_ellipses
+from dic.targets.ellipses import Ellipses, fit_ellipses, rough_misfit
 from dic.targets.hollow_marks import hollow_dots
 from dic.targets.lattice import LatticeShape, fits_lattice
 from dic.targets.not_seen import TargetNotSeen
@@ -29,6 +29,9 @@ _MISFIT, _CONTRAST = 2.0, 0.3
 _MISFIT_OF_CONTRAST = 0.02
 # Misfit, as a fraction of the contrast, above which regions are not ellipses. Squares reach 0.2.
 _NOT_ROUND = 0.1
+# Number of regions that are fitted first. If their misfit is larger than this fraction of the contrast, they
+# are clearly not round, and the others are not fitted.
+_FIRST_FITTED, _CLEARLY_NOT_ROUND = 24, 0.13
 # A reflection disturbs a dot if the share of saturated pixels near the dot's edge is above the first number,
 # and above the second number times the median share of all dots. A background that is saturated everywhere
 # does no harm.
@@ -90,14 +93,19 @@ def measure_dots(
     CalibrationError
         If no lattice of at least 16 round dots is found, or if there are two.
     """
-    found = _Dots.in_image(grey, enough)
-    if found is None or np.count_nonzero(sound := found.sound()) < FEWEST_DOTS:
+    not_round = "regions that are not round, such as squares or the cells of a line grid"
+    lattice = _Lattice.in_image(grey, enough)
+    if lattice is None:
         raise refusal("no lattice of dots", TargetNotSeen)
-    if found.beside is not None:
-        raise two_targets(source, "dots", (found.blobs.centre_px, found.beside))
+    if lattice.is_clearly_not_round(grey):
+        raise refusal(not_round, TargetNotSeen)
+    found = _Dots.fitted(grey, lattice)
+    if np.count_nonzero(sound := found.sound()) < FEWEST_DOTS:
+        raise refusal("no lattice of dots", TargetNotSeen)
+    if lattice.beside is not None:
+        raise two_targets(source, "dots", (lattice.blobs.centre_px, lattice.beside))
     if not found.are_round(grey, sound):
-        got = "regions that are not round, such as squares or the cells of a line grid"
-        raise refusal(got, TargetNotSeen)
+        raise refusal(not_round, TargetNotSeen)
     index, centre = found.index.astype(float), found.ellipses.centre_px
     shape = LatticeShape.fit(index[sound], centre[sound])
     centre = centre - _eccentricity(shape, index, found.ellipses.area_px2, sound)
@@ -114,19 +122,19 @@ def measure_dots(
 
 def round_dots(grey: Grey) -> tuple[Indices, Mask] | None:
     """Return the lattice indices (n, 2) of the dots of the largest lattice, and which are rings, or None."""
-    found = _Dots.in_image(grey, grey.size)
-    if (
-        found is None
-        or np.count_nonzero(sound := found.sound()) < FEWEST_DOTS
-        or not found.are_round(grey, sound)
-    ):
+    lattice = _Lattice.in_image(grey, grey.size)
+    if lattice is None or lattice.is_clearly_not_round(grey):
+        return None
+    found = _Dots.fitted(grey, lattice)
+    sound = found.sound()
+    if np.count_nonzero(sound) < FEWEST_DOTS or not found.are_round(grey, sound):
         return None
     return found.index, found.hollow
 
 
 @dataclass(frozen=True)
-class _Dots:
-    """The dots of a lattice: lattice indices (n, 2), approximate blobs, and fitted ellipses.
+class _Lattice:
+    """A lattice of blobs: lattice indices (n, 2), blobs, and which of them are rings.
 
     `beside` are the dots (m, 2), px, of another plate in the image.
     """
@@ -134,12 +142,11 @@ class _Dots:
     index: Indices
     blobs: Blobs
     hollow: Mask
-    ellipses: Ellipses
     beside: Float | None
 
     @classmethod
-    def in_image(cls, grey: Grey, enough: int) -> "_Dots | None":
-        """Return the dots of the largest lattice of blobs, or None if no lattice has 16 dots.
+    def in_image(cls, grey: Grey, enough: int) -> "_Lattice | None":
+        """Return the largest lattice of blobs, or None if no lattice has 16 dots.
 
         The search ends as soon as a lattice has `enough` dots.
         """
@@ -155,9 +162,31 @@ class _Dots:
                 break
         if most < FEWEST_DOTS:
             return None
-        hollow = hollow_dots(grey, blobs)
-        ellipses = fit_ellipses(grey, blobs, hollow)
-        return cls(index, blobs, hollow, ellipses, beside)
+        return cls(index, blobs, hollow_dots(grey, blobs), beside)
+
+    def is_clearly_not_round(self, grey: Grey) -> bool:
+        """Return True if ellipses do not fit the grey levels of some of the blobs."""
+        count = len(self.blobs)
+        some = np.linspace(0, count - 1, min(count, _FIRST_FITTED)).astype(np.int64)
+        fits = rough_misfit(grey, self.blobs, self.hollow, some)
+        misfit, contrast = (float(np.median(np.abs(values))) for values in fits)
+        # The comparison is False, and all blobs are fitted, if a fit failed and gave NaN.
+        return bool(misfit > _CLEARLY_NOT_ROUND * contrast + 1.3 * noise_of(grey))
+
+
+@dataclass(frozen=True)
+class _Dots:
+    """The dots of a lattice: lattice indices (n, 2), which of them are rings, and fitted ellipses."""
+
+    index: Indices
+    hollow: Mask
+    ellipses: Ellipses
+
+    @classmethod
+    def fitted(cls, grey: Grey, lattice: _Lattice) -> "_Dots":
+        """Fit ellipses to all blobs of a lattice."""
+        ellipses = fit_ellipses(grey, lattice.blobs, lattice.hollow)
+        return cls(lattice.index, lattice.hollow, ellipses)
 
     def are_round(self, grey: Grey, sound: Mask) -> bool:
         """Return True if ellipses fit the grey levels of the sound dots (n,), at least one, of the image."""

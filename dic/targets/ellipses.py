@@ -103,6 +103,20 @@ def fit_ellipses(grey: Grey, blobs: Blobs, hollow: Mask) -> Ellipses:
     return Ellipses(centre, area, contrast, misfit, saturated)
 
 
+def rough_misfit(grey: Grey, blobs: Blobs, hollow: Mask, which: Indices) -> tuple[Float, Float]:
+    """Return the misfits (m,) and the contrasts (m,) of ellipses that are fitted to some of the blobs.
+
+    The fit of all blobs takes long. A few of them show whether the blobs are ellipses at all.
+    """
+    sensor = _Sensor.of(grey)
+    samples = DotPixels.around(grey, blobs, hollow, nearest_dot(blobs, grey.shape), which)
+    fit = _Fit.start(blobs.only(which), samples)
+    unknown_light = _Light(np.zeros((len(which), 4)), np.zeros((len(which), 4)))
+    for _ in range(_STEPS):
+        fit = fit.improved(samples, sensor, unknown_light)
+    return fit.misfit(samples, sensor), fit.linear[:, 0] - fit.linear[:, 3]
+
+
 @dataclass(frozen=True)
 class _Sensor:
     """Lowest and highest grey level of an image, standard deviation of its noise, and if pixels saturate."""

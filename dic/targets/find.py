@@ -198,12 +198,7 @@ def find_target(
     except TargetNotSeen as refusal:
         from dic.targets.seen import target_seen
 
-        seen = target_seen(grey)
-        if isinstance(spec, CheckerboardTarget) and not _rules_out(seen, spec):
-            blurred = _blurred_checkerboard(grey, spec, source, x_axis)
-            if blurred is not None:
-                return blurred
-        raise _naming_what_is_seen(refusal, seen, spec) from None
+        raise _naming_what_is_seen(refusal, target_seen(grey), spec) from None
 
 
 def _found_by_kind(
@@ -229,30 +224,6 @@ def _found_by_kind(
     from dic.targets.dots import find_dots
 
     return find_dots(grey, spec.dots, spec.pitch_mm, source, x_axis)
-
-
-def _rules_out(seen: "SeenTarget | None", spec: CheckerboardTarget) -> bool:
-    """Return True if another kind of target was seen, or a checkerboard that is larger than the given one."""
-    if seen is None:
-        return False
-    if seen.option != "squares" or seen.dictionary:
-        return True
-    counts, wanted = sorted(seen.counts), sorted(spec.squares)
-    return counts != wanted and all(has >= asked for has, asked in zip(counts, wanted, strict=True))
-
-
-def _blurred_checkerboard(
-    grey: Grey, spec: CheckerboardTarget, source: str, x_axis: XAxis
-) -> GridPoints | None:
-    """Return the points of a checkerboard that is found in the reduced image only, or None."""
-    from dic.targets.checkerboard import SMALL_IMAGE_PX2, find_checkerboard
-
-    if grey.size <= SMALL_IMAGE_PX2:
-        return None
-    try:
-        return find_checkerboard(grey, spec.squares, spec.pitch_mm, source, x_axis, reduced=True)
-    except TargetNotSeen:
-        return None
 
 
 def _naming_what_is_seen(refusal: TargetNotSeen, seen: "SeenTarget | None", spec: Target) -> CalibrationError:

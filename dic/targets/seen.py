@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.targets.charuco import fit_one_plane, markers_seen
-from dic.targets.checkerboard import squares_seen
+from dic.targets.checkerboard import board_seen
 from dic.targets.dots import dots_seen
 from dic.targets.line_grid.find import lines_seen
 from dic.targets.sampled_image import as_bytes
@@ -66,7 +66,8 @@ def target_seen(grey: Grey) -> SeenTarget | None:
     """Return the target that the image (height, width) shows, or None.
 
     A ChArUco board is also a checkerboard, and the squares of a checkerboard are the cells of a lattice. The
-    kinds of targets are therefore tried in this order: ChArUco board, checkerboard, line grid, dots.
+    kinds of targets are therefore tried in this order: ChArUco board, checkerboard, line grid, dots. A
+    checkerboard without marks in its squares is not searched for markers, because that takes the longest.
     """
     import cv2
 
@@ -74,12 +75,12 @@ def target_seen(grey: Grey) -> SeenTarget | None:
     if scale < 1:
         grey = np.asarray(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
     image = as_bytes(grey)
-    board = _board_seen(image)
+    board = board_seen(image)
+    with_markers = _board_with_markers_seen(image) if board is None or board.marked else None
+    if with_markers is not None:
+        return with_markers
     if board is not None:
-        return board
-    squares = squares_seen(image)
-    if squares is not None:
-        return SeenTarget("a checkerboard", "squares", squares)
+        return SeenTarget("a checkerboard", "squares", board.squares)
     lines = lines_seen(grey)
     if lines is not None:
         return SeenTarget("a line grid", "lines", lines)
@@ -87,7 +88,7 @@ def target_seen(grey: Grey) -> SeenTarget | None:
     return None if dots is None else SeenTarget(dots.name, dots.option, dots.counts)
 
 
-def _board_seen(image: NDArray[np.uint8]) -> SeenTarget | None:
+def _board_with_markers_seen(image: NDArray[np.uint8]) -> SeenTarget | None:
     """Return the ChArUco board that an 8-bit image shows, of any dictionary and size, or None."""
     # A search takes the longer, the more markers the dictionary has.
     searched = (*(f"{family}_{_SEARCHED}" for family in _FAMILIES), *_OTHER_DICTIONARIES)

@@ -63,6 +63,21 @@ def test_a_request_for_another_target_says_what_is_seen(asked: Target, shown: st
         find_target(_image(texture), asked)
 
 
+def test_an_image_of_another_target_is_refused_without_the_longest_searches(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """In 5 megapixels the fit of 400 cells takes 4 s, and the search for markers on a board 1 s."""
+
+    def not_needed(*_: object) -> None:
+        raise AssertionError("this search takes long and is not needed")
+
+    monkeypatch.setattr("dic.targets.dot_lattice.fit_ellipses", not_needed)
+    monkeypatch.setattr("dic.targets.seen.markers_seen", not_needed)
+
+    with pytest.raises(CalibrationError, match=r"regions that are not round.* a checkerboard of 13 × 11"):
+        find_target(_image(SHOWN["checkerboard"][0]), DotTarget((10, 8), 0.8))
+
+
 @pytest.mark.long
 def test_a_large_image_is_named_as_well_as_a_small_one() -> None:
     large = cv2.resize(_image(SHOWN["checkerboard"][0]), None, fx=2.5, fy=2.5, interpolation=cv2.INTER_CUBIC)
