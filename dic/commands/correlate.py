@@ -90,7 +90,7 @@ def correlate(
     known_files = [calibration_file, *region.files(), motion.alignment_file, outputs.gauges_file]
     known_files.append(used_settings_file())
     written = [outputs.json_file, motion.save_alignment, *region.outputs(), *files.all()]
-    _require_places([*sources.files, *known_files], written, outputs)
+    _require_places([*sources.files, *known_files], written, files.folders, outputs)
     set_up = read_set_up(calibration_file, how, known)
     for note in sources.notes:
         say(note)
@@ -114,6 +114,7 @@ def correlate(
             if correlated.begun_text:
                 say(correlated.begun_text)
             stack.enter_context(correlated.keeping(place, written))
+        files.make_folders()
         if region.write_mask is not None:
             write_region(series.region, image, region.write_mask)
         if same is not None:
@@ -131,7 +132,10 @@ def correlate(
 
 
 def _require_places(
-    inputs: "Sequence[Path | None]", written: "Sequence[Path | None]", outputs: OutputOptions
+    inputs: "Sequence[Path | None]",
+    written: "Sequence[Path | None]",
+    new_folders: "Sequence[Path]",
+    outputs: OutputOptions,
 ) -> None:
     """Raise an error if an output file cannot be written; an unfinished result may be gone on with."""
     from dic.results.unfinished import outputs_of
@@ -139,4 +143,5 @@ def _require_places(
     standing = [] if outputs.output is None else [outputs.output]
     earlier = [path for output in standing for path in outputs_of(output)]
     # Whether a result that stands there can be used is known when the reference is read.
-    require_places(inputs, written, force=outputs.force, replaceable=[*earlier, *standing])
+    replaceable = [*earlier, *standing]
+    require_places(inputs, written, force=outputs.force, replaceable=replaceable, new_folders=new_folders)

@@ -122,7 +122,7 @@ def _check_all(
 ) -> tuple[list[dict[str, Any]], list[dict[str, str]]]:
     """Check images until the last or a signal; return the results and the failures for JSON."""
     from dic import MeasurementError
-    from dic.shell.console import fail, stopping_between
+    from dic.shell.console import fail, stopped_early, stopping_between
     from dic.shell.progress import progress
 
     contents: list[dict[str, Any]] = []
@@ -138,7 +138,7 @@ def _check_all(
                 fail(f"{image}: {error}" if str(image) not in str(error) else str(error))
             bar.advance()
             if stopped() and number < len(images):
-                rest = f"stopped by a signal, {len(images) - number} of {len(images)} images not checked"
+                rest = stopped_early(len(images) - number, len(images), "checked")
                 failures.append({"file": str(images[number]), "error": rest})
                 fail(f"{images[number]}: {rest}; those before it are kept")
                 break

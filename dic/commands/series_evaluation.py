@@ -170,7 +170,7 @@ class SeriesEvaluation:
 
     def _measure(self, images: "Iterable[FinishedImage]", results: "SeriesOutputs", doing: str) -> bool:
         """Measure the images one by one; print and write each result at once."""
-        from dic.shell.console import stopping_between
+        from dic.shell.console import stopped_early, stopping_between
         from dic.shell.progress import progress
 
         count = len(self._labels)
@@ -184,7 +184,7 @@ class SeriesEvaluation:
                 bar.advance()
                 left = count - number - 1
                 if stopped() and left:
-                    rest = f"stopped by a signal, {left} of {count} images not measured"
+                    rest = stopped_early(left, count, "measured")
                     self.record.fail(number + 1, self._labels[number + 1], rest, "; those before it are kept")
                     return False
         return True

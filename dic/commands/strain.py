@@ -185,7 +185,9 @@ def _of_series(
     set_up.require_use(result.series.reference.shape)
     labels = [each.label for each in result.outcomes]
     files = SeriesFiles(outputs.output, outputs.csv_folder, None, [Path(label) for label in labels])
-    require_places(read, [outputs.json_file, *files.all()], force=outputs.force)
+    written = [outputs.json_file, *files.all()]
+    require_places(read, written, force=outputs.force, new_folders=files.folders)
+    files.make_folders()
     origin = origin_anew(result, read, Job(job.fields, as_text(set_up.as_dict())))
     places = SeriesPlaces(files, MapSettings(), outputs.decimal_comma)
     work = SeriesEvaluation(result.series.reference, labels, result.fields.settings, set_up, places)

@@ -102,6 +102,8 @@ def read_bytes(path: str | Path, most_bytes: int = MOST_IMAGE_BYTES) -> bytes:
 
 @contextmanager
 def _regular_file(path: str | Path) -> Iterator[BinaryIO]:
+    if "\0" in str(path):
+        raise OSError(errno.EINVAL, "a name with a NUL character", str(path))
     # With O_NONBLOCK, opening a named pipe does not wait for a writer. Regular files ignore O_NONBLOCK.
     require_regular(path)
     descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))

@@ -80,10 +80,11 @@ def list_images(*sources: PathLike) -> list[Path]:
 
 
 def _files(source: Path) -> Sequence[Path]:
-    if source.is_dir():
+    # Path.is_dir and Path.exists raise an error for a name that is too long. The reader of the file says so.
+    if os.path.isdir(source):  # noqa: PTH112
         files = [path for path in source.iterdir() if path.suffix.lower() in ENDINGS and _is_shown(path)]
         expected = f"a folder with images ({', '.join(ENDINGS)})"
-    elif not source.exists() and glob.has_magic(str(source)):
+    elif not os.path.exists(source) and glob.has_magic(str(source)):  # noqa: PTH110
         # Path.glob takes no absolute patterns.
         files = [path for path in map(Path, glob.glob(str(source), recursive=True)) if path.is_file()]  # noqa: PTH207
         expected = "a pattern that files match"

@@ -32,6 +32,11 @@ class SeriesFiles:
 
     If several images have the same name, for example in different folders, the names of their output files
     begin with the number of the image.
+
+    Attributes
+    ----------
+    folders : list of path
+        Folders for tables and maps. They need not exist before `make_folders` is called.
     """
 
     def __init__(
@@ -44,9 +49,7 @@ class SeriesFiles:
         sheets: Mapping[str, Path] | None = None,
         gauges: Sequence[Gauge] = (),
     ) -> None:
-        for folder in (csv_folder, maps_folder):
-            if folder is not None:
-                folder.mkdir(parents=True, exist_ok=True)
+        self.folders = [folder for folder in (csv_folder, maps_folder) if folder is not None]
         stems = list(map(stem_of, deformed))
         tables = [] if csv_folder is None else gauge_table_files(csv_folder / GAUGE_FILE, gauges)
         self.gauges, self.gauge_tables = tuple(gauges), tables if gauges else []
@@ -58,6 +61,11 @@ class SeriesFiles:
         self.csv = [] if csv_folder is None else [csv_folder / f"{name}.csv" for name in names]
         maps = [] if maps_folder is None else [maps_folder / f"{name}.{map_format}" for name in names]
         self.pictures = MapFiles(maps, sheets or {})
+
+    def make_folders(self) -> None:
+        """Make the folders that do not exist yet; call it after all checks, so that a refusal makes none."""
+        for folder in self.folders:
+            folder.mkdir(parents=True, exist_ok=True)
 
     def all(self) -> list[Path]:
         """Return the paths of all output files of the series."""

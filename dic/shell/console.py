@@ -155,6 +155,11 @@ def _flushed(status: int, prefix: str) -> int:
     return COULD_NOT
 
 
+def stopped_early(left: int, count: int, done: str) -> str:
+    """Return the words for a series that a signal ended; `done` is the work, such as "measured"."""
+    return f"stopped by a signal, {left} of {count} images not {done}"
+
+
 @contextmanager
 def stopping_between() -> Iterator[Callable[[], bool]]:
     """Within a `with` block, make the first Ctrl-C, SIGTERM or SIGHUP stop the work after the current image.

@@ -1,7 +1,7 @@
 """Check output paths before the work begins, so that no result is lost and no input is overwritten."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 import click
@@ -18,6 +18,7 @@ def require_places(
     *,
     force: bool = False,
     replaceable: Iterable[Path] = (),
+    new_folders: Iterable[Path] = (),
 ) -> None:
     """Raise an error if an output file cannot be created, or would replace an input, another output or
     earlier results.
@@ -31,6 +32,8 @@ def require_places(
         True if existing files may be replaced. Folders, devices, pipes and inputs are never replaced.
     replaceable : iterable of path
         Existing files that may be replaced in any case: those of the same work, which was interrupted.
+    new_folders : iterable of path
+        Folders that will be made before the work begins, with all folders above them.
 
     Raises
     ------
@@ -38,12 +41,14 @@ def require_places(
         If an output file cannot be used. The message names the first such file.
     """
     own = {_resolved(path) for path in replaceable}
+    made = {_resolved(folder) for folder in new_folders}
+    made.update([above for folder in made for above in folder.parents])
     taken = {_resolved(path): "one that is read" for path in inputs if path is not None}
     for path in outputs:
         if path is None:
             continue
         place = _resolved(path)
-        got, remedy = taken.get(place) or _obstacle(place), "name another place"
+        got, remedy = taken.get(place) or _obstacle(place, made), "name another place"
         if got is None and place.exists() and not force and place not in own:
             got, remedy = "one that exists", "name another place, or replace it with --force"
         if got is not None:
@@ -62,14 +67,17 @@ def _resolved(path: Path) -> Path:
     return Path(os.path.realpath(path))
 
 
-def _obstacle(place: Path) -> str | None:
+def _obstacle(place: Path, made: Collection[Path]) -> str | None:
     if place.is_symlink():
         # a resolved path is a link only if links form a circle
         return "a link that leads to itself"
     if place.exists() and (kind := kind_of(place.stat().st_mode)):
         return kind
-    if not place.parent.is_dir():
+    folder = place.parent
+    while folder in made and not folder.exists():
+        folder = folder.parent
+    if not folder.is_dir():
         return "no such folder"
-    if not os.access(place if place.exists() else place.parent, os.W_OK):
+    if not os.access(place if place.exists() else folder, os.W_OK):
         return "one that is protected"
     return None

@@ -168,6 +168,25 @@ def test_an_image_is_never_overwritten_by_results(folder, tmp_path, monkeypatch,
     assert (tmp_path / "still.png").read_bytes() == content
 
 
+@pytest.mark.parametrize("taken", ["-o", "--contact-sheet"])
+def test_folders_of_a_refused_command_are_not_made(folder, tmp_path, taken):
+    (tmp_path / "old.png").touch()
+    place = tmp_path / "old.png" if taken == "-o" else f"eyy={tmp_path / 'old.png'}"
+    folders = ["--maps", tmp_path / "new" / "maps", "--csv", tmp_path / "tables"]
+    command = ["correlate", folder / "ref.png", folder / "still.png", *folders, taken, place]
+    assert "one that exists" in refusal(*command)
+    assert [path.name for path in tmp_path.iterdir()] == ["old.png"]
+
+
+def test_other_outputs_may_be_in_a_new_folder_of_maps(folder, tmp_path):
+    maps = tmp_path / "new" / "maps"
+    outputs = ["--maps", maps, "--json", maps / "r.json", "--write-mask", tmp_path / "new" / "mask.png"]
+    done = run_dic("correlate", folder / "ref.png", folder / "still.png", "--step", 40, *outputs)
+    assert done.status == 0, done
+    assert sorted(path.name for path in maps.iterdir()) == ["r.json", "still.png"]
+    assert (tmp_path / "new" / "mask.png").exists()
+
+
 def test_image_of_the_name_of_the_table_of_strains_has_a_table_beside_it(folder, tmp_path):
     shutil.copy(folder / "still.png", tmp_path / "strain.png")
     csv_folder = tmp_path / "csv"

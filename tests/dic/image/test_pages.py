@@ -230,3 +230,12 @@ def test_place_without_images_is_refused(folder, source, got):
 def test_file_whose_name_looks_like_a_pattern_is_itself(folder):
     (folder / "a[1].png").write_bytes(b"")
     assert names(list_images("a[1].png")) == ["a[1].png"]
+
+
+@pytest.mark.parametrize(
+    ("name", "got"), [("a\0b.png", "a name with a NUL character"), ("x" * 300 + ".png", "File name too long")]
+)
+def test_a_name_that_no_file_can_have_is_refused_by_the_reader(tmp_path: Path, name: str, got: str) -> None:
+    assert list_images(tmp_path / name) == [tmp_path / name]
+    with pytest.raises(ImageError, match=f"{got}; name an image file that exists"):
+        read_image(tmp_path / name)
