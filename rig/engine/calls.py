@@ -1,4 +1,4 @@
-"""Calls of drivers: each call runs on the thread of its device, with a deadline, and the engine continues.
+"""Calls of drivers. Each call runs on the thread of its device, with a deadline, while the engine continues.
 
 A driver may come from another package, and any call of a driver may hang. The engine's thread therefore never
 calls a driver itself.
@@ -19,17 +19,16 @@ from rig.threads import DeviceThread
 T = TypeVar("T")
 
 STOPPING_S = 6.0
-"""Deadline of a hold or stop when nothing should move. The drivers of offaxis raise their own error after 5
-s."""
+"""Deadline in s of a hold or stop when nothing should move. The drivers of offaxis give up after 5 s."""
 CAMERA_MARGIN_S = 2.0
-"""Time that a camera's call may take beyond the protocol's `timeout_s`, for copying the image."""
+"""A camera's call may take this time in s longer than the protocol's `timeout_s`, for copying the image."""
 PATIENCE_S = 30.0
-"""Real time added to each deadline on a virtual rig, whose devices compute while simulated time stands
+"""Real time in s added to each deadline on a virtual rig. Its devices compute while simulated time stands
 still."""
 LEAVING_S = 2.0
-"""Real time for which the end of a run waits for calls that have not ended, such as a long exposure."""
+"""Real time in s for which the end of a run waits for calls that still run, such as a long exposure."""
 _TICK_S = 1e-9
-"""Smaller differences between two times, in s, are rounding errors."""
+"""A smaller difference between two times, in s, is a rounding error."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,8 @@ NEVER = Deadline(math.inf)
 class Call(Generic[T]):
     """One call of a driver, or of another function that may take long.
 
-    `done` is set when the call has ended. A call that was `cancelled` before its beginning is never made.
+    `done` becomes True when the call has ended. If `cancelled` is True before the call begins, it is not
+    made.
     """
 
     def __init__(
@@ -134,12 +134,12 @@ class Calls:
         self._news.set()
 
     def idle(self, device: str) -> bool:
-        """Return whether no call of the device runs or waits, and no call hangs."""
+        """Return whether the device is free: none of its calls runs, waits or hangs."""
         worker = self._workers.get(device)
         return device not in self.lost and (worker is None or worker.idle)
 
     def begin(self, device: str, action: str, function: Callable[[], T], deadline: Deadline) -> Call[T]:
-        """Begin a call on its device's thread; the calls of one device are made one after the other.
+        """Begin a call on its device's thread. The calls of one device are made one after the other.
 
         Raises
         ------
@@ -162,7 +162,7 @@ class Calls:
         return self.finish(self.begin(device, action, function, deadline))
 
     def follow(self, future: "Future[T]", device: str, action: str, deadline: Deadline) -> Call[T]:
-        """Return a `Call` for work that was begun elsewhere and that takes no simulated time."""
+        """Return a `Call` that represents work which was begun elsewhere and takes no simulated time."""
         call: Call[T] = Call(device, action, future.result, deadline, self._clock)
         activity = self._clock.activity(at_once=True)
 
@@ -187,8 +187,8 @@ class Calls:
         ----------
         call : Call
         meanwhile : callable, optional
-            Function that is called during the wait; an exception of this function or of `check` ends the wait
-            at once. Without the function, nothing interrupts the wait; use this for short calls only.
+            Function that is called during the wait. An exception of this function or of `check` ends the wait
+            at once. Without the function nothing interrupts the wait, so leave it out for short calls only.
         every_s : float
             The time between two calls of `meanwhile`.
 
@@ -206,7 +206,7 @@ class Calls:
                 self._workers[call.device].give_up()
 
     def pause(self, duration_s: float) -> None:
-        """Wait on the rig's clock; the wait ends early if the engine is interrupted."""
+        """Wait on the rig's clock. The wait ends early if the engine is interrupted."""
         end_s = self._clock.now_s() + duration_s
         while True:
             self._news.clear()
@@ -217,7 +217,7 @@ class Calls:
             self._clock.wait(self._news, left_s)
 
     def close(self) -> None:
-        """End the threads of all devices; a device whose call does not end in time counts as lost."""
+        """End the threads of all devices. A device whose call does not end in time counts as lost."""
         end_s = SystemClock().now_s() + LEAVING_S
         for device, worker in self._workers.items():
             worker.leave()
@@ -230,7 +230,7 @@ class Calls:
     def _wait_for(self, call: Call[T], meanwhile: Callable[[], object] | None, every_s: float) -> T:
         next_s = self._clock.now_s() + every_s
         while True:
-            # Clear the flag before the conditions are checked, so that a change during the check sets it
+            # Clear the flag before checking the conditions, so that a change during the check sets the flag
             # again.
             self._news.clear()
             if meanwhile is not None:
@@ -280,7 +280,7 @@ class _Worker(DeviceThread):
         self._waiting.put((call, activity))
 
     def give_up(self) -> None:
-        """Let simulated time pass although calls on this thread have not ended."""
+        """Let simulated time pass without waiting for the calls on this thread."""
         for activity in tuple(self._activities):
             activity.end()
 
@@ -292,7 +292,8 @@ class _Worker(DeviceThread):
         while (entry := self._waiting.get()) is not None:
             call, activity = entry
             self.action, self.waits_for_a_person = call.action, call.deadline.duration_s == math.inf
-            # A call of a simulated device that was given up may still sleep on the simulated clock.
+            # Suppress `GivenUp`. It ends a given-up call of a simulated device that sleeps on the simulated
+            # clock.
             with suppress(GivenUp), activity:
                 call.run()
                 self._news.set()

@@ -1,4 +1,4 @@
-"""The devices of a rig as the engine calls them: each call on the device's thread, with a deadline."""
+"""The devices of a rig as the engine calls them. Each call has a deadline and runs on the device's thread."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext, suppress
@@ -24,11 +24,11 @@ from rig.threads import Bounded
 
 OnQuestion: TypeAlias = Callable[[OperatorAction, str], AbstractContextManager[None]]
 """Type of a function that is called before a question with the action and a notice by the operator's driver.
-The function returns a context manager, which is left after the answer."""
+The function returns a context manager, which the engine leaves after the answer."""
 
 
 def unannounced(_: OperatorAction, __: str) -> AbstractContextManager[None]:
-    """Do nothing before a question; this is the default of `on_question`."""
+    """Do nothing before a question. This function is the default of `on_question`."""
     return nullcontext()
 
 
@@ -37,8 +37,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class CalledLoadFrame:
-    """A load frame that is called with deadlines; each method except `begin_read` waits for the end of the
-    call."""
+    """A load frame that is called with deadlines. All methods but `begin_read` wait until the call ends."""
 
     frame: LoadFrame
     calls: Calls
@@ -74,8 +73,7 @@ class CalledLoadFrame:
 
 @dataclass(frozen=True)
 class CalledStage:
-    """A stage that is called with deadlines; each method except `begin_read` waits for the end of the
-    call."""
+    """A stage that is called with deadlines. All methods but `begin_read` wait until the call ends."""
 
     stage: RotationStage
     calls: Calls
@@ -107,7 +105,7 @@ class CameraLost(Exception):
 
 @dataclass(frozen=True)
 class CalledCamera:
-    """A camera that is called with deadlines; the engine monitors stage and load frame meanwhile.
+    """A camera that is called with deadlines. The engine monitors stage and load frame during each call.
 
     Attributes
     ----------
@@ -174,9 +172,9 @@ class CalledCamera:
         return replace(self, camera=camera)
 
     def _do(self, action: str, function: Callable[[], T], deadline: Deadline) -> "T | DeviceError":
-        """Call the camera's driver. Return its result, or the `DeviceError` that the driver raised.
+        """Call the camera's driver. Return its result, or the `DeviceError` that it raised.
 
-        If stage or load frame, which are monitored during the call, have an error, this error is raised.
+        Stage and load frame are monitored during the call. An error of one of them is raised.
         """
 
         def value_or_error() -> T | DeviceError:
@@ -191,7 +189,7 @@ class CalledCamera:
 
 @dataclass(frozen=True)
 class CalledOperator:
-    """The person at the rig, who is asked without a deadline; the engine monitors all devices meanwhile.
+    """The person at the rig, who is asked without a deadline. The engine monitors all devices meanwhile.
 
     Attributes
     ----------
@@ -209,8 +207,7 @@ class CalledOperator:
     on_question: OnQuestion = unannounced
 
     def perform(self, action: OperatorAction) -> None:
-        """Ask for an action, and return after it was done. If the run ends meanwhile, the question is
-        withdrawn."""
+        """Ask for an action, and return when it is done. If the run ends before, withdraw the question."""
         call = self.calls.begin("operator", action.value, lambda: self._perform(action), NEVER)
         try:
             self.calls.finish(call, meanwhile=self.meanwhile, every_s=self.every_s)
@@ -226,7 +223,7 @@ class CalledOperator:
 
 @dataclass(frozen=True)
 class CalledInterlock:
-    """An interlock that is called with a deadline, and read together with the load frame and the stage."""
+    """An interlock that is called with a deadline. It is read together with the load frame and the stage."""
 
     name: str
     interlock: OpenedInterlock
@@ -244,7 +241,7 @@ class CalledInterlock:
 
 @dataclass(frozen=True)
 class Devices:
-    """All devices of a rig, wrapped by the function `called` so that every call has a deadline."""
+    """All devices of a rig. The function `called` wraps each device so that every call has a deadline."""
 
     operator: CalledOperator
     stage: CalledStage | None = None

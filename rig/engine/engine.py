@@ -67,8 +67,8 @@ class Engine:
         Settled readings of steps that an earlier run has finished. These steps are not executed again.
     on_progress : callable, optional
         Function that is called after each complete, valid reading of all devices, with True if a device may
-        be moving. The engine's own thread makes these calls, so they stop if the engine hangs. The function
-        must return at once. If it raises an exception, the run ends.
+        be moving. The engine's own thread calls the function, so the calls stop if the engine hangs. The
+        function must return at once. If the function raises an exception, the run ends.
     on_question : callable, optional
         Called with an `OperatorAction` and a sentence of the operator's driver (or an empty text) before the
         operator is asked, on the thread that asks. The returned context manager is left after the answer.
@@ -76,7 +76,7 @@ class Engine:
     Attributes
     ----------
     leaving_s : float
-        Real time for all listeners together to handle the reports that still wait at the end of the run.
+        Real time in s for all listeners together to handle the reports that still wait at the end of the run.
 
     Notes
     -----
@@ -164,11 +164,11 @@ class Engine:
         Returns
         -------
         Outcome
-            The result of the run. An abort, a `RigError` or a `DeviceError` also gives an outcome. The engine
-            raises any other exception again after it has made the rig safe and closed the run file. A note on
-            that exception names the devices that did not confirm their safe state.
+            The result of the run. A run that ends by an abort, a `RigError` or a `DeviceError` also returns
+            an outcome. The engine raises any other exception again after it has made the rig safe and closed
+            the run file. A note on this exception names the devices that did not confirm their safe state.
         """
-        # Announce this thread before simulated time can pass, because other threads may wait for a reading.
+        # Announce this thread first, so that simulated time does not pass before its first reading.
         with self._rig.clock.activity():
             try:
                 require_devices(self._protocol, self._rig)
@@ -280,7 +280,7 @@ class Engine:
             try:
                 self._event("warning", listener)
             except RigError:
-                # The run file may be closed already, or an error of the run file may have ended the run.
+                # At the end of a run the run file may be closed or broken, so the event may not be written.
                 if not self._status.state.ending:
                     raise
 
@@ -319,7 +319,8 @@ class Engine:
             reason = f"{self._aborted()}; meanwhile: {reason}"
         if unsafe:
             reason = f"SAFE STATE NOT CONFIRMED, use the emergency stop ({'; '.join(unsafe)}). {reason}"
-        # Even if the settings and this event cannot be written, the status of the run may still be written.
+        # Ignore an error, because the status of the run may be written even if settings and this event
+        # cannot.
         with suppress(RigError):
             self._settings.at_end()
         with suppress(RigError):

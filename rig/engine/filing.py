@@ -7,7 +7,7 @@ from rig.engine.calls import Calls, Deadline
 from rig.recorder import Recorder, StepRecord
 
 ON_FILE = Deadline(60.0, "check the disk that holds the run file")
-"""Longest wait until an image or step is on the disk; the recorder reports a slow disk earlier."""
+"""Longest wait until an image or step is on the disk. The recorder reports a slow disk earlier."""
 
 
 class Filing:
@@ -31,8 +31,7 @@ class Filing:
         self._every_s = every_s
 
     def frame(self, camera: str, frame: Frame) -> int:
-        """Record an image and return its row; first wait if too many images of its camera wait for the
-        disk."""
+        """Record an image and return its row. First wait while too many images of its camera are waiting."""
         if not self._recorder.wait_for_room(camera, 0.0):
             room = self._calls.begin(
                 "run file",
@@ -49,6 +48,5 @@ class Filing:
         self._calls.finish(written, meanwhile=self._meanwhile, every_s=self._every_s)
 
     def mark(self, time_s: float, message: str) -> None:
-        """Record an event at the end of a wait during which the devices were read; a replay then waits as
-        long."""
+        """Record an event at the end of a wait. By it a replay knows the number of readings in the wait."""
         self._recorder.event(time_s, "info", "engine", message)

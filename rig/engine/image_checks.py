@@ -1,4 +1,4 @@
-"""Compare each image with the reference image: light, focus and motion blur; detect frozen pictures.
+"""Compare light, focus and motion blur of each image with the reference image, and detect frozen pictures.
 
 The measures use every fourth row of pixels, so an image of 4 megapixels takes a few milliseconds. The
 measures are compared with those of the reference image. `dic.assess_quality` measures the blur in pixels and
@@ -18,10 +18,9 @@ from rig.protocol.images import Images
 
 _EVERY_ROW = 4
 _LEAST_PX = 10_000
-"""Smallest number of pixel pairs for a sharpness; in smaller images the sharpness depends too much on
-chance."""
+"""Smallest number of pixel pairs for a sharpness. With fewer pairs it would depend too much on chance."""
 _BASE_PX = 2
-"""Distance in px between the two pixels of a pair; direct neighbours would differ mostly by noise."""
+"""Distance in px between the two pixels of a pair. Direct neighbours would differ mostly by noise."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +34,8 @@ class Measures:
     saturated : float
         Fraction of the pixels at the highest grey level.
     sharpness_x, sharpness_y : float
-        Root mean square of the difference of two pixels in a row or in a column, divided by the mean grey
-        level. NaN for a black or a too small image.
+        Root mean square of the difference between the two pixels of a pair in a row or in a column, divided
+        by the mean grey level. NaN for a black or a too small image.
     uniform : bool
         True if all pixels have the same grey level, so that sharpness and frozen pictures cannot be judged.
     digest : int
@@ -96,12 +95,11 @@ class ImageChecks:
         self._sequence: int | None = None
 
     def reopened(self) -> None:
-        """Delete the number of the last frame, because a camera that was opened again restarts its
-        numbers."""
+        """Forget the number of the last frame, because a reopened camera begins its numbers again."""
         self._sequence = None
 
     def not_fresh(self, frame: Frame, asked_s: float) -> tuple[str, str, str] | None:
-        """Return expected and actual result and a remedy if a frame may be old or damaged; otherwise None."""
+        """Return expected result, actual result and remedy if a frame may be old or damaged, else None."""
         if frame.exposed_s < asked_s:
             return (
                 "an image exposed after it was asked for",
@@ -136,7 +134,7 @@ class ImageChecks:
             )
 
     def is_frozen(self, measured: Measures) -> bool:
-        """Return True if the pixels are identical to those of the image before; noise makes images differ."""
+        """Return True if the pixels equal those of the image before. Noise makes good images differ."""
         return not measured.uniform and self._last is not None and measured.digest == self._last.digest
 
     def measure(self, frame: Frame) -> Measures:
@@ -181,7 +179,7 @@ class ImageChecks:
         return found
 
     def accept(self, frame: Frame, measured: Measures, *, reference: bool) -> None:
-        """Store the measures of a recorded image; the first image of the reference step becomes the
+        """Store the measures of a recorded image. The first image of the reference step becomes the
         reference."""
         self._sequence = frame.sequence
         self._last = measured

@@ -1,4 +1,4 @@
-"""Take the images of one step: check each image, repeat bad images, and reopen a camera that fails."""
+"""Take the images of one step. Check each image, repeat bad images, and reopen a camera that fails."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -17,7 +17,7 @@ from rig.protocol.images import Images
 from rig.protocol.step import ProtocolStep, Reading
 
 RETURNS_MAX = 3
-"""Largest number of failures of a camera in one step; more failures mean a bad cable or power supply."""
+"""Largest accepted number of failures of a camera in one step. More mean a bad cable or power supply."""
 REOPEN_PERIOD_S = 1.0
 """Time in s between two attempts to reopen a camera that failed."""
 
@@ -33,7 +33,7 @@ class Surroundings:
     settle : callable
         Waits until the readings of the step have settled, and returns the settled reading.
     pause : callable
-        Lets time pass, in s.
+        Waits for the given time in s.
     log : callable
         Records an event with its level and its message.
     """
@@ -79,7 +79,7 @@ class StepImages:
 
     @property
     def cameras(self) -> dict[str, CalledCamera]:
-        """The cameras in use, by name; a camera that was opened again is a new object."""
+        """The cameras in use, by name. A camera that was opened again is a new object."""
         return dict(self._cameras)
 
     def take(self, step: ProtocolStep, settled: Reading) -> tuple[dict[str, tuple[int, int]], Reading]:
@@ -90,7 +90,7 @@ class StepImages:
         frames : dict of str to (int, int)
             For each camera the row of the first image in the run file and the number of images.
         settled : Reading
-            The settled reading for the recorded images; a new reading if the images were repeated.
+            The settled reading that belongs to the recorded images. If images were repeated, it is a new one.
 
         Raises
         ------
@@ -149,7 +149,7 @@ class StepImages:
         except CameraLost:
             raise
         except BaseException:
-            # The run ends. Record the images that were taken, although the step is not finished.
+            # The run ends. Record the images that were taken before, although the step is not finished.
             with suppress(RigError):
                 for name, frame in frames.items():
                     self._filing.frame(name, frame)
@@ -157,7 +157,7 @@ class StepImages:
         return frames
 
     def _take_one(self, name: str, step: ProtocolStep, settled: Reading) -> Frame:
-        """Return an image that passes its checks; if every attempt fails, return the last image or raise."""
+        """Return an image that passes its checks. If all attempts fail, return the last image or raise."""
         device, checks = f"cameras.{name}", self._checks[name]
         stale: tuple[str, str, str] | None = None
         kept: tuple[Frame, Measures] | None = None
@@ -166,8 +166,7 @@ class StepImages:
             asked_s = self._clock.now_s()
             frame = self._cameras[name].grab(self._settings.timeout_s)
             checks.require_format(frame, device, str(step))
-            # Read the devices after every image: a reading checks the limits and feeds the load frame's
-            # watchdog.
+            # Read the devices after every image, because a reading checks the limits and resets the watchdog.
             reading = self._around.read()
             stale = checks.not_fresh(frame, asked_s)
             if stale is None:
@@ -190,7 +189,7 @@ class StepImages:
         return kept[0]
 
     def _bring_back(self, lost: CameraLost, step: ProtocolStep) -> None:
-        """Reopen a camera, repeatedly until `camera_return_s` of the protocol has passed."""
+        """Try to reopen a camera until it delivers images or the protocol's `camera_return_s` has passed."""
         device, error = f"cameras.{lost.name}", lost.error
         wait_s = self._settings.camera_return_s
         since_s = self._clock.now_s()
@@ -237,7 +236,7 @@ class StepImages:
         )
 
     def _refuse(self, device: str, step: ProtocolStep, stale: tuple[str, str, str] | None) -> NoReturn:
-        assert stale is not None  # no image can be kept: the last image may be old or damaged
+        assert stale is not None  # no image can be kept, because the last one may be old or damaged
         expected, got, remedy = stale
         got = f"{got}, the last of {self._settings.attempts} attempts"
         raise DeviceFault(device, str(step), expected, got, remedy)
@@ -253,11 +252,11 @@ _FROZEN = (
 def _motion(step: ProtocolStep, settled: Reading, reading: Reading) -> list[str]:
     """Return a sentence if the specimen moved between the settled reading and the reading after an image."""
     if step.timed and not step.holds:
-        return []  # these images are taken during the motion
+        return []  # ignore the motion, because these images are taken during a motion
     if reading.moving:
         return ["a device moved during the exposure"]
     change = abs(step.value(reading) - step.value(settled))
-    # Two readings at opposite ends of the tolerance are possible without a motion.
+    # Allow twice the tolerance, because two readings at its opposite ends are possible without a motion.
     if change > 2.0 * step.tolerance:
         return [
             f"the value changed by {change:.4g} since it had settled, more than twice its tolerance, "

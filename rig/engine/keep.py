@@ -9,8 +9,7 @@ _PAUSE_MIN_S = 0.001
 
 
 class Keeper:
-    """Waits for the image times of one motion or hold; times are counted from the beginning of the motion or
-    hold.
+    """Waits for the image times of one motion or hold, which are counted from its beginning.
 
     Parameters
     ----------
@@ -47,16 +46,16 @@ class Keeper:
         self._kept_s = begun_s
 
     def wait(self, step: ProtocolStep, correct: Callable[[], None]) -> Reading:
-        """Read until the image time of a step, and return the last reading. If the motion ends, or an
-        event ends it, the wait ends too.
+        """Read until the image time of a step, and return the last reading. The wait ends early with the
+        motion.
 
         Parameters
         ----------
         step : ProtocolStep
             A step with `at_s`.
         correct : callable
-            Commands the target of a hold again. The function `correct` is called if the held value is outside
-            its tolerance and nothing moves.
+            Commands the target of a hold again. It is called if the held value is outside its tolerance
+            although nothing moves.
 
         Raises
         ------
@@ -79,7 +78,7 @@ class Keeper:
             left_s = due_s - reading.time_s
             if left_s <= 0.0:
                 return reading
-            # A remainder by rounding would let no time pass.
+            # Wait at least a short time, because a remainder from rounding would let no time pass.
             self._pause(min(self._poll_s, max(left_s, _PAUSE_MIN_S)))
 
     def _require_kept(self, step: ProtocolStep, reading: Reading) -> None:

@@ -11,7 +11,7 @@ from drivers.clock import SystemClock
 T = TypeVar("T")
 
 QUEUED_NEWS = 1000
-"""Largest number of reports that wait for one listener; if more arrive, the oldest are dropped."""
+"""Largest number of reports that wait for one listener. If more arrive, the oldest ones are dropped."""
 LEAVING_S = 1.0
 """Real time, in s, for all listeners together to handle the reports that still wait at the end of a run."""
 
@@ -35,15 +35,13 @@ class Listeners(Generic[T]):
         self._listeners = [_Listener(listener, end_run) for listener in listeners]
 
     def tell(self, news: T) -> list[str]:
-        """Let all listeners be called with a report, without waiting. Return a sentence for each new
-        failure."""
+        """Give a report to all listeners without waiting for them. Return a sentence for each new failure."""
         for listener in self._listeners:
             listener.put(news)
         return self._failures()
 
     def close(self, end_s: float) -> list[str]:
-        """Wait until the listeners have handled the waiting reports. Return a sentence for each failure or
-        loss.
+        """Wait until the listeners have handled the waiting reports. Return a sentence per failure or loss.
 
         Parameters
         ----------

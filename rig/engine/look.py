@@ -12,13 +12,11 @@ from rig.protocol.conditions import Conditions
 from rig.protocol.step import Reading
 
 UNLOADED_SHARE = 0.01
-"""Fraction of the largest load of the load frame that an unloaded load cell may show: its zero error and the
-weight of grips."""
+"""An unloaded load cell may show this fraction of the largest load, from zero error and weight of grips."""
 
 
 def look(devices: Devices, calls: Calls) -> AtRest:
-    """Read the load frame and the stage. If a device does not answer, the result has the reason, and no error
-    is raised."""
+    """Read the load frame and the stage. For a device that does not answer, the result gives the reason."""
     silent: dict[str, str] = {}
     frame: LoadFrameState | None = None
     stage: StageState | None = None
@@ -38,12 +36,12 @@ def look(devices: Devices, calls: Calls) -> AtRest:
 
 @dataclass(frozen=True)
 class Unloaded:
-    """The load up to which a specimen counts as unloaded, before a person touches it.
+    """The load up to which a specimen counts as unloaded, so that a person may touch it.
 
     Attributes
     ----------
     load_max_n : float
-        In tension and in compression.
+        The largest load in N, in tension and in compression.
     remedy : str
         What to do if the specimen is unloaded but its reading is higher.
     """
@@ -52,7 +50,7 @@ class Unloaded:
     remedy: str
 
     def require(self, reading: Reading, step: str) -> None:
-        """Raise `LimitViolation` if the load is higher, for example after a failed run.
+        """Raise `LimitViolation` if the specimen is loaded, for example after a failed run.
 
         The operator must not touch a loaded specimen, and its load must not be set to zero.
         """

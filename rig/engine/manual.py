@@ -1,4 +1,4 @@
-"""Move a rig by hand: every reading of the motion must stay between limits, and a signal stops it at once."""
+"""Move a rig by hand. Every reading must stay within limits, and a signal stops the motion at once."""
 
 import math
 from collections.abc import Callable
@@ -25,12 +25,12 @@ POLL_S, MOVING_POLL_S = 0.1, 0.05
 DWELL_S = 0.5
 REST_READINGS = 8
 SPARE_S = 30.0
-"""A motion fails if it takes this time, in s, longer than twice its planned duration."""
+"""A motion fails if it takes more than twice its planned duration plus this time in s."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A motion commanded by a person, with the range of load and displacement that no reading may leave.
+    """A motion that a person commands, with the range in which load and displacement must stay.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Motion:
     load_n, displacement_mm : tuple of float
         Smallest and largest permitted reading.
     agreement : HandMotion or None
-        How load and displacement are compared, or None without a specimen in the grips, and for an angle.
+        How load and displacement are compared. None for a motion without a specimen, or of an angle.
     """
 
     doing: str
@@ -61,7 +61,7 @@ class Motion:
     agreement: HandMotion | None = None
 
     def value(self, reading: Reading) -> float:
-        """Return from a reading the load, displacement or angle that this motion changes."""
+        """Return the quantity that this motion changes from a reading: load, displacement or angle."""
         values = {"load": reading.load_n, "displacement": reading.displacement_mm}
         return values.get(self.axis, reading.angle_deg)
 
@@ -86,7 +86,7 @@ class Motion:
 class Moved:
     """The result of a motion by hand: "completed", "aborted" or "failed", the reason, and the last readings.
 
-    The attribute `begun` is True if the machine was told to move.
+    The attribute `begun` is True if the motion was confirmed, so that the machine may have moved.
     """
 
     status: str
@@ -97,8 +97,9 @@ class Moved:
 
 
 class Manual:
-    """Executes motions by hand on an opened rig. However a motion ends, load frame and stage are first
-    commanded to hold and stop.
+    """Executes motions by hand on an opened rig.
+
+    At the end of every motion, also after an error, the load frame must hold and the stage must stop.
 
     Parameters
     ----------
@@ -122,7 +123,7 @@ class Manual:
         self._calls = Calls(rig.clock, self._check_abort, rig.lost)
         self._devices = called(rig, self._calls, self.read, POLL_S)
         recorder = cast(Recorder, _Unrecorded())
-        # There is no protocol here; the permitted range of each motion replaces its limits.
+        # There is no protocol here. The permitted range of each motion replaces the protocol's limits.
         watch = cast(Watch, _Unwatched())
         self._monitor = Monitor(self._devices, self._calls, rig.clock, recorder, watch)
         self._safe_state = SafeState(rig)
@@ -132,7 +133,7 @@ class Manual:
         self._abort_reason: str | None = None
 
     def abort(self, reason: str) -> None:
-        """Hold the load frame and stop the stage at once, and end `move`; any thread may call this method."""
+        """Hold the load frame and stop the stage at once, and end `move`. Any thread may call this method."""
         if self._abort_reason is None:
             self._abort_reason = reason
         self._safe_state.command()
@@ -176,7 +177,7 @@ class Manual:
                 status = "failed" if self._abort_reason is None else "aborted"
                 reason = str(error)
                 if self._abort_reason is not None and not isinstance(error, Aborted):
-                    # The hold command of an abort may have caused this error of the driver.
+                    # Name the abort first, because its hold command may have caused this error of the driver.
                     reason = f"{self._aborted(self._abort_reason)}; meanwhile: {error}"
             except BaseException:
                 self._safe_state.confirm()
@@ -191,7 +192,7 @@ class Manual:
 
     def _execute(self, motion: Motion) -> None:
         self._check_abort()
-        # The motion is confirmed: from here on it can only end early.
+        # The motion is confirmed, so it counts as begun from here on.
         self._motion = motion
         if motion.agreement is not None:
             self._agreement = HandAgreement(motion.agreement, self._rig.limits, self._rest())

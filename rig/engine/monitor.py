@@ -1,4 +1,4 @@
-"""Read stage, load frame and interlocks together, record every reading, and check it against the limits."""
+"""Read stage, load frame and interlocks together. Record every reading, and check it against the limits."""
 
 import math
 
@@ -36,7 +36,7 @@ class Monitor:
         self.homed = False
 
     def read(self, step: str) -> Reading:
-        """Read all devices but the cameras. Each reading also feeds the watchdog of the load frame.
+        """Read all devices except the cameras. Each reading also resets the watchdog of the load frame.
 
         Raises
         ------
@@ -70,8 +70,8 @@ class Monitor:
         time_s = self._clock.now_s() if time_s == -math.inf else time_s
         reading = Reading(time_s, load_n, displacement_mm, angle_deg, moving)
         self._watch.check(reading, step)
-        # Wait for the interlocks after the limits were checked, because a slow interlock must not delay this
-        # check. Record all values before one of them ends the run.
+        # Wait for the interlocks only after the limits were checked, because a slow interlock must not delay
+        # this check. Record the values of all interlocks before one of them ends the run.
         values = [(interlock, self._record(interlock, call)) for interlock, call in of_interlocks]
         for interlock, value in values:
             interlock.require_good(value, step)

@@ -22,7 +22,7 @@ class Around:
     read : callable
         Reads stage and load frame, checks the limits, and returns the reading.
     pause : callable
-        Lets time pass, in s.
+        Waits for the given time in s.
     check_abort : callable
         Raises an exception if the end of the run was requested.
     place : callable
@@ -36,7 +36,7 @@ class Around:
 
 
 class Motion:
-    """Commands the motions and holds of a run, and waits for their ends.
+    """Commands the motions and holds of a run, and waits until each of them has ended.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class Motion:
         self.may_move = True
 
     def see(self, reading: Reading) -> bool:
-        """Hold the load frame if the event of the present step happens, and return True then.
+        """If the event of the present step happens, hold the load frame and return True.
 
         The engine calls this method with every reading, also while images are taken.
         """
@@ -84,12 +84,15 @@ class Motion:
         return True
 
     def reach(self, step: ProtocolStep) -> Reading:
-        """Move to the target of a step and settle there, or wait until the time of the step's images. The
-        event of the step ends the motion, and then everything stands still."""
+        """Move to the target of a step and settle there, or wait until the time of the step's images.
+
+        If the event of the step happens, the motion ends early, and everything stands still.
+        """
         self.phase_ended, self._event = False, None
         if step.begins:
             if self.may_move:
-                # The step before took its images during this motion, which still continues.
+                # Stop the motion of the step before. Its images were taken during the motion, which still
+                # continues.
                 self.stand_still()
             self._command(step)
         self._event = step.event
@@ -106,19 +109,18 @@ class Motion:
                 poll_s=self._watch.poll_s(self._times.poll_s),
                 ended=lambda: self.phase_ended,
             )
-        assert self._keeper is not None  # the first timed step has set it
+        assert self._keeper is not None  # the first timed step of this motion or hold has set the keeper
         reading = self._keeper.wait(step, correct=lambda: self._command(step))
         return self._settle(step) if self.phase_ended else reading
 
     def stand_still(self) -> None:
-        """Hold the load frame and wait until no device moves; then the operator may reach into the rig."""
+        """Hold the load frame and wait until no device moves, so that the operator may reach into the rig."""
         if self._devices.load_frame is not None:
             self._devices.load_frame.hold()
         self.wait("standing still for the operator", "standstill", lambda _: True)
 
     def settle_again(self, step: ProtocolStep) -> Reading:
-        """Wait until the readings have settled again, before images are repeated. During a motion or hold, do
-        not wait."""
+        """Before images are repeated, wait until the readings have settled, except in a motion or hold."""
         return self._around.read() if step.timed and not self.phase_ended else self._settle(step)
 
     def wait(
@@ -168,7 +170,7 @@ class Motion:
 
 
 def _begin(step: ProtocolStep, devices: Devices) -> None:
-    """Command the target of a step and return at once; the rig must have the device."""
+    """Command the target of a step and return at once. The rig must have the device."""
     if step.kind == "relaxation":
         _load_frame(devices).hold()
     elif step.quantity == "load":

@@ -24,7 +24,7 @@ class Actions:
         Waits until a reading meets a condition. The arguments are two texts for error messages (the action
         and the expected result) and the condition.
     ask : callable
-        Asks the operator for an action, and makes sure that nothing moves meanwhile.
+        Asks the operator for an action, and makes sure that nothing moves until the answer.
     log : callable
         Records a message.
     moves : callable
@@ -53,8 +53,7 @@ class Preparation:
     unloaded: Unloaded | None = None
 
     def for_grid(self, step: ProtocolStep) -> None:
-        """Check that the specimen is unloaded, turn the stage to 0 degrees, and ask for the grid to be
-        attached."""
+        """Check that the specimen is unloaded, turn the stage to 0 degrees, and ask for the grid."""
         reading = self.actions.read()
         if self.unloaded is not None:
             self.unloaded.require(reading, f"{step}, before the grid is attached")
@@ -69,7 +68,7 @@ class Preparation:
             self._zero_load_frame(self.conditions.zeroing, step)
 
     def to_go_on(self) -> None:
-        """Before a run is continued: home the stage, and ask the operator whether the specimen is untouched.
+        """Prepare a run that is continued: home the stage, and ask whether the specimen is untouched.
 
         Load and displacement are not set to zero again, because the specimen may be loaded.
         """

@@ -14,7 +14,7 @@ The limit is longer than the time for which a driver repeats a command without a
 
 
 class SafeState:
-    """Commands the safe state of a rig, with a separate thread for each command.
+    """Commands the safe state of a rig. Each command has a thread of its own.
 
     Because of the threads, a device without an answer cannot block the stop of the other device or the end of
     the run. A signal handler may interrupt a call that holds a device's lock, and the threads can then still
@@ -69,7 +69,7 @@ class SafeState:
 
 
 class _Attempt(DeviceThread):
-    """One command to one device. `failure` is the reason for a missing confirmation; empty if confirmed."""
+    """One command to one device. `failure` says why the device did not confirm; if it did, it is empty."""
 
     def __init__(self, device: str, command: Callable[[], None], deadline_s: float, clock: Clock) -> None:
         super().__init__(f"safe state of {device}")
@@ -77,7 +77,7 @@ class _Attempt(DeviceThread):
         self.failure = f"{device}: no confirmation within {deadline_s:g} s"
         self.done = Event()
         self._command = command
-        # On a simulated clock, no time passes until both devices have been commanded.
+        # On a simulated clock, let no time pass until both devices have been commanded.
         self._activity = clock.activity(at_once=True)
 
     def begin(self) -> None:

@@ -12,7 +12,7 @@ from rig.engine.devices import CalledCamera, Devices
 from rig.recorder import Recorder
 
 READING_S = 5.0
-"""Deadline for reading the settings of one device. Nothing should move at these times."""
+"""Deadline in s for reading the settings of one device. Nothing should move while they are read."""
 
 Settings = dict[str, Setting]
 
@@ -24,12 +24,12 @@ class SettingsRecord:
     ----------
     devices : Devices
     cameras : callable
-        Returns the cameras that are in use now, by name; a camera may have been opened again.
+        Returns the cameras that are in use now, by name. A camera may have been opened again.
     calls : Calls
     recorder : Recorder
     clock : Clock
     log : callable
-        Records a message of a level.
+        Records a message with its level.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class SettingsRecord:
     def at_end(self) -> None:
         """Record the settings at the end of the run.
 
-        A setting that differs from the start, or a device that does not report its settings, gives a warning.
+        Record a warning if a setting differs from the start, or a device does not report its settings.
         """
         begun = {}
         for name, (called, device) in self._reporting():
@@ -86,7 +86,7 @@ class SettingsRecord:
             self._compare(name, self._first[name], found)
 
     def _reporting(self) -> Iterator[tuple[str, tuple[str, Any]]]:
-        """Yield each device that reports settings: name in the run file, name in calls, driver."""
+        """Yield each device that reports settings: name in the run file, name in calls, and driver."""
         devices = self._devices
         known: dict[str, tuple[str, Any]] = {
             name: (f"cameras.{name}", called.camera) for name, called in self._cameras().items()

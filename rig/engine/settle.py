@@ -44,7 +44,7 @@ def settle(
     entered_s: float | None = None
     while True:
         reading = read()
-        # Use the times of the readings and not the clock, so that a replay of the run decides the same.
+        # Use the times of the readings and not the clock, so that a replay makes the same decisions.
         if not within(reading):
             entered_s = None
         elif entered_s is None:

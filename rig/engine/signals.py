@@ -1,4 +1,4 @@
-"""Let signals end a run safely; without this module, a signal would kill or suspend the program."""
+"""Let signals end a run safely. Without this module, a signal would kill or suspend the program."""
 
 import os
 import signal
@@ -9,7 +9,7 @@ from types import FrameType
 from typing import Protocol
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP)
-"""Signals that end or suspend a program. A suspended program would leave moving devices without a watch."""
+"""Signals that end or suspend a program. A suspended program would not watch its moving devices."""
 
 
 class Abortable(Protocol):
@@ -23,9 +23,9 @@ class Abortable(Protocol):
 def aborting_on_signals(engine: Abortable) -> Iterator[None]:
     """Make `SIGNALS` call `Engine.abort`. Python permits this only in the main thread.
 
-    A separate thread receives the signals and calls `abort`. So the abort does not wait if the main thread
-    hangs in a call or holds a lock. A signal that is ignored, for example SIGHUP under ``nohup``, is still
-    ignored.
+    A separate thread receives the signals and calls `abort`. So the abort comes at once, even if the main
+    thread hangs in a call or holds a lock. A signal that is ignored, for example SIGHUP under ``nohup``, is
+    still ignored.
     """
     arriving, departing = os.pipe()
     os.set_blocking(departing, False)
@@ -56,4 +56,4 @@ def aborting_on_signals(engine: Abortable) -> Iterator[None]:
 
 
 def _note(_: int, __: FrameType | None) -> None:
-    """Do nothing: Python has already written the signal's number to the descriptor."""
+    """Do nothing, because Python has already written the signal's number to the descriptor."""

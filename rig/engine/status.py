@@ -63,7 +63,7 @@ class AtRest:
 
 @dataclass(frozen=True)
 class LogEntry:
-    """One event of the engine, as in the run file; `time_s` is in seconds on the rig's clock."""
+    """One event of the engine, as in the run file. `time_s` is in seconds on the rig's clock."""
 
     time_s: float
     level: Level
@@ -86,7 +86,7 @@ class Outcome:
     unsafe : tuple of str
         The cause for each device whose safe state was not confirmed.
     lost_listeners : tuple of str
-        One sentence for each listener that raised an exception or missed news; the run continued.
+        One sentence for each listener that raised an exception or missed reports, although the run went on.
     lost_devices : tuple of str
         One sentence for each device in whose driver a call hangs. Such a device is not closed.
     steps : tuple of StepRecord

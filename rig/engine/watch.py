@@ -9,7 +9,7 @@ from rig.protocol.protocol import Protocol
 from rig.protocol.step import LoadDrop, ProtocolStep, Reading
 
 POLL_MIN_S = 0.02
-"""Shortest time between two readings in s; a load frame has a new sample every 10 to 20 ms."""
+"""Shortest time between two readings in s. A load frame has a new sample every 10 to 20 ms."""
 _LOAD_POLL_SHARE, _POLL_SHARE = 0.003, 0.01
 _REST_READINGS = 20
 
@@ -42,7 +42,7 @@ class Watch:
         """Set the meaning of a falling load for the next readings.
 
         During a hold the load may fall slowly, so each reading is compared with the reading before. During
-        unloading, a falling load is no break. After unloading, the highest load is determined again.
+        unloading, a falling load does not mean a break. After unloading, the highest load is determined anew.
         """
         self._load_drop = load_drop
 
@@ -70,8 +70,8 @@ class Watch:
     def poll_s(self, poll_s: float) -> float:
         """Return the time between two readings in s, at most `poll_s`.
 
-        During an increment of load, a reading follows within a few thousandths of the increment, so that the
-        load frame is stopped before the crosshead moves far beyond a plausible displacement.
+        During an increment of load, the load rises by a few thousandths of the increment from one reading to
+        the next. So the load frame is stopped before the crosshead moves far beyond a plausible displacement.
         """
         step, last = self._step, self._last
         if self._agreement is None:

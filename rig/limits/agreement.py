@@ -16,16 +16,20 @@ from rig.protocol.conditions import Pull, Zeroing
 from rig.protocol.step import ProtocolStep, Reading
 
 DROP_SHARE = 0.05
-"""A correct load cell does not show a fall by this fraction of an increment while the crosshead pulls."""
+"""While the crosshead pulls, a fall of the load by this fraction of an increment is an error."""
 _SIGMAS = 4.0
 _NOISE_MIN_SHARE = 0.0002
 _NOISE_DEFAULT_SHARE = 0.2
 _DRIFT_SHARE = 0.01
 _DRIFT_SIGMAS = 5.0
 _SOFTENING, _SOFTENING_MARGIN = 0.05, 0.03
-"""Below the load at which yielding is judged, an increment is at most so much softer than the stiffest."""
+"""An increment that should be elastic may be softer than the stiffest one by the first fraction.
+
+The second value is a margin, as a fraction of the increment's load.
+"""
 _YIELDED_SHARE = 0.02
-"""Even at a strain of tens of percent, a specimen carries more than this part of an elastic one's load."""
+"""A yielded specimen carries more than this fraction of the load of an elastic one at the same displacement,
+even at a strain of tens of percent."""
 _REST_MIN_S = 0.5
 _REST_EVERY = 10
 _STUCK_READINGS = 5
@@ -45,7 +49,7 @@ class Agreement:
     pull : Pull
         The loads of the test.
     zeroing : Zeroing
-        Its tolerances are upper bounds of the noise measured at rest.
+        The noise that is measured at rest is limited by the tolerances of `zeroing`.
     """
 
     def __init__(self, string: LoadString, pull: Pull, zeroing: Zeroing) -> None:
@@ -77,12 +81,12 @@ class Agreement:
         self._noise.interrupt()
 
     def begin(self, step: ProtocolStep) -> None:
-        """Begin a step of the protocol; the last reading is the start of its motion.
+        """Begin a step of the protocol. The last reading becomes the start of the step's motion.
 
         Raises
         ------
         ImplausibleReading
-            If the load drifted before the step, while everything stood still.
+            If the load drifted before the step, although everything stood still.
         """
         if self._tared and self._last is not None and step.pulls:
             self._check_drift(self._last, str(step))
@@ -176,7 +180,7 @@ class Agreement:
         return 1.0 if self._step.target >= self._step.value(self._start) else -1.0
 
     def _check_softest(self, reading: Reading, step: str) -> None:
-        """Check that the displacement is not larger than for the softest plausible specimen and machine."""
+        """Check that the softest plausible specimen and machine explain the displacement at this load."""
         assert self._zero is not None
         assert self._step is not None
         margin_n, margin_mm = _SIGMAS * self.noise_n, _SIGMAS * self.noise_mm
@@ -216,7 +220,7 @@ class Agreement:
             )
 
     def _check_stiffest(self, reading: Reading, step: str) -> None:
-        """Check that the load does not rise faster than for the stiffest plausible specimen and machine."""
+        """Check that the stiffest plausible specimen and machine explain the change of the load."""
         assert self._start is not None
         travel_mm = abs(reading.displacement_mm - self._start.displacement_mm)
         greatest_n = (travel_mm + 2.0 * _SIGMAS * self.noise_mm) * self._string.stiffness_max_n_mm
@@ -244,8 +248,7 @@ class Agreement:
             )
 
     def _check_not_stuck(self, reading: Reading, step: str) -> None:
-        """Check that the load changes from reading to reading: with its noise, a correct load cell never
-        repeats a number."""
+        """Check that the load changes from reading to reading, because a correct load cell has noise."""
         assert self._start is not None
         if self._last is None or reading.load_n != self._last.load_n:
             self._same = 0

@@ -1,8 +1,8 @@
 """Check at every reading of a motion by hand that load and displacement agree.
 
 A motion by hand has no protocol, so nothing is known about the specimen. The bounds come from the table
-[limits] of the rig file, otherwise from defaults for stiff specimens. A motion that ends too early harms no
-specimen, so the defaults are strict.
+[limits] of the rig file, otherwise from defaults for stiff specimens. The defaults are strict, because it
+harms no specimen if a motion ends too early.
 """
 
 import math
@@ -20,9 +20,9 @@ from rig.protocol.step import ProtocolStep, Reading
 SPECIMEN_MIN_N_MM = 4_000.0
 """Default of the smallest stiffness of a specimen: a laminate of 20 GPa, 20 mm² and 100 mm."""
 MACHINE_MAX_N_MM = 300_000.0
-"""Stiffness that no load frame for specimens of this kind exceeds."""
+"""Default of the largest stiffness. No load frame for specimens of this kind is stiffer."""
 SLACK_MM, BACKLASH_MM = 0.1, 0.02
-"""Travel of the crosshead, in mm, before the load begins to change: of an unloaded and a loaded specimen."""
+"""Travel in mm before the load begins to change, for an unloaded specimen and for a loaded one."""
 LOADED_SHARE = 0.01
 """Fraction of the largest load above which a specimen is certainly loaded."""
 _DISPLACEMENT_STEP_SHARE = 0.1
@@ -48,11 +48,11 @@ class HandMotion:
     to_load : bool
         True for a motion to a load, False for a motion to a displacement.
     target, tolerance, rate : float
-        In N and N/s, or in mm and mm/s.
+        For a motion to a load in N and N/s, for a motion to a displacement in mm and mm/s.
     load_max_n : float
         Largest load of the load frame.
     load_tolerance_n, displacement_tolerance_mm : float
-        Upper bounds of five standard deviations of the noise at rest.
+        Five standard deviations of the noise at rest are at most these values.
     """
 
     doing: str
@@ -72,7 +72,7 @@ class HandMotion:
 
 
 def hand_string(limits: RigLimits, start_n: float = 0.0, load_max_n: float = math.inf) -> LoadString:
-    """Return the bounds of specimen, grips and load frame in series, for a motion by hand from a load.
+    """Return the bounds of specimen, grips and load frame in series, for a motion by hand.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def hand_string(limits: RigLimits, start_n: float = 0.0, load_max_n: float = mat
 
 
 def plausible_travel_mm(string: LoadString, start_n: float, target_n: float) -> tuple[float, float]:
-    """Return the plausible travel of the crosshead, from the lowest to the highest, for a motion to a load.
+    """Return the smallest and the largest plausible travel of the crosshead for a motion to a load.
 
     On the way to a higher load the grips may seat. Against the direction of the motion, only the slack is
     plausible.
@@ -174,7 +174,7 @@ class HandAgreement:
             if reading.moving:
                 self._following.check(reading, self._motion.doing)
         except ImplausibleReading as error:
-            # The remedies of a run name keys of its protocol.
+            # Replace the remedy, because the remedy of a run names keys of its protocol.
             raise ImplausibleReading(error.step, error.expected, error.got, _REMEDY) from None
         self._last = reading
 
@@ -197,7 +197,7 @@ class HandAgreement:
             )
 
     def _check_direction(self, reading: Reading) -> None:
-        """Check that the load does not fall while the crosshead pulls, and does not rise on the way back."""
+        """Check that the load does not fall while the crosshead pulls, nor rise while it moves back."""
         load_n = self._outward * reading.load_n
         self._best_n = max(self._best_n, load_n)
         least_n = self._best_n - self._margin_n(DROP_SHARE)
@@ -212,7 +212,7 @@ class HandAgreement:
             )
 
     def _stiffest_n_mm(self) -> float:
-        """Return the largest plausible stiffness of the motion that has been measured so far."""
+        """Return the largest plausible stiffness, from what this motion has shown so far."""
         travel_mm = abs(self._last.displacement_mm - self._start.displacement_mm)
         if travel_mm > _LEARNED_MM:
             secant_n_mm = abs(self._last.load_n - self._start.load_n) / travel_mm

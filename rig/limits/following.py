@@ -8,38 +8,41 @@ from rig.errors import ImplausibleReading
 from rig.protocol.step import Reading
 
 WINDOW_SHARE = 0.03
-"""Fraction of a load increment by which the load should rise in one window; more if the noise is large.
+"""The load should rise by this fraction of an increment in one window, or by more if the noise is large.
 
-The stiffness is measured over windows. A load cell that is stuck is noticed at the first reading after a
-travel of a window. At that time, the specimen carries more than the load cell shows, by about this fraction
-of the increment."""
+A window is a part of the travel over which the stiffness is measured. A stuck load cell is noticed at the
+first reading after the travel of one window. The specimen then carries about this fraction of the increment
+more than the load cell shows.
+"""
 _WINDOW_MAX_SHARE = 0.08
 _WINDOW_SIGMAS, _RISE_SIGMAS, _MARGIN_SIGMAS = 10.0, 3.0, 4.0
 _SOFTENING_SHARE = 0.03
 """A load that rises by less than this fraction of the expected rise does not follow the motion."""
 _YIELDING_SHARE = 0.1
-"""Where yielding is expected, the travel is so long that a specimen which keeps this fraction of its
-stiffness shows a rise above the noise, within `_WINDOW_MAX_SHARE`."""
+"""Where yielding is expected, a specimen that keeps this fraction of its stiffness must not cause an error.
+So the rise is checked over a travel in which its load rises above the noise, limited by `_WINDOW_MAX_SHARE`.
+"""
 _SOFTEST_SHARE = 0.02
 _SMOOTH = 3
-"""Number of readings of which the mean is used. A window ends at a reading that noise has raised, so single
-readings would be biased."""
+"""The mean of this number of readings is used. A window ends preferably at a reading that noise has raised,
+so a stiffness from single readings would be biased."""
 _TANGENT_WINDOWS = 3
 """Number of windows over which a stiffness is measured."""
 
 
 @dataclass(frozen=True)
 class History:
-    """What earlier increments have shown of the load over the displacement.
+    """The relation of load to displacement in earlier increments.
 
     Attributes
     ----------
     stiffness_n_mm : float or None
-        Largest stiffness so far; None in the first increment.
+        Largest stiffness so far, or None in the first increment.
     highest_n : float
         Highest load so far. Up to this load, the specimen is elastic.
     beyond_n_mm : float or None
-        Stiffness of the first loading at the highest load, at which a further increment begins.
+        Stiffness of the first loading at the highest load. A further increment has this stiffness when it
+        passes the highest load.
     """
 
     stiffness_n_mm: float | None = None
@@ -51,8 +54,8 @@ class Following:
     """Divides an increment of load into windows, and expects a rise of the load in each window.
 
     The length of a window is computed from the stiffness in the windows before. A yielding specimen becomes
-    softer from window to window, so plastic deformation is no error. If the load suddenly stops rising from
-    one window to the next, this is an error.
+    softer from window to window, so plastic deformation is no error. It is an error if the load suddenly
+    stops rising from one window to the next.
 
     Parameters
     ----------
@@ -109,7 +112,7 @@ class Following:
         self._last.append(reading)
         shown, reading = reading, _mean(self._last)
         expected_n_mm = self._expected_n_mm(reading)
-        # An error of the displacement changes the load that belongs to it.
+        # Noise of the displacement also counts, because it changes the load that belongs to the displacement.
         noise_n = math.hypot(self._noise_n, (expected_n_mm or 0.0) * self._noise_mm)
         longest_n = _WINDOW_MAX_SHARE * self._increment_n
         window_n = min(max(WINDOW_SHARE * self._increment_n, _WINDOW_SIGMAS * noise_n), longest_n)
@@ -155,7 +158,8 @@ class Following:
             return expected_n_mm
         margin_n = _WINDOW_MAX_SHARE * self._increment_n
         if self._ends[0].load_n < known.highest_n <= reading.load_n + margin_n:
-            # Beyond the highest load so far, the specimen yields again as softly as it yielded there.
+            # Above the highest load so far, a yielding specimen continues with the stiffness that it had
+            # there.
             return min(expected_n_mm, known.beyond_n_mm)
         return expected_n_mm
 

@@ -1,5 +1,4 @@
-"""Merge the limits of protocol, rig file and opened devices; for each quantity the narrowest limit
-applies."""
+"""Merge the limits of protocol, rig file and opened devices. The narrowest limit of a quantity applies."""
 
 from collections.abc import Iterable
 
@@ -94,7 +93,7 @@ def _both_ways(quantity: str, unit: str, greatest: float | None, source: str) ->
 
 
 def _range(quantity: str, unit: str, values: object, where: str, least: str, greatest: str) -> Limit:
-    """Return the limit whose bounds are two attributes of `values`; `where` is the table that sets them."""
+    """Return the limit whose bounds are two attributes of `values`. `where` is the table that sets them."""
     low = _bound(getattr(values, least), f"{where}.{least}")
     return Limit(quantity, unit, low, _bound(getattr(values, greatest), f"{where}.{greatest}"))
 

@@ -13,7 +13,7 @@ _PARTS = 2.0
 class Noise:
     """Standard deviations of load and displacement, from the differences of successive readings at rest.
 
-    Differences do not contain a slow change, such as a relaxation of the specimen.
+    A slow change, such as a relaxation of the specimen, hardly adds to these differences.
     """
 
     _load_n2: float = 0.0
@@ -30,7 +30,7 @@ class Noise:
         self._last = reading
 
     def interrupt(self) -> None:
-        """Do not compare the next reading with the last one, because the crosshead moves in between."""
+        """Do not compare the next reading with the last one, because the crosshead moves between them."""
         self._last = None
 
     def load_n(self, default_n: float) -> float:
@@ -43,7 +43,7 @@ class Noise:
         return self._deviation(self._displacement_mm2, default_mm)
 
     def _deviation(self, sum_of_squares: float, default: float) -> float:
-        # The variance of a difference of two readings is twice that of a reading.
+        # The difference of two readings has twice the variance of one reading.
         return math.sqrt(sum_of_squares / self._count / 2.0) if self._count >= _READINGS_MIN else default
 
 
@@ -80,11 +80,10 @@ class Rest:
         return self.duration_s * (1.0 - 0.5 / _PARTS)
 
     def drift(self, noise_n: float) -> tuple[float, float] | None:
-        """Return the slope of the load in N/s over the later half of the readings, and its standard
-        deviation.
+        """Return the slope of the load in N/s in the later half of the time, and its standard deviation.
 
-        A relaxation slows down with time, so its slope is small in the last half. If there are too few
-        readings, `drift` returns None.
+        The later half is used because a relaxation slows down with time. If there are too few readings,
+        return None.
         """
         if not self._times_s:
             return None

@@ -45,8 +45,7 @@ def limits_on(protocol: Protocol, rig: Rig) -> RunLimits:
 
 
 def slowed(rig_file: RigFile, protocol: Protocol) -> RigFile:
-    """Return the rig file with a lower speed limit of the load frame: the largest speed that the protocol
-    needs.
+    """Return the rig file with the largest speed that the protocol needs as the load frame's speed limit.
 
     The driver writes this speed limit into the machine. If the load cell shows less than the true load, the
     controller of the machine pulls further than commanded. The speed limit bounds this motion until the

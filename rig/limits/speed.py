@@ -1,4 +1,4 @@
-"""Check that the crosshead is not faster than commanded, or than a plausible specimen requires."""
+"""Check that the crosshead is not faster than a command or a plausible specimen requires."""
 
 from collections import deque
 
@@ -7,7 +7,8 @@ from rig.limits.run_limits import RunLimits
 from rig.protocol.step import ProtocolStep, Reading
 
 _SPAN_S = 0.25
-"""Time in s over which a speed is measured. The time between two readings can be wrong by `_JITTER_S`."""
+"""Time in s over which a speed is measured, because the time between two readings may be wrong by
+`_JITTER_S`."""
 _JITTER_S = 0.1
 _MARGIN = 1.5
 _NOISE_MM = 0.005
@@ -43,7 +44,7 @@ class SpeedCheck:
     def check(self, reading: Reading, step: str) -> None:
         """Check one reading. Raise `LimitViolation` if the crosshead is too fast."""
         if self._first_increment and reading.load_n > self._elastic_n:
-            # From here on, a specimen that yields may stretch faster.
+            # After the first increment the specimen may yield, and then it stretches faster.
             self._first_increment = False
             if self._source == "plausible.speed_max_mm_s":
                 self._greatest_mm_s, self._source = self._of_rig_mm_s, "the rig's load_frame.speed_max_mm_s"

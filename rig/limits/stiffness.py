@@ -1,8 +1,8 @@
 """The plausible stiffness of specimen, grips and load frame in series, from protocol and rig file.
 
 If a load cell shows only a fraction of the load, specimen and machine look softer by this fraction. A wrong
-load cell can be noticed only if the measured stiffness is below its lower bound. So narrow bounds protect the
-specimen better than wide bounds.
+load cell is noticed only if the measured stiffness is below the lower bound of the stiffness. So narrow
+bounds protect the specimen better than wide bounds.
 """
 
 from dataclasses import dataclass
@@ -17,16 +17,15 @@ than `POLYMER_STRENGTH_MPA` (laminates with glass fibres), and steel with a marg
 POLYMER_STRENGTH_MPA = 120.0
 """Tensile strength that no thermoplastic without fibres exceeds (PEEK: 100 MPa, polyetherimide: 105 MPa)."""
 MACHINE_MIN_N_MM = 5_000.0
-"""Stiffness of a soft table-top load frame with wedge grips; larger frames have 20 to 300 kN/mm."""
+"""Stiffness of a soft table-top load frame with wedge grips. Larger load frames have 20 to 300 kN/mm."""
 SEATING_MM, SEATING_N_MM = 1.0, 2_500.0
-"""Wedge grips move while the load rises and they seat: by less than 1 mm, and by at most 0.4 mm per kN."""
+"""While wedge grips seat under a rising load, they move by less than 1 mm and by at most 0.4 mm per kN."""
 SLACK_SHARE = 0.3
-"""At the default slack, the stiffest specimen and machine would carry this fraction of a load increment."""
+"""At the displacement of the default slack, the stiffest system would carry this part of an increment."""
 YIELD_STRAIN_MIN = 0.002
-"""At this strain, every structural material carries more than its softest plausible modulus demands."""
+"""Up to this strain, a structural material carries at least the load that its softest modulus predicts."""
 RELAXATION, RELAXATION_POLYMER = 0.01, 0.05
-"""Relaxation of metals and of polymers: relative fall of the load per decade of time at constant
-displacement."""
+"""Fall of the load at constant displacement per decade of time, as a fraction, of metals and of polymers."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,7 @@ class LoadString:
     stiffness_min_n_mm, stiffness_max_n_mm : float
         Bounds of the elastic stiffness.
     seating_mm, seating_n_mm : float
-        Largest displacement by which the grips seat, and the smallest rise of the load per mm meanwhile.
+        Largest displacement by which the grips seat, and smallest rise of the load per mm while they seat.
     slack_mm : float
         Largest displacement before the load begins to rise.
     flow_mm : float
@@ -50,7 +49,7 @@ class LoadString:
     elastic_mm : float
         Displacement that stretches no specimen beyond its yield strain.
     first_n : float
-        An increment of load; on the first loading the specimen is elastic up to this load.
+        An increment of load. On the first loading the specimen is elastic up to this load.
     """
 
     stiffness_min_n_mm: float
@@ -71,14 +70,16 @@ class LoadString:
 
     @property
     def noticed_fraction(self) -> float:
-        """A load cell that shows less than this fraction of the real load is certainly noticed, for every
-        specimen within the bounds, even if the grips do not seat."""
+        """A load cell that shows less than this fraction of the real load is noticed in every case.
+
+        This holds for every specimen within the bounds, even if the grips do not seat.
+        """
         softest_mm_n = 1.0 / self.stiffness_min_n_mm + 1.0 / self.seating_n_mm
         return 1.0 / (self.stiffness_max_n_mm * softest_mm_n)
 
 
 def load_string(protocol: TensionProtocol | PhasesProtocol, rig: RigLimits) -> LoadString:
-    """Return the bounds given in protocol and rig file, with default values for the bounds not given.
+    """Return the bounds that protocol and rig file give, with default values for the other bounds.
 
     The protocol must move a load frame.
     """

@@ -1,4 +1,4 @@
-"""The table of all limits of a run: each limit has a quantity, a unit, and bounds with their sources."""
+"""The table of all limits of a run. Each limit has a quantity, a unit, and bounds with their sources."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ class LimitTable:
     Parameters
     ----------
     limits : iterable of Limit
-        A limit without any bound is left out.
+        Limits that have no bound are left out.
     """
 
     def __init__(self, limits: Iterable[Limit]) -> None:
@@ -83,7 +83,7 @@ class LimitTable:
         bound = None if limit is None else limit.beyond(value)
         if limit is None or bound is None:
             return
-        # A limit in both directions comes from one positive setting.
+        # A limit in both directions comes from one positive setting, so name this setting.
         both_ways = bound.value < 0.0 and limit.greatest is not None and limit.greatest.source == bound.source
         bound = limit.greatest if both_ways and limit.greatest is not None else bound
         upper = bound is limit.greatest
@@ -97,7 +97,7 @@ class LimitTable:
         )
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return the table for JSON; a missing bound is None."""
+        """Return the table for JSON, with None for a missing bound."""
         return [
             {
                 "quantity": limit.quantity,
