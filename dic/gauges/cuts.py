@@ -51,9 +51,8 @@ class PlacedCut:
             If no place has three points.
         """
         start, end = gauge.upwards(gauge.start), gauge.upwards(gauge.end)
-        width = gauge.width or window_points * places.spacing
         ways = start + np.linspace(0.0, 1.0, gauge.places)[:, None] * (end - start)
-        chosen = [places.in_square(at, np.array([1.0, 0.0]), width) for at in ways]
+        chosen = [places.around(at, gauge.width, window_points) for at in ways]
         most = max(map(len, chosen))
         if most < LEAST_POINTS:
             raise without_points(gauge, most, places, "enlarge its width")
@@ -119,7 +118,7 @@ def _covariances(noise: Noise, rows: Indices, columns: Indices, sums: Float) -> 
     weights = np.einsum("ik,pjm->pmikj", np.eye(2), sums).reshape(count, most, 2, 6)
     used = (sums != 0.0).any(axis=1)[:, :, None, None]
     parts = np.einsum("pmia,pmiq->pmqa", np.where(used, noise.factors[rows, columns], 0.0), weights)
-    shared = correlations(rows, columns, noise.overlap) @ parts.reshape(count, most, 12)
+    shared = correlations(rows, columns, noise) @ parts.reshape(count, most, 12)
     covariance = np.einsum("pmqa,pmra->pqr", parts, shared.reshape(parts.shape))
     if noise.bias is not None:
         bias = np.where(used, noise.bias[rows, columns], 0.0)

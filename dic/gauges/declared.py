@@ -180,6 +180,19 @@ class StrainGauge(Gauge):
         half = 0.5 * np.asarray(self.size) * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
         return np.asarray(self.upwards(self.centre) + half @ axes)
 
+    @property
+    def middle(self) -> Float:
+        """Centroid of the area, shape (2,), in the gauge's unit with the second coordinate upwards."""
+        start = self.outline
+        origin, end = start.mean(axis=0), np.roll(start, -1, axis=0)
+        a, b = start - origin, end - origin
+        twice = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        whole = float(twice.sum())
+        if abs(whole) <= 1e-9 * float(np.abs(twice).sum()):
+            # Sides that cross, as in the figure 8, may enclose no area.
+            return np.asarray(origin)
+        return np.asarray(origin + twice @ (a + b) / (3.0 * whole))
+
 
 @dataclass(frozen=True, kw_only=True)
 class LineCut(Gauge):

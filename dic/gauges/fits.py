@@ -30,28 +30,32 @@ class PlacedFit:
     ----------
     rows, columns : ndarray of int, shape (n,)
         Places of the points in the grid of points.
-    place : ndarray, shape (n,), or None
+    place : ndarray, shape (n,)
         Weights of the points. The weighted sum of the points' positions is the place of the reading, in any
-        unit. None for the mean place of the points that have a displacement.
+        unit.
     direction : ndarray, shape (2,)
         Unit vector of the engineering strain.
+    reason : str
+        Why the gauge cannot have a reading in any image; "" if it can.
     """
 
     rows: Indices
     columns: Indices
-    place: Float | None
+    place: Float
     direction: Float
+    reason: str = ""
 
     @classmethod
     def of(
-        cls, chosen: Indices, places: GridPlaces, at: Float | None = None, direction_deg: float = 0.0
+        cls, chosen: Indices, places: GridPlaces, at: Float, direction_deg: float, reason: str = ""
     ) -> "PlacedFit":
-        """Return the fit to the points with the indices `chosen`, read at `at` or at the mean place."""
+        """Return the fit to the points with the indices `chosen`, read at `at`."""
         angle = np.radians(direction_deg)
         direction = np.array([np.cos(angle), np.sin(angle)])
         position = places.position[chosen]
-        place = None if at is None or _objection(position, 0) else sums_at(position, at)[0]
-        return cls(places.rows[chosen], places.columns[chosen], place, direction)
+        reason = reason or _objection(position, 0)
+        place = np.zeros(len(chosen)) if reason else sums_at(position, at)[0]
+        return cls(places.rows[chosen], places.columns[chosen], place, direction, reason)
 
     def read(self, field: GaugeField) -> Reading:
         """Return the reading in one field."""
@@ -60,12 +64,10 @@ class PlacedFit:
         declared, points = len(self.rows), int(valid.sum())
         rows, columns = self.rows[valid], self.columns[valid]
         position = displacement.position[rows, columns]
-        reason = _objection(position, declared)
+        reason = self.reason or _objection(position, declared)
         if reason:
             return Reading(displacement.unit, points=points, declared=declared, reason=reason)
-        at = position.mean(axis=0)
-        if self.place is not None:
-            at = self.place @ displacement.position[self.rows, self.columns]
+        at = self.place @ displacement.position[self.rows, self.columns]
         sums = sums_at(position, at)
         vector = displacement.vector[rows, columns]
         moved, gradient = sums[0] @ vector, (sums[1:] @ vector).T
@@ -129,7 +131,11 @@ def place_area(gauge: StrainGauge, places: GridPlaces) -> PlacedFit:
     chosen = places.in_polygon(gauge.outline)
     if len(chosen) < LEAST_POINTS:
         raise without_points(gauge, len(chosen), places, "enlarge the area")
-    return PlacedFit.of(chosen, places, direction_deg=gauge.direction_deg)
+    pieces = places.pieces(chosen)
+    reason = ""
+    if pieces > 1:
+        reason = f"a crack or a gap divides the area into {pieces} pieces, and its opening is not strain"
+    return PlacedFit.of(chosen, places, gauge.middle, gauge.direction_deg, reason)
 
 
 def place_point(gauge: PointGauge, places: GridPlaces, window_points: int) -> PlacedFit:
@@ -141,13 +147,10 @@ def place_point(gauge: PointGauge, places: GridPlaces, window_points: int) -> Pl
         If fewer than three points lie around the place.
     """
     at = gauge.upwards(gauge.at)
-    chosen = places.in_square(at, _ALONG_X, gauge.width or window_points * places.spacing)
+    chosen = places.around(at, gauge.width, window_points)
     if len(chosen) < LEAST_POINTS:
         raise without_points(gauge, len(chosen), places, "enlarge its width")
     return PlacedFit.of(chosen, places, at, gauge.direction_deg)
-
-
-_ALONG_X = np.array([1.0, 0.0])
 
 
 def without_points(gauge: Gauge, found: int, places: GridPlaces, remedy: str) -> GaugeError:

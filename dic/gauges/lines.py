@@ -59,7 +59,7 @@ class PlacedLines:
         if isinstance(gauge, TransverseExtensometer):
             offsets = np.linspace(-0.5 * gauge.spread, 0.5 * gauge.spread, gauge.lines)
         middles = np.array([[at + offset * across for offset in offsets] for at in (start, end)])
-        found = [[places.in_square(at, direction, gauge.patch) for at in side] for side in middles]
+        found = [[places.in_patch(at, direction, gauge.patch) for at in side] for side in middles]
         whole = sum(all(points.size for points in both) for both in zip(*found, strict=True))
         if whole < (LEAST_LINES if len(offsets) > 1 else 1):
             ends = [name for side, name in zip(found, ("start", "end"), strict=True) if not side[0].size]

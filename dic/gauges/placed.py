@@ -24,6 +24,7 @@ from dic.gauges.outlines import corners_of
 from dic.gauges.points import GridPlaces
 from dic.gauges.reading import Profile, Reading
 from dic.out_of_plane.correction import Correction
+from dic.strain.displacement import sight_of
 from dic.strain.measurement import Measurement
 from dic.typing import Float
 
@@ -79,12 +80,13 @@ class PlacedGauges:
         """
         require_names(gauges)
         field, calibrated = measurement.field, measurement.calibrated
-        places = {"px": GridPlaces.of(measurement.raw.position, field.active)}
+        sight = sight_of(field)
+        places = {"px": GridPlaces.of(measurement.raw.position, field.active, sight)}
         if calibrated is not None and any(gauge.unit == "mm" for gauge in gauges):
             inside = np.ones_like(field.active)
             if calibration is not None:
                 inside = calibration.inside(field.points).reshape(inside.shape)
-            places["mm"] = GridPlaces.of(calibrated.position, field.active & inside)
+            places["mm"] = GridPlaces.of(calibrated.position, field.active & inside, sight)
         placed, errors = [], []
         for gauge in gauges:
             try:

@@ -3,10 +3,18 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
+from dic.gauges.planes import lie_on_one_line, sums_at
+from dic.strain.sight import Sight
 from dic.typing import Float, Indices, Mask
 
 _DIAGONAL = 1.4143
+_NEIGHBOUR = 1.6
+"""Points up to this multiple of the spacing apart are neighbours, also along diagonals."""
+_ALONG_X = np.array([1.0, 0.0])
 _ROUNDING = 1e-9
 """Points on the edge of a patch count as inside, although rounding may move them by this fraction."""
 
@@ -23,21 +31,25 @@ class GridPlaces:
         Coordinates of the points, the second upwards.
     spacing : float
         Distance between neighbouring points.
+    sight : Sight or None
+        Tells which points lie on the same piece of the surface; None if this is not known.
     """
 
     rows: Indices
     columns: Indices
     position: Float
     spacing: float
+    sight: Sight | None = None
 
     @classmethod
-    def of(cls, position: Float, use: Mask) -> "GridPlaces":
+    def of(cls, position: Float, use: Mask, sight: Sight | None = None) -> "GridPlaces":
         """Return the places of the points where `use` (rows, columns) is True.
 
         Parameters
         ----------
         position : ndarray, shape (rows, columns, 2)
         use : ndarray of bool, shape (rows, columns)
+        sight : Sight, optional
         """
         known = use & np.isfinite(position).all(axis=-1)
         rows, columns = np.nonzero(known)
@@ -50,7 +62,7 @@ class GridPlaces:
         ]
         distances = np.concatenate(apart)
         spacing = float(np.median(distances)) if distances.size else 0.0
-        return cls(rows, columns, position[known], spacing)
+        return cls(rows, columns, position[known], spacing, sight)
 
     def in_square(self, centre: Float, along: Float, width: float) -> Indices:
         """Return the indices of the points in a square with one side parallel to the unit vector `along`."""
@@ -61,15 +73,90 @@ class GridPlaces:
         offset = np.abs((self.position[near] - centre) @ np.column_stack([along, across]))
         return np.asarray(near[(offset <= half).all(axis=1)])
 
+    def in_patch(self, centre: Float, along: Float, width: float) -> Indices:
+        """Return the points of `in_square` on the same piece of the surface as the centre.
+
+        A centre off the region stands for the point of the patch that is nearest to it: a patch may project
+        over the edge of the specimen.
+        """
+        return self._seen(centre, self.in_square(centre, along, width))
+
+    def around(self, place: Float, width: float | None, window_points: int) -> Indices:
+        """Return the indices of the points that give displacement and strain at a place of the surface.
+
+        The points lie in a square of the given width. Without a width, they are those of the window of local
+        strain around the nearest point. Points beyond a crack or an edge are left out. If the place itself
+        lies off the region, or no point is near, there is none.
+        """
+        reach = 2.0 * self.spacing if width is None else width
+        near = self.in_square(place, _ALONG_X, reach)
+        if not near.size or (self.sight and not self.sight.contains(self._pixel(self.sight, place, near))):
+            return near[:0]
+        near = self._seen(place, near)
+        if width is not None or not near.size:
+            return near
+        middle = near[np.argmin(np.linalg.norm(self.position[near] - place, axis=1))]
+        apart = np.maximum(np.abs(self.rows - self.rows[middle]), np.abs(self.columns - self.columns[middle]))
+        return self._seen(place, np.flatnonzero(apart <= window_points // 2))
+
+    def pieces(self, chosen: Indices) -> int:
+        """Return the number of pieces of the surface on which points lie, as cracks and gaps divide it.
+
+        Two points lie on one piece if a chain of points connects them, and each of its straight lines stays
+        inside the region.
+        """
+        if self.sight is None or not len(chosen):
+            return min(1, len(chosen))
+        pixel, place = self.sight.pixels(self.rows[chosen], self.columns[chosen]), self.position[chosen]
+        pairs = cKDTree(place).query_pairs(_NEIGHBOUR * self.spacing, output_type="ndarray")
+        pairs = pairs[self.sight.clear(*pixel[pairs.T])]
+        links = coo_array((np.ones(len(pairs)), pairs.T), shape=2 * (len(chosen),))
+        label = connected_components(links, directed=False)[1]
+        # Points of a narrow area may be far apart and yet lie on one piece.
+        joined = label == label[0]
+        while not joined.all():
+            distance, nearest = map(np.asarray, cKDTree(place[joined]).query(place[~joined]))
+            order = np.flatnonzero(self.sight.clear(pixel[joined][nearest], pixel[~joined]))
+            if not order.size:
+                return len(np.unique(label[~joined])) + 1
+            best = order[np.argmin(distance[order])]
+            joined |= label == label[~joined][best]
+        return 1
+
+    def _pixel(self, sight: Sight, place: Float, near: Indices) -> Float:
+        """Return the image coordinates of a place, from those of the points near it."""
+        pixel, position = sight.pixels(self.rows[near], self.columns[near]), self.position[near]
+        if lie_on_one_line(position):
+            return np.asarray(pixel[np.argmin(np.linalg.norm(position - place, axis=1))])
+        return np.asarray(sums_at(position, place)[0] @ pixel)
+
+    def _seen(self, place: Float, near: Indices) -> Indices:
+        """Return those of the points to which the straight line from a place stays inside the region."""
+        if self.sight is None or not near.size:
+            return near
+        pixel, start = (
+            self.sight.pixels(self.rows[near], self.columns[near]),
+            self._pixel(self.sight, place, near),
+        )
+        if not self.sight.contains(start):
+            start = pixel[np.argmin(np.linalg.norm(self.position[near] - place, axis=1))]
+        return np.asarray(near[self.sight.clear(start, pixel)])
+
     def in_polygon(self, corners: Float) -> Indices:
-        """Return the indices of the points inside a polygon with the given corners, shape (m, 2)."""
+        """Return the indices of the points inside a polygon with the given corners (m, 2), or on its edge."""
         x, y = self.position.T
-        inside = np.zeros(len(x), np.bool_)
-        for (x0, y0), (x1, y1) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        inside, on_edge = np.zeros(len(x), np.bool_), np.zeros(len(x), np.bool_)
+        tolerance = _ROUNDING * float(np.ptp(corners, axis=0).max())
+        for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            (x0, y0), (x1, y1) = start, end
             crossed = (y0 <= y) != (y1 <= y)
             level = y[crossed]
             inside[crossed] ^= x[crossed] < x0 + (level - y0) / (y1 - y0) * (x1 - x0)
-        return np.flatnonzero(inside)
+            side = end - start
+            share = np.clip((self.position - start) @ side / max(float(side @ side), 1e-300), 0.0, 1.0)
+            gap = self.position - start - share[:, None] * side
+            on_edge |= (np.abs(gap) <= tolerance).all(axis=1)
+        return np.flatnonzero(inside | on_edge)
 
     def extent(self, unit: str) -> str:
         """Return the range of the measured points as text for messages, in the axes of the unit."""

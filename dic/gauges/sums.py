@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from dic.strain.displacement import Noise
+from dic.strain.error_overlap import ClippedSubsets
 from dic.strain.fit import covariance_of_sums
 from dic.typing import Float, Indices
 
@@ -32,7 +33,7 @@ def covariance_at_points(rows: Indices, columns: Indices, weights: Float, noise:
     if len(rows) > _FEW:
         return _by_transforms(rows, columns, weights, noise)
     parts = np.einsum("nia,nip->npa", noise.factors[rows, columns], weights)
-    overlap = correlations(rows, columns, noise.overlap)
+    overlap = correlations(rows, columns, noise)
     covariance = np.einsum("npa,nqa->pq", parts, np.tensordot(overlap, parts, axes=(1, 0)))
     if noise.bias is not None:
         bias = np.einsum("nia,nip->pa", noise.bias[rows, columns], weights)
@@ -40,12 +41,28 @@ def covariance_at_points(rows: Indices, columns: Indices, weights: Float, noise:
     return np.asarray(covariance)
 
 
-def correlations(rows: Indices, columns: Indices, overlap: Float) -> Float:
-    """Return the correlations between the errors of points (…, n), shape (…, n, n); see `Noise.overlap`."""
-    down = np.abs(rows[..., :, None] - rows[..., None, :])
-    right = np.abs(columns[..., :, None] - columns[..., None, :])
-    near = (down < overlap.shape[0]) & (right < overlap.shape[1])
-    return np.where(near, overlap[np.where(near, down, 0), np.where(near, right, 0)], 0.0)
+def correlations(rows: Indices, columns: Indices, noise: Noise) -> Float:
+    """Return the correlations between the errors of points (…, n), shape (…, n, n).
+
+    Subsets that an edge of the region clips have correlations of their own; see `Noise.clipped`.
+    """
+    overlap = noise.overlap
+    down, right = (places[..., None, :] - places[..., :, None] for places in (rows, columns))
+    near = (np.abs(down) < overlap.shape[0]) & (np.abs(right) < overlap.shape[1])
+    down, right = np.where(near, down, 0), np.where(near, right, 0)
+    known = np.where(near, overlap[np.abs(down), np.abs(right)], 0.0)
+    if noise.clipped is None:
+        return known
+    number = noise.clipped.numbers(rows, columns)
+    if (number < 0).all():
+        return known
+    reach = int(max(np.abs(down).max(), np.abs(right).max()))
+    table = noise.clipped.correlations(reach)
+    first, second = np.broadcast_arrays(number[..., :, None], number[..., None, :])
+    of_first, of_second = near & (first >= 0), near & (first < 0) & (second >= 0)
+    for use, numbers, sign in ((of_first, first, 1), (of_second, second, -1)):
+        known[use] = table[numbers[use], reach + sign * down[use], reach + sign * right[use]]
+    return known
 
 
 def _by_transforms(rows: Indices, columns: Indices, weights: Float, noise: Noise) -> Float:
@@ -59,4 +76,51 @@ def _by_transforms(rows: Indices, columns: Indices, weights: Float, noise: Noise
     )
     on_grid = np.zeros((*own.factors.shape[:2], *weights.shape[1:]))
     on_grid[rows - top, columns - left] = weights
-    return covariance_of_sums(on_grid, own)
+    covariance = covariance_of_sums(on_grid, own)
+    if noise.clipped is None:
+        return covariance
+    parts = np.where(
+        (on_grid != 0.0).any(axis=(2, 3))[..., None, None],
+        np.einsum("rcia,rcip->rcpa", own.factors, on_grid),
+        0.0,
+    )
+    return covariance + _by_clipping(rows, columns, parts, (top, left), noise.clipped, noise.overlap)
+
+
+def _by_clipping(
+    rows: Indices,
+    columns: Indices,
+    parts: Float,
+    origin: tuple[int, int],
+    clipped: ClippedSubsets,
+    overlap: Float,
+) -> Float:
+    """Return what clipped subsets change in the covariance of sums over points with whole subsets.
+
+    The array `parts`, shape (…, …, p, 2), has the error of each sum by each point of the part of the grid
+    that begins at `origin`.
+    """
+    change = np.zeros(2 * parts.shape[2:3])
+    number = clipped.numbers(rows, columns)
+    rows, columns, number = (each[number >= 0] for each in (rows, columns, number))
+    if not number.size:
+        return change
+    reach = max(overlap.shape) - 1
+    whole = np.zeros((reach + 1, reach + 1))
+    whole[: overlap.shape[0], : overlap.shape[1]] = overlap
+    offset = np.abs(np.arange(-reach, reach + 1))
+    whole = whole[offset[:, None], offset]
+    table = clipped.correlations(reach)
+    around = np.pad(parts, [(reach, reach), (reach, reach), (0, 0), (0, 0)])
+    width = 2 * reach + 1
+    for row, column, own in zip(rows, columns, number, strict=True):
+        i, j = row - origin[0], column - origin[1]
+        near = around[i : i + width, j : j + width]
+        different = table[own] - whole
+        # A pair of two clipped points is met twice, and a pair of a clipped and a whole one only once.
+        (numbers,) = clipped.numbers_around(np.array([row]), np.array([column]), reach)
+        of_whole = np.where(numbers < 0, different, 0.0)
+        middle = parts[i, j]
+        both, once = (np.einsum("pa,ijqa,ij->pq", middle, near, each) for each in (different, of_whole))
+        change += both + once.T
+    return change

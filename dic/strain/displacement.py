@@ -124,7 +124,7 @@ def raw_displacement(field: Field, *, gradients: bool = True) -> Displacement:
         noise = displacement_noise(field, everywhere)
         return Displacement(position, vector, field.converged, "px", None, noise)
     gradient, noise = _in_axes(field, everywhere, everywhere)
-    return Displacement(position, vector, field.converged, "px", gradient, noise, _sight(field))
+    return Displacement(position, vector, field.converged, "px", gradient, noise, sight_of(field))
 
 
 def calibrated_displacement(field: Field, calibration: Calibration) -> Displacement:
@@ -149,7 +149,7 @@ def calibrated_displacement(field: Field, calibration: Calibration) -> Displacem
         "mm",
         gradient,
         noise,
-        _sight(field),
+        sight_of(field),
     )
 
 
@@ -174,7 +174,8 @@ def displacement_noise(field: Field, there: Float) -> Noise:
     return Noise(factors, error_overlap(field.settings), unknown, bias, clipped)
 
 
-def _sight(field: Field) -> Sight | None:
+def sight_of(field: Field) -> Sight | None:
+    """Return which points of a field see each other; None if the region is not known."""
     return None if field.region is None else Sight(field.region, field.x_px, field.y_px)
 
 

@@ -103,6 +103,10 @@ class ClippedSubsets:
         offset = np.arange(2 * reach + 1)
         return np.asarray(padded[rows[:, None, None] + offset[:, None], columns[:, None, None] + offset])
 
+    def numbers(self, rows: Indices, columns: Indices) -> Indices:
+        """Return the numbers of points, in the shape of `rows`; -1 for a whole or an absent subset."""
+        return np.asarray(self._number[rows, columns])
+
     def correlations(self, reach: int) -> Float:
         """Return the correlations between each clipped point and the points around it.
 
@@ -139,12 +143,14 @@ class ClippedSubsets:
         """Return the correlations between clipped subsets and the whole subsets around them."""
         n, step = self._settings.subset_px, self._settings.step_px
         whole = _weights(np.ones((1, n, n), np.bool_), self._settings.shape)[0]
-        around = np.zeros((len(offset), len(offset), n, n), np.float32)
+        shared = np.zeros((len(weights), len(offset), len(offset)))
         for i, down in enumerate(offset * step):
+            # One row of places at a time, because many places of large subsets would fill the memory.
+            around = np.zeros((len(offset), n, n), np.float32)
             for j, right in enumerate(offset * step):
-                around[i, j, _part(n, down), _part(n, right)] = whole[_part(n, -down), _part(n, -right)]
-        shared = weights.reshape(-1, n * n) @ around.reshape(-1, n * n).T
-        return np.asarray(shared.reshape(-1, *around.shape[:2]), np.float64)
+                around[j, _part(n, down), _part(n, right)] = whole[_part(n, -down), _part(n, -right)]
+            shared[:, i] = weights.reshape(-1, n * n) @ around.reshape(-1, n * n).T
+        return shared
 
     def _put_with_clipped(self, table: Float, first: int, others: Indices, weights: Grey) -> None:
         """Write the correlations of clipped subsets with other clipped subsets into the table.

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dic.typing import Indices, Mask
+from dic.typing import Float, Indices, Mask
 
 _SAMPLES_PER_PX = 2
 
@@ -74,12 +74,24 @@ class Sight:
         to_row, to_column = rows + down, columns + right
         on_grid = (to_row >= 0) & (to_row < len(self.y_px)) & (to_column >= 0) & (to_column < len(self.x_px))
         to_row, to_column = np.where(on_grid, to_row, rows), np.where(on_grid, to_column, columns)
-        x, y = self.x_px[columns], self.y_px[rows]
-        across, along = self.x_px[to_column] - x, self.y_px[to_row] - y
-        longest = int(max(np.abs(across).max(initial=0), np.abs(along).max(initial=0)))
-        clear = on_grid
+        return on_grid & self.clear(self.pixels(rows, columns), self.pixels(to_row, to_column))
+
+    def pixels(self, rows: Indices, columns: Indices) -> Float:
+        """Return the image coordinates (x, y) of points of the grid, shape (n, 2), px."""
+        return np.stack([self.x_px[columns], self.y_px[rows]], axis=-1).astype(np.float64)
+
+    def contains(self, place_px: Float) -> bool:
+        """Return whether a place (x, y) in the image belongs to the region."""
+        x, y = np.rint(place_px).astype(np.int64)
+        height, width = self.region.shape
+        return bool(0 <= x < width and 0 <= y < height and self.region[y, x])
+
+    def clear(self, start_px: Float, end_px: Float) -> Mask:
+        """Return whether the straight lines between places of the region, shape (n, 2), stay inside it."""
+        way = np.asarray(end_px - start_px)
+        longest = int(np.ceil(np.abs(way).max(initial=0.0)))
+        clear = np.ones(way.shape[:-1], np.bool_)
         for part in np.linspace(0.0, 1.0, _SAMPLES_PER_PX * longest + 1):
-            at_x = np.rint(x + part * across).astype(np.int64)
-            at_y = np.rint(y + part * along).astype(np.int64)
-            clear = clear & self.region[at_y, at_x]
+            at = np.rint(start_px + part * way).astype(np.int64)
+            clear &= self.region[at[..., 1], at[..., 0]]
         return clear
