@@ -28,13 +28,18 @@ class AssumedOptions:
     """Options of the assumed strain; None if the user has not given it."""
 
     period_px: float | None
+    across_period_px: float | None
     strain_amplitude: float | None
 
     def wave(self) -> "Wave | None":
         """Return the assumed strain; None without these options."""
         from dic import Wave
 
-        values = {"period_px": self.period_px, "strain_amplitude": self.strain_amplitude}
+        values = {
+            "period_px": self.period_px,
+            "strain_amplitude": self.strain_amplitude,
+            "across_px": self.across_period_px,
+        }
         given = {name: value for name, value in values.items() if value is not None}
         return Wave(**given) if given else None
 
@@ -121,6 +126,12 @@ def _numbers(option: str, text: str) -> tuple[int, ...]:
         " Default: from a deformed IMAGE, otherwise 100.",
     ),
     click.option(
+        "--across-period-px",
+        type=float,
+        help="Period across the direction of each normal strain, px. Default: from a deformed IMAGE,"
+        " otherwise no variation across.",
+    ),
+    click.option(
         "--strain-amplitude",
         type=float,
         help="Amplitude of the assumed strain. Default: from a deformed IMAGE, otherwise 0.005.",
@@ -194,7 +205,7 @@ def study(
     written = [outputs.json_file, outputs.picture, outputs.write, *region.outputs()]
     require_places(files, written, force=outputs.force)
     grey = read_image(reference)
-    with progress("trying settings", sweep.trials) as bar:
+    with progress("trying", sweep.trials) as bar:
         found = study_settings(
             reference,
             images,

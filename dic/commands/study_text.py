@@ -24,7 +24,8 @@ def table(study: "Study", name: str) -> str:
 
     best, wave = study.recommended, study.wave
     source = {"given": "given", "default": "by default"}.get(study.wave_from, f"from {study.wave_from}")
-    assumed = f"±{1e6 * wave.strain_amplitude:.0f} µε with a period of {wave.period_px:.0f} px ({source})"
+    across = "" if wave.is_plane else f" along and {wave.across_px:.0f} px across"
+    assumed = f"±{1e6 * wave.strain_amplitude:.0f} µε, period {wave.period_px:.0f} px{across} ({source})"
     noise = f"{study.noise:.2f} grey levels, drawn" if study.noise_from == "reference" else study.noise_from
     lines = [f"{name}: {len(study.settings)} settings on {_parts(study)}"]
     if study.specimen is not None and not study.specimen.is_whole:
@@ -48,9 +49,8 @@ def table(study: "Study", name: str) -> str:
         wider = "wider" if limits[0].startswith("widest") else "narrower"
         lines.append(f"  it has the {' and the '.join(limits)} that was tried: try {wider} ones too")
     if study.left_out:
-        lines.append(
-            f"  {study.left_out} settings left out: less than three speckles wide, or too wide for the parts"
-        )
+        why = f"subsets narrower than three speckles ({study.narrowest_px:.0f} px), too wide windows"
+        lines.append(f"  {study.left_out} settings left out: {why}")
     return "\n".join(lines)
 
 

@@ -22,6 +22,8 @@ from dic.typing import Float, Grey
 
 _CORNER = 0.9
 """Waves above this share of the Nyquist frequency, along both axes, hold hardly any pattern."""
+_FINER = 4
+"""Points per pixel and axis at which a deformed pattern is computed exactly, before a spline joins them."""
 _NEIGHBOURS = 15
 """Width of the square of wave numbers over which the power is averaged."""
 
@@ -81,6 +83,20 @@ class Pattern:
         """Return the grey levels at all pairs of the coordinates `y` and `x`, shape (len(y), len(x))."""
         height, width = self.terms.shape
         return np.asarray(_cosines(y, height) @ self.terms @ _cosines(x, width).T, np.float32)
+
+    def draw_at(self, y: Float, x: Float) -> Grey:
+        """Return the grey levels at the places (x, y), both of shape (n, m).
+
+        The sum of cosines is computed exactly at four points per pixel along each axis. There, the finest
+        waves of the image are far below the Nyquist frequency, and a quintic spline joins the points.
+        """
+        from scipy.fft import idctn
+        from scipy.ndimage import map_coordinates
+
+        finer = [_FINER * length for length in self.terms.shape]
+        points = idctn(_FINER * self.terms, s=finer, norm="ortho")
+        places = [_FINER * (at + 0.5) - 0.5 for at in (y, x)]
+        return np.asarray(map_coordinates(points, places, order=5, mode="reflect"), np.float32)
 
 
 def _cosines(at: Float, length: int) -> Float:

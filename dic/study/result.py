@@ -99,6 +99,8 @@ class Study:
     left_out : int
         Number of combinations that were left out, because their subset is narrower than three speckles, their
         strain window does not fit into the parts, or the subsets do not find the pattern.
+    narrowest_px : float
+        Width of three speckles; narrower subsets were left out.
     region : ndarray of bool, shape (height, width)
         The region of interest.
     specimen : Specimen or None
@@ -114,6 +116,7 @@ class Study:
     parts: tuple[Part, ...]
     smoothing_px: float
     left_out: int
+    narrowest_px: float
     region: Mask
     specimen: Specimen | None
 
@@ -148,7 +151,8 @@ class Study:
             "subset": (best.correlation.subset_px, {e.correlation.subset_px for e in self.settings}),
             "window": (best.strain.window_points, {e.strain.window_points for e in self.settings}),
         }
-        lowest = {"subset": 7, "window": 3}
+        # No subset is tried below three speckles, and a window has at least three points.
+        lowest = {"subset": max(7.0, self.narrowest_px + 4.0), "window": 3.0}
         return tuple(
             f"{'widest' if own == max(tried) else 'narrowest'} {name}"
             for name, (own, tried) in values.items()
@@ -159,6 +163,7 @@ class Study:
         """Return the result as a dict for JSON."""
         return {
             "period_px": self.wave.period_px,
+            "across_period_px": None if self.wave.is_plane else self.wave.across_px,
             "strain_amplitude": self.wave.strain_amplitude,
             "wave_from": self.wave_from,
             "noise": self.noise,
@@ -167,6 +172,7 @@ class Study:
             "parts": [vars(part) for part in self.parts],
             "smoothing_px": self.smoothing_px,
             "left_out": self.left_out,
+            "narrowest_px": self.narrowest_px,
             "specimen": None if self.specimen is None else self.specimen.as_dict(),
             "recommended": self.recommended.as_dict(),
             "front": [each.as_dict() for each in self.front],

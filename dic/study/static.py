@@ -21,6 +21,14 @@ _STRAINED = 3e-4
 _SCATTER = 1.5
 """Largest scatter of the displacements of a specimen at rest, relative to what noise explains."""
 
+_PLANE = 0.25
+"""A strain whose wave number across its direction is below this fraction of that along it counts as plane."""
+_LEAST_KEPT = 0.4
+"""Larger losses of amplitude are not corrected: little of the strain is left to conclude from."""
+_STRONGEST = 0.2
+_LONGEST = 50.0
+"""Largest amplitude, and largest period in widths of the virtual strain gauge, of an estimated wave."""
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -92,12 +100,12 @@ def require_rest(motion: Motion, label: str) -> None:
 
 
 def wave_of(grey: Grey, deformed: Grey, region: Mask, settings: CorrelationSettings, label: str) -> Wave:
-    """Return the wave that loses as much strain as the measured strain of a deformed image does.
+    """Return a wave that has the wave numbers and the mean square of the strain of a deformed image.
 
     The strain is measured with the default subset and window. After its mean and its noise have been
-    subtracted, the mean product of neighbouring values gives its mean wave number along and across the
-    direction of the derivative. The result is the wave that keeps the same share of its amplitude, with the
-    measured mean square, corrected for this share.
+    subtracted, the mean square difference of neighbours gives its mean wave numbers along and across the
+    direction of the derivative. The mean square is corrected for the share of such a wave that the settings
+    keep. Of exx and eyy, the one with the larger mean square counts.
 
     Raises
     ------
@@ -108,20 +116,11 @@ def wave_of(grey: Grey, deformed: Grey, region: Mask, settings: CorrelationSetti
     strain = StrainSettings()
     filters = Filters(used, strain)
     local = measure(Correlator(grey, region, used).correlate(deformed), strain=strain).strain
-    found = []
-    for values, std, axis in ((local.exx, local.exx_std, 1), (local.eyy, local.eyy_std, 0)):
-        variance = np.nanmean(std**2)
-        values = values - np.nanmean(values)
-        square = float(np.nanmean(values**2) - variance)
-        if not square > variance:
-            continue
-        kept = 1.0
-        for along, own_axis in ((True, axis), (False, 1 - axis)):
-            correlation = float(filters.noise_correlation(along=along)[1])
-            phase = _phase(values, own_axis, square, correlation * float(variance))
-            transfer = filters.along if along else filters.across
-            kept *= float(transfer(np.array([phase / used.step_px]))[0])
-        found.append((square / kept**2, kept))
+    found = [
+        each
+        for values, std, axis in ((local.exx, local.exx_std, 1), (local.eyy, local.eyy_std, 0))
+        if (each := _waves(values, std, axis, filters)) is not None
+    ]
     if not found:
         raise CorrelationError(
             label,
@@ -130,32 +129,41 @@ def wave_of(grey: Grey, deformed: Grey, region: Mask, settings: CorrelationSetti
             "hardly any variation",
             "leave the image out, and give --period-px and --strain-amplitude",
         )
-    square, kept = max(found)
-    return Wave(_period_px(filters, kept), min(0.2, math.sqrt(2.0 * square)))
+    square, along, across = max(found)
+    period_px = min(_LONGEST * strain.gauge_px(used), 2.0 * math.pi / along)
+    if across < _PLANE * along:
+        return Wave(period_px, min(_STRONGEST, math.sqrt(2.0 * square)))
+    return Wave(period_px, min(_STRONGEST, math.sqrt(4.0 * square)), 2.0 * math.pi / across)
+
+
+def _waves(values: Float, std: Float, axis: int, filters: Filters) -> tuple[float, float, float] | None:
+    """Return the mean square of a strain and its wave numbers along and across, 1/px; None if it is noise."""
+    variance = float(np.nanmean(std**2))
+    values = values - np.nanmean(values)
+    square = float(np.nanmean(values**2)) - variance
+    if not square > variance:
+        return None
+    kept, per_px = 1.0, []
+    for along, own_axis in ((True, axis), (False, 1 - axis)):
+        correlation = float(filters.noise_correlation(along=along)[1])
+        phase = max(1e-3, _phase(values, own_axis, square, (1.0 - correlation) * variance))
+        per_px.append(phase / filters.correlation.step_px)
+        transfer = filters.along if along else filters.across
+        kept *= float(transfer(np.array(per_px[-1:]))[0])
+    kept = max(_LEAST_KEPT, kept)
+    return square / kept**2, per_px[0], per_px[1]
 
 
 def _phase(values: Float, axis: int, square: float, noise: float) -> float:
-    """Return the mean phase, rad, between neighbouring points of waves of a mean square."""
+    """Return the mean phase φ, rad, between neighbouring points of waves of a mean square s.
+
+    The mean square of the difference of neighbours is 2 s (1 - cos φ), beside twice the variance `noise` that
+    the noise of the difference adds. Unlike the mean product, it does not depend on where the points end.
+    """
     ahead = values.take(range(1, values.shape[axis]), axis)
     behind = values.take(range(values.shape[axis] - 1), axis)
-    return math.acos(min(1.0, max(-1.0, (float(np.nanmean(ahead * behind)) - noise) / square)))
-
-
-def _period_px(filters: Filters, kept: float) -> float:
-    """Return the period of the wave that keeps a share of its amplitude."""
-    from scipy.optimize import brentq
-
-    gauge_px = filters.strain.gauge_px(filters.correlation)
-    shortest, longest = 0.6 * gauge_px, 50.0 * gauge_px
-
-    def excess(period_px: float) -> float:
-        return float(filters.along(np.array([2.0 * math.pi / period_px]))[0]) - kept
-
-    if excess(longest) < 0.0:
-        return longest
-    if excess(shortest) > 0.0:
-        return shortest
-    return float(brentq(excess, shortest, longest))
+    difference = float(np.nanmean((ahead - behind) ** 2)) / 2.0 - noise
+    return math.acos(min(1.0, max(-1.0, 1.0 - difference / square)))
 
 
 def unreadable(label: str, error: MeasurementError) -> MeasurementError:

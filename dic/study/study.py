@@ -118,7 +118,7 @@ def study_settings(
     left_out = sweep.combinations - len(studied)
     return Study(
         tuple(studied), used, wave_from, noise, noise_from, companions.notes, parts, smoothing_px, left_out,
-        mask, specimen,
+        narrowest_px, mask, specimen,
     )  # fmt: skip
 
 
@@ -188,10 +188,10 @@ def _tried(trials: Sequence[TrialImages], settings: CorrelationSettings) -> list
 def _row(trials: Sequence[Trial], step_px: int, strain: StrainSettings) -> StudiedSettings | None:
     biases = [each.strain_bias(step_px, strain) for each in trials]
     strain_bias = rms(biases)
-    if min(each.shape[1] for each in biases) == 0:
+    noise_px = rms([each.noise_px for each in trials])
+    if min(each.shape[1] for each in biases) == 0 or not np.isfinite(noise_px).all():
         return None
     correlation = replace(trials[0].settings, step_px=step_px)
-    noise_px = rms([each.noise_px for each in trials])
     factor = noise_factor_per_px(correlation, strain)
     lost, points = np.sum([each.lost for each in trials], axis=0)
     return StudiedSettings(

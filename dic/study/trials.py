@@ -17,7 +17,7 @@ from dic.strain.measures import strain_of
 from dic.strain.strain import StrainSettings
 from dic.study.parts import Part
 from dic.study.pattern import Pattern
-from dic.study.wave import Wave
+from dic.study.wave import Phases, Wave
 from dic.study.windows import window_strain
 from dic.typing import Float, Grey, Indices, Mask
 
@@ -40,8 +40,8 @@ class TrialImages:
         The same with noise, or two images of the specimen at rest.
     region : ndarray of bool, shape (height, width)
         The region within the part.
-    phase : float
-        Phase of the wave in this part.
+    phases : tuple of float
+        Phases of the wave in this part.
     wave : Wave
     at_rest : bool
         True if `noisy` are images of the specimen at rest.
@@ -50,7 +50,7 @@ class TrialImages:
     clean: tuple[Grey, Grey]
     noisy: tuple[Grey, Grey]
     region: Mask
-    phase: float
+    phases: Phases
     wave: Wave
     at_rest: bool
 
@@ -58,10 +58,10 @@ class TrialImages:
 def trial_images(
     images: tuple[Grey, Grey | None], region: Mask, part: Part, wave: Wave, noise: float, number: int
 ) -> TrialImages:
-    """Return the images of a part, with a phase that depends on its number.
+    """Return the images of a part, with phases that depend on its number.
 
-    Waves of phases that differ by 90° have every strain equally often, also if a part is smaller than their
-    period.
+    The phases of the parts differ by 90°. Together, such waves have every strain about equally often, also if
+    a part is smaller than their period.
 
     Parameters
     ----------
@@ -75,12 +75,15 @@ def trial_images(
     number : int
         Number of the part, which also determines the drawn noise.
     """
-    phase = np.pi / 2 * (number % 2)
+    phases = np.pi / 2 * (number % 2), np.pi / 2 * ((number + number // 2) % 2) * (not wave.is_plane)
     grey, second = images
     own = grey[part.pixels]
     pattern = Pattern.of(own, noise)
-    y, x = (np.arange(length, dtype=np.float64) for length in own.shape)
-    clean = pattern.draw(y, x), pattern.draw(wave.origin(y, phase), wave.origin(x, phase))
+    y, x = np.mgrid[: own.shape[0], : own.shape[1]].astype(np.float64)
+    from_x, from_y = wave.origin(x, y, phases)
+    # A plane wave moves whole rows and columns of pixels.
+    moved = pattern.draw(from_y[:, 0], from_x[0]) if wave.is_plane else pattern.draw_at(from_y, from_x)
+    clean = pattern.draw(y[:, 0], x[0]), moved
     if second is None:
         rng = np.random.default_rng(number)
         first_noisy, second_noisy = (
@@ -90,7 +93,7 @@ def trial_images(
     else:
         noisy = own, np.ascontiguousarray(second[part.pixels])
     inside = np.ascontiguousarray(region[part.pixels])
-    return TrialImages(clean, noisy, inside, phase, wave, second is not None)
+    return TrialImages(clean, noisy, inside, phases, wave, second is not None)
 
 
 @dataclass(frozen=True)
@@ -121,13 +124,8 @@ class Trial:
 
     def bias_px(self) -> Float:
         """Return the systematic errors of the displacements, shape (2, n)."""
-        wave, phase = self.images.wave, self.images.phase
-        true = np.stack(
-            np.broadcast_arrays(
-                wave.displacement_px(self.x_px.astype(np.float64), phase)[None, :],
-                wave.displacement_px(self.y_px.astype(np.float64), phase)[:, None],
-            )
-        )
+        x, y = self._places(1)
+        true = self.images.wave.displacement_px(x, y, self.images.phases)
         return _known(self.uv_px - true)
 
     def strain_noise(self, step_px: int, strain: StrainSettings) -> Float:
@@ -144,13 +142,15 @@ class Trial:
         """
         every = step_px // self.settings.step_px
         u, v = self.uv_px[:, ::every, ::every]
-        wave, phase = self.images.wave, self.images.phase
-        gradient = np.zeros((*u.shape, 2, 2))
-        gradient[..., 0, 0] = wave.gradient(self.x_px[::every].astype(np.float64), phase)[None, :]
-        gradient[..., 1, 1] = wave.gradient(self.y_px[::every].astype(np.float64), phase)[:, None]
+        gradient = self.images.wave.gradient(*self._places(every), self.images.phases)
         true = strain_of(gradient, None, strain.measure)[0][:2]
         errors = _known(window_strain(u, v, step_px, strain) - true)
         return errors if errors.shape[1] >= _FEWEST_WINDOWS else errors[:, :0]
+
+    def _places(self, every: int) -> tuple[Float, Float]:
+        """Return the coordinates x and y of the points, or of some of them, shape (rows, columns)."""
+        x, y = np.meshgrid(self.x_px[::every].astype(np.float64), self.y_px[::every].astype(np.float64))
+        return x, y
 
 
 def tried(images: TrialImages, settings: CorrelationSettings) -> Trial:

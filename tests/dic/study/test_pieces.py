@@ -13,14 +13,22 @@ from dic.study.pattern import Pattern
 from dic.study.windows import noise_factor_per_px, window_strain
 
 
-def test_wave_is_inverted_exactly_and_its_gradient_is_its_derivative():
-    wave, at = dic.Wave(80.0, 0.15), np.linspace(0.0, 300.0, 701)
-    before = wave.origin(at, 1.0)
-    np.testing.assert_allclose(before + wave.displacement_px(before, 1.0), at, atol=1e-9)
-    step = 1e-4
-    slope = (wave.displacement_px(at + step, 1.0) - wave.displacement_px(at - step, 1.0)) / (2 * step)
-    np.testing.assert_allclose(wave.gradient(at, 1.0), slope, atol=1e-9)
-    assert np.abs(wave.gradient(at, 1.0)).max() == pytest.approx(0.15, rel=1e-3)
+@pytest.mark.parametrize("across_px", [np.inf, 130.0])
+def test_wave_is_inverted_exactly_and_its_gradient_is_its_derivative(across_px):
+    wave, phases, step = dic.Wave(80.0, 0.15, across_px), (1.0, 0.3), 1e-4
+    x, y = np.meshgrid(np.linspace(0.0, 300.0, 201), np.linspace(0.0, 200.0, 101))
+    from_x, from_y = wave.origin(x, y, phases)
+    u, v = wave.displacement_px(from_x, from_y, phases)
+    np.testing.assert_allclose([from_x + u, from_y + v], [x, y], atol=1e-9)
+    gradient = wave.gradient(x, y, phases)
+    for j, (right, down) in enumerate(((step, 0.0), (0.0, step))):
+        ahead, behind = (wave.displacement_px(x + k * right, y + k * down, phases) for k in (1, -1))
+        np.testing.assert_allclose(
+            gradient[..., j], np.moveaxis(ahead - behind, 0, -1) / (2 * step), atol=1e-8
+        )
+    assert wave.is_plane == (across_px == np.inf)
+    greatest = 0.15 * (np.cos(0.3) if wave.is_plane else 1.0)
+    assert np.abs(gradient[..., 0, 0]).max() == pytest.approx(greatest, rel=1e-2)
 
 
 @pytest.mark.parametrize(
@@ -28,6 +36,7 @@ def test_wave_is_inverted_exactly_and_its_gradient_is_its_derivative():
     [
         ({"period_px": 3.0}, "period of the assumed strain: expected 10 to 100000 px, got 3.0; give about"),
         ({"period_px": float("nan")}, "expected 10 to 100000 px, got nan"),
+        ({"across_px": 0.0}, "across its direction: expected at least 10 px, or infinite, got 0.0"),
         ({"strain_amplitude": 0.0}, "expected above 0 and at most 0.2, got 0.0; give 0.005"),
     ],
 )
@@ -98,6 +107,8 @@ def test_band_limited_image_is_drawn_exactly_at_any_place():
     drawn = Pattern.of(grey.astype(np.float32), 0.0).draw(y, x)
     true = 100 + 30 * np.cos(wave * (y + 0.5))[:, None] * np.cos(2 * wave * (x + 0.5))
     np.testing.assert_allclose(drawn, true, atol=1e-3)
+    everywhere = Pattern.of(grey.astype(np.float32), 0.0).draw_at(*np.meshgrid(y, x, indexing="ij"))
+    np.testing.assert_allclose(everywhere, true, atol=1e-3)
 
 
 def test_noise_is_removed_and_the_contrast_of_the_pattern_stays(speckle):

@@ -44,7 +44,7 @@ def test_predicts_the_errors_of_images_that_it_has_not_seen():
 @cache
 def rest_and_load() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     speckle, wave = Speckle(31, (260, 260)), dic.Wave(120.0, 0.006)
-    load = speckle.draw(lambda x, y: (x - wave.origin(x, 0.0), y - wave.origin(y, 0.0)))
+    load = speckle.draw(lambda x, y: tuple(np.subtract((x, y), wave.origin(x, y, (0.0, 0.0)))))
     pictures = speckle.draw(), speckle.draw(shift(0.1, -0.05)), load
     return tuple(noisy(each, 3.0, seed) for seed, each in enumerate(pictures))
 
