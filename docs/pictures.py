@@ -1,5 +1,7 @@
 """Draws every picture of the documentation: runs the commands of gallery.md and keeps their pictures.
 
+The picture of a printed target comes from `photograph.py`.
+
 python docs/pictures.py    (or `make gallery`)
 """
 
@@ -38,6 +40,12 @@ OUT_OF_THE_REPORT = {
 
 REPORT = "demo/report.html"
 
+PHOTOGRAPH = "printed-target.jpg"
+"""The picture of a printed target, on the page about printing."""
+
+_SHEET = "dic target dots --count 20x14 --pitch-mm 12 --dpi 200 -o sheet-of-dots.png"
+_SHEET_DPI = 200.0
+
 
 def commands(page: str) -> list[str]:
     """Return the commands of a Markdown page: the lines of its console blocks that begin with a prompt."""
@@ -55,7 +63,7 @@ def draw(work: Path, images: Path) -> None:
     """Run the gallery's commands in the folder `work`, and put the pictures into the folder `images`."""
     shutil.copytree(DOCS.parent / "examples", work / "examples")
     search = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    for command in commands((DOCS / "gallery.md").read_text(encoding="utf-8")):
+    for command in [*commands((DOCS / "gallery.md").read_text(encoding="utf-8")), _SHEET]:
         print(f"$ {command}", flush=True)
         subprocess.run(command, shell=True, check=True, cwd=work, env={**os.environ, "PATH": search})
     report = (work / REPORT).read_text(encoding="utf-8")
@@ -63,6 +71,17 @@ def draw(work: Path, images: Path) -> None:
         _keep_small(work / file, images / name)
     for name, title in OUT_OF_THE_REPORT.items():
         (images / name).write_bytes(report_figure(report, title))
+    keep_photograph(work / "sheet-of-dots.png", images / PHOTOGRAPH)
+
+
+def keep_photograph(sheet: Path, kept: Path) -> None:
+    """Save the picture that a camera takes of a printed sheet, drawn with `_SHEET_DPI`."""
+    from PIL import Image
+
+    sys.path.insert(0, str(DOCS))
+    from photograph import photograph
+
+    Image.fromarray(photograph(sheet, _SHEET_DPI)).save(kept, quality=85, optimize=True)
 
 
 def _keep_small(drawn: Path, kept: Path) -> None:
