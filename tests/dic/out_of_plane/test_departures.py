@@ -10,13 +10,21 @@ from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.tension import correct_tilt
 from dic.out_of_plane.two_cameras import correct_with_two_cameras
 from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
 from tests.dic.out_of_plane.departures import KINDS, NU, drawn
-from tests.dic.out_of_plane.exact_views import View, deviations, strains
+from tests.dic.out_of_plane.exact_views import State, View, deviations, strains
 
 
-def errors(name, size, seed):
+def mounted_flat(specimen):
+    """Return the specimen with the grid flat on its surface in the reference, and without a shift."""
+    rotation = specimen.reference.pose.rotation.T @ specimen.state.pose.rotation
+    state = replace(specimen.state, pose=Pose(rotation, np.zeros(3)))
+    return replace(specimen, reference=State(), state=state, shift_std_um=0.0)
+
+
+def errors(name, size, seed, mounted=lambda specimen: specimen):
     """Return the errors of calibrated and corrected strain, the standard deviations, and the reason."""
-    specimen = drawn(name, size, seed)
+    specimen = mounted(drawn(name, size, seed))
     calibration = specimen.view.calibration()
     (seen,) = specimen.view.measurements([specimen.state], calibration, specimen.reference)
     found = correct_tilt(seen, calibration, NU, Shift(specimen.shift_std_um))
@@ -75,6 +83,23 @@ def test_the_principal_point_limits_what_two_cameras_take_away():
     assert (np.abs(error) < 3 * std).all()
     error, _ = with_two_cameras("shift, µm", 50.0, seed=2, principal_known=True)
     assert np.abs(error).max() < 5
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("name", "size", "limit"),
+    [
+        ("plastic strain, %", 3.0, 15),
+        ("plastic strain, %", 10.0, 50),
+        ("sliding, mm", 0.8, 20),
+        ("turned in the grips, °", 1.5, 30),
+    ],
+)
+def test_a_grid_flat_on_the_specimen_leaves_small_errors(name, size, limit):
+    """What remains with a grid in any place is the mounting, which one camera cannot see."""
+    found = np.array([errors(name, size, seed, mounted_flat)[1] for seed in range(8)])
+    print(f"\n{name} {size:g}: largest {np.abs(found).max():.1f}, rms {_rms(found):.1f} µε")
+    assert np.abs(found).max() < limit
 
 
 @pytest.mark.long
