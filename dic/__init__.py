@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from dic.calibration.pinhole.prior import KnownCamera
     from dic.calibration.plot import plot_calibration
     from dic.calibration.residuals import Residuals
+    from dic.comparison.difference import Comparison, Difference
+    from dic.comparison.peer import PeerField
+    from dic.comparison.read import read_peer
     from dic.correlation.correlator import Correlator
     from dic.correlation.field import Field
     from dic.correlation.initial_guess import rigid_motion
@@ -66,6 +69,7 @@ if TYPE_CHECKING:
     from dic.pictures.panels import map_scale
     from dic.pictures.settings import MapSettings
     from dic.pipeline.camera_result import CameraResult
+    from dic.pipeline.compared import compare_results
     from dic.pipeline.correlated import SeriesImage
     from dic.pipeline.export import Export, export_results
     from dic.pipeline.export_tables import to_pandas, to_xarray
@@ -135,6 +139,7 @@ __all__ = [
     "CameraResult",
     "CharucoTarget",
     "CheckerboardTarget",
+    "Comparison",
     "Correction",
     "CorrectionSettings",
     "Corrections",
@@ -143,6 +148,7 @@ __all__ = [
     "Correlator",
     "Curve",
     "CurveError",
+    "Difference",
     "Displacement",
     "DotTarget",
     "Export",
@@ -171,6 +177,7 @@ __all__ = [
     "Motion",
     "Noise",
     "OutputError",
+    "PeerField",
     "Pinhole",
     "Plane",
     "PointGauge",
@@ -209,6 +216,7 @@ __all__ = [
     "assess_method",
     "assess_quality",
     "calibrate_images",
+    "compare_results",
     "corrected_rotation",
     "draw_target",
     "export_results",
@@ -241,6 +249,7 @@ __all__ = [
     "read_image",
     "read_image_times",
     "read_machine_record",
+    "read_peer",
     "read_region",
     "region_files",
     "rigid_motion",
@@ -277,6 +286,9 @@ _NAMES_OF = {
     "dic.calibration.pinhole.prior": ("KnownCamera",),
     "dic.calibration.plot": ("plot_calibration",),
     "dic.calibration.residuals": ("Residuals",),
+    "dic.comparison.difference": ("Comparison", "Difference"),
+    "dic.comparison.peer": ("PeerField",),
+    "dic.comparison.read": ("read_peer",),
     "dic.correlation.correlator": ("Correlator",),
     "dic.correlation.field": ("Field",),
     "dic.correlation.initial_guess": ("rigid_motion",),
@@ -320,6 +332,7 @@ _NAMES_OF = {
     "dic.pictures.panels": ("map_scale",),
     "dic.pictures.settings": ("MapSettings",),
     "dic.pipeline.camera_result": ("CameraResult",),
+    "dic.pipeline.compared": ("compare_results",),
     "dic.pipeline.correlated": ("SeriesImage",),
     "dic.pipeline.export": ("Export", "export_results"),
     "dic.pipeline.export_tables": ("to_pandas", "to_xarray"),

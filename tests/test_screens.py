@@ -39,6 +39,7 @@ COMMANDS = {
     "calibrate": "dic calibrate grid.png -o cal.h5 --force",
     "correlate": "dic correlate ref.png img1.png img2.png img10.png other.png none.png --subset 21",
     "correlate-calibrated": "dic correlate reference.png loaded.png --calibration cal.h5 --step 40",
+    "compare": "dic compare results.h5 exports/dice/DICe_solution_1.txt --image 1",
     "export": "dic export results.h5 csv vtk netcdf -o exports --force",
     "gauges": "dic gauges results.h5 gauges.toml",
     "properties": "dic properties curve.csv --load Load:kN --strain Strain:% --area-mm2 20",
@@ -104,6 +105,8 @@ def make_files(folder: Path) -> None:
     (folder / "curve.csv").write_text(CURVE)
     series = "dic correlate ref.png img1.png img2.png --subset 21 -o results.h5"
     assert run_both(*series.split(), out=io.StringIO(), err=io.StringIO()) == 0
+    peer = "dic export results.h5 dice -o exports"
+    assert run_both(*peer.split(), out=io.StringIO(), err=io.StringIO()) == 0
     for name in ("calibrate", "run"):
         assert piped(name)[0] == 0
 

@@ -24,6 +24,7 @@ KINDS: dict[str, Mapping[str, Maker]] = {
     "alignment": JSONS,
     "gauges": GAUGES,
     "curve": CURVES,
+    "peer": {},
     "protocol": TOMLS,
     "tension": TOMLS,
     "rig": TOMLS,

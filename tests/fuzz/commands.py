@@ -20,6 +20,7 @@ COMMANDS: dict[str, list[str]] = {
     ],
     "process": ["dic", "process", "{run}", "-o", "{new}.h5"],
     "gauges": ["dic", "gauges", "{results}", "{gauges}"],
+    "compare": ["dic", "compare", "{results}", "{peer}", "--camera", "on_axis", "--image", "1"],
     "export": ["dic", "export", "{results}", "csv", "vtk", "mat", "-o", "{new}"],
     "correlate with gauges": ["dic", "correlate", "{image}", "{deformed}", "--gauges", "{gauges}"],
     "properties": [

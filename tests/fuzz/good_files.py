@@ -105,6 +105,9 @@ def make_good_files(folder: Path) -> GoodFiles:
     files |= {name: folder / f"{name}.h5" for name in ("run", "results", "calibration")}
     _do(run_rig("run", files["protocol"], "--rig", files["rig"], "-o", files["run"]))
     _do(run_dic("process", files["run"], "-o", files["results"]))
+    _do(run_dic("export", files["results"], "dice", "-o", folder / "exports"))
+    files["peer"] = folder / "peer.txt"
+    shutil.copy(next((folder / "exports" / "dice").rglob("*.txt")), files["peer"])
     files["alignment"] = folder / "alignment.json"
     files["alignment"].write_text(json.dumps(ALIGNMENT))
     with h5py.File(files["run"]) as run:

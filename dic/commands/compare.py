@@ -1,0 +1,77 @@
+"""The command `dic compare`, which compares results with those of another program."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dic.files.writing import write_text
+from dic.shell.console import say
+from dic.shell.output_paths import FORCE, require_places
+
+if TYPE_CHECKING:
+    from dic import Comparison
+
+_PATH = click.Path(path_type=Path)
+_COLUMNS = ("points", "mean", "rms", "quantile_05", "median", "quantile_95", "largest")
+_HEADINGS = ("points", "mean", "rms", "5 %", "median", "95 %", "largest")
+
+
+@click.command()
+@click.argument("results", type=_PATH)
+@click.argument("peer", type=_PATH)
+@click.option("--image", type=int, help="Number of the image in RESULTS, from 1. Default: the only one.")
+@click.option("--camera", help="Camera of a run. Default: the only one.")
+@click.option("--peer-image", type=int, default=1, show_default=True, help="Image in a file of Ncorr.")
+@click.option(
+    "--peer-strain", help="Strain measure of a file of OpenCorr: small or green-lagrange. Default: small."
+)
+@click.option("--picture", type=_PATH, help="Picture of both results and their difference.")
+@click.option("--json", "json_file", type=_PATH, help="JSON file of the printed results.")
+@FORCE
+def compare(
+    results: Path,
+    peer: Path,
+    image: int | None,
+    camera: str | None,
+    peer_image: int,
+    peer_strain: str | None,
+    picture: Path | None,
+    json_file: Path | None,
+    force: bool,
+) -> None:
+    """Compare RESULTS with the result file PEER of another program, at the points in common.
+
+    RESULTS is a result file of `dic correlate` or `dic process`. PEER is a result file of DICe (text), Ncorr
+    (.mat) or OpenCorr (table of points). Raw displacements and strains are compared: offaxis minus PEER.
+
+    Exit status: 0 if there are points in common, 2 if not.
+    """
+    from dic import compare_results, read_peer
+
+    require_places([results, peer], [picture, json_file], force=force)
+    other = read_peer(peer, number=peer_image, measure=peer_strain)
+    found = compare_results(results, other, image=image, camera=camera, picture=picture)
+    for line in _lines(found):
+        say(line)
+    if picture is not None:
+        say(f"picture: {picture}")
+    if json_file is not None:
+        write_text(json_file, json.dumps(found.as_dict(), indent=1, allow_nan=False))
+
+
+def _lines(found: "Comparison") -> list[str]:
+    """Return the table of the differences, in mpx and µε."""
+    share = 100.0 * found.common / len(found.peer)
+    head = f"offaxis - {found.peer.program}: {found.common} of {len(found.peer)} points ({share:.1f} %)"
+    lines = [head, "difference " + "".join(f"{heading:>9}" for heading in _HEADINGS)]
+    for name, difference in found.differences.items():
+        values = difference.as_dict()
+        factor, unit = (1e3, "mpx") if name.endswith("_px") else (1e6, "µε")
+        cells = [f"{values['points']:9d}"]
+        for column in _COLUMNS[1:]:
+            value = values.get(column)
+            cells.append(f"{'':9}" if value is None else f"{factor * value:z9.1f}")
+        lines.append(f"{name.removesuffix('_px')}, {unit}".ljust(11) + "".join(cells))
+    return [line.rstrip() for line in lines]

@@ -1,0 +1,1 @@
+"""Comparison with other programs: reads their result files, and compares them at the points in common."""
