@@ -296,23 +296,12 @@ _NAMES_OF = {
     "dic.correlation.settings": ("CorrelationSettings",),
     "dic.correlation.status": ("Status",),
     "dic.errors": (
-        "CalibrationError",
-        "CorrelationError",
-        "CurveError",
-        "GaugeError",
-        "ImageError",
-        "MeasurementError",
-        "OutputError",
-        "RunFileError",
+        "CalibrationError", "CorrelationError", "CurveError", "GaugeError", "ImageError",
+        "MeasurementError", "OutputError", "RunFileError",
     ),
     "dic.example.copy": ("write_example",),
     "dic.gauges.declared": (
-        "Extensometer",
-        "Gauge",
-        "LineCut",
-        "PointGauge",
-        "StrainGauge",
-        "TransverseExtensometer",
+        "Extensometer", "Gauge", "LineCut", "PointGauge", "StrainGauge", "TransverseExtensometer",
     ),
     "dic.gauges.file": ("read_gauges",),
     "dic.gauges.reading": ("Profile", "Reading"),
@@ -379,17 +368,12 @@ _NAMES_OF = {
     "dic.study.sweep": ("Sweep",),
     "dic.study.wave": ("Wave",),
     "dic.targets.find": (
-        "AsymmetricDotTarget",
-        "CharucoTarget",
-        "CheckerboardTarget",
-        "DotTarget",
-        "LineGridTarget",
-        "Target",
-        "find_target",
+        "AsymmetricDotTarget", "CharucoTarget", "CheckerboardTarget", "DotTarget", "LineGridTarget",
+        "Target", "find_target",
     ),
     "dic.targets.points": ("GridPoints",),
     "dic.targets.sheet.draw": ("draw_target",),
-}
+}  # fmt: skip
 _MODULE_OF = {name: module for module, names in _NAMES_OF.items() for name in names}
 
 
