@@ -1,0 +1,147 @@
+"""Tension tests at 30° in which everything is drawn anew, from the virtual specimen to its properties.
+
+No images: `exact_views` follows the points of each image by exact geometry, with noise of known size, which
+is what correlation leaves. Drawn anew are the camera's place, the noise of grid and specimen, how the
+specimen is mounted, how it tilts and shifts under load, material, area, load cell and the gauges' places.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic import Extensometer, GaugeImage, GaugeSeries, PropertySettings, TransverseExtensometer, tensile_test
+from dic.gauges.placed import PlacedGauges
+from dic.out_of_plane.correction import stated
+from dic.out_of_plane.shift import Shift
+from dic.out_of_plane.tension import correct_tilt
+from simulators.scene.optics import PinholeCamera
+from simulators.scene.pose import Pose
+from simulators.scene.specimen import Specimen, SpecimenSettings
+from tests.dic.out_of_plane.exact_views import OffCentre, State, View
+
+WIDTH_MM, THICKNESS_MM, LENGTH_MM = 25.0, 1.0, 60.0
+SHIFT_STD_UM, LOAD_STD_PERCENT, LOAD_NOISE_N = 0.3, 0.3, 2.0
+WIDTH_STD_MM, THICKNESS_STD_MM = 0.01, 0.003
+TILT_MOST_DEG = 0.15
+# Stresses of the images over the yield stress: through the elastic part, and more closely past 0.2 %.
+COURSE = np.concatenate([np.linspace(0.04, 0.82, 16), np.linspace(0.86, 1.06, 8)])
+SHORT_COURSE = np.concatenate([np.linspace(0.05, 0.75, 11), np.linspace(0.85, 1.06, 5)])
+NAMES = ("E_gpa", "nu", "Rp02_mpa")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Values of one drawn test: the true ones, those without correction, and the corrected ones."""
+
+    truth: dict
+    uncorrected: dict
+    corrected: dict
+
+    def error_percent(self, name, kind="corrected"):
+        return 100.0 * (getattr(self, kind)[name].value / self.truth[name] - 1.0)
+
+    def z(self, name):
+        """Error of the corrected value over its stated standard deviation."""
+        value = self.corrected[name]
+        return (value.value - self.truth[name]) / value.std
+
+
+def drawn_test(seed, *, course=COURSE, shift_std_um=SHIFT_STD_UM):
+    """Return the properties from one drawn tension test."""
+    rng = np.random.default_rng([seed, 15])
+    material = _material(rng)
+    states, loads_n = _loaded(material, course)
+    view, mounted_deg, gap_mm = _view(rng, seed)
+    slopes_deg, shift_um = _motion(rng, shift_std_um)
+    yield_n = material.yield_stress_mpa * material.area_mm2
+    moved = [
+        State(
+            Pose.sloped(
+                *(mounted_deg + slopes_deg * (1.0 - np.exp(-5.0 * load_n / yield_n))),
+                gap_mm + 1e-3 * shift_um * load_n / (0.7 * yield_n),
+            ),
+            state.deformation_gradient(),
+        )
+        for state, load_n in zip(states, loads_n, strict=True)
+    ]
+    reference, calibration = State(Pose.sloped(*mounted_deg, gap_mm)), view.calibration()
+    measurements = view.measurements(moved, calibration, reference)
+    series = _series(rng, measurements, calibration, material, shift_std_um, _shown(rng, loads_n))
+    settings = PropertySettings(
+        area_mm2=(WIDTH_MM + rng.normal(0.0, WIDTH_STD_MM))
+        * (THICKNESS_MM + rng.normal(0.0, THICKNESS_STD_MM)),
+        area_std_mm2=float(np.hypot(WIDTH_STD_MM * THICKNESS_MM, THICKNESS_STD_MM * WIDTH_MM)),
+        load_std_percent=LOAD_STD_PERCENT,
+    )
+    test = tensile_test(series, "axial", "width", settings)
+    uncorrected, corrected = (column.properties.values for column in test.columns)
+    truth = {
+        "E_gpa": material.youngs_modulus_mpa / 1e3,
+        "nu": material.poisson_ratio,
+        "Rp02_mpa": material.yield_stress_mpa,
+    }
+    return Outcome(truth, uncorrected, corrected)
+
+
+def _material(rng):
+    modulus_mpa, yield_mpa = rng.uniform(65e3, 80e3), rng.uniform(280.0, 420.0)
+    return SpecimenSettings(
+        width_mm=WIDTH_MM,
+        thickness_mm=THICKNESS_MM,
+        parallel_length_mm=LENGTH_MM,
+        youngs_modulus_mpa=modulus_mpa,
+        poisson_ratio=rng.uniform(0.27, 0.36),
+        yield_stress_mpa=yield_mpa,
+        ultimate_stress_mpa=1.3 * yield_mpa,
+        grip_slip_mm=0.0,
+        machine_stiffness_n_mm=1e6,
+    )
+
+
+def _loaded(material, course):
+    """Return the states of the specimen and its true loads, where it passes the stresses of the course."""
+    specimen, states = Specimen(material), []
+    for share in course:
+        while specimen.state.load_n < share * material.yield_stress_mpa * material.area_mm2:
+            specimen.stretch_to(specimen.state.displacement_mm + 5e-4)
+        states.append(specimen.state)
+    return states, np.array([state.load_n for state in states])
+
+
+def _view(rng, seed):
+    around = rng.uniform(0.0, 2 * np.pi)
+    camera = PinholeCamera(800, 800, pan_deg=30.0 * np.cos(around), tilt_deg=30.0 * np.sin(around))
+    view = View(OffCentre(camera, rng.normal(0.0, 8.0, 2)), seed=seed)
+    return view, rng.normal(0.0, 0.1, 2), rng.normal(0.0, 0.3)
+
+
+def _motion(rng, shift_std_um):
+    """Return the slopes of the specimen under full load, degrees, and its shift, µm."""
+    away, tilt_deg = rng.uniform(0.0, 2 * np.pi), rng.uniform(0.0, TILT_MOST_DEG)
+    return tilt_deg * np.array([np.cos(away), np.sin(away)]), rng.normal(0.0, shift_std_um)
+
+
+def _shown(rng, loads_n):
+    """Return what the load cell shows."""
+    gain = 1.0 + rng.normal(0.0, LOAD_STD_PERCENT / 100.0)
+    return gain * loads_n + rng.normal(0.0, LOAD_NOISE_N, len(loads_n))
+
+
+def _series(rng, measurements, calibration, material, shift_std_um, shown_n):
+    x, y = rng.uniform(-0.5, 0.5, 2)
+    gauges = (
+        Extensometer(name="axial", unit="mm", start=(x, y - 2.6), end=(x, y + 2.6), patch=1.6),
+        TransverseExtensometer(
+            name="width", unit="mm", start=(x - 2.6, y), end=(x + 2.6, y), patch=1.2, spread=5.0
+        ),
+    )
+    placed, images = None, []
+    for k, (measurement, load_n) in enumerate(zip(measurements, shown_n, strict=True)):
+        correction = correct_tilt(
+            measurement, calibration, material.poisson_ratio, Shift.of(shift_std_um, None)
+        )
+        measurement = stated(measurement, correction)
+        placed = placed or PlacedGauges.of(gauges, measurement, calibration, (800, 800))
+        readings = placed.read(measurement, correction)
+        images.append(GaugeImage(f"image {k}", readings, {"load_n": float(load_n)}))
+    return GaugeSeries("drawn test", gauges, tuple(images))
