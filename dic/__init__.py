@@ -87,6 +87,7 @@ if TYPE_CHECKING:
     from dic.pipeline.strain_anew import strain_of_run, strain_of_series
     from dic.pipeline.target_images import calibrate_images
     from dic.pipeline.whole_field import whole_field_gauges
+    from dic.properties.anisotropy import planar_anisotropy
     from dic.properties.curve import Curve, read_curve
     from dic.properties.plot import plot_properties
     from dic.properties.properties import Properties, material_properties
@@ -237,6 +238,7 @@ __all__ = [
     "measure_gauges",
     "measure_images",
     "measure_series",
+    "planar_anisotropy",
     "plot_assessment",
     "plot_calibration",
     "plot_properties",
@@ -339,6 +341,7 @@ _NAMES_OF = {
     "dic.pipeline.series_result_file": ("SeriesResult", "load_series_result"),
     "dic.pipeline.strain_anew": ("strain_of_run", "strain_of_series"),
     "dic.pipeline.target_images": ("calibrate_images",),
+    "dic.properties.anisotropy": ("planar_anisotropy",),
     "dic.properties.curve": ("Curve", "read_curve"),
     "dic.properties.plot": ("plot_properties",),
     "dic.properties.properties": ("Properties", "material_properties"),
